@@ -1,0 +1,29 @@
+// The address kinds of EtherCAT, each a type of its own so that one cannot be passed for another.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+
+namespace margay {
+
+// Configured station address (ESC register 0x0010), used by FPRD, FPWR, FPRW and FRMW.
+struct StationAddress {
+    std::uint16_t value = 0;
+    friend constexpr auto operator<=>(StationAddress, StationAddress) = default;
+};
+
+// Place of a slave in the order in which a frame passes the processing units, from 0. On the wire (APRD and
+// its kin) the address is the negative of it: every slave adds one and the one that reads zero is meant.
+struct RingPosition {
+    std::uint16_t value = 0;
+    [[nodiscard]] constexpr std::uint16_t on_wire() const { return static_cast<std::uint16_t>(-value); }
+    friend constexpr auto operator<=>(RingPosition, RingPosition) = default;
+};
+
+// Byte address in the 4 GiB logical space that FMMUs map, used by LRD, LWR and LRW.
+struct LogicalAddress {
+    std::uint32_t value = 0;
+    friend constexpr auto operator<=>(LogicalAddress, LogicalAddress) = default;
+};
+
+}  // namespace margay

@@ -1,0 +1,95 @@
+// What went wrong, where and why. An Error is a plain value of a few words; describe() puts it into a sentence.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+namespace margay {
+
+// The kind of failure.
+enum class Errc : std::uint8_t {
+    none,
+    timeout,            // no final answer within the time allowed
+    no_frame,           // a frame did not come back, retries included
+    working_counter,    // a frame came back but not everyone addressed took part (expected, actual)
+    link_down,          // the NIC reports no carrier
+    nic,                // the NIC refused to send (actual: the system's error number)
+    capacity,           // a buffer or table that the caller sized is full (expected: needed, actual: available)
+    no_slaves,          // nobody answered a broadcast
+    unstable,           // the number of slaves changed while it was being counted (expected, actual)
+    unknown_slave,      // no slave at this position
+    invalid_argument,   // a parameter outside its range
+    wrong_state,        // the call does not fit the state of the context or of the slave (expected, actual)
+    busy,               // already being done by somebody else
+    canceled,           // given up by the caller
+    al_status,          // the slave refused a state change (expected state, actual state, code: AL status code)
+    sii_busy,           // the SII interface stayed busy
+    sii_nack,           // the EEPROM did not acknowledge, retries included
+    sii_verify,         // what was read back is not what was written (expected, actual)
+    sii_checksum,       // CRC of the configuration area (expected, actual)
+    sii_blank,          // the EEPROM is erased (all 0xFF)
+    sii_truncated,      // content ends before its own description says so
+    sii_format,         // content that contradicts itself
+    sii_write_denied,   // EEPROM refused the write (write enable missing)
+    protocol,           // a reply that the standard does not allow
+    mailbox_error,      // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
+    sdo_abort,          // SDO abort (code: the abort code)
+    unsupported,        // the slave does not have it
+    unknown_group,      // no group with this number, or nothing is mapped in it (index: the group)
+    image_too_large,    // the process image does not fit the buffer (expected, actual: octets)
+    fmmu_shortage,      // the slave has too few FMMUs (expected, actual)
+    sm_shortage,        // the slave has no such SyncManager (index: its register, expected, actual: how many)
+    sm_memory,          // a SyncManager outside the slave's process data memory or on top of another one (index: its register)
+    too_many_frames,    // process data needs more frames than the context has prepared ones (expected, actual)
+};
+
+// What was being done.
+enum class Step : std::uint8_t {
+    none,
+    open_nic,
+    wait_link,
+    count_slaves,
+    reset_slaves,
+    assign_address,
+    read_dl_information,
+    read_sii,
+    write_sii,
+    parse_sii,
+    configure_mailbox,
+    request_state,
+    read_state,
+    discover_pdos,
+    map_process_data,
+    configure_process_data,
+    exchange_process_data,
+    mailbox_send,
+    mailbox_receive,
+    sdo_upload,
+    sdo_download,
+    sdo_information,
+    topology,
+};
+
+struct Error {
+    Errc code = Errc::none;
+    Step step = Step::none;
+    std::uint16_t slave = 0;     // 1 is the first slave, 0 the segment as a whole
+    std::uint16_t index = 0;     // register address, SII word address or object index, as the step has it
+    std::uint8_t subindex = 0;
+    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail
+    std::uint32_t expected = 0;
+    std::uint32_t actual = 0;
+
+    friend constexpr bool operator==(const Error&, const Error&) = default;
+};
+
+// The kind and the step in words. Static strings, callable from anywhere.
+[[nodiscard]] std::string_view to_text(Errc code);
+[[nodiscard]] std::string_view to_text(Step step);
+
+// Writes one sentence naming slave, step and cause into `out` (cut where it does not fit, never terminated by
+// a zero) and returns the part that was written. No allocation; callable from the cycle.
+std::string_view describe(const Error& error, std::span<char> out);
+
+}  // namespace margay

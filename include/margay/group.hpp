@@ -1,0 +1,34 @@
+// A group: slaves that share a process image and are exchanged together, at a rate of their own.
+#pragma once
+
+#include <margay/configuration.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace margay {
+
+// What came of one datagram of process data in the last cycle.
+struct DatagramStatus {
+    std::uint16_t expected = 0;  // working counter when every slave takes part
+    std::uint16_t got = 0;
+    bool came = false;           // its frame came back; otherwise `got` says nothing
+    [[nodiscard]] constexpr bool right() const { return came && got == expected; }
+};
+
+struct Group {
+    // How the image shall be laid out; to be set before config_map().
+    GroupConfiguration config;
+
+    // What config_map() made of it. Empty until then.
+    bool mapped = false;
+    std::span<std::byte> image;      // outputs, then inputs; the caller's memory
+    std::uint32_t output_bytes = 0;
+    std::uint32_t input_bytes = 0;
+    std::uint32_t expected_wkc = 0;  // of all datagrams together
+    std::uint16_t frames = 0;        // a cycle takes
+    std::span<const DatagramStatus> datagrams;
+};
+
+}  // namespace margay

@@ -1,0 +1,71 @@
+// Margay: the functions. Each says whether it may be called from a running cycle; a function that waits says so.
+#pragma once
+
+#include <margay/context.hpp>
+#include <margay/request.hpp>
+
+namespace margay {
+
+// Gives the context its NIC and its system. Both outlive the context. To be called once, before anything else; Errc::invalid_argument
+// when the limits are out of range.
+Result<> init(Context& ctx, Nic& nic, Osal& osal);
+
+// The heart: takes in what the NIC has received, lets every busy request go on, sends what is due, and returns the time at which it
+// wants to be called again at the latest (kNever: only for a new frame or request). Never waits; callable from the cycle. `now` is
+// the time of the osal and never goes backwards.
+Time poll(Context& ctx, Time now);
+
+// Starts a request. Errc::busy when it runs already, Errc::capacity when there is no room for another one (nothing has happened
+// then), Errc::wrong_state before init(). Callable from the cycle.
+Result<> submit(Context& ctx, ScanRequest& request);
+Result<> submit(Context& ctx, SiiReadRequest& request);
+Result<> submit(Context& ctx, SiiWriteRequest& request);
+Result<> submit(Context& ctx, StateRequest& request);
+Result<> submit(Context& ctx, MapRequest& request);
+Result<> submit(Context& ctx, ReadStateRequest& request);
+Result<> submit(Context& ctx, WriteStateRequest& request);
+Result<> submit(Context& ctx, StateCheckRequest& request);
+
+// Polls until a submitted request is not busy any more, and returns its error if it has one. Waits.
+Result<> wait(Context& ctx, Request& request);
+
+// Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say, finds the
+// topology, configures the mailboxes and brings all slaves to PREOP, all at once. Returns how many slaves there are. What goes wrong
+// with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: link_down, no_frame, no_slaves,
+// unstable, capacity (more slaves than limits().slaves; expected says how many).
+Result<std::uint16_t> config_init(Context& ctx);
+
+// Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config, by its SII unless the application has
+// set it), lays it into `image` (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns
+// how many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is set to zero. What
+// goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: wrong_state (no slaves
+// yet), unknown_group, image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
+Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
+
+// States. All three refresh or use slave(n).al: the state that the slave itself reports, its error indication and AL status code; a slave that does
+// not answer is in state NONE. Wait; beside a running cycle submit the requests of the same names.
+//
+// readstate() reads all slaves and returns the lowest state, with the error indication if any slave has one. writestate() requests a state of one slave
+// or of all (slave 0) and acknowledges an error that the last reading has found; it does not wait for the state. statecheck() reads all slaves until
+// the one, or all, are in `state` without error, or `timeout` is over, and returns what it read last: that is no error, look at it.
+Result<AlStatus> readstate(Context& ctx);
+Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
+Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);
+
+// The cycle. send_processdata() sends the outputs of a group's image in the frames that config_map() has prepared, and queued datagrams in the space
+// that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits, does not allocate. Errors: unknown_group (nothing
+// mapped), nic (a frame was not taken).
+Result<> send_processdata(Context& ctx, std::uint8_t group = 0);
+
+// Takes in the frames of the last send_processdata(): returns as soon as all are back, and gives up those that are not back after `timeout`. Inputs
+// go into the image datagram by datagram, each only if its working counter is the expected one; otherwise the old ones stay. Returns the working
+// counter of all datagrams together. group(n).datagrams tells of each. Errors: unknown_group; no_frame (actual: frames that did not come
+// back); working_counter (expected, actual; slave: one that is known to be lost, as soon as readstate() has found it). What else comes in waits for poll(),
+// which is to be called between cycles.
+Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group = 0);
+
+// Reads and writes the SII EEPROM of a slave by word address; see SiiReadRequest and SiiWriteRequest. Wait.
+Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
+Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
+
+}  // namespace margay

@@ -1,0 +1,149 @@
+// What is known of a slave: plain values, filled by config_init() and kept up by the calls that say so. Read them from the
+// thread that polls.
+#pragma once
+
+#include <margay/address.hpp>
+#include <margay/al_state.hpp>
+#include <margay/configuration.hpp>
+#include <margay/error.hpp>
+#include <margay/process_data.hpp>
+#include <margay/result.hpp>
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+namespace margay {
+
+// SII words 0x0008–0x000F.
+struct Identity {
+    std::uint32_t vendor = 0;
+    std::uint32_t product = 0;
+    std::uint32_t revision = 0;
+    std::uint32_t serial = 0;
+    friend constexpr bool operator==(const Identity&, const Identity&) = default;
+};
+
+// ESC registers 0x0000–0x0009.
+struct DlInformation {
+    std::uint8_t type = 0;
+    std::uint8_t revision = 0;
+    std::uint16_t build = 0;
+    std::uint8_t fmmus = 0;
+    std::uint8_t sync_managers = 0;
+    std::uint8_t ram_kib = 0;
+    std::uint16_t features = 0;
+    bool dc = false;
+    bool dc_64bit = false;
+};
+
+// How a port is wired, by ESC register 0x0007.
+enum class PortType : std::uint8_t { not_implemented, not_configured, ebus, mii };
+
+struct Port {
+    PortType type = PortType::not_implemented;
+    bool link = false;       // physical link
+    bool open = false;       // the loop is open: frames leave and come in here
+    std::uint16_t neighbour = 0;  // the slave at the other end, 1 the first; 0 none, or the master
+};
+
+enum class SmType : std::uint8_t { unused = 0, mailbox_out = 1, mailbox_in = 2, outputs = 3, inputs = 4 };
+
+// A SyncManager as the SII describes it. Out is from the master to the slave.
+struct SmInfo {
+    std::uint16_t start = 0;
+    std::uint16_t length_bytes = 0;
+    std::uint8_t control = 0;
+    std::uint8_t enable = 0;  // the SII's enable octet: bit 0 is what goes into the activate register
+    SmType type = SmType::unused;
+};
+
+enum class FmmuUse : std::uint8_t { unused = 0, outputs = 1, inputs = 2, mailbox_status = 3 };
+
+namespace mailbox_protocol {
+inline constexpr std::uint16_t kAoE = 0x01;
+inline constexpr std::uint16_t kEoE = 0x02;
+inline constexpr std::uint16_t kCoE = 0x04;
+inline constexpr std::uint16_t kFoE = 0x08;
+inline constexpr std::uint16_t kSoE = 0x10;
+inline constexpr std::uint16_t kVoE = 0x20;
+}  // namespace mailbox_protocol
+
+// Where the mailboxes are. All zero: the slave has none.
+struct MailboxInfo {
+    std::uint16_t out_start = 0;  // master writes here (SyncManager 0)
+    std::uint16_t out_bytes = 0;
+    std::uint16_t in_start = 0;   // master reads here (SyncManager 1)
+    std::uint16_t in_bytes = 0;
+    std::uint16_t protocols = 0;  // mailbox_protocol bits
+    [[nodiscard]] constexpr bool present() const { return out_bytes != 0 && in_bytes != 0; }
+};
+
+namespace coe_detail {
+inline constexpr std::uint8_t kSdo = 0x01;
+inline constexpr std::uint8_t kSdoInformation = 0x02;
+inline constexpr std::uint8_t kPdoAssignment = 0x04;
+inline constexpr std::uint8_t kPdoConfiguration = 0x08;
+inline constexpr std::uint8_t kUploadAtStartup = 0x10;
+inline constexpr std::uint8_t kCompleteAccess = 0x20;
+}  // namespace coe_detail
+
+class Context;
+
+// Functions of the application that are called on the way of one slave. `user` is what stands in the same place.
+struct SlaveHooks {
+    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. Called by config_map() itself,
+    // never by poll(), so it may wait. An error keeps the slave in PREOP.
+    Result<> (*preop_to_safeop)(Context& ctx, std::uint16_t slave, void* user) = nullptr;
+    void* user = nullptr;
+    bool failed = false;  // the last call ended with an error
+};
+
+struct Slave {
+    static constexpr std::size_t kNameBytes = 64;
+    static constexpr std::size_t kSyncManagers = 8;
+    static constexpr std::size_t kFmmus = 8;
+
+    std::uint16_t position = 0;  // 1 is the first
+    StationAddress station_address;
+    std::uint16_t alias = 0;     // ESC register 0x0012, loaded from the SII
+    Identity identity;
+    DlInformation dl;
+    std::uint16_t dl_status = 0;
+    AlStatus al;                    // as last read
+    bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
+
+    // Topology: every slave but the first hangs at a port of another one.
+    std::uint16_t parent = 0;       // 0: the master
+    std::uint8_t parent_port = 0;
+    std::uint8_t entry_port = 0;
+    std::array<Port, 4> ports{};
+
+    // From the SII. sync_managers and fmmus are in the order of the SII, cut at the size of the table.
+    bool sii_read = false;
+    std::uint32_t sii_bytes = 0;      // size of the EEPROM by its own word 0x003E
+    MailboxInfo mailbox;
+    MailboxInfo boot_mailbox;         // protocols as in mailbox
+    std::uint8_t coe_details = 0;     // coe_detail bits
+    std::uint8_t foe_details = 0;
+    std::uint8_t eoe_details = 0;
+    std::int16_t ebus_current_ma = 0;  // taken from the E-bus; negative: fed into it
+    std::uint8_t sm_count = 0;
+    std::uint8_t fmmu_count = 0;
+    std::array<SmInfo, kSyncManagers> sync_managers{};
+    std::array<FmmuUse, kFmmus> fmmu_use{};
+
+    // What its process data shall be, and where it lies in the image once it is mapped.
+    SlaveConfiguration config;
+    SlaveImage image;
+    SlaveHooks hooks;
+
+    // The first thing that went wrong with this slave since the last scan began; errc none when nothing has.
+    Error error;
+
+    [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
+    std::array<char, kNameBytes> name_text{};
+    std::uint8_t name_bytes = 0;
+};
+
+}  // namespace margay
