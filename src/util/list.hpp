@@ -1,0 +1,68 @@
+// An intrusive doubly linked list. A node that is destroyed or put elsewhere leaves its list by itself, so
+// whoever owns the node decides how long it lives.
+#pragma once
+
+namespace margay {
+
+class ListNode {
+  public:
+    ListNode() = default;
+    ListNode(const ListNode&) = delete;
+    ListNode& operator=(const ListNode&) = delete;
+    ~ListNode() { unlink(); }
+
+    [[nodiscard]] bool linked() const { return next_ != this; }
+    void unlink() {
+        previous_->next_ = next_;
+        next_->previous_ = previous_;  // NOLINT(clang-analyzer-core.NullDereference): a node is in a ring, always
+        previous_ = next_ = this;
+    }
+
+  private:
+    template <class T>
+    friend class List;
+    ListNode* previous_ = this;
+    ListNode* next_ = this;
+};
+
+// T derives from ListNode. The list owns nothing.
+template <class T>
+class List {
+  public:
+    [[nodiscard]] bool empty() const { return !head_.linked(); }
+    [[nodiscard]] T* front() { return empty() ? nullptr : static_cast<T*>(head_.next_); }
+    [[nodiscard]] T* back() { return empty() ? nullptr : static_cast<T*>(head_.previous_); }
+    // The neighbours of `node`, nullptr past the ends.
+    [[nodiscard]] T* after(T& node) {
+        ListNode* next = static_cast<ListNode&>(node).next_;
+        return next == &head_ ? nullptr : static_cast<T*>(next);
+    }
+    [[nodiscard]] T* before(T& node) {
+        ListNode* previous = static_cast<ListNode&>(node).previous_;
+        return previous == &head_ ? nullptr : static_cast<T*>(previous);
+    }
+    void push_back(T& node) { insert(head_, node); }
+    void push_front(T& node) { insert(*head_.next_, node); }
+    void insert_before(T& place, T& node) { insert(place, node); }
+    T* pop_front() {
+        T* node = front();
+        if (node != nullptr) node->unlink();
+        return node;
+    }
+    // Moves all nodes of `other`, in their order, to the end of this list.
+    void take_back(List& other) {
+        while (T* node = other.pop_front()) push_back(*node);
+    }
+
+  private:
+    static void insert(ListNode& before, ListNode& node) {
+        node.unlink();
+        node.previous_ = before.previous_;
+        node.next_ = &before;
+        before.previous_->next_ = &node;  // NOLINT(clang-analyzer-core.NullDereference): as above
+        before.previous_ = &node;
+    }
+    ListNode head_;
+};
+
+}  // namespace margay

@@ -1,0 +1,87 @@
+// The enumerations of the public API in words.
+#include <margay/al_state.hpp>
+#include <margay/error.hpp>
+
+namespace margay {
+
+std::string_view to_text(Errc code) {
+    switch (code) {
+        case Errc::none: return "no error";
+        case Errc::timeout: return "timed out";
+        case Errc::no_frame: return "the frame did not come back";
+        case Errc::working_counter: return "wrong working counter";
+        case Errc::link_down: return "no link: is the cable plugged in and the other end powered?";
+        case Errc::nic: return "the network interface refused the frame";
+        case Errc::capacity: return "out of the capacity that the application set";
+        case Errc::no_slaves: return "no slave answered";
+        case Errc::unstable: return "the number of slaves changed while they were counted";
+        case Errc::unknown_slave: return "there is no such slave";
+        case Errc::invalid_argument: return "argument out of range";
+        case Errc::wrong_state: return "not possible in this state";
+        case Errc::busy: return "already in progress";
+        case Errc::canceled: return "canceled";
+        case Errc::al_status: return "the slave refused";
+        case Errc::sii_busy: return "the EEPROM stayed busy";
+        case Errc::sii_nack: return "the EEPROM did not acknowledge";
+        case Errc::sii_verify: return "read back differently from what was written";
+        case Errc::sii_checksum: return "wrong checksum of the configuration area";
+        case Errc::sii_blank: return "the EEPROM is blank";
+        case Errc::sii_truncated: return "the content ends early";
+        case Errc::sii_format: return "the content contradicts itself";
+        case Errc::sii_write_denied: return "the EEPROM refused to be written";
+        case Errc::protocol: return "a reply that the standard does not allow";
+        case Errc::mailbox_error: return "mailbox error reply";
+        case Errc::sdo_abort: return "the slave aborted the transfer";
+        case Errc::unsupported: return "not supported by the slave";
+        case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
+        case Errc::image_too_large: return "the process image is larger than the buffer";
+        case Errc::fmmu_shortage: return "the slave has too few FMMUs";
+        case Errc::sm_shortage: return "the slave has no such SyncManager";
+        case Errc::sm_memory: return "outside the slave's process data memory, or on top of another SyncManager";
+        case Errc::too_many_frames: return "more frames than the application provided for";
+    }
+    return "unknown error";
+}
+
+std::string_view to_text(Step step) {
+    switch (step) {
+        case Step::none: return "";
+        case Step::open_nic: return "opening the network interface";
+        case Step::wait_link: return "waiting for link";
+        case Step::count_slaves: return "counting slaves";
+        case Step::reset_slaves: return "resetting slaves";
+        case Step::assign_address: return "assigning station addresses";
+        case Step::read_dl_information: return "reading DL information";
+        case Step::read_sii: return "reading the SII";
+        case Step::write_sii: return "writing the SII";
+        case Step::parse_sii: return "parsing the SII";
+        case Step::configure_mailbox: return "configuring the mailbox";
+        case Step::request_state: return "requesting a state";
+        case Step::read_state: return "reading the state";
+        case Step::discover_pdos: return "finding the PDOs";
+        case Step::map_process_data: return "mapping process data";
+        case Step::configure_process_data: return "configuring process data";
+        case Step::exchange_process_data: return "exchanging process data";
+        case Step::mailbox_send: return "sending to the mailbox";
+        case Step::mailbox_receive: return "receiving from the mailbox";
+        case Step::sdo_upload: return "SDO upload";
+        case Step::sdo_download: return "SDO download";
+        case Step::sdo_information: return "SDO information";
+        case Step::topology: return "finding the topology";
+    }
+    return "";
+}
+
+std::string_view to_text(AlState state) {
+    switch (state) {
+        case AlState::none: return "NONE";
+        case AlState::init: return "INIT";
+        case AlState::preop: return "PREOP";
+        case AlState::boot: return "BOOT";
+        case AlState::safeop: return "SAFEOP";
+        case AlState::op: return "OP";
+    }
+    return "unknown state";
+}
+
+}  // namespace margay
