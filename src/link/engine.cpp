@@ -1,0 +1,28 @@
+#include "link/engine.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+void Engine::add_timer(Sleep::Timer& timer) {
+    // From the end: a new timer is mostly the latest.
+    Sleep::Timer* later = nullptr;
+    for (Sleep::Timer* t = timers_.back(); t != nullptr && t->until > timer.until; t = timers_.before(*t)) later = t;
+    if (later == nullptr)
+        timers_.push_back(timer);
+    else
+        timers_.insert_before(*later, timer);
+}
+
+Time Engine::poll(Time now) {
+    now_ = now;
+    link_.receive(now, ready_);
+    for (auto* timer = timers_.front(); timer != nullptr && timer->until <= now; timer = timers_.front())
+        ready_.push_back(*timer);
+    while (Waiter* waiter = ready_.pop_front()) waiter->handle.resume();
+    link_.send(now);
+    const Time timer = timers_.empty() ? kNever : timers_.front()->until;
+    return std::min(timer, link_.next_deadline(now));
+}
+
+}  // namespace margay

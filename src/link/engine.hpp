@@ -1,0 +1,63 @@
+// The engine of a master: the link, the tasks that wait for it, and the time that poll() was last told.
+#pragma once
+
+#include "link/link.hpp"
+#include "util/arena.hpp"
+
+#include <margay/time.hpp>
+
+namespace margay {
+
+class Engine {
+  public:
+    // `nic` and both pieces of memory outlive the engine.
+    Engine(Nic& nic, std::span<FrameSlot> slots, std::span<std::byte> arena_memory)
+        : link_(nic, slots), arena_(arena_memory) {}
+
+    // Takes in replies, resumes what waited for them or whose time has come, sends what is queued, and returns when it
+    // wants to be called again. `now` never goes backwards. Never waits.
+    Time poll(Time now);
+
+    // For the cycle: takes in one frame and resumes nobody before the next poll(). False when there is none.
+    bool receive_one(Time now) { return link_.receive_one(now, ready_); }
+
+    [[nodiscard]] Arena& arena() { return arena_; }
+    [[nodiscard]] Link& link() { return link_; }
+    // The time of the current poll().
+    [[nodiscard]] Time now() const { return now_; }
+
+    // Awaitable: until `until` has come.
+    struct Sleep {
+        struct Timer : Waiter {
+            Time until;
+        };
+        Engine& engine;
+        Timer timer;
+        Sleep(Engine& e, Time until) : engine(e) { timer.until = until; }
+        bool await_ready() const noexcept { return timer.until <= engine.now_; }
+        void await_suspend(std::coroutine_handle<> h) noexcept {
+            timer.handle = h;
+            engine.add_timer(timer);
+        }
+        void await_resume() const noexcept {}
+    };
+    // Awaitable: until the next poll(), from which on now() is the time.
+    struct NextPoll : Sleep {
+        explicit NextPoll(Engine& e) : Sleep(e, Time::min()) {}
+        bool await_ready() const noexcept { return false; }
+    };
+    [[nodiscard]] NextPoll next_poll() { return NextPoll(*this); }
+    [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
+    [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, now_ + duration}; }
+
+  private:
+    void add_timer(Sleep::Timer& timer);
+
+    Link link_;
+    Arena arena_;
+    List<Waiter> ready_;
+    List<Sleep::Timer> timers_;  // soonest first
+    Time now_ = Time::min();
+};
+
+}  // namespace margay

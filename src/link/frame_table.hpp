@@ -1,0 +1,58 @@
+// Frames in flight: which index belongs to which datagrams, until the reply comes or the time is up.
+#pragma once
+
+#include "link/datagram.hpp"
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+namespace margay {
+
+struct PreparedFrame;
+
+struct FrameSlot {
+    List<Datagram> datagrams;
+    PreparedFrame* prepared = nullptr;  // the frame of the cycle that travels under this index, `datagrams` riding in it
+    Time deadline = kNever;
+    std::uint16_t length = 0;  // of all datagrams with their headers
+    std::uint8_t index = 0;
+    bool in_flight = false;
+    bool refused = false;  // the NIC failed to send it: it waits for its deadline all the same
+};
+
+class FrameTable {
+  public:
+    static constexpr std::size_t kMostSlots = 128;
+
+    // `slots`: one for each frame that may be in flight at once, kMostSlots at most; their memory outlives the table.
+    explicit FrameTable(std::span<FrameSlot> slots) : slots_(slots) { slot_of_.fill(kNoSlot); }
+
+    // A free slot with an index that no frame in flight has and that no frame lost lately had, or nullptr.
+    [[nodiscard]] FrameSlot* open(Time now);
+    // The slot in flight under `index`, or nullptr.
+    [[nodiscard]] FrameSlot* find(std::uint8_t index);
+    // Ends a slot. A lost frame's index rests, so that a reply that comes late finds nobody.
+    void close(FrameSlot& slot, bool lost, Time now);
+    // A slot that must be given up at `now`, or nullptr.
+    [[nodiscard]] FrameSlot* expired(Time now);
+    [[nodiscard]] Time next_deadline() const;
+
+  private:
+    static constexpr std::uint8_t kNoSlot = 0xFF;
+    static constexpr Duration kRest = std::chrono::milliseconds(200);
+
+    [[nodiscard]] bool resting(std::uint8_t index) const {
+        return ((resting_[index / 32] >> (index % 32)) & 1U) != 0;
+    }
+
+    std::span<FrameSlot> slots_;
+    std::array<std::uint8_t, 256> slot_of_{};
+    std::array<std::uint32_t, 8> resting_{};
+    Time rest_until_ = Time::min();
+    std::size_t in_flight_ = 0;
+    std::size_t next_slot_ = 0;
+    std::uint8_t next_index_ = 0;
+};
+
+}  // namespace margay

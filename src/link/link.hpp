@@ -1,0 +1,87 @@
+// The link packs the datagrams that are due into as few frames as fit, sends them, matches what comes back, and gives up
+// what does not.
+#pragma once
+
+#include "link/datagram.hpp"
+#include "link/frame_table.hpp"
+#include "link/prepared_frame.hpp"
+#include "oshw/nic.hpp"
+
+#include <margay/statistics.hpp>
+
+#include <array>
+#include <span>
+
+namespace margay {
+
+struct LinkSettings {
+    Duration frame_timeout = std::chrono::milliseconds(10);  // from sending a frame to giving it up
+    std::uint8_t sendings = 6;                               // of a datagram with Repeat::yes, the first included
+};
+
+class Link {
+  public:
+    // `nic` and the memory of `slots` outlive the link.
+    Link(Nic& nic, std::span<FrameSlot> slots) : nic_(nic), frames_(slots), source_(nic.source_mac()) {}
+    Link(const Link&) = delete;
+    Link& operator=(const Link&) = delete;
+
+    LinkSettings settings;
+
+    // Takes in all frames that the NIC has and gives up those whose time is over. Waiters whose datagrams are done end up
+    // in `ready`. Resumes nobody.
+    void receive(Time now, List<Waiter>& ready);
+    // Takes in one frame; false when the NIC has none.
+    bool receive_one(Time now, List<Waiter>& ready);
+    // Packs and sends what is queued.
+    void send(Time now);
+
+    // Cycle: begin_cycle(), then send_prepared() for each of its frames, then send_riders(). None waits or allocates. Queued datagrams travel
+    // with the cycle, `rider_budget_bytes` of them with their headers, or one if that is longer. While cycles go on send() leaves
+    // the queue to them; without a budget it does not.
+    void begin_cycle(Time now, std::size_t rider_budget_bytes);
+    [[nodiscard]] Time last_cycle() const { return last_cycle_; }
+    // A flight that is not over yet is given up. Anything but `sent`: the frame is not in flight.
+    SendStatus send_prepared(PreparedFrame& frame, Time now);
+    // What did not fit into the cycle's own frames, if the budget has anything left.
+    void send_riders(Time now);
+    // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
+    void give_up_prepared(PreparedFrame& frame, Time now);
+
+    // When receive() or send() should be called again at the latest.
+    [[nodiscard]] Time next_deadline(Time now) const;
+
+    [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
+    [[nodiscard]] Nic& nic() { return nic_; }
+
+  private:
+    friend class Datagram;
+
+    void take(Bytes frame, Time now, List<Waiter>& ready);
+    [[nodiscard]] static bool matches(FrameSlot& slot, Bytes frame);
+    void complete(Datagram& datagram, Errc errc, List<Waiter>& ready);
+    void give_up(FrameSlot& slot, Time now, List<Waiter>& ready);
+    void pack(FrameSlot& slot, wire::FrameBuilder& builder);
+    [[nodiscard]] bool send_one(FrameSlot& slot, Time now, std::size_t room = wire::kMaxFrameBytes);
+    void unpack(FrameSlot& slot);
+    void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
+    [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
+    [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
+    [[nodiscard]] std::size_t rider_room();
+    void note_riders(std::size_t bytes);
+    void note_sent(FrameSlot& slot);
+
+    Nic& nic_;
+    FrameTable frames_;
+    List<Datagram> queue_;
+    LinkStatistics statistics_;
+    MacAddress source_;
+    bool nic_busy_ = false;
+    Time last_cycle_ = Time::min();
+    Time cycles_until_ = Time::min();  // until then the queue is left to the cycle
+    std::size_t rider_budget_ = 0;     // what is left of it in this cycle
+    bool riders_ = false;              // some have ridden in this cycle
+    std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame being built, or being read
+};
+
+}  // namespace margay

@@ -1,0 +1,34 @@
+// Frames of the cycle: built once, sent again and again with new data and a new index. No coroutine waits for them; whoever sends them asks afterwards
+// what came. Datagrams that are queued at the link ride in the space behind their own.
+#pragma once
+
+#include "link/datagram.hpp"
+
+#include <margay/group.hpp>
+
+#include <array>
+#include <span>
+
+namespace margay {
+
+struct FrameSlot;
+
+// One datagram that is always in its frame.
+struct PreparedDatagram {
+    Bytes output;            // what of the application goes out, to the first octets of the data
+    MutableBytes input;      // where what comes in goes, from octet input_at of the data on: only if the working counter is as expected
+    std::uint16_t input_at = 0;
+    std::uint16_t offset = 0;  // of the header in the frame
+    std::uint16_t bytes = 0;   // of data
+    DatagramStatus* status = nullptr;
+};
+
+struct PreparedFrame {
+    std::span<PreparedDatagram> datagrams;
+    FrameSlot* slot = nullptr;               // while it is in flight
+    std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
+    bool has_riders = false;                 // in `bytes` as it was sent last
+    std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as it was sent last
+};
+
+}  // namespace margay

@@ -1,0 +1,83 @@
+#include "station/al_state.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+
+constexpr Duration kFirstPause = std::chrono::microseconds(200);
+constexpr Duration kOldErrorStands = std::chrono::milliseconds(200);
+constexpr Duration kLongestPause = std::chrono::milliseconds(5);
+
+constexpr std::uint16_t code_offset = reg::kAlStatusCode.address - reg::kAlStatus.address;
+
+AlStatus load_al_status(std::uint64_t status_to_code) {
+    const auto status = static_cast<std::uint16_t>(status_to_code);
+    return {.state = static_cast<AlState>(status & wire::al::kStateMask),
+            .error = (status & wire::al::kErrorIndication) != 0,
+            .code = static_cast<std::uint16_t>(status_to_code >> (8 * code_offset))};
+}
+
+}  // namespace
+
+Task<Result<AlStatus>> read_al_status(Station station) {
+    std::array<std::byte, reg::kAlStatusCode.end() - reg::kAlStatus.address> bytes{};
+    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
+                  MutableBytes(bytes));
+    auto reply = co_await look;
+    const Error error = judge(station, reply, Step::read_state, reg::kAlStatus.address);
+    if (error.code != Errc::none) co_return error;
+    co_return load_al_status(
+        load_le<std::uint16_t>(bytes) |
+        (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
+}
+
+Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation,
+                                       Duration timeout) {
+    auto before = co_await read_al_status(station);
+    if (!before) co_return before;
+    co_return co_await change_al_state_from(station, *before, state, device_emulation, timeout);
+}
+
+Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state,
+                                            bool device_emulation, Duration timeout) {
+    const Time give_up = station.engine.now() + timeout;
+    const bool acknowledge = before.error && !device_emulation;
+    const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) |
+                                                    (acknowledge ? wire::al::kErrorAcknowledge : 0U));
+    auto written = co_await write<std::uint16_t>(station, reg::kAlControl, request, Step::request_state);
+    if (!written) co_return written.error();
+    const Time give_up_old = station.engine.now() + kOldErrorStands;
+    Duration pause = kFirstPause;
+    for (;;) {
+        auto now = co_await read_al_status(station);
+        if (!now) co_return now;
+        if (now->state == state && !now->error) co_return now;
+        const bool over = station.engine.now() >= give_up;
+        // An old error stands until the slave has seen the acknowledge: it is not yet a refusal.
+        const bool old = *now == before && station.engine.now() < give_up_old;
+        if ((now->error && !old) || over) {
+            Error error = station.error(now->error ? Errc::al_status : Errc::timeout, Step::request_state);
+            error.expected = static_cast<std::uint32_t>(state);
+            error.actual = static_cast<std::uint32_t>(now->state);
+            error.detail = now->code;
+            co_return error;
+        }
+        co_await station.engine.sleep_for(pause);
+        pause = std::min(pause * 2, kLongestPause);
+    }
+}
+
+Duration default_al_timeout(AlState state) {
+    switch (state) {
+        case AlState::preop:
+        case AlState::boot: return std::chrono::seconds(3);
+        case AlState::safeop:
+        case AlState::op: return std::chrono::seconds(10);
+        default: return std::chrono::seconds(5);
+    }
+}
+
+}  // namespace margay

@@ -1,0 +1,28 @@
+// State changes of one slave (ETG.1000.6, AL control and AL status).
+#pragma once
+
+#include "station/register_access.hpp"
+#include "util/task.hpp"
+
+#include <margay/al_state.hpp>
+
+namespace margay {
+
+// Reads AL status and AL status code.
+[[nodiscard]] Task<Result<AlStatus>> read_al_status(Station station);
+
+// Requests `state` and waits until the slave is there, refuses, or `timeout` is over. An error indication
+// that stands before is acknowledged with the request, unless the slave mirrors AL control
+// (`device_emulation`). Errors: Errc::al_status with the AL status code in detail and the state that was
+// reached in actual; Errc::timeout likewise.
+[[nodiscard]] Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation,
+                                                     Duration timeout);
+
+// The same for a slave whose AL status `before` is known.
+[[nodiscard]] Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state,
+                                                          bool device_emulation, Duration timeout);
+
+// The time that a change to `state` may take, by ETG.1020's default timeouts.
+[[nodiscard]] Duration default_al_timeout(AlState state);
+
+}  // namespace margay

@@ -1,0 +1,115 @@
+// Registers of one slave by its station address. Each function returns an awaitable that adds no coroutine
+// frame:
+//
+//     auto status = co_await read<std::uint16_t>(station, wire::reg::kAlStatus, Step::read_state);
+//
+// A reply whose working counter is not 1 is an error: the slave at this address did not take part.
+#pragma once
+
+#include "link/engine.hpp"
+#include "wire/esc.hpp"
+
+#include <margay/result.hpp>
+
+#include <array>
+
+namespace margay {
+
+// One slave, seen from the protocol sequences.
+struct Station {
+    Engine& engine;
+    StationAddress address;
+    std::uint16_t position = 0;  // for errors; 1 is the first slave
+    [[nodiscard]] Arena& arena() const { return engine.arena(); }
+    [[nodiscard]] Error error(Errc code, Step step, std::uint16_t index = 0) const {
+        return {.code = code, .step = step, .slave = position, .index = index};
+    }
+};
+
+// What a reply to a datagram for one station means. errc none: all well.
+[[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step,
+                                 std::uint16_t register_address) {
+    if (!reply.ok()) return station.error(reply.errc, step, register_address);
+    if (reply.wkc == 1) return {};
+    Error error = station.error(Errc::working_counter, step, register_address);
+    error.expected = 1;
+    error.actual = reply.wkc;
+    return error;
+}
+
+template <class T>
+class ReadRegister {
+  public:
+    ReadRegister(const Station& station, std::uint16_t address, Step step)
+        : station_(station),
+          address_(address),
+          step_(step),
+          datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address},
+                    MutableBytes(bytes_)) {}
+    bool await_ready() const noexcept { return false; }
+    void await_suspend(std::coroutine_handle<> h) noexcept {
+        waiter_.handle = h;
+        datagram_.submit(waiter_);
+    }
+    Result<T> await_resume() const noexcept {
+        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        return error.code == Errc::none ? Result<T>(load_le<T>(bytes_)) : Result<T>(error);
+    }
+
+  private:
+    Station station_;
+    std::uint16_t address_;
+    Step step_;
+    std::array<std::byte, sizeof(T)> bytes_{};
+    Datagram datagram_;
+    Waiter waiter_;
+};
+
+template <class T>
+[[nodiscard]] ReadRegister<T> read(const Station& station, wire::Register r, Step step) {
+    return {station, r.address, step};
+}
+
+// Writes octets that it carries itself (the first form) or that the caller keeps (write_bytes).
+template <std::size_t N>
+class WriteRegister {
+  public:
+    WriteRegister(const Station& station, std::uint16_t address, const std::array<std::byte, N>& bytes,
+                  Step step)
+        : station_(station),
+          address_(address),
+          step_(step),
+          bytes_(bytes),
+          datagram_(station.engine.link(), wire::Command::FPWR, {station.address, address}, Bytes(bytes_)) {}
+    bool await_ready() const noexcept { return false; }
+    void await_suspend(std::coroutine_handle<> h) noexcept {
+        waiter_.handle = h;
+        datagram_.submit(waiter_);
+    }
+    Result<> await_resume() const noexcept {
+        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        return error.code == Errc::none ? Result<>() : Result<>(error);
+    }
+
+  private:
+    Station station_;
+    std::uint16_t address_;
+    Step step_;
+    std::array<std::byte, N> bytes_;
+    Datagram datagram_;
+    Waiter waiter_;
+};
+
+template <class T>
+[[nodiscard]] WriteRegister<sizeof(T)> write(const Station& station, wire::Register r, T value, Step step) {
+    std::array<std::byte, sizeof(T)> bytes{};
+    store_le<T>(bytes, 0, value);
+    return {station, r.address, bytes, step};
+}
+template <std::size_t N>
+[[nodiscard]] WriteRegister<N> write_bytes(const Station& station, std::uint16_t address,
+                                           const std::array<std::byte, N>& bytes, Step step) {
+    return {station, address, bytes, step};
+}
+
+}  // namespace margay

@@ -1,0 +1,226 @@
+#include "station/sii_access.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace control = wire::sii_control;
+namespace reg = wire::reg;
+
+constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block
+constexpr Duration kWriteTimeout =
+    std::chrono::milliseconds(100);  // for one word; real parts take up to 10 ms
+constexpr int kNackTries = 3;
+
+constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
+    std::array<std::byte, 6> bytes{};
+    store_le<std::uint16_t>(bytes, 0, what);
+    store_le<std::uint32_t>(bytes, 2, word);
+    return bytes;
+}
+
+}  // namespace
+
+// Looks (reads control, address and data in one datagram), or orders a block, or both in this order.
+class SiiReader::VisitAwaiter {
+  public:
+    VisitAwaiter(const Station& station, bool look, std::uint32_t order)
+        : station_(station),
+          order_bytes_(command(control::kCommandRead, order)),
+          look_(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSiiControl.address},
+                MutableBytes(bytes_)),
+          order_(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSiiControl.address},
+                 Bytes(order_bytes_)),
+          looks_(look),
+          orders_(order != kNone) {}
+    bool await_ready() const noexcept { return false; }
+    void await_suspend(std::coroutine_handle<> h) noexcept {
+        waiter_.handle = h;
+        if (looks_) look_.submit(waiter_);
+        if (orders_) order_.submit(waiter_);
+    }
+    Result<Visit> await_resume() const noexcept {
+        Error error = looks_ ? judged(look_) : Error{};
+        if (error.code == Errc::none && orders_) error = judged(order_);
+        if (error.code != Errc::none) return error;
+        Visit visit;
+        visit.status = load_le<std::uint16_t>(bytes_, 0);
+        visit.word = load_le<std::uint32_t>(bytes_, 2);
+        std::copy(bytes_.begin() + 6, bytes_.end(), visit.data.begin());
+        return visit;
+    }
+
+  private:
+    [[nodiscard]] Error judged(const Datagram& datagram) const {
+        return judge(station_, datagram.reply(), Step::read_sii, reg::kSiiControl.address);
+    }
+
+    const Station& station_;
+    std::array<std::byte, 14> bytes_{};
+    std::array<std::byte, 6> order_bytes_;
+    Datagram look_;
+    Datagram order_;
+    Waiter waiter_;
+    bool looks_;
+    bool orders_;
+};
+
+// The block that will be wanted behind the one at `word`: the rest of the range, or what the caller says
+// comes then.
+std::uint32_t SiiReader::block_after(std::uint32_t word, std::uint32_t end, std::uint32_t then) const {
+    const std::uint32_t next = word + block_words_;
+    if (next < end) return next;
+    return then >= word && then < next ? next : then;
+}
+
+// A visit came too early. Nothing is ordered along with the next one: a command to a busy interface is lost.
+// As long as nothing is known of the EEPROM's time, the visits become rarer.
+void SiiReader::note_busy(Time sent) {
+    known_busy_ = std::max(known_busy_, sent - ordered_at_);
+    sure_ = false;
+    wait_ = known_ready_ == Duration::max() ? 2 * known_busy_ : Duration{0};
+}
+
+// A visit came late enough. When there is a wide gap between "too early" and "late enough", the middle of it
+// is tried next: this finds the EEPROM's time in a few steps. What is known of "too early" fades, so that one
+// slow answer is not waited for forever.
+void SiiReader::note_ready(Time sent) {
+    constexpr int kFading = 512;
+    constexpr int kNarrow = 5;
+    known_ready_ = std::min(known_ready_, sent - ordered_at_);
+    known_busy_ = std::min(known_busy_ - known_busy_ / kFading, known_ready_);
+    const Duration gap = known_ready_ - known_busy_;
+    const bool never_busy = known_busy_ == Duration{0};
+    wait_ = never_busy ? Duration{0} : gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
+    sure_ = true;
+}
+
+// Takes the data of a visit that found the interface ready. False when it is not the block that was asked
+// for.
+bool SiiReader::accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent) {
+    const bool right = visit.word == ordered_;
+    if (right) {
+        block_word_ = ordered_;
+        block_ = visit.data;
+        nacks_ = 0;
+        note_ready(sent);
+    }
+    ordered_ = ordered_ahead;
+    ordered_at_ = sent;
+    idle_ = ordered_ahead == kNone;
+    return right;
+}
+
+Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint32_t then) {
+    Engine& engine = station_.engine;
+    const std::uint32_t end = word + static_cast<std::uint32_t>(into.size() / 2);
+    Time give_up = engine.now() + kReadTimeout;
+    for (std::uint32_t at = word; at < end;) {
+        if (cached(at)) {
+            const auto count = std::min(end, block_word_ + block_words_) - at;
+            std::copy_n(block_.begin() + (at - block_word_) * 2, count * 2, into.begin() + (at - word) * 2);
+            at += count;
+            give_up = engine.now() + kReadTimeout;
+            continue;
+        }
+        const bool waiting = ordered_ == at;
+        if (waiting) co_await engine.sleep_until(ordered_at_ + wait_);
+        const std::uint32_t order = !waiting ? at : sure_ ? block_after(at, end, then) : kNone;
+        const Time sent = engine.now();
+        const bool look = waiting || !idle_;
+        idle_ = false;
+        auto visit = co_await VisitAwaiter(station_, look, order);
+        if (!visit) co_return visit.error();
+        if (!look) {
+            ordered_ = at;
+            ordered_at_ = sent;
+            continue;
+        }
+        block_words_ = (visit->status & control::kReads8Bytes) != 0 ? 4 : 2;
+        if ((visit->status & control::kBusy) != 0) {
+            if (waiting) note_busy(sent);
+            if (engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
+        } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {
+            if (++nacks_ >= kNackTries) co_return failure(Errc::sii_nack, at);
+            ordered_ = kNone;
+        } else if (waiting) {
+            if (!accept(*visit, order, sent) && engine.now() >= give_up)
+                co_return failure(Errc::sii_busy, at);
+        } else {
+            ordered_ = at;
+            ordered_at_ = sent;
+        }
+    }
+    co_return Result<>();
+}
+
+namespace {
+
+// Waits until the interface is ready and returns its status.
+Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
+    for (;;) {
+        auto status = co_await ::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii);
+        if (!status) co_return status.error();
+        if ((*status & control::kBusy) == 0) co_return *status;
+        if (station.engine.now() >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
+        co_await station.engine.sleep_for(std::chrono::microseconds(500));
+    }
+}
+
+// One word: written, waited for, read back.
+Task<Result<>> write_word(Station station, std::uint32_t word, std::array<std::byte, 2> data) {
+    const auto index = static_cast<std::uint16_t>(word);
+    for (int attempt = 0;; ++attempt) {
+        auto ready = co_await wait_ready(station, station.engine.now() + kWriteTimeout);
+        if (!ready) co_return ready.error();
+        std::array<std::byte, 8>
+            bytes{};  // control, address and data in one datagram: the command is carried out with its data
+        store_le<std::uint16_t>(bytes, 0, control::kCommandWrite | control::kWriteEnable);
+        store_le<std::uint32_t>(bytes, 2, word);
+        bytes[6] = data[0];
+        bytes[7] = data[1];
+        auto written = co_await write_bytes(station, reg::kSiiControl.address, bytes, Step::write_sii);
+        if (!written) co_return written.error();
+        auto status = co_await wait_ready(station, station.engine.now() + kWriteTimeout);
+        if (!status) co_return status.error();
+        if ((*status & control::kWriteEnableError) != 0)
+            co_return station.error(Errc::sii_write_denied, Step::write_sii, index);
+        if ((*status & control::kMissingAcknowledge) == 0) break;
+        if (attempt + 1 >= kNackTries) co_return station.error(Errc::sii_nack, Step::write_sii, index);
+    }
+    SiiReader reader(station);
+    std::array<std::byte, 2> back{};
+    auto read_back = co_await reader.read(word, back);
+    if (!read_back) co_return read_back.error();
+    if (back == data) co_return Result<>();
+    Error error = station.error(Errc::sii_verify, Step::write_sii, index);
+    error.expected = load_le<std::uint16_t>(data);
+    error.actual = load_le<std::uint16_t>(back);
+    co_return error;
+}
+
+}  // namespace
+
+Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
+    for (std::size_t i = 0; i + 2 <= data.size(); i += 2) {
+        auto written =
+            co_await write_word(station, word + static_cast<std::uint32_t>(i / 2), {data[i], data[i + 1]});
+        if (!written) co_return written.error();
+    }
+    co_return Result<>();
+}
+
+Task<Result<>> sii_assign(Station station, bool to_pdi) {
+    if (!to_pdi) {  // taken by force first: a PDI that holds on to it must let go
+        auto forced = co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat,
+                                                   Step::read_sii);
+        if (!forced) co_return forced.error();
+    }
+    auto assigned = co_await write<std::uint8_t>(
+        station, reg::kSiiConfig, to_pdi ? wire::sii_config::kOfferedToPdi : std::uint8_t{0}, Step::read_sii);
+    if (!assigned) co_return assigned.error();
+    co_return Result<>();
+}
+
+}  // namespace margay

@@ -1,0 +1,226 @@
+#include "station/sii_contents.hpp"
+
+#include "station/sii_access.hpp"
+#include "wire/datagram.hpp"
+#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace sii = wire::sii;
+
+constexpr unsigned kMostCategories = 64;
+constexpr std::size_t kGeneralWanted = 14;  // up to the E-bus current
+constexpr std::size_t kBlockBytes = 8;
+
+// Picks one string out of the string category, which comes piece by piece.
+class StringPicker {
+  public:
+    explicit StringPicker(sii::StringNumber wanted) : wanted_(wanted) {}
+    [[nodiscard]] bool done() const { return done_; }
+    [[nodiscard]] bool found() const { return current_ == wanted_ && left_ == 0; }
+    [[nodiscard]] Bytes text() const { return Bytes(text_).first(size_); }
+
+    void take(Bytes piece) {
+        for (const std::byte octet : piece) take(octet);
+    }
+
+  private:
+    void take(std::byte octet) {
+        if (done_) return;
+        const auto value = std::to_integer<std::uint8_t>(octet);
+        if (!counted_) {
+            counted_ = true;
+            done_ = value < wanted_;  // there is no such string
+        } else if (left_ == 0) {
+            left_ = value;
+            ++current_;
+            done_ = found();
+        } else {
+            if (current_ == wanted_) text_[size_++] = octet;
+            --left_;
+            done_ = found();
+        }
+    }
+
+    sii::StringNumber wanted_;
+    sii::StringNumber current_ = 0;
+    std::uint8_t left_ = 0;
+    bool counted_ = false;
+    bool done_ = false;
+    std::uint8_t size_ = 0;
+    std::array<std::byte, 255> text_{};
+};
+
+// One slave's SII, step by step.
+class Contents {
+  public:
+    Contents(const Station& station, Slave& slave) : reader_(station), slave_(slave) {}
+
+    // Each fills its part of the slave. configuration() reports a wrong checksum, or mailboxes that cannot
+    // be, and all else is read.
+    [[nodiscard]] Task<Result<>> configuration();
+    [[nodiscard]] Task<Result<>> categories();
+    [[nodiscard]] Task<Result<>> name();
+    [[nodiscard]] Arena& arena() { return reader_.arena(); }
+
+  private:
+    [[nodiscard]] Error error(sii::Fault fault, std::uint32_t word, std::uint32_t expected = 0,
+                              std::uint32_t actual = 0) const;
+    [[nodiscard]] Result<> take_fixed_part(Bytes head, Bytes mailboxes);
+    [[nodiscard]] bool found_all() const {
+        return generals_ > 0 && fmmus_ > 0 && sync_managers_ > 0 && strings_.word != 0;
+    }
+    // How much of a category is read when it is come upon.
+    [[nodiscard]] static std::size_t wanted_bytes(std::uint16_t type);
+    void mark(const sii::CategoryPlace& place);
+    void take(std::uint16_t type, Bytes content);
+
+    SiiReader reader_;
+    Slave& slave_;
+    sii::CategoryPlace strings_;
+    sii::StringNumber name_ = 0;
+    std::uint8_t generals_ = 0;  // how many of these categories were found
+    std::uint8_t fmmus_ = 0;
+    std::uint8_t sync_managers_ = 0;
+};
+
+Error Contents::error(sii::Fault fault, std::uint32_t word, std::uint32_t expected,
+                      std::uint32_t actual) const {
+    Error e = reader_.station().error(sii::to_errc(fault), Step::parse_sii, static_cast<std::uint16_t>(word));
+    e.expected = expected;
+    e.actual = actual;
+    return e;
+}
+
+Result<> Contents::take_fixed_part(Bytes head, Bytes mailboxes) {
+    slave_.identity = sii::load_identity(head.subspan(sii::kConfigurationBytes));
+    const auto boxes = sii::load_mailboxes(mailboxes);
+    const auto fault = sii::mailbox_fault(boxes.standard);
+    auto boot = boxes.boot;
+    boot.protocols = 0;
+    if (fault == sii::Fault::none) slave_.mailbox = boxes.standard;
+    if (sii::mailbox_fault(boot) == sii::Fault::none) slave_.boot_mailbox = boxes.boot;
+    slave_.mailbox.protocols = boxes.standard.protocols;
+    slave_.sii_read = true;
+    if (fault != sii::Fault::none) return error(fault, sii::word::kMailbox);
+    if (!sii::checksum_right(head))
+        return error(sii::Fault::checksum, sii::word::kChecksum, sii::checksum(head),
+                     static_cast<std::uint8_t>(head[sii::kConfigurationBytes - 2]));
+    return Result<>();
+}
+
+Task<Result<>> Contents::configuration() {
+    std::array<std::byte, sii::kConfigurationBytes + sii::kIdentityBytes> head{};
+    auto read_head = co_await reader_.read(0, head, sii::word::kBootMailbox);
+    if (!read_head) co_return read_head;
+    std::array<std::byte, sii::kMailboxesBytes> mailboxes{};
+    auto read_mailboxes = co_await reader_.read(sii::word::kBootMailbox, mailboxes, sii::word::kSize);
+    if (!read_mailboxes) co_return read_mailboxes;
+    std::array<std::byte, 2> size{};
+    auto read_size = co_await reader_.read(sii::word::kSize, size, sii::word::kCategories);
+    if (!read_size) co_return read_size;
+    if (sii::is_blank(head)) co_return error(sii::Fault::blank, 0);
+    slave_.sii_bytes = sii::eeprom_bytes(load_le<std::uint16_t>(size));
+    co_return take_fixed_part(head, mailboxes);
+}
+
+std::size_t Contents::wanted_bytes(std::uint16_t type) {
+    switch (type) {
+        case sii::category::kGeneral: return kGeneralWanted;
+        case sii::category::kFmmu: return Slave::kFmmus;
+        case sii::category::kSyncManager: return Slave::kSyncManagers * wire::reg::kSyncManagerStride;
+        default: return 0;
+    }
+}
+
+// Notes that a category was found. Of each the first counts.
+void Contents::mark(const sii::CategoryPlace& place) {
+    switch (place.type) {
+        case sii::category::kStrings: strings_ = strings_.word == 0 ? place : strings_; break;
+        case sii::category::kGeneral: ++generals_; break;
+        case sii::category::kFmmu: ++fmmus_; break;
+        case sii::category::kSyncManager: ++sync_managers_; break;
+        default: break;
+    }
+}
+
+void Contents::take(std::uint16_t type, Bytes content) {
+    if (type == sii::category::kGeneral && generals_ == 1) {
+        const auto general = sii::parse_general(content).value;
+        name_ = general.name;
+        slave_.coe_details = general.coe_details;
+        slave_.foe_details = general.foe_details;
+        slave_.eoe_details = general.eoe_details;
+        slave_.ebus_current_ma = general.ebus_current_ma;
+    } else if (type == sii::category::kFmmu && fmmus_ == 1) {
+        sii::FmmuUses uses(content);
+        while (const auto use = uses.next()) slave_.fmmu_use[slave_.fmmu_count++] = *use;
+    } else if (type == sii::category::kSyncManager && sync_managers_ == 1) {
+        sii::SyncManagers sms(content);
+        while (const auto sm = sms.next()) slave_.sync_managers[slave_.sm_count++] = *sm;
+    }
+}
+
+Task<Result<>> Contents::categories() {
+    sii::CategoryChain chain(static_cast<std::uint32_t>(slave_.sii_bytes / sii::kWordBytes));
+    for (unsigned n = 0; chain.more() && !found_all(); ++n) {
+        if (n == kMostCategories) co_return error(sii::Fault::no_end, chain.header_word());
+        std::array<std::byte, sii::kCategoryHeaderBytes> header{};
+        // The first category is mostly the strings, which are not read yet; of all others the content mostly
+        // is wanted.
+        const auto behind = n == 0 ? SiiReader::kNone : chain.header_word() + 2;
+        auto read_header = co_await reader_.read(chain.header_word(), header, behind);
+        if (!read_header) co_return read_header;
+        const auto place = chain.step(header);
+        if (!place) break;
+        std::array<std::byte, Slave::kSyncManagers * wire::reg::kSyncManagerStride> content{};
+        const auto wanted =
+            MutableBytes(content).first(std::min(place->words * sii::kWordBytes, wanted_bytes(place->type)));
+        mark(*place);
+        auto read_content =
+            co_await reader_.read(place->word, wanted, found_all() ? strings_.word : chain.header_word());
+        if (!read_content) co_return read_content;
+        take(place->type, wanted);
+    }
+    co_return chain.fault() == sii::Fault::none ? Result<>()
+                                                : Result<>(error(chain.fault(), chain.header_word()));
+}
+
+Task<Result<>> Contents::name() {
+    if (name_ == 0 || strings_.words == 0) co_return Result<>();
+    StringPicker picker(name_);
+    const std::uint32_t end = strings_.word + strings_.words;
+    for (std::uint32_t word = strings_.word; word < end && !picker.done();
+         word += kBlockBytes / sii::kWordBytes) {
+        std::array<std::byte, kBlockBytes> block{};
+        const auto part =
+            MutableBytes(block).first(std::min<std::size_t>(kBlockBytes, (end - word) * sii::kWordBytes));
+        const std::uint32_t next = word + kBlockBytes / sii::kWordBytes;
+        auto read_part = co_await reader_.read(word, part, next < end ? next : SiiReader::kNone);
+        if (!read_part) co_return read_part;
+        picker.take(part);
+    }
+    slave_.name_bytes = static_cast<std::uint8_t>(sii::to_utf8(picker.text(), slave_.name_text).size());
+    if (picker.found()) co_return Result<>();
+    co_return error(picker.done() ? sii::Fault::string_missing : sii::Fault::string_past_end, strings_.word,
+                    name_);
+}
+
+}  // namespace
+
+Task<Result<>> read_sii_contents(Station station, Slave& slave) {
+    Contents contents(station, slave);
+    auto configuration = co_await contents.configuration();
+    if (!configuration && configuration.error().step != Step::parse_sii) co_return configuration;
+    if (configuration.error().code == Errc::sii_blank) co_return configuration;
+    auto categories = co_await contents.categories();
+    auto name = co_await contents.name();
+    if (!configuration) co_return configuration;
+    co_return categories ? name : categories;
+}
+
+}  // namespace margay
