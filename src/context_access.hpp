@@ -1,0 +1,14 @@
+// What the files of src/ may see of a context.
+#pragma once
+
+#include <margay/context.hpp>
+
+namespace margay {
+
+struct ContextAccess {
+    static Network*& network(Context& ctx) { return ctx.network_; }
+    static Osal*& osal(Context& ctx) { return ctx.osal_; }
+    static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
+};
+
+}  // namespace margay

@@ -1,0 +1,89 @@
+// An Error as a sentence.
+#include "util/text_writer.hpp"
+#include "wire/al_status_code.hpp"
+#include "wire/esc.hpp"
+
+#include <margay/al_state.hpp>
+#include <margay/error.hpp>
+
+namespace margay {
+namespace {
+
+// What `index` and `subindex` of an error mean depends on the step.
+void write_place(TextWriter& out, const Error& e) {
+    switch (e.step) {
+        case Step::read_sii:
+        case Step::write_sii:
+        case Step::parse_sii: (out << " at word ").hex(e.index, 4); break;
+        case Step::sdo_upload:
+        case Step::sdo_download:
+        case Step::sdo_information: (out << " of ").hex(e.index, 4) << ":" << e.subindex; break;
+        case Step::topology: out << " at port " << e.index; break;
+        case Step::map_process_data:
+        case Step::exchange_process_data:
+            if (e.code == Errc::unknown_group)
+                out << " of group " << e.index;
+            else if (e.index >= wire::reg::kSyncManagerBase && e.index < wire::reg::sync_manager(16).address)
+                out << " at SyncManager " << (e.index - wire::reg::kSyncManagerBase) / wire::reg::kSyncManagerStride;
+            else if (e.index != 0)
+                (out << " at register ").hex(e.index, 4);
+            break;
+        default:
+            if (e.index != 0) (out << " at register ").hex(e.index, 4);
+    }
+}
+
+void write_cause(TextWriter& out, const Error& e) {
+    switch (e.code) {
+        case Errc::al_status:
+        case Errc::timeout:
+            if (e.step != Step::request_state) break;
+            out << " (wanted " << to_text(static_cast<AlState>(e.expected)) << ", is in "
+                << to_text(static_cast<AlState>(e.actual));
+            if (e.detail != 0)
+                (out << ", AL status code ").hex(e.detail, 4)
+                    << ": " << wire::al_status_text(static_cast<std::uint16_t>(e.detail));
+            out << ")";
+            break;
+        case Errc::working_counter:
+        case Errc::unstable:
+            if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
+            break;
+        case Errc::image_too_large:
+        case Errc::fmmu_shortage:
+        case Errc::sm_shortage:
+        case Errc::too_many_frames:
+        case Errc::capacity:
+            if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
+            break;
+        case Errc::sii_verify:
+        case Errc::sii_checksum:
+            (out << " (expected ").hex(e.expected, e.code == Errc::sii_verify ? 4 : 2);
+            (out << ", got ").hex(e.actual, e.code == Errc::sii_verify ? 4 : 2) << ")";
+            break;
+        case Errc::sdo_abort: (out << " (abort code ").hex(e.detail, 8) << ")"; break;
+        case Errc::mailbox_error: (out << " (detail ").hex(e.detail, 4) << ")"; break;
+        case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
+        case Errc::nic:
+            if (e.actual != 0) out << " (system error " << e.actual << ")";
+            break;
+        default: break;
+    }
+}
+
+}  // namespace
+
+std::string_view describe(const Error& e, std::span<char> buffer) {
+    TextWriter out(buffer);
+    if (e.slave != 0) out << "slave " << e.slave << ": ";
+    if (e.step != Step::none) {
+        out << to_text(e.step);
+        write_place(out, e);
+        out << ": ";
+    }
+    out << to_text(e.code);
+    write_cause(out, e);
+    return out.text();
+}
+
+}  // namespace margay

@@ -1,0 +1,95 @@
+#include "network/configure.hpp"
+
+#include "network/pdo_sii.hpp"
+#include "station/al_state.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+constexpr Step kStep = Step::configure_process_data;
+
+// An ESC takes the place and length of a SyncManager only while it is off.
+Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm) {
+    const wire::Register place = reg::sync_manager(sm.number);
+    std::array<std::byte, 1> off{};
+    std::array<std::byte, reg::kSyncManagerStride> bytes{};
+    wire::store_sync_manager(bytes, make_sync_manager(sm));
+    const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
+    Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
+    Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
+    co_await together(switch_off, write_all);
+    const Error error = judge(station, switch_off.reply(), kStep, activate);
+    if (error.code != Errc::none) co_return error;
+    const Error second = judge(station, write_all.reply(), kStep, place.address);
+    if (second.code != Errc::none) co_return second;
+    co_return Result<>();
+}
+
+// All FMMUs that the ESC has, so that none is left of an older mapping.
+Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout) {
+    const auto fmmus = make_fmmus(slave, layout);
+    if (!fmmus) co_return fmmus.error();
+    const std::size_t count = std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
+    if (count == 0) co_return Result<>();
+    std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride> bytes{};
+    for (std::size_t n = 0; n < count; ++n)
+        wire::store_fmmu(MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride), fmmus->at[n]);
+    Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
+                       Bytes(bytes).first(count * reg::kFmmuStride));
+    auto reply = co_await write_all;
+    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    if (error.code != Errc::none) co_return error;
+    co_return Result<>();
+}
+
+Task<Result<>> write_watchdog(Station station, Duration time) {
+    constexpr std::uint16_t kDividerFor100us = 2498;  // and two, in units of 40 ns
+    constexpr Duration kUnit = std::chrono::microseconds(100);
+    const auto units = std::clamp<std::int64_t>((time + kUnit - Duration{1}) / kUnit, 0, 0xFFFF);
+    auto divider = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, kDividerFor100us, kStep);
+    if (!divider) co_return divider;
+    auto written = co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, static_cast<std::uint16_t>(units), kStep);
+    co_return written;
+}
+
+Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout) {
+    for (std::size_t n = 0; n < slave.config.sm_count; ++n) {
+        auto written = co_await write_sync_manager(station, slave.config.sms[n]);
+        if (!written) co_return written;
+    }
+    auto fmmus = co_await write_fmmus(station, slave, layout);
+    if (!fmmus) co_return fmmus;
+    if (!slave.config.process_data_watchdog) co_return Result<>();
+    co_return co_await write_watchdog(station, *slave.config.process_data_watchdog);
+}
+
+}  // namespace
+
+Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+    if (slave.config.source != ConfigurationSource::none || slave.config.sm_count != 0) co_return Result<>();
+    co_return co_await discover_pdos_from_sii(network.station(slave), slave);
+}
+
+Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout) {
+    const Station station = network.station(slave);
+    auto before = co_await read_al_status(station);
+    if (!before) {
+        slave.al = {};
+        co_return before.error();
+    }
+    if (before->state == AlState::safeop || before->state == AlState::op) {
+        auto back = co_await change_al_state(station, AlState::preop, slave.device_emulation, default_al_timeout(AlState::preop));
+        if (!back) co_return back.error();
+    }
+    auto written = co_await write_all(station, slave, layout);
+    if (!written) co_return written;
+    auto state = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    auto seen = co_await read_al_status(station);
+    slave.al = seen ? *seen : AlStatus{};
+    co_return state ? Result<>() : Result<>(state.error());
+}
+
+}  // namespace margay

@@ -1,0 +1,16 @@
+// From PREOP to SAFEOP: what one slave needs to exchange process data goes into its registers.
+#pragma once
+
+#include "network/image_layout.hpp"
+#include "network/network.hpp"
+
+namespace margay {
+
+// Finds out what process data the slave has, unless somebody has said so already.
+[[nodiscard]] Task<Result<>> discover_pdos(Network& network, Slave& slave);
+
+// Writes SyncManagers, FMMUs and watchdog of a slave that lay_out() has placed, and brings it to SAFEOP; from SAFEOP or OP it goes back to PREOP
+// first. The same for the first time and for a slave that has come back.
+[[nodiscard]] Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout);
+
+}  // namespace margay

@@ -1,0 +1,73 @@
+#include "network/groups.hpp"
+
+#include "network/configure.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
+
+// Two images at the same logical addresses would be exchanged with each other's slaves.
+bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
+    const std::uint64_t begin = group.layout.start.value;
+    const std::uint64_t end = begin + group.layout.logical_bytes();
+    if (end > 0x1'0000'0000) return false;
+    return std::ranges::none_of(tables.groups, [&](const ProcessGroup& other) {
+        const std::uint64_t first = other.layout.start.value;
+        return &other != &group && other.mapped && begin < first + other.layout.logical_bytes() && first < end;
+    });
+}
+
+Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
+    ProcessTables& tables = network.process;
+    ProcessGroup& group = tables.groups[number];
+    const auto layout = lay_out(network.slaves(), number, group.config, image);
+    if (!layout) return layout.error();
+    group.layout = *layout;
+    group.image = image.first(layout->image_bytes());
+    group.output_bytes = layout->output_bytes;
+    group.input_bytes = layout->input_bytes;
+    if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
+    const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
+    if (!count) return count.error();
+    return prepare(tables, group, *count, network.engine.link().nic().source_mac());
+}
+
+Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
+    if (slave.config.group != number) co_return Result<>();
+    auto found = co_await discover_pdos(network, slave);
+    if (!found) network.note(slave, found.error());
+    co_return Result<>();
+}
+
+Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number) {
+    if (slave.config.group != number || slave.hooks.failed) co_return Result<>();
+    auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout);
+    if (!done) network.note(slave, done.error());
+    co_return Result<>();
+}
+
+}  // namespace
+
+Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
+    if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
+    if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
+    unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
+    auto discovered = co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
+    if (!discovered) co_return discovered.error();
+    std::ranges::fill(image, std::byte{0});
+    const auto laid_out = lay_out_group(network, number, image);
+    if (!laid_out) {
+        unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
+        for (Slave& slave : network.slaves())
+            if (slave.config.group == number) slave.image = {};
+        co_return laid_out.error();
+    }
+    auto configured = co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
+    if (!configured) co_return configured.error();
+    co_return network.process.groups[number].image.size();
+}
+
+}  // namespace margay

@@ -1,0 +1,198 @@
+#include "network/image_datagrams.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+using wire::Command;
+
+constexpr std::uint32_t kOverhead = wire::kDatagramOverheadBytes;
+constexpr std::uint32_t kFrameRoom = wire::kMaxDatagramsBytes;
+
+// A piece of logical address space that one command exchanges, by octets from the image's logical start.
+struct Range {
+    Command command = Command::NOP;
+    std::uint32_t begin = 0;
+    std::uint32_t end = 0;
+};
+
+struct Ranges {
+    std::array<Range, 2> at{};
+    std::size_t count = 0;
+};
+
+Ranges choose_ranges(const ImageLayout& layout, bool block_lrw) {
+    const std::uint32_t inputs_begin = layout.overlapped ? 0 : layout.output_bytes;
+    const Range outputs{Command::LWR, 0, layout.output_bytes};
+    const Range inputs{Command::LRD, inputs_begin, inputs_begin + layout.input_bytes};
+    Ranges s;
+    if (layout.output_bytes > 0 && layout.input_bytes > 0 && !block_lrw) {
+        s.at[s.count++] = {Command::LRW, 0, layout.logical_bytes()};
+        return s;
+    }
+    if (layout.output_bytes > 0) s.at[s.count++] = outputs;
+    if (layout.input_bytes > 0) s.at[s.count++] = inputs;
+    return s;
+}
+
+// The logical octets of one slave's data, for deciding where to cut.
+struct Octets {
+    std::uint32_t begin = 0;
+    std::uint32_t end = 0;
+};
+Octets octets(const ImagePart& part, std::uint32_t shift) {
+    const auto first = part.offset_bits / 8;
+    return {first - shift, first - shift + static_cast<std::uint32_t>(part.bytes.size())};
+}
+
+class Planner {
+  public:
+    Planner(std::span<const Slave> slaves, std::uint8_t group, const ImageLayout& layout, const Ranges& ranges, std::uint32_t reserve,
+            std::span<DatagramPlan> into)
+        : slaves_(slaves), group_(group), layout_(layout), ranges_(ranges), room_(kFrameRoom - reserve), into_(into) {}
+
+    // Returns the number of datagrams, which may be more than there is room for: those are not stored.
+    std::size_t run() {
+        for (std::size_t s = 0; s < ranges_.count; ++s)
+            for (std::uint32_t at = ranges_.at[s].begin; at < ranges_.at[s].end;) at = next(s, at);
+        return count_;
+    }
+
+  private:
+    // Places one datagram, or begins a new frame. Returns where the range goes on.
+    std::uint32_t next(std::size_t s, std::uint32_t at) {
+        const Range& range = ranges_.at[s];
+        const std::uint32_t fits = room_ > kOverhead ? room_ - kOverhead : 0;
+        if (fits == 0) return open_frame(at);
+        if (range.end - at <= fits) return put(range, at, range.end);
+        const std::uint32_t most = at + fits;
+        const std::uint32_t whole = slave_boundary(range, at, most);
+        const std::uint32_t needed = frames_needed(s, at, room_);
+        if (whole > at && frames_needed(s, whole, kFrameRoom) + 1 <= needed) return put(range, at, whole);
+        // Nothing whole fits: an empty rest of a frame is given up if that costs none, else the slave is cut.
+        if (room_ < kFrameRoom && whole == at && frames_needed(s, at, kFrameRoom) + 1 <= needed) return open_frame(at);
+        return put(range, at, most);
+    }
+
+    std::uint32_t open_frame(std::uint32_t at) {
+        ++frame_;
+        room_ = kFrameRoom;
+        return at;
+    }
+
+    // How many frames all from here on takes at the least, with `room` left in the first of them.
+    [[nodiscard]] std::uint32_t frames_needed(std::size_t s, std::uint32_t at, std::uint32_t room) const {
+        std::uint32_t frames = 1;
+        std::uint32_t left = ranges_.at[s].end - at;
+        for (;;) {
+            while (left > 0) {
+                if (room <= kOverhead) {
+                    ++frames;
+                    room = kFrameRoom;
+                }
+                const std::uint32_t part = std::min(left, room - kOverhead);
+                left -= part;
+                room -= part + kOverhead;
+            }
+            if (++s >= ranges_.count) break;
+            left = ranges_.at[s].end - ranges_.at[s].begin;
+        }
+        return frames;
+    }
+
+    // The last place from `at` to `most` where no slave's data would be cut.
+    [[nodiscard]] std::uint32_t slave_boundary(const Range& range, std::uint32_t at, std::uint32_t most) const {
+        std::uint32_t cut = most;
+        for (bool moved = true; moved && cut > at;) {
+            moved = false;
+            const auto keep_whole = [&](const ImagePart& part, std::uint32_t shift) {
+                const Octets o = octets(part, shift);
+                if (o.begin >= cut || cut >= o.end) return;
+                cut = std::max(o.begin, at);
+                moved = cut > at;
+            };
+            for (const Slave& slave : slaves_) {
+                if (slave.config.group != group_) continue;
+                if (range.command != Command::LRD) keep_whole(slave.image.outputs, 0);
+                if (range.command != Command::LWR) keep_whole(slave.image.inputs, layout_.input_shift_bytes());
+            }
+        }
+        return cut;
+    }
+
+    std::uint32_t put(const Range& range, std::uint32_t begin, std::uint32_t end) {
+        DatagramPlan plan{.command = range.command,
+                          .frame = frame_,
+                          .address = {layout_.start.value + begin},
+                          .bytes = static_cast<std::uint16_t>(end - begin)};
+        if (range.command != Command::LRD && begin < layout_.output_bytes) {
+            plan.image_output = begin;
+            plan.output_bytes = static_cast<std::uint16_t>(std::min(end, layout_.output_bytes) - begin);
+        }
+        const std::uint32_t inputs_begin = layout_.overlapped ? 0 : layout_.output_bytes;
+        if (range.command != Command::LWR && end > inputs_begin) {
+            const std::uint32_t first = std::max(begin, inputs_begin);
+            plan.image_input = first + layout_.input_shift_bytes();
+            plan.input_bytes = static_cast<std::uint16_t>(end - first);
+            plan.input_at = static_cast<std::uint16_t>(first - begin);
+        }
+        if (count_ < into_.size()) into_[count_] = plan;
+        ++count_;
+        room_ -= kOverhead + (end - begin);
+        return end;
+    }
+
+    std::span<const Slave> slaves_;
+    std::uint8_t group_;
+    const ImageLayout& layout_;
+    const Ranges& ranges_;
+    std::uint32_t room_;
+    std::span<DatagramPlan> into_;
+    std::size_t count_ = 0;
+    std::uint16_t frame_ = 0;
+};
+
+}  // namespace
+
+std::uint16_t working_counter_of(const SlaveFmmus& fmmus, const DatagramPlan& datagram) {
+    const std::uint64_t begin = datagram.address.value;
+    const std::uint64_t end = begin + datagram.bytes;
+    bool reads = false;
+    bool writes = false;
+    for (const wire::Fmmu& fmmu : fmmus.at) {
+        const std::uint64_t first = fmmu.logical_start.value;
+        if (!fmmu.active || first >= end || first + fmmu.length_bytes <= begin) continue;
+        reads |= fmmu.read && datagram.command != Command::LWR;
+        writes |= fmmu.write && datagram.command != Command::LRD;
+    }
+    const unsigned for_write = datagram.command == Command::LRW ? 2 : 1;
+    return static_cast<std::uint16_t>((reads ? 1U : 0U) + (writes ? for_write : 0U));
+}
+
+Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
+                                   const ImageLayout& layout, std::span<DatagramPlan> into) {
+    if (wanted.reserve_bytes > kFrameRoom - kOverhead - 1)
+        return Error{.code = Errc::invalid_argument, .step = Step::map_process_data};
+    const bool block_lrw = wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
+        const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;
+        return slave.config.group == group && cannot && (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
+    });
+    const Ranges ranges = choose_ranges(layout, block_lrw);
+    const std::size_t count = Planner(slaves, group, layout, ranges, wanted.reserve_bytes, into).run();
+    if (count > into.size())
+        return Error{.code = Errc::too_many_frames,
+                     .step = Step::map_process_data,
+                     .expected = static_cast<std::uint32_t>(count),
+                     .actual = static_cast<std::uint32_t>(into.size())};
+    for (const Slave& slave : slaves) {
+        if (slave.config.group != group) continue;
+        const auto fmmus = make_fmmus(slave, layout);
+        if (!fmmus) return fmmus.error();
+        for (DatagramPlan& datagram : into.first(count))
+            datagram.expected_wkc = static_cast<std::uint16_t>(datagram.expected_wkc + working_counter_of(*fmmus, datagram));
+    }
+    return count;
+}
+
+}  // namespace margay

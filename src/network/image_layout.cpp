@@ -1,0 +1,306 @@
+#include "network/image_layout.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::uint64_t kMostImageBits = 0xFFFF'FFF8;
+constexpr std::uint8_t kMailboxFullBit = 3;             // of a SyncManager's status octet
+constexpr std::uint16_t kFirstProcessOctet = 0x0F00;  // digital outputs; below are registers
+
+constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) & ~std::uint64_t{7}; }
+
+Error fault(Errc code, const Slave& slave, std::uint16_t index = 0) {
+    return {.code = code, .step = Step::map_process_data, .slave = slave.position, .index = index};
+}
+
+// An FMMU of this slave can begin and end in the middle of an octet.
+bool maps_bits(const Slave& slave) { return (slave.dl.features & wire::features::kFmmuBitOperationNotSupported) == 0; }
+
+// The slave's data lies in whole octets.
+bool whole_octets(const Slave& slave, Packing packing) { return packing == Packing::bytes || !maps_bits(slave); }
+
+std::span<const ProcessSm> process_sms(const Slave& slave) { return std::span(slave.config.sms).first(slave.config.sm_count); }
+
+bool wants_mailbox_status(const Slave& slave) { return slave.config.mailbox_status && slave.mailbox.present(); }
+
+// Goes through the SyncManagers of one direction, the first of them at bit `at`: visit(sm, its first bit). Returns where they end. An
+// ESC lets only one FMMU of a direction have an octet, so the second SyncManager of a slave always begins on a new one.
+template <class Visit>
+std::uint64_t walk(const Slave& slave, Packing packing, Direction direction, std::uint64_t at, Visit visit) {
+    bool first = true;
+    for (const ProcessSm& sm : process_sms(slave)) {
+        if (sm.direction != direction || sm.bits == 0) continue;
+        if (!first || sm.bits >= 8 || whole_octets(slave, packing)) at = up_to_octet(at);
+        visit(sm, at);
+        at += sm.bits;
+        first = false;
+    }
+    return whole_octets(slave, packing) ? up_to_octet(at) : at;
+}
+
+// Where a slave's data in one direction would begin and end if the one before it ends at `at`.
+struct Extent {
+    std::uint64_t begin = 0;
+    std::uint64_t end = 0;
+    [[nodiscard]] bool empty() const { return begin == end; }
+};
+Extent extent(const Slave& slave, Packing packing, Direction direction, std::uint64_t at) {
+    bool any = false;
+    Extent e;
+    e.end = walk(slave, packing, direction, at, [&](const ProcessSm&, std::uint64_t bit) {
+        if (!any) e.begin = bit;
+        any = true;
+    });
+    return any ? e : Extent{};
+}
+
+Result<> check_sync_managers(const Slave& slave) {
+    const auto sms = process_sms(slave);
+    const std::uint32_t memory_end = slave.dl.ram_kib == 0 ? 0x10000U : std::min(0x10000U, 0x1000U + slave.dl.ram_kib * 1024U);
+    for (const ProcessSm& sm : sms) {
+        Error error = fault(Errc::sm_shortage, slave, wire::reg::sync_manager(sm.number & 0xF).address);
+        error.expected = sm.number + 1U;
+        error.actual = slave.dl.sync_managers;
+        if (sm.number >= slave.dl.sync_managers) return error;
+        error = fault(Errc::sm_memory, slave, error.index);
+        error.expected = sm.start + sm.bytes();
+        error.actual = memory_end;
+        if (sm.bits > 0 && (sm.start < kFirstProcessOctet || error.expected > memory_end)) return error;
+        for (const ProcessSm& other : sms.first(static_cast<std::size_t>(&sm - sms.data()))) {
+            if (other.number == sm.number) return fault(Errc::invalid_argument, slave, error.index);
+            const bool apart = sm.start + sm.bytes() <= other.start || other.start + other.bytes() <= sm.start;
+            if (sm.bits > 0 && other.bits > 0 && !apart) return error;
+        }
+    }
+    return Result<>();
+}
+
+// Lays one slave after the other, and then the mailbox status bits; twice, once to know how long the outputs are.
+class Layer {
+  public:
+    Layer(const GroupConfiguration& wanted, std::uint64_t outputs_at, std::uint64_t inputs_at)
+        : wanted_(wanted), outputs_at_(outputs_at), inputs_at_(inputs_at) {}
+
+    [[nodiscard]] std::uint64_t outputs_end() const { return outputs_at_; }
+    [[nodiscard]] std::uint64_t inputs_end() const { return inputs_at_; }
+
+    struct Place {
+        Extent outputs;
+        Extent inputs;
+    };
+    Place place(const Slave& slave) {
+        Place p;
+        if (wanted_.overlapped) {
+            // Both begin at the same bit of their halves, and so does the next slave.
+            const std::uint64_t shift = inputs_at_ - outputs_at_;
+            const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
+            const auto inputs = extent(slave, wanted_.packing, Direction::inputs, outputs_at_);
+            const std::uint64_t begin = std::max(outputs.empty() ? outputs_at_ : outputs.begin, inputs.empty() ? outputs_at_ : inputs.begin);
+            p.outputs = extent(slave, wanted_.packing, Direction::outputs, begin);
+            p.inputs = extent(slave, wanted_.packing, Direction::inputs, begin + shift);
+            const std::uint64_t end = std::max({outputs_at_, p.outputs.end, p.inputs.empty() ? 0 : p.inputs.end - shift});
+            outputs_at_ = end;
+            inputs_at_ = end + shift;
+            return p;
+        }
+        p.outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
+        p.inputs = extent(slave, wanted_.packing, Direction::inputs, inputs_at_);
+        if (!p.outputs.empty()) outputs_at_ = p.outputs.end;
+        if (!p.inputs.empty()) inputs_at_ = p.inputs.end;
+        return p;
+    }
+    // The bit that tells of the slave's mailbox.
+    std::uint64_t place_mailbox_status(const Slave& slave) {
+        if (!status_) inputs_at_ = up_to_octet(inputs_at_);
+        status_ = true;
+        if (maps_bits(slave)) return inputs_at_++;
+        inputs_at_ = up_to_octet(inputs_at_) + 8;
+        return inputs_at_ - 8 + kMailboxFullBit;
+    }
+
+  private:
+    const GroupConfiguration& wanted_;
+    std::uint64_t outputs_at_;
+    std::uint64_t inputs_at_;
+    bool status_ = false;
+};
+
+ImagePart part(const Extent& extent, std::span<std::byte> image) {
+    if (extent.empty()) return {};
+    const auto first = static_cast<std::size_t>(extent.begin / 8);
+    const auto end = static_cast<std::size_t>(up_to_octet(extent.end) / 8);
+    return {static_cast<std::uint32_t>(extent.begin), static_cast<std::uint32_t>(extent.end - extent.begin),
+            image.subspan(first, end - first)};
+}
+
+// The image's two halves in bits, by a first run over the slaves.
+Layer::Place measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
+    Layer layer(wanted, 0, 0);
+    for (Slave& slave : slaves)
+        if (slave.config.group == group) (void)layer.place(slave);
+    const std::uint64_t outputs = up_to_octet(layer.outputs_end());
+    for (Slave& slave : slaves)
+        if (slave.config.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
+    return {{0, outputs}, {outputs, outputs + up_to_octet(layer.inputs_end())}};
+}
+
+Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted, std::span<std::byte> image,
+                   const Layer::Place& halves) {
+    const std::uint64_t room = std::min<std::uint64_t>(std::uint64_t{image.size()} * 8, kMostImageBits);
+    const auto too_large = [&](const Slave& slave) {
+        Error error = fault(Errc::image_too_large, slave);
+        error.expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(halves.inputs.end / 8, 0xFFFF'FFFF));
+        error.actual = static_cast<std::uint32_t>(room / 8);
+        return error;
+    };
+    Layer layer(wanted, 0, halves.inputs.begin);
+    for (Slave& slave : slaves) {
+        if (slave.config.group != group) continue;
+        const auto place = layer.place(slave);
+        if (std::max(place.outputs.end, place.inputs.end) > room) return too_large(slave);
+        slave.image.outputs = part(place.outputs, image);
+        slave.image.inputs = part(place.inputs, image);
+    }
+    for (Slave& slave : slaves) {
+        if (slave.config.group != group || !wants_mailbox_status(slave)) continue;
+        const std::uint64_t bit = layer.place_mailbox_status(slave);
+        if (bit >= room) return too_large(slave);
+        slave.image.mailbox_status_bit = static_cast<std::uint32_t>(bit);
+    }
+    return Result<>();
+}
+
+// Collects the FMMUs that a slave needs; neighbours in both address spaces become one.
+class FmmuList {
+  public:
+    struct Entry {
+        FmmuUse use = FmmuUse::unused;
+        std::uint64_t begin_bits = 0;  // logical
+        std::uint64_t end_bits = 0;
+        std::uint16_t physical = 0;
+        std::uint8_t physical_bit = 0;
+    };
+    void add(const Entry& entry) {
+        if (count_ > 0) {
+            Entry& last = entries_[count_ - 1];
+            const std::uint64_t length = last.end_bits - last.begin_bits;
+            if (last.use == entry.use && last.end_bits == entry.begin_bits && length % 8 == 0 &&
+                last.physical + length / 8 == entry.physical) {
+                last.end_bits = entry.end_bits;
+                return;
+            }
+        }
+        entries_[count_++] = entry;
+    }
+    [[nodiscard]] std::span<const Entry> entries() const { return std::span(entries_).first(count_); }
+
+  private:
+    std::array<Entry, SlaveConfiguration::kProcessSms + 1> entries_{};
+    std::size_t count_ = 0;
+};
+
+wire::Fmmu to_fmmu(const FmmuList::Entry& e, LogicalAddress start) {
+    const auto first = static_cast<std::uint32_t>(e.begin_bits / 8);
+    const auto last = static_cast<std::uint32_t>((e.end_bits - 1) / 8);
+    return {.logical_start = {start.value + first},
+            .length_bytes = static_cast<std::uint16_t>(last - first + 1),
+            .logical_start_bit = static_cast<std::uint8_t>(e.begin_bits % 8),
+            .logical_end_bit = static_cast<std::uint8_t>((e.end_bits - 1) % 8),
+            .physical_start = e.physical,
+            .physical_start_bit = e.physical_bit,
+            .read = e.use != FmmuUse::outputs,
+            .write = e.use == FmmuUse::outputs,
+            .active = true};
+}
+
+FmmuList needed_fmmus(const Slave& slave, const ImageLayout& layout) {
+    FmmuList list;
+    const bool octets = whole_octets(slave, layout.packing);
+    const std::uint64_t input_shift = std::uint64_t{layout.input_shift_bytes()} * 8;
+    for (const Direction direction : {Direction::outputs, Direction::inputs}) {
+        const bool out = direction == Direction::outputs;
+        const ImagePart& p = out ? slave.image.outputs : slave.image.inputs;
+        walk(slave, layout.packing, direction, p.offset_bits, [&](const ProcessSm& sm, std::uint64_t bit) {
+            const std::uint64_t begin = bit - (out ? 0 : input_shift);
+            list.add({out ? FmmuUse::outputs : FmmuUse::inputs, begin, octets ? up_to_octet(begin + sm.bits) : begin + sm.bits, sm.start, 0});
+        });
+    }
+    if (slave.image.mailbox_status_bit != SlaveImage::kNone) {
+        const std::uint64_t bit = slave.image.mailbox_status_bit - input_shift;
+        const bool alone = maps_bits(slave);
+        constexpr auto kStatus = static_cast<std::uint16_t>(wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset);
+        list.add(alone ? FmmuList::Entry{FmmuUse::mailbox_status, bit, bit + 1, kStatus, kMailboxFullBit}
+                       : FmmuList::Entry{FmmuUse::mailbox_status, bit / 8 * 8, bit / 8 * 8 + 8, kStatus, 0});
+    }
+    return list;
+}
+
+// The number of the FMMU for a use: one that the SII has for it, else one that the SII has no use for, else any.
+std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t available, FmmuUse use) {
+    const auto described = [&](std::size_t n) { return n < slave.fmmu_count ? slave.fmmu_use[n] : FmmuUse::unused; };
+    for (const FmmuUse wanted : {use, FmmuUse::unused})
+        for (std::size_t n = 0; n < available; ++n)
+            if (!taken.at[n].active && described(n) == wanted) return n;
+    std::size_t n = 0;
+    while (taken.at[n].active) ++n;
+    return n;
+}
+
+}  // namespace
+
+Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted, std::span<std::byte> image) {
+    Result<> done;
+    for (Slave& slave : slaves) {
+        if (slave.config.group != group) continue;
+        slave.image = {};
+        if (done) done = check_sync_managers(slave);
+    }
+    const auto halves = measure(slaves, group, wanted);
+    if (done) done = place_all(slaves, group, wanted, image, halves);
+    if (!done) {
+        for (Slave& slave : slaves)
+            if (slave.config.group == group) slave.image = {};
+        return done.error();
+    }
+    return ImageLayout{.start = wanted.start,
+                       .packing = wanted.packing,
+                       .overlapped = wanted.overlapped,
+                       .output_bytes = static_cast<std::uint32_t>(halves.outputs.end / 8),
+                       .input_bytes = static_cast<std::uint32_t>((halves.inputs.end - halves.inputs.begin) / 8)};
+}
+
+Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
+    const FmmuList list = needed_fmmus(slave, layout);
+    const std::size_t available = std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
+    if (list.entries().size() > available) {
+        Error error = fault(Errc::fmmu_shortage, slave);
+        error.expected = static_cast<std::uint32_t>(list.entries().size());
+        error.actual = static_cast<std::uint32_t>(available);
+        return error;
+    }
+    SlaveFmmus fmmus;
+    for (const auto& entry : list.entries()) fmmus.at[pick(slave, fmmus, available, entry.use)] = to_fmmu(entry, layout.start);
+    fmmus.count = static_cast<std::uint8_t>(list.entries().size());
+    return fmmus;
+}
+
+wire::SyncManager make_sync_manager(const ProcessSm& sm) {
+    return {.physical_start = sm.start,
+            .length_bytes = static_cast<std::uint16_t>(sm.bytes()),
+            .control = sm.control,
+            .activate = sm.bits == 0 ? std::uint8_t{0} : wire::sm_activate::kEnable};
+}
+
+std::uint32_t sm_offset_bits(const Slave& slave, Packing packing, std::size_t n) {
+    const ProcessSm& wanted = slave.config.sms[n];
+    const ImagePart& p = wanted.direction == Direction::outputs ? slave.image.outputs : slave.image.inputs;
+    std::uint64_t found = p.offset_bits;
+    walk(slave, packing, wanted.direction, p.offset_bits, [&](const ProcessSm& sm, std::uint64_t bit) {
+        if (&sm == &wanted) found = bit;
+    });
+    return static_cast<std::uint32_t>(found);
+}
+
+}  // namespace margay

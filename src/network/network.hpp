@@ -1,0 +1,66 @@
+// A whole segment as the master knows it: the engine that talks to it and the table of its slaves.
+#pragma once
+
+#include "link/engine.hpp"
+#include "network/process_data.hpp"
+#include "station/register_access.hpp"
+#include "util/task.hpp"
+
+#include <margay/error_log.hpp>
+#include <margay/slave.hpp>
+
+#include <span>
+
+namespace margay {
+
+struct ScanSettings {
+    Duration link_timeout = std::chrono::seconds(5);
+    Duration init_timeout = std::chrono::seconds(2);  // for all slaves to reach INIT
+    std::uint16_t first_station_address = 0x1001;
+};
+
+struct Network {
+    Network(Nic& nic, std::span<Slave> slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
+            std::size_t most_tasks)
+        : engine(nic, slots, arena_memory), table(slave_table), tasks(most_tasks) {}
+
+    Engine engine;
+    std::span<Slave> table;
+    std::uint16_t count = 0;  // of slaves found
+    std::size_t tasks;        // slaves worked on at once
+    ScanSettings settings;
+    ProcessTables process;
+    ErrorLog errors;
+    Crew requests;            // those that are busy; last, so that they end first
+
+    [[nodiscard]] Arena& arena() { return engine.arena(); }
+    [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
+    // By position, 1 the first.
+    [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
+    [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
+
+    // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the others.
+    void note(Slave& slave, const Error& error) {
+        if (slave.error.code == Errc::none) slave.error = error;
+        errors.add(error);
+    }
+};
+
+// Runs make(slave) for every slave, as many at once as the network allows. What they end with is theirs to keep; the first
+// error of them goes to `first` where it is wanted.
+template <class Make>
+Task<Result<>> for_each_slave(Network& network, Make make, Error* first = nullptr) {
+    Crew crew(network.tasks);
+    for (Slave& slave : network.slaves()) {
+        while (crew.full()) co_await crew.one();
+        while (!crew.start(make(slave))) {
+            if (crew.running() == 0) co_return Error{.code = Errc::capacity};
+            co_await crew.one();
+        }
+    }
+    co_await crew.all();
+    if (first != nullptr) *first = crew.first_error();
+    co_return Result<>();
+}
+
+}  // namespace margay

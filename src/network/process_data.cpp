@@ -1,0 +1,137 @@
+#include "network/process_data.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+// Whether [a, a + n) and the run have an element in common.
+template <class T>
+bool overlaps(std::size_t a, std::size_t n, std::span<T> run, std::span<T> all) {
+    if (run.empty()) return false;
+    const auto first = static_cast<std::size_t>(run.data() - all.data());
+    return a < first + run.size() && first < a + n;
+}
+
+// The first run of `n` free elements, or all.size().
+template <class T, class RunOf>
+std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> groups, RunOf run_of) {
+    for (std::size_t at = 0; at + n <= all.size(); ++at) {
+        const bool taken = std::ranges::any_of(groups, [&](const ProcessGroup& g) { return overlaps(at, n, run_of(g), all); });
+        if (!taken) return at;
+    }
+    return all.size();
+}
+
+// The datagram falls short of what a lost slave would have added.
+std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, const DatagramPlan& datagram) {
+    for (const Slave& slave : slaves) {
+        if (slave.config.group != number || slave.al.state != AlState::none) continue;
+        const auto fmmus = make_fmmus(slave, group.layout);
+        if (fmmus && working_counter_of(*fmmus, datagram) > 0) return slave.position;
+    }
+    return 0;
+}
+
+Error cycle_error(Errc code, std::uint8_t group) {
+    return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
+}
+
+}  // namespace
+
+void unprepare(ProcessGroup& group, Link& link, Time now) {
+    for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
+    const GroupConfiguration config = group.config;
+    group = {};
+    group.config = config;
+}
+
+Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source) {
+    const auto planned = tables.scratch.first(count);
+    // A first frame that was left to others wholly is not sent.
+    const std::uint16_t first = planned.empty() ? std::uint16_t{0} : planned.front().frame;
+    const std::size_t frame_count = planned.empty() ? 0 : planned.back().frame - first + 1U;
+    const std::size_t frames_at = find_free(tables.frames, frame_count, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
+    const std::size_t datagrams_at = find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
+    if (frames_at + frame_count > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
+        Error error{.code = Errc::too_many_frames, .step = Step::map_process_data};
+        error.expected = static_cast<std::uint32_t>(frame_count);
+        error.actual = static_cast<std::uint32_t>(tables.frames.size());
+        for (const ProcessGroup& g : tables.groups) error.actual -= static_cast<std::uint32_t>(g.prepared.size());
+        return error;
+    }
+    group.prepared = tables.frames.subspan(frames_at, frame_count);
+    group.plans = tables.plans.subspan(datagrams_at, count);
+    const auto statuses = tables.statuses.subspan(datagrams_at, count);
+    const auto datagrams = tables.datagrams.subspan(datagrams_at, count);
+    group.frames = static_cast<std::uint16_t>(frame_count);
+    group.datagrams = statuses;
+    for (std::size_t n = 0, f = 0; f < frame_count; ++f) {
+        PreparedFrame& frame = group.prepared[f];
+        wire::FrameBuilder builder(frame.bytes, source);
+        const std::size_t begin = n;
+        for (; n < count && planned[n].frame == f + first; ++n) {
+            const DatagramPlan& plan = planned[n];
+            group.plans[n] = plan;
+            statuses[n] = {.expected = plan.expected_wkc};
+            group.expected_wkc += plan.expected_wkc;
+            datagrams[n] = {.output = group.image.subspan(plan.image_output, plan.output_bytes),
+                            .input = group.image.subspan(plan.image_input, plan.input_bytes),
+                            .input_at = plan.input_at,
+                            .offset = static_cast<std::uint16_t>(builder.size()),
+                            .bytes = plan.bytes,
+                            .status = &statuses[n]};
+            (void)builder.append(plan.command, 0, plan.address, plan.bytes);
+        }
+        frame.datagrams = datagrams.subspan(begin, n - begin);
+        frame.size = static_cast<std::uint16_t>(builder.finish().size());
+        frame.slot = nullptr;
+        frame.has_riders = false;
+    }
+    group.mapped = true;
+    return Result<>();
+}
+
+Result<> send_cycle(ProcessGroup& group, std::uint8_t number, Link& link, Time now) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, number);
+    link.begin_cycle(now, group.config.acyclic_bytes);
+    bool refused = false;
+    for (PreparedFrame& frame : group.prepared) refused |= link.send_prepared(frame, now) != SendStatus::sent;
+    link.send_riders(now);
+    if (!refused) return Result<>();
+    Error error = cycle_error(Errc::nic, number);
+    error.actual = static_cast<std::uint32_t>(link.nic().last_error());
+    return error;
+}
+
+bool cycle_complete(const ProcessGroup& group) {
+    for (const PreparedFrame& frame : group.prepared)
+        if (frame.slot != nullptr) return false;
+    return true;
+}
+
+Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, Link& link, Time now) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, number);
+    std::uint32_t got = 0;
+    bool right = true;
+    for (const DatagramStatus& d : group.datagrams) {
+        if (d.came) got += d.got;
+        right &= d.right();
+    }
+    if (right) return got;
+    Error error = cycle_error(Errc::working_counter, number);
+    for (PreparedFrame& frame : group.prepared) {
+        if (frame.datagrams.front().status->came) continue;
+        link.give_up_prepared(frame, now);
+        if (error.code != Errc::no_frame) error = cycle_error(Errc::no_frame, number);
+        ++error.actual;
+    }
+    if (error.code == Errc::no_frame) return error;
+    error.expected = group.expected_wkc;
+    error.actual = got;
+    for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
+        if (!group.datagrams[n].right()) error.slave = lost_slave(group, number, slaves, group.plans[n]);
+    return error;
+}
+
+}  // namespace margay

@@ -1,0 +1,49 @@
+// Groups of process data as the network keeps them, and their cycle: no coroutine, no allocation, one send a frame.
+#pragma once
+
+#include "link/link.hpp"
+#include "network/image_datagrams.hpp"
+
+#include <margay/group.hpp>
+#include <margay/result.hpp>
+
+#include <span>
+
+namespace margay {
+
+struct ProcessGroup : Group {
+    ImageLayout layout;
+    std::span<PreparedFrame> prepared;
+    std::span<DatagramPlan> plans;     // what each datagram is, in the order of `datagrams`
+};
+
+// What all groups share: frames and datagrams are handed out to them in runs. Those of one index belong together.
+struct ProcessTables {
+    std::span<ProcessGroup> groups;
+    std::span<PreparedFrame> frames;
+    std::span<PreparedDatagram> datagrams;
+    std::span<DatagramStatus> statuses;
+    std::span<DatagramPlan> plans;
+    std::span<DatagramPlan> scratch;  // as many
+
+    // LWR and LRD may share a frame.
+    [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 2 * frames; }
+};
+
+// Takes the group's frames away from it. Those in flight are given up.
+void unprepare(ProcessGroup& group, Link& link, Time now);
+
+// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there. Errors: too_many_frames.
+[[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source);
+
+// Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group (not mapped).
+[[nodiscard]] Result<> send_cycle(ProcessGroup& group, std::uint8_t number, Link& link, Time now);
+
+// Whether all frames that were sent are back.
+[[nodiscard]] bool cycle_complete(const ProcessGroup& group);
+
+// Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame (actual: frames
+// missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short that is known to be lost).
+[[nodiscard]] Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, Link& link, Time now);
+
+}  // namespace margay

@@ -1,0 +1,256 @@
+#include "network/scan.hpp"
+
+#include "network/topology.hpp"
+#include "station/al_state.hpp"
+#include "station/sii_access.hpp"
+#include "station/sii_contents.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+using wire::Command;
+using wire::DatagramAddress;
+
+constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}, r.address}; }
+
+Error segment_error(Errc code, Step step, std::uint32_t expected = 0, std::uint32_t actual = 0) {
+    return {.code = code, .step = step, .expected = expected, .actual = actual};
+}
+
+Task<Result<>> wait_for_link(Network& network) {
+    const Time give_up = network.engine.now() + network.settings.link_timeout;
+    while (network.engine.link().nic().link_state() == LinkState::down) {
+        if (network.engine.now() >= give_up) co_return segment_error(Errc::link_down, Step::wait_link);
+        co_await network.engine.sleep_for(std::chrono::milliseconds(10));
+    }
+    co_return Result<>();
+}
+
+// Writes to all slaves at once. Who has the register is not asked.
+template <std::size_t N>
+Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::array<std::byte, N> data) {
+    Datagram write(network.engine.link(), Command::BWR, DatagramAddress(std::uint16_t{0}, address),
+                   Bytes(data));
+    auto reply = co_await write;
+    if (!reply.ok()) co_return segment_error(reply.errc, Step::reset_slaves);
+    co_return Result<>();
+}
+
+// Waits until all slaves say INIT. One that does not is found when its state is read by itself.
+Task<Result<bool>> wait_for_init(Network& network) {
+    const Time give_up = network.engine.now() + network.settings.init_timeout;
+    for (;;) {
+        std::array<std::byte, 2> states{};
+        Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kAlStatus), MutableBytes(states));
+        auto reply = co_await look;
+        if (!reply.ok()) co_return segment_error(reply.errc, Step::reset_slaves);
+        const auto all = load_le<std::uint16_t>(states);  // of all slaves, ORed
+        const bool in_init = all == static_cast<unsigned>(AlState::init);
+        if (in_init || network.engine.now() >= give_up) co_return in_init;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+}
+
+// Takes away what a master before this one has left: mappings, SyncManagers, SYNC signals, the EEPROM with
+// the PDI.
+Task<Result<>> clear_slaves(Network& network) {
+    static constexpr std::array<std::byte, 16 * reg::kFmmuStride> kZeros{};
+    static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
+    Link& link = network.engine.link();
+    const auto zeros = [](std::size_t count) { return Bytes(kZeros).first(count); };
+    Datagram fmmus(link, Command::BWR, broadcast(reg::fmmu(0)), zeros(16 * reg::kFmmuStride));
+    Datagram sms(link, Command::BWR, broadcast(reg::sync_manager(0)), zeros(16 * reg::kSyncManagerStride));
+    Datagram sync(link, Command::BWR, broadcast(reg::kSyncActivation), zeros(reg::kSyncActivation.length));
+    Datagram force(link, Command::BWR, broadcast(reg::kSiiConfig), Bytes(kForce));
+    Datagram assign(link, Command::BWR, broadcast(reg::kSiiConfig), zeros(reg::kSiiConfig.length));
+    co_await together(fmmus, sms, sync, force, assign);
+    for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign})
+        if (!datagram->reply().ok()) co_return segment_error(datagram->reply().errc, Step::reset_slaves);
+    co_return Result<>();
+}
+
+Task<Result<>> assign_address(Network& network, Slave& slave) {
+    std::array<std::byte, 2> address{};
+    store_le<std::uint16_t>(address, 0, slave.station_address.value);
+    const RingPosition place{static_cast<std::uint16_t>(slave.position - 1)};
+    Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
+                   Bytes(address));
+    auto reply = co_await write;
+    const Error error =
+        judge(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
+    if (error.code != Errc::none) network.note(slave, error);
+    co_return Result<>();
+}
+
+void store_dl_information(Slave& slave, Bytes dl) {
+    const auto at = [&](wire::Register r) { return std::to_integer<std::uint8_t>(dl[r.address]); };
+    slave.dl = {.type = at(reg::kType),
+                .revision = at(reg::kRevision),
+                .build = load_le<std::uint16_t>(dl, reg::kBuild.address),
+                .fmmus = at(reg::kFmmuCount),
+                .sync_managers = at(reg::kSyncManagerCount),
+                .ram_kib = at(reg::kRamSize),
+                .features = load_le<std::uint16_t>(dl, reg::kFeatures.address)};
+    slave.dl.dc = (slave.dl.features & wire::features::kDistributedClocks) != 0;
+    slave.dl.dc_64bit = (slave.dl.features & wire::features::kDistributedClocks64Bit) != 0;
+    for (unsigned p = 0; p < 4; ++p)
+        slave.ports[p].type = static_cast<PortType>((at(reg::kPortDescriptor) >> (2 * p)) & 3);
+}
+
+// What the ESC says of itself, in one frame.
+Task<Result<>> read_esc(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    Link& link = network.engine.link();
+    std::array<std::byte, reg::kDlInformation.length> dl{};
+    std::array<std::byte, 2> alias{};
+    std::array<std::byte, 2> dl_status{};
+    std::array<std::byte, 1> configuration{};
+    const auto at = [&](wire::Register r) { return DatagramAddress(slave.station_address, r.address); };
+    Datagram read_dl(link, Command::FPRD, at(reg::kDlInformation), MutableBytes(dl));
+    Datagram read_alias(link, Command::FPRD, at(reg::kStationAlias), MutableBytes(alias));
+    Datagram read_status(link, Command::FPRD, at(reg::kDlStatus), MutableBytes(dl_status));
+    Datagram read_configuration(link, Command::FPRD, at(reg::kEscConfiguration), MutableBytes(configuration));
+    co_await together(read_dl, read_alias, read_status, read_configuration);
+    for (const Datagram* datagram : {&read_dl, &read_alias, &read_status, &read_configuration}) {
+        const Error error =
+            judge(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
+        if (error.code != Errc::none) co_return error;
+    }
+    store_dl_information(slave, dl);
+    slave.alias = load_le<std::uint16_t>(alias);
+    slave.dl_status = load_le<std::uint16_t>(dl_status);
+    slave.device_emulation =
+        (std::to_integer<std::uint8_t>(configuration[0]) & wire::esc_configuration::kDeviceEmulation) != 0;
+    co_return Result<>();
+}
+
+Task<Result<>> identify(Network& network, Slave& slave) {
+    auto esc = co_await read_esc(network, slave);
+    if (!esc) {
+        network.note(slave, esc.error());
+        co_return Result<>();
+    }
+    auto sii = co_await read_sii_contents(network.station(slave), slave);
+    if (!sii) network.note(slave, sii.error());
+    co_return Result<>();
+}
+
+Task<Result<>> start_mailbox(Network& network, Slave& slave) {
+    auto done = co_await bring_to_preop(network, slave);
+    if (!done) network.note(slave, done.error());
+    co_return Result<>();
+}
+
+// A mailbox SyncManager: place and size from the SII's mailbox words, manner from its SyncManager category if
+// it has one.
+wire::SyncManager mailbox_sync_manager(const Slave& slave, SmType type) {
+    const bool out = type == SmType::mailbox_out;
+    wire::SyncManager sm{.physical_start = out ? slave.mailbox.out_start : slave.mailbox.in_start,
+                         .length_bytes = out ? slave.mailbox.out_bytes : slave.mailbox.in_bytes,
+                         .control = wire::sm_control::kModeMailbox | wire::sm_control::kPdiInterrupt,
+                         .activate = wire::sm_activate::kEnable};
+    if (out) sm.control |= wire::sm_control::kEcatWrites;
+    const auto& described = slave.sync_managers[out ? 0 : 1];
+    if (described.type == type) sm.control = described.control;
+    return sm;
+}
+
+}  // namespace
+
+Task<Result<std::uint16_t>> count_slaves(Network& network) {
+    std::array<std::byte, 1> type{};
+    Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kType), MutableBytes(type));
+    auto reply = co_await look;
+    if (!reply.ok()) co_return segment_error(reply.errc, Step::count_slaves);
+    if (reply.wkc == 0) co_return segment_error(Errc::no_slaves, Step::count_slaves);
+    co_return reply.wkc;
+}
+
+Task<Result<bool>> reset_slaves(Network& network) {
+    constexpr auto kInit = static_cast<std::byte>(AlState::init);
+    constexpr auto kAndAcknowledge = std::byte{wire::al::kErrorAcknowledge};
+    // INIT with the error acknowledged, then without: those that mirror AL control would keep the acknowledge
+    // as an error, and some old slaves want it so.
+    for (const std::byte state : {kInit | kAndAcknowledge, kInit}) {
+        auto init =
+            co_await broadcast_write(network, reg::kAlControl.address, std::array{state, std::byte{0}});
+        if (!init) co_return init.error();
+    }
+    auto in_init = co_await wait_for_init(network);
+    if (!in_init) co_return in_init;
+    auto cleared = co_await clear_slaves(network);
+    co_return cleared ? in_init : Result<bool>(cleared.error());
+}
+
+Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    if (slave.mailbox.present()) {
+        std::array<std::byte, 2 * reg::kSyncManagerStride> sms{};
+        wire::store_sync_manager(sms, mailbox_sync_manager(slave, SmType::mailbox_out));
+        wire::store_sync_manager(MutableBytes(sms).subspan(reg::kSyncManagerStride),
+                                 mailbox_sync_manager(slave, SmType::mailbox_in));
+        auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
+        if (!written) co_return written.error();
+    }
+    auto assigned = co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kOfferedToPdi,
+                                                 Step::read_sii);
+    if (!assigned) co_return assigned.error();
+    if (slave.al.state == AlState::none) {
+        auto now = co_await read_al_status(station);
+        if (!now) co_return now.error();
+        slave.al = *now;
+    }
+    auto state = co_await change_al_state_from(station, slave.al, AlState::preop, slave.device_emulation,
+                                               default_al_timeout(AlState::preop));
+    if (state) {
+        slave.al = *state;
+        co_return Result<>();
+    }
+    auto seen = co_await read_al_status(station);
+    slave.al = seen ? *seen : AlStatus{};
+    co_return state.error();
+}
+
+Task<Result<std::uint16_t>> scan(Network& network) {
+    network.count = 0;
+    for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
+    auto link = co_await wait_for_link(network);
+    if (!link) co_return link.error();
+    auto count = co_await count_slaves(network);
+    if (!count) co_return count;
+    if (*count > network.table.size())
+        co_return segment_error(Errc::capacity, Step::count_slaves, *count,
+                                static_cast<std::uint32_t>(network.table.size()));
+    auto reset = co_await reset_slaves(network);
+    if (!reset) co_return reset.error();
+
+    network.count = *count;
+    for (std::uint16_t i = 1; i <= network.count; ++i) {
+        Slave& slave = network.slave(i);
+        slave = Slave{};
+        slave.position = i;
+        if (*reset) slave.al.state = AlState::init;
+        slave.station_address.value =
+            static_cast<std::uint16_t>(network.settings.first_station_address + i - 1);
+    }
+    auto addressed =
+        co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
+    if (!addressed) co_return addressed.error();
+    auto identified = co_await for_each_slave(network, [&network](Slave& s) { return identify(network, s); });
+    if (!identified) co_return identified.error();
+    auto again = co_await count_slaves(network);
+    if (!again) co_return again;
+    if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);
+    const auto topology = find_topology(network.slaves());
+    if (!topology) network.errors.add(topology.error());
+    auto started =
+        co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
+    if (!started) co_return started.error();
+    co_return network.count;
+}
+
+}  // namespace margay

@@ -1,0 +1,68 @@
+#include "network/states.hpp"
+
+#include "station/al_state.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr Duration kFirstPause = std::chrono::microseconds(200);
+constexpr Duration kLongestPause = std::chrono::milliseconds(5);
+
+Task<Result<>> read_state(Network& network, Slave& slave) {
+    auto seen = co_await read_al_status(network.station(slave));
+    slave.al = seen ? *seen : AlStatus{};
+    co_return Result<>();
+}
+
+Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    const bool acknowledge = slave.al.error && !slave.device_emulation;
+    const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
+    auto written = co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
+    if (!written) network.note(slave, written.error());
+    co_return written;
+}
+
+AlStatus lowest(std::span<const Slave> slaves) {
+    AlStatus all;
+    for (const Slave& slave : slaves) {
+        if (&slave == &slaves.front() || slave.al.state < all.state) all.state = slave.al.state;
+        if (!slave.al.error || all.error) continue;
+        all.error = true;
+        all.code = slave.al.code;
+    }
+    return all;
+}
+
+}  // namespace
+
+Task<Result<AlStatus>> read_states(Network& network) {
+    auto all = co_await for_each_slave(network, [&network](Slave& s) { return read_state(network, s); });
+    if (!all) co_return all.error();
+    co_return lowest(network.slaves());
+}
+
+Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
+    if (slave != 0) co_return co_await write_state(network, network.slave(slave), state);
+    Error first;
+    auto all = co_await for_each_slave(network, [&network, state](Slave& s) { return write_state(network, s, state); }, &first);
+    if (!all) co_return all;
+    if (first.code != Errc::none) co_return first;
+    co_return Result<>();
+}
+
+Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Duration timeout) {
+    const Time give_up = network.engine.now() + timeout;
+    Duration pause = kFirstPause;
+    for (;;) {
+        auto all = co_await read_states(network);
+        if (!all) co_return all;
+        const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
+        if ((now.state == state && !now.error) || network.engine.now() >= give_up) co_return now;
+        co_await network.engine.sleep_until(std::min(give_up, network.engine.now() + pause));
+        pause = std::min(pause * 2, kLongestPause);
+    }
+}
+
+}  // namespace margay

@@ -1,0 +1,48 @@
+// The blocking forms: submit, poll and wait, in this one place.
+#include "context_access.hpp"
+#include "network/network.hpp"
+#include "osal/osal.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay {
+
+Result<> wait(Context& ctx, Request& request) {
+    Osal* osal = ContextAccess::osal(ctx);
+    if (osal == nullptr) return Error{.code = Errc::wrong_state};
+    const int handle = ContextAccess::network(ctx)->engine.link().nic().wait_handle();
+    while (request.busy()) {
+        const Time next = poll(ctx, osal->now());
+        if (request.busy()) osal->wait(next, handle);
+    }
+    return request.state() == RequestState::success ? Result<>() : Result<>(request.error());
+}
+
+Result<std::uint16_t> config_init(Context& ctx) {
+    ScanRequest request;
+    const auto submitted = submit(ctx, request);
+    if (!submitted) return submitted.error();
+    const auto done = wait(ctx, request);
+    if (!done) return done.error();
+    return request.slaves;
+}
+
+Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data) {
+    SiiReadRequest request;
+    request.slave = slave;
+    request.word = word;
+    request.data = data;
+    const auto submitted = submit(ctx, request);
+    return submitted ? wait(ctx, request) : submitted;
+}
+
+Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
+    SiiWriteRequest request;
+    request.slave = slave;
+    request.word = word;
+    request.data = data;
+    const auto submitted = submit(ctx, request);
+    return submitted ? wait(ctx, request) : submitted;
+}
+
+}  // namespace margay
