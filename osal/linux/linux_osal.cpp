@@ -1,0 +1,52 @@
+#include "osal/linux/linux_osal.hpp"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cstdint>
+
+namespace margay {
+
+LinuxOsal::LinuxOsal() noexcept : event_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
+
+LinuxOsal::~LinuxOsal() {
+    if (event_ >= 0) ::close(event_);
+}
+
+Time LinuxOsal::now() noexcept {
+    timespec t{};
+    ::clock_gettime(CLOCK_MONOTONIC, &t);
+    return Time(std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec));
+}
+
+void LinuxOsal::wait(Time until, int nic_handle) noexcept {
+    constexpr Duration kWithoutEvent = std::chrono::milliseconds(1);
+    const Time start = now();
+    if (until <= start) return;
+    if (event_ < 0 && until - start > kWithoutEvent) until = start + kWithoutEvent;
+
+    pollfd fds[] = {{event_, POLLIN, 0}, {nic_handle, POLLIN, 0}};  // ppoll() passes over a negative one
+    timespec timeout{};
+    if (until != kNever) {
+        const auto left = until - start;
+        const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
+        timeout.tv_sec = static_cast<time_t>(seconds.count());
+        timeout.tv_nsec = static_cast<long>((left - seconds).count());
+    }
+    if (::ppoll(fds, 2, until == kNever ? nullptr : &timeout, nullptr) <= 0) return;  // in time, or a signal
+    if ((fds[0].revents & POLLIN) != 0) {
+        std::uint64_t wakes = 0;
+        // Another waiter may have taken it: then there is nothing left to clear.
+        [[maybe_unused]] const auto cleared = ::read(event_, &wakes, sizeof wakes);
+    }
+}
+
+void LinuxOsal::wake() noexcept {
+    const std::uint64_t one = 1;
+    // Fails only when the counter is full, and then the wait ends anyway.
+    [[maybe_unused]] const auto written = ::write(event_, &one, sizeof one);
+}
+
+}  // namespace margay

@@ -1,0 +1,36 @@
+// What all filters are: a NIC that wraps a NIC and passes everything on. A filter overrides what it changes.
+#pragma once
+
+#include "oshw/nic.hpp"
+
+namespace margay {
+
+class FilterNic : public Nic {
+  public:
+    // `inner` must outlive the filter.
+    explicit FilterNic(Nic& inner) noexcept : inner_(inner) {}
+    FilterNic(const FilterNic&) = delete;
+    FilterNic& operator=(const FilterNic&) = delete;
+
+    [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
+        return inner_.send(frame);
+    }
+    [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override {
+        return inner_.receive(into);
+    }
+    [[nodiscard]] LinkState link_state() noexcept override { return inner_.link_state(); }
+    [[nodiscard]] MacAddress source_mac() const noexcept override { return inner_.source_mac(); }
+    [[nodiscard]] int wait_handle() const noexcept override { return inner_.wait_handle(); }
+    [[nodiscard]] Time next_arrival() const noexcept override { return inner_.next_arrival(); }
+    [[nodiscard]] int last_error() const noexcept override { return inner_.last_error(); }
+
+  protected:
+    ~FilterNic() = default;
+    [[nodiscard]] Nic& inner() noexcept { return inner_; }
+    [[nodiscard]] const Nic& inner() const noexcept { return inner_; }
+
+  private:
+    Nic& inner_;
+};
+
+}  // namespace margay

@@ -1,0 +1,221 @@
+#include "oshw/linux/packet_nic.hpp"
+
+#include "util/text_writer.hpp"
+#include "wire/ethernet.hpp"
+
+#include <arpa/inet.h>
+#include <linux/ethtool.h>
+#include <linux/filter.h>
+#include <linux/if_ether.h>
+#include <linux/if_packet.h>
+#include <linux/sockios.h>
+#include <net/if.h>
+#include <net/if_arp.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+namespace margay {
+namespace {
+
+constexpr int kReceiveBufferBytes = 4 << 20;  // a burst of more than a thousand full frames
+constexpr int kNeededMtu = static_cast<int>(wire::kMaxFrameBytes - wire::kEthernetHeaderBytes);
+
+// Passes incoming EtherCAT frames without a VLAN tag. The kernel has taken a tag out of the frame by then,
+// only the ancillary word tells; a tagged frame belongs to somebody else's virtual network.
+bool attach_filter(int socket) {
+    constexpr auto ancillary = [](int word) { return static_cast<std::uint32_t>(SKF_AD_OFF + word); };
+    sock_filter program[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, ancillary(SKF_AD_PKTTYPE)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, PACKET_OUTGOING, 5, 0),
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, ancillary(SKF_AD_VLAN_TAG_PRESENT)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, 0, 0, 3),
+        BPF_STMT(BPF_LD | BPF_H | BPF_ABS, 12),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, wire::kEtherTypeEtherCat, 0, 1),
+        BPF_STMT(BPF_RET | BPF_K, 0xFFFFFFFF),
+        BPF_STMT(BPF_RET | BPF_K, 0),
+    };
+    const sock_fprog filter{static_cast<unsigned short>(std::size(program)), program};
+    return ::setsockopt(socket, SOL_SOCKET, SO_ATTACH_FILTER, &filter, sizeof filter) == 0;
+}
+
+bool set_option(int socket, int level, int option, int value) {
+    return ::setsockopt(socket, level, option, &value, sizeof value) == 0;
+}
+
+ifreq request_for(const std::array<char, 16>& name) {
+    ifreq request{};
+    static_assert(sizeof request.ifr_name == std::tuple_size_v<std::array<char, 16>>);
+    std::memcpy(request.ifr_name, name.data(), name.size());
+    return request;
+}
+
+}  // namespace
+
+PacketNic::~PacketNic() { close(); }
+
+void PacketNic::close() noexcept {
+    if (socket_ >= 0) ::close(socket_);
+    socket_ = -1;
+}
+
+Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
+    close();
+    last_error_ = 0;
+    problem_size_ = 0;
+    overruns_ = 0;
+    name_ = {};
+    if (interface.size() >= name_.size()) return fail_no_interface(interface);
+    std::copy(interface.begin(), interface.end(), name_.begin());
+    if (::if_nametoindex(name_.data()) == 0) return fail_no_interface(interface);
+    auto done = set_up(side);
+    if (!done) close();
+    return done;
+}
+
+Result<> PacketNic::set_up(Side side) noexcept {
+    // Protocol 0 receives nothing until bind(), so no frame gets in before the filter is there.
+    socket_ = ::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (socket_ < 0 && (errno == EPERM || errno == EACCES)) return fail_no_permission();
+    if (socket_ < 0 && errno == EAFNOSUPPORT)
+        return fail(errno, "this kernel has no packet sockets", "load the module af_packet");
+    if (socket_ < 0) return fail(errno, "no packet socket");
+    if (auto checked = check_interface(side); !checked) return checked;
+
+    if (!attach_filter(socket_)) return fail(errno, "the receive filter was refused");
+    // Spares a copy of each frame sent; kernels before 4.20 do not know it, and then the filter does it
+    // alone.
+    (void)set_option(socket_, SOL_PACKET, PACKET_IGNORE_OUTGOING, 1);
+    qdisc_bypassed_ = set_option(socket_, SOL_PACKET, PACKET_QDISC_BYPASS, 1);
+    // The first needs CAP_NET_ADMIN, the second is cut to net.core.rmem_max. Smaller is no failure, only less
+    // burst.
+    if (!set_option(socket_, SOL_SOCKET, SO_RCVBUFFORCE, kReceiveBufferBytes))
+        (void)set_option(socket_, SOL_SOCKET, SO_RCVBUF, kReceiveBufferBytes);
+
+    sockaddr_ll address{};
+    address.sll_family = AF_PACKET;
+    // Not EtherCAT's: a socket bound to one protocol comes behind the removal of VLAN tags, where nobody can
+    // tell any more, and behind a bridge that takes everything.
+    address.sll_protocol = htons(ETH_P_ALL);
+    address.sll_ifindex = static_cast<int>(::if_nametoindex(name_.data()));
+    if (side == Side::segment) {
+        packet_mreq all{};
+        all.mr_ifindex = address.sll_ifindex;
+        all.mr_type = PACKET_MR_PROMISC;
+        if (::setsockopt(socket_, SOL_PACKET, PACKET_ADD_MEMBERSHIP, &all, sizeof all) != 0)
+            return fail(errno, "promiscuous mode was refused");
+    }
+    if (::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+        return fail(errno, "the socket cannot be bound to it");
+    return {};
+}
+
+Result<> PacketNic::check_interface(Side side) noexcept {
+    auto request = request_for(name_);
+    if (::ioctl(socket_, SIOCGIFHWADDR, &request) != 0) return fail(errno, "it vanished while it was opened");
+    if (request.ifr_hwaddr.sa_family != ARPHRD_ETHER)
+        return fail(EOPNOTSUPP, "it is not an Ethernet interface", "EtherCAT needs a wired Ethernet port");
+    std::memcpy(source_mac_.data(), request.ifr_hwaddr.sa_data, source_mac_.size());
+    if (side == Side::master) source_mac_[0] &= 0xFC;
+
+    request = request_for(name_);
+    if (::ioctl(socket_, SIOCGIFFLAGS, &request) != 0) return fail(errno, "it vanished while it was opened");
+    if ((request.ifr_flags & IFF_UP) == 0) {
+        std::array<char, 64> advice{};
+        TextWriter text(advice);
+        text << "bring it up with: ip link set " << name_.data() << " up";
+        return fail(ENETDOWN, "it is switched off", text.text());
+    }
+    request = request_for(name_);
+    if (::ioctl(socket_, SIOCGIFMTU, &request) != 0) return fail(errno, "it vanished while it was opened");
+    if (request.ifr_mtu < kNeededMtu) {
+        std::array<char, 64> advice{};
+        TextWriter text(advice);
+        text << "widen it with: ip link set " << name_.data() << " mtu " << std::uint64_t{kNeededMtu};
+        return fail(EMSGSIZE, "its MTU is too small for EtherCAT frames", text.text());
+    }
+    return {};
+}
+
+Result<> PacketNic::fail(int error, std::string_view what, std::string_view advice) noexcept {
+    last_error_ = error;
+    TextWriter text(problem_);
+    text << "interface " << name_.data() << ": " << what;
+    if (advice.empty())
+        text << " (" << ::strerror(error) << ")";
+    else
+        text << "; " << advice;
+    problem_size_ = text.text().size();
+    return Error{.code = Errc::nic, .step = Step::open_nic, .actual = static_cast<std::uint32_t>(error)};
+}
+
+Result<> PacketNic::fail_no_interface(std::string_view asked) noexcept {
+    std::array<char, 256> there{};
+    TextWriter text(there);
+    text << "there are:";
+    if (auto* all = ::if_nameindex(); all != nullptr) {
+        for (const auto* one = all; one->if_index != 0; ++one) text << " " << one->if_name;
+        ::if_freenameindex(all);
+    }
+    last_error_ = ENODEV;
+    TextWriter sentence(problem_);
+    sentence << "there is no interface \"" << asked << "\"; " << text.text();
+    problem_size_ = sentence.text().size();
+    return Error{.code = Errc::nic, .step = Step::open_nic, .actual = ENODEV};
+}
+
+Result<> PacketNic::fail_no_permission() noexcept {
+    std::array<char, 256> program{};
+    const auto length = ::readlink("/proc/self/exe", program.data(), program.size());
+    std::array<char, 400> advice{};
+    TextWriter text(advice);
+    text << "give it once with: sudo setcap cap_net_raw+ep "
+         << (length > 0 ? std::string_view(program.data(), static_cast<std::size_t>(length)) : "PROGRAM")
+         << " (or run with sudo)";
+    return fail(EPERM, "no permission for raw frames, the capability CAP_NET_RAW is missing", text.text());
+}
+
+std::uint64_t PacketNic::overruns() noexcept {
+    tpacket_stats stats{};
+    socklen_t size = sizeof stats;
+    // Reading clears the kernel's counter.
+    if (::getsockopt(socket_, SOL_PACKET, PACKET_STATISTICS, &stats, &size) == 0) overruns_ += stats.tp_drops;
+    return overruns_;
+}
+
+SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
+    if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) >= 0) return SendStatus::sent;
+    last_error_ = errno;
+    if (last_error_ == EAGAIN || last_error_ == EINTR) return SendStatus::busy;
+    // Past the queueing discipline the kernel says ENOBUFS both for a full ring and for a missing carrier.
+    if (last_error_ == ENOBUFS && link_state() != LinkState::down) return SendStatus::busy;
+    return SendStatus::failed;
+}
+
+std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
+    const auto length = ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT);
+    if (length >= 0) return static_cast<std::size_t>(length);
+    if (errno != EAGAIN && errno != EINTR) last_error_ = errno;
+    return 0;
+}
+
+// The carrier itself, from the driver: IFF_RUNNING follows it by up to a second.
+LinkState PacketNic::link_state() noexcept {
+    auto request = request_for(name_);
+    ethtool_value carrier{};
+    carrier.cmd = ETHTOOL_GLINK;
+    request.ifr_data = reinterpret_cast<char*>(&carrier);
+    if (::ioctl(socket_, SIOCETHTOOL, &request) == 0)
+        return carrier.data != 0 ? LinkState::up : LinkState::down;
+    if (errno != EOPNOTSUPP) return LinkState::down;  // pulled out, or never opened
+    request = request_for(name_);
+    constexpr auto kBoth = IFF_UP | IFF_RUNNING;
+    const bool up = ::ioctl(socket_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & kBoth) == kBoth;
+    return up ? LinkState::up : LinkState::down;
+}
+
+}  // namespace margay

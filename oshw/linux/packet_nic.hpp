@@ -1,0 +1,75 @@
+// A network interface of Linux through an AF_PACKET socket: one system call a frame sent, one a frame
+// received.
+#pragma once
+
+#include "oshw/nic.hpp"
+
+#include <margay/result.hpp>
+
+#include <array>
+#include <string_view>
+
+namespace margay {
+
+class PacketNic final : public Nic {
+  public:
+    // Which end of the cable this is.
+    enum class Side : std::uint8_t {
+        // A master: frames come back with destination broadcast, so no promiscuous mode; source_mac() has the
+        // mark bits clear.
+        master,
+        // A simulated segment: masters choose any destination and source address and all must be seen, so
+        // promiscuous; the replies keep the source address of the request.
+        segment
+    };
+
+    PacketNic() noexcept = default;
+    ~PacketNic();
+    PacketNic(const PacketNic&) = delete;
+    PacketNic& operator=(const PacketNic&) = delete;
+
+    // Opens the interface. On failure problem() says in words what is wrong and what to do about it; the
+    // error's `actual` is errno. An unplugged cable is no failure here, see link_state(). Needs CAP_NET_RAW.
+    // Not callable from the cycle.
+    [[nodiscard]] Result<> open(std::string_view interface, Side side = Side::master) noexcept;
+    void close() noexcept;
+
+    // One sentence about the last failed open(), empty when it went well. Valid until the next open().
+    [[nodiscard]] std::string_view problem() const noexcept { return {problem_.data(), problem_size_}; }
+
+    // Whether frames go to the driver past the queueing discipline; some kernels refuse that. Packet sniffers
+    // on the same interface then see only what is received: record with a PcapRecorder instead.
+    [[nodiscard]] bool qdisc_bypassed() const noexcept { return qdisc_bypassed_; }
+
+    // How many received frames the kernel has thrown away since open() because nobody fetched them. One
+    // system call.
+    [[nodiscard]] std::uint64_t overruns() noexcept;
+
+    [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
+    [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
+    // One system call; not for every cycle.
+    [[nodiscard]] LinkState link_state() noexcept override;
+    // The interface's own address with bits 0 (group) and 1 (mark of the first ESC) of the first octet
+    // cleared.
+    [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }
+    [[nodiscard]] int wait_handle() const noexcept override { return socket_; }
+    [[nodiscard]] int last_error() const noexcept override { return last_error_; }
+
+  private:
+    [[nodiscard]] Result<> set_up(Side side) noexcept;
+    [[nodiscard]] Result<> check_interface(Side side) noexcept;
+    Result<> fail(int error, std::string_view what, std::string_view advice = {}) noexcept;
+    Result<> fail_no_interface(std::string_view asked) noexcept;
+    Result<> fail_no_permission() noexcept;
+
+    int socket_ = -1;
+    int last_error_ = 0;
+    bool qdisc_bypassed_ = false;
+    MacAddress source_mac_{};
+    std::uint64_t overruns_ = 0;
+    std::array<char, 16> name_{};  // IFNAMSIZ
+    std::array<char, 512> problem_{};
+    std::size_t problem_size_ = 0;
+};
+
+}  // namespace margay

@@ -1,0 +1,63 @@
+// A NIC whose cable leads into a simulated segment, in the time of an Osal.
+#pragma once
+
+#include "osal/osal.hpp"
+#include "oshw/nic.hpp"
+#include "sim/segment.hpp"
+
+#include <vector>
+
+namespace margay {
+
+class SimulatedNic final : public Nic {
+  public:
+    struct Options {
+        Duration round_trip =
+            std::chrono::microseconds(100);  // of the host: both drivers and what lies between
+        bool wire_time = false;              // frames take 80 ns an octet and queue behind each other
+        unsigned master_port = 0;            // of the segment
+        std::size_t queue_frames = 256;      // frames on their way at most; more are "busy"
+        MacAddress mac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
+    };
+
+    // Both must outlive the NIC. The queue is allocated here, nothing later.
+    SimulatedNic(sim::Segment& segment, Osal& osal, const Options& options);
+    SimulatedNic(sim::Segment& segment, Osal& osal) : SimulatedNic(segment, osal, Options{}) {}
+
+    // For a segment with both ends on the master: frames that leave at the other's port arrive there.
+    void set_other_end(SimulatedNic* other) noexcept { other_ = other; }
+
+    [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
+    [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
+    [[nodiscard]] LinkState link_state() noexcept override;
+    [[nodiscard]] MacAddress source_mac() const noexcept override { return options_.mac; }
+    [[nodiscard]] Time next_arrival() const noexcept override;
+
+    [[nodiscard]] std::uint64_t frames_sent() const noexcept { return sent_; }
+    [[nodiscard]] std::uint64_t frames_lost() const noexcept { return lost_; }
+
+  private:
+    static constexpr std::size_t kMaxBytes = 1518;
+    struct Slot {
+        Time due{};
+        std::size_t length = 0;
+        std::array<std::byte, kMaxBytes> bytes;
+    };
+    [[nodiscard]] bool full() const noexcept { return count_ == slots_.size(); }
+    void put(Time due, std::span<const std::byte> frame) noexcept;
+
+    sim::Segment& segment_;
+    Osal& osal_;
+    Options options_;
+    SimulatedNic* other_ = nullptr;
+    std::vector<Slot> slots_;
+    std::size_t first_ = 0;
+    std::size_t count_ = 0;
+    Time wire_free_{};
+    Time last_due_{};
+    std::array<std::byte, kMaxBytes> frame_{};
+    std::uint64_t sent_ = 0;
+    std::uint64_t lost_ = 0;
+};
+
+}  // namespace margay
