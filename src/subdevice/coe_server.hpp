@@ -1,0 +1,31 @@
+// CANopen over EtherCAT: the server of mailbox type CoE. SDO, SDO information and emergencies, each in a file
+// of its own.
+#pragma once
+
+#include "subdevice/emergency.hpp"
+#include "subdevice/sdo_information.hpp"
+#include "subdevice/sdo_server.hpp"
+
+namespace margay::subdevice {
+
+class CoeServer final : public MailboxServer {
+  public:
+    // All outlive the server; see SdoServer for `staging`.
+    CoeServer(ObjectDictionary& dictionary, MutableBytes staging, bool complete_access,
+              Emergencies* emergencies = nullptr)
+        : sdo_(dictionary, staging, complete_access), information_(dictionary), emergencies_(emergencies) {}
+
+    void start(AlState state, const MailboxRoom& room) override;
+    void state_changed(AlState state) override { sdo_.state_changed(state); }
+    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
+                                                  Time now) override;
+    [[nodiscard]] bool busy() const override { return sdo_.busy() || information_.busy(); }
+    Time step(Outbox& out, Time now) override;
+
+  private:
+    SdoServer sdo_;
+    SdoInformation information_;
+    Emergencies* emergencies_;
+};
+
+}  // namespace margay::subdevice

@@ -1,0 +1,81 @@
+// The diagnosis history, object 0x10F3 (ETG.1020 "Diagnosis history object"): messages with code, text id,
+// time stamp and parameters, which a master reads and acknowledges.
+#pragma once
+
+#include "subdevice/object_dictionary.hpp"
+
+namespace margay::subdevice {
+
+enum class DiagnosisType : std::uint8_t { information = 0, warning = 1, error = 2 };
+
+struct DiagnosisMessage {
+    std::uint32_t code =
+        0;  // 0xE8xxyyyy: manufacturer's; low half the emergency error code where there is one
+    DiagnosisType type = DiagnosisType::information;
+    std::uint16_t text_id = 0;
+    std::uint64_t time_stamp_ns = 0;
+    std::uint8_t parameters = 0;  // how many
+    Bytes parameter_bytes{};      // each with its flags word, as they travel
+};
+
+class DiagnosisHistory {
+  public:
+    static constexpr std::uint8_t kFirstSubindex = 6;
+    static constexpr std::size_t kHeadBytes = 16;  // of a message, before its parameters
+
+    // `memory` holds `lines` messages (1 to 250) of equal room: kHeadBytes, what parameters take, and 2.
+    DiagnosisHistory(MutableBytes memory, std::uint8_t lines) : memory_(memory), lines_(lines) { clear(); }
+
+    // Notes a message. False: dropped, by the master's filter, or because in acknowledge mode the history is
+    // full of messages that nobody acknowledged. Parameters that do not fit are left out.
+    bool add(const DiagnosisMessage& message);
+    void clear();
+
+    // For the hooks of 0x10F3.
+    [[nodiscard]] MutableBytes field(unsigned subindex);
+    [[nodiscard]] Abort check_write(unsigned subindex, Bytes data) const;
+    void written(unsigned subindex);
+
+  private:
+    // Values of subindices 1 to 5 as they lie in head_.
+    using maximum = Field<std::uint8_t, 0>;
+    using latest = Field<std::uint8_t, 1>;
+    using acknowledged = Field<std::uint8_t, 2>;
+    using available = Field<std::uint8_t, 3>;
+    using flags = Field<std::uint16_t, 4>;
+    [[nodiscard]] std::size_t room() const { return memory_.size() / lines_; }
+    [[nodiscard]] MutableBytes line(std::size_t n) { return memory_.subspan(n * room(), room()); }
+    [[nodiscard]] static std::size_t length(Bytes line);
+    [[nodiscard]] bool full() const;
+
+    MutableBytes memory_;
+    std::uint8_t lines_;
+    std::uint8_t next_ = 0;    // line that comes next
+    std::uint8_t unread_ = 0;  // messages newer than the newest acknowledged
+    std::array<std::byte, 6> head_{};
+};
+
+// The entries of 0x10F3 with room for `Lines` messages, and its hooks: the application has the history
+// (Application::diagnosis()).
+template <std::uint8_t Lines>
+inline constexpr std::array<Entry, 7> kDiagnosisEntries = {
+    entry_count(DiagnosisHistory::kFirstSubindex - 1 + Lines),
+    provided(1, "Maximum messages", DataType::unsigned8, 8, od::kReadOnly),
+    provided(2, "Newest message", DataType::unsigned8, 8, od::kReadOnly | od::kTxMappable),
+    provided(3, "Newest acknowledged message", DataType::unsigned8, 8, od::kReadWrite),
+    provided(4, "New messages available", DataType::boolean, 1, od::kReadOnly),
+    provided(5, "Flags", DataType::unsigned16, 16, od::kReadWrite),
+    provided(6, "Diagnosis message", DataType::octet_string, 0, od::kReadOnly).times(Lines)};
+
+namespace diagnosis_history {
+[[nodiscard]] HookAnswer before_read(const ObjectAccess& access);
+[[nodiscard]] HookAnswer before_write(const ObjectAccess& access, Bytes data);
+void after_write(const ObjectAccess& access);
+[[nodiscard]] MutableBytes memory(const ObjectAccess& access);
+}  // namespace diagnosis_history
+inline constexpr ObjectHooks kDiagnosisHooks{.before_read = diagnosis_history::before_read,
+                                             .before_write = diagnosis_history::before_write,
+                                             .after_write = diagnosis_history::after_write,
+                                             .memory = diagnosis_history::memory};
+
+}  // namespace margay::subdevice

@@ -1,0 +1,41 @@
+#include "subdevice/eeprom_emulation.hpp"
+
+#include "subdevice/esc_registers.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace reg = wire::reg;
+namespace control = wire::sii_control;
+
+namespace {
+constexpr std::size_t kAliasOffset = 8;  // octets into the image
+}
+
+void EepromEmulation::step(std::uint32_t events) {
+    if ((events & wire::al_event::kEeprom) == 0) return;
+    const auto status = read_register<std::uint16_t>(esc_, reg::kSiiControl.address);
+    const auto command = static_cast<std::uint16_t>(status & control::kCommandMask);
+    const auto from = std::uint64_t{read_register<std::uint32_t>(esc_, reg::kSiiAddress.address)} * 2;
+    std::uint16_t errors = 0;
+    std::array<std::byte, 8> data{};
+    if (command == control::kCommandRead && from < contents_.size()) {
+        const std::size_t bytes = (status & control::kReads8Bytes) != 0 ? 8 : 4;
+        const auto there = std::min<std::size_t>(bytes, contents_.size() - from);
+        std::copy_n(contents_.begin() + static_cast<std::ptrdiff_t>(from), there, data.begin());
+        esc_.write(reg::kSiiData.address, Bytes(data).first(bytes));
+    } else if (command == control::kCommandWrite && from + 2 <= contents_.size()) {
+        esc_.read(reg::kSiiData.address, contents_.subspan(static_cast<std::size_t>(from), 2));
+        written_ = true;
+    } else if (command == control::kCommandReload && contents_.size() >= kAliasOffset + 2) {
+        std::copy_n(contents_.begin() + kAliasOffset, 2, data.begin());
+        esc_.write(reg::kSiiData.address, Bytes(data).first(4));
+    } else {
+        errors = control::kMissingAcknowledge;
+    }
+    // Writing the command back says that it is done.
+    write_register(esc_, reg::kSiiControl.address, static_cast<std::uint16_t>(command | errors));
+}
+
+}  // namespace margay::subdevice

@@ -1,0 +1,211 @@
+#include "subdevice/esm.hpp"
+
+#include "subdevice/esc_registers.hpp"
+#include "subdevice/esm_checks.hpp"
+
+#include <array>
+
+namespace margay::subdevice {
+
+namespace reg = wire::reg;
+namespace al = wire::al;
+
+namespace {
+
+constexpr bool known(AlState state) {
+    return state == AlState::init || state == AlState::preop || state == AlState::boot ||
+           state == AlState::safeop || state == AlState::op;
+}
+
+constexpr bool has_mailboxes(const DeviceDescription& device) {
+    return device.mailbox.present() || device.boot_mailbox.present();
+}
+constexpr bool has_mailbox(AlState state) { return state != AlState::init && state != AlState::none; }
+constexpr bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
+
+// BOOT is entered from and left to INIT only; upwards goes one state at a time, downwards as far as wanted.
+constexpr bool allowed(Transition t) {
+    if (t.from == AlState::boot || t.to == AlState::boot)
+        return t.from == AlState::init || t.to == AlState::init;
+    if (t.to < t.from) return true;
+    return (t.from == AlState::init && t.to == AlState::preop) ||
+           (t.from == AlState::preop && t.to == AlState::safeop) ||
+           (t.from == AlState::safeop && t.to == AlState::op);
+}
+
+// For "lower or equal": BOOT ranks with PREOP, beside the ladder.
+constexpr int rank(AlState state) {
+    return state == AlState::boot ? static_cast<int>(AlState::preop) : static_cast<int>(state);
+}
+
+}  // namespace
+
+void Esm::init() {
+    drop_pending();
+    status_ = {AlState::init, false, 0};
+    identification_ = false;
+    disable_sync_managers({AlState::op, AlState::init});
+    write_status();
+}
+
+Time Esm::step(Time now, std::uint32_t events) {
+    if ((events & wire::al_event::kAlControl) != 0)
+        control(read_register<std::uint16_t>(esc_, reg::kAlControl.address), now);
+    if ((events & wire::al_event::kSmActivation) != 0) watch_sync_managers(now);
+    if (pending_ && again_ <= now) advance(now);
+    return pending_ ? again_ : kNever;
+}
+
+// ETG.1000.6 "AL control": while the error indication stands, only an acknowledge or a request not above the
+// present state counts.
+void Esm::control(std::uint16_t al_control, Time now) {
+    const auto to = static_cast<AlState>(al_control & al::kStateMask);
+    const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
+    identification_ = (al_control & al::kDeviceIdentification) != 0 && device_.device_id != 0;
+    if (pending_ && to == transition_.to) return;  // already at it
+    drop_pending();
+    if (acknowledge) {
+        status_.error = false;
+        status_.code = 0;
+    } else if (status_.error && known(to) && rank(to) >= rank(status_.state)) {
+        return;
+    }
+    request(to, now);
+}
+
+void Esm::request(AlState to, Time now) {
+    const Transition transition{status_.state, to};
+    if (!known(to)) return refuse(AlStatusCode::unknown_requested_state);
+    if (to == AlState::boot && !device_.boot_mailbox.present())
+        return refuse(AlStatusCode::bootstrap_not_supported);
+    if (to == status_.state) return write_status();
+    if (!allowed(transition)) return refuse(AlStatusCode::invalid_requested_state_change);
+
+    auto fault = AlStatusCode::none;
+    if (transition == Transition{AlState::init, AlState::preop}) {
+        fault = check_mailboxes(esc_, device_.mailbox, AlStatusCode::invalid_mailbox_configuration);
+    } else if (to == AlState::boot) {
+        fault = check_mailboxes(esc_, device_.boot_mailbox, AlStatusCode::invalid_boot_mailbox_configuration);
+    } else if (transition == Transition{AlState::preop, AlState::safeop}) {
+        const auto sizes = client_.process_data_sizes();
+        fault = check_process_data(esc_, device_, sizes);
+        if (fault == AlStatusCode::none) fault = check_watchdog(esc_, device_, sizes);
+        if (fault == AlStatusCode::none) fault = check_dc(esc_, device_.dc);
+    }
+    if (fault != AlStatusCode::none) return refuse(fault);
+
+    pending_ = true;
+    transition_ = transition;
+    advance(now);
+}
+
+void Esm::advance(Time now) {
+    const auto verdict = client_.before(transition_, now);
+    if (verdict.waits()) {
+        again_ = verdict.again();
+        return;
+    }
+    pending_ = false;
+    again_ = kNever;
+    if (verdict.goes()) return carry_out(now);
+    refuse(verdict.why());
+}
+
+void Esm::carry_out(Time now) {
+    const auto transition = transition_;
+    enable_sync_managers(transition);
+    client_.perform(transition, now);
+    disable_sync_managers(transition);
+    status_ = {transition.to, false, 0};
+    write_status();
+    client_.after(transition, now);
+}
+
+void Esm::fall_back(AlState to, AlStatusCode why, Time now) {
+    drop_pending();
+    if (rank(to) < rank(status_.state)) {
+        const Transition transition{status_.state, to};
+        client_.perform(transition, now);
+        disable_sync_managers(transition);
+        status_ = {to, true, static_cast<std::uint16_t>(why)};
+        write_status();
+        client_.after(transition, now);
+    } else {
+        refuse(why);
+    }
+}
+
+void Esm::refuse(AlStatusCode why) {
+    status_.error = true;
+    status_.code = static_cast<std::uint16_t>(why);
+    write_status();
+}
+
+void Esm::drop_pending() {
+    if (!pending_) return;
+    pending_ = false;
+    again_ = kNever;
+    client_.dropped(transition_);
+}
+
+// A master that takes a sync manager away under a running device: down to where it is not needed.
+void Esm::watch_sync_managers(Time now) {
+    const bool boot = status_.state == AlState::boot;
+    if (has_mailbox(status_.state)) {
+        const auto otherwise = boot ? AlStatusCode::invalid_boot_mailbox_configuration
+                                    : AlStatusCode::invalid_mailbox_configuration;
+        const auto fault = check_mailboxes(esc_, boot ? device_.boot_mailbox : device_.mailbox, otherwise);
+        if (fault != AlStatusCode::none) return fall_back(AlState::init, fault, now);
+    }
+    if (has_process_data(status_.state)) {
+        const auto fault = check_process_data(esc_, device_, client_.process_data_sizes());
+        if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
+    } else {
+        // Reading the activate octets is what clears the event.
+        for (const auto* area : {&device_.outputs, &device_.inputs})
+            if (area->present()) (void)read_sync_manager(esc_, area->sync_manager);
+        if (!has_mailbox(status_.state))
+            for (const unsigned n : {0u, 1u}) (void)read_sync_manager(esc_, n);
+    }
+}
+
+void Esm::enable_sync_managers(Transition transition) {
+    if (transition.from == AlState::init && has_mailboxes(device_)) {
+        set_enabled(0, true);
+        set_enabled(1, true);
+    }
+    if (transition == Transition{AlState::preop, AlState::safeop})
+        for (const auto* area : {&device_.outputs, &device_.inputs})
+            if (area->present()) set_enabled(area->sync_manager, true);
+}
+
+void Esm::disable_sync_managers(Transition transition) {
+    if (has_process_data(transition.from) && !has_process_data(transition.to))
+        for (const auto* area : {&device_.outputs, &device_.inputs})
+            if (area->present()) set_enabled(area->sync_manager, false);
+    if (!has_mailbox(transition.to) && has_mailboxes(device_)) {
+        set_enabled(0, false);
+        set_enabled(1, false);
+    }
+}
+
+void Esm::set_enabled(std::uint8_t sync_manager, bool enabled) {
+    const auto address = static_cast<std::uint16_t>(reg::sync_manager(sync_manager).address +
+                                                    wire::SyncManagerLayout::pdi_control::offset);
+    const auto was = read_register<std::uint8_t>(esc_, address);
+    const auto repeat = was & wire::sm_pdi_control::kRepeatAcknowledge;
+    write_register(esc_, address,
+                   static_cast<std::uint8_t>(repeat | (enabled ? 0 : wire::sm_pdi_control::kDeactivate)));
+}
+
+// The code goes first: a master that sees the error bit must find the code that belongs to it.
+void Esm::write_status() {
+    const bool identify = identification_ && !status_.error;
+    const auto code = identify ? device_.device_id : status_.code;
+    write_register(esc_, reg::kAlStatusCode.address, code);
+    const auto word = static_cast<unsigned>(status_.state) | (status_.error ? al::kErrorIndication : 0u) |
+                      (identify ? al::kDeviceIdentification : 0u);
+    write_register(esc_, reg::kAlStatus.address, static_cast<std::uint16_t>(word));
+}
+
+}  // namespace margay::subdevice

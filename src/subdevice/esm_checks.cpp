@@ -1,0 +1,87 @@
+#include "subdevice/esm_checks.hpp"
+
+#include "subdevice/esc_registers.hpp"
+
+namespace margay::subdevice {
+
+using wire::SyncManager;
+namespace reg = wire::reg;
+
+SyncManager read_sync_manager(EscAccess& esc, unsigned n) {
+    std::array<std::byte, reg::kSyncManagerStride> bytes{};
+    esc.read(reg::sync_manager(n).address, bytes);
+    return wire::load_sync_manager(bytes);
+}
+
+namespace {
+
+// Interrupt and watchdog bits of the control octet are the master's business: some write the SII's value,
+// others their own.
+bool mailbox_fits(const SyncManager& sm, const MailboxArea& area, bool ecat_writes) {
+    return sm.enabled() && sm.mailbox() && sm.ecat_writes() == ecat_writes &&
+           sm.physical_start == area.start && area.allows(sm.length_bytes);
+}
+
+bool overlap(const SyncManager& a, const SyncManager& b) {
+    const auto end = [](const SyncManager& sm) { return std::uint32_t{sm.physical_start} + sm.length_bytes; };
+    return a.physical_start < end(b) && b.physical_start < end(a);
+}
+
+AlStatusCode check_area(EscAccess& esc, const ProcessDataArea& area, std::uint16_t bytes, bool ecat_writes,
+                        AlStatusCode otherwise) {
+    if (!area.present()) return AlStatusCode::none;
+    const auto sm = read_sync_manager(esc, area.sync_manager);
+    if (bytes == 0) return sm.enabled() && sm.length_bytes != 0 ? otherwise : AlStatusCode::none;
+    if (!sm.enabled() || sm.length_bytes != bytes || sm.physical_start != area.start) return otherwise;
+    const auto mode = sm.control & wire::sm_control::kModeMask;
+    const auto expected_mode =
+        area.three_buffers ? wire::sm_control::kModeBuffered : wire::sm_control::kModeMailbox;
+    if (mode != expected_mode || sm.ecat_writes() != ecat_writes)
+        return AlStatusCode::invalid_sync_manager_types;
+    return AlStatusCode::none;
+}
+
+}  // namespace
+
+AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStatusCode otherwise) {
+    if (!expected.present()) return AlStatusCode::none;
+    const auto receive = read_sync_manager(esc, 0);
+    const auto send = read_sync_manager(esc, 1);
+    const bool fits = mailbox_fits(receive, expected.receive, true) &&
+                      mailbox_fits(send, expected.send, false) && !overlap(receive, send);
+    return fits ? AlStatusCode::none : otherwise;
+}
+
+AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
+                                const ProcessDataSizes& sizes) {
+    if (sizes.fault != AlStatusCode::none) return sizes.fault;
+    const auto outputs = check_area(esc, device.outputs, sizes.outputs_bytes, true,
+                                    AlStatusCode::invalid_output_configuration);
+    if (outputs != AlStatusCode::none) return outputs;
+    return check_area(esc, device.inputs, sizes.inputs_bytes, false,
+                      AlStatusCode::invalid_input_configuration);
+}
+
+AlStatusCode check_watchdog(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
+    if (!device.outputs.watchdog_required || sizes.outputs_bytes == 0) return AlStatusCode::none;
+    const auto sm = read_sync_manager(esc, device.outputs.sync_manager);
+    const auto time = read_register<std::uint16_t>(esc, reg::kProcessDataWatchdogTime.address);
+    const bool runs = (sm.control & wire::sm_control::kWatchdogTrigger) != 0 && time != 0;
+    return runs ? AlStatusCode::none : AlStatusCode::invalid_watchdog_configuration;
+}
+
+AlStatusCode check_dc(EscAccess& esc, const DcDescription& dc) {
+    const auto activation = read_register<std::uint8_t>(esc, reg::kSyncActivation.address);
+    const bool cyclic = (activation & wire::sync_activation::kCyclic) != 0;
+    const bool sync0 = cyclic && (activation & wire::sync_activation::kSync0) != 0;
+    const bool sync1 = cyclic && (activation & wire::sync_activation::kSync1) != 0;
+    if (!cyclic) return dc.required ? AlStatusCode::invalid_dc_sync_configuration : AlStatusCode::none;
+    if (!dc.supported || !sync0 || (dc.sync1 && !sync1)) return AlStatusCode::invalid_dc_sync_configuration;
+    const Duration cycle{read_register<std::uint32_t>(esc, reg::kSync0CycleTime.address)};
+    if (cycle == Duration::zero() || cycle < dc.min_cycle ||
+        (dc.max_cycle != Duration::zero() && cycle > dc.max_cycle))
+        return AlStatusCode::invalid_dc_sync0_cycle_time;
+    return AlStatusCode::none;
+}
+
+}  // namespace margay::subdevice

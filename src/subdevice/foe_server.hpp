@@ -1,0 +1,117 @@
+// File access over EtherCAT: the server of mailbox type FoE (ETG.1000.6 "File access over EtherCAT").
+#pragma once
+
+#include "subdevice/mailbox_server.hpp"
+#include "wire/foe.hpp"
+
+#include <array>
+#include <string_view>
+
+namespace margay::subdevice {
+
+using FoeError = wire::foe::ErrorCode;
+
+// What an author's file store answers: go on; busy, ask again with the client's next try; or an error with a
+// text.
+class FoeAnswer {
+  public:
+    [[nodiscard]] static constexpr FoeAnswer go() { return {}; }
+    // `done` of `entire` tells the progress, 0 of 0 nothing.
+    [[nodiscard]] static constexpr FoeAnswer busy(std::uint16_t done, std::uint16_t entire,
+                                                  std::string_view text = {}) {
+        FoeAnswer a;
+        a.kind_ = Kind::busy;
+        a.done_ = done;
+        a.entire_ = entire;
+        a.text_ = text;
+        return a;
+    }
+    // Without a text the standard's words for the code are sent.
+    [[nodiscard]] static constexpr FoeAnswer error(FoeError code, std::string_view text = {}) {
+        FoeAnswer a;
+        a.kind_ = Kind::error;
+        a.code_ = code;
+        a.text_ = text;
+        return a;
+    }
+
+    [[nodiscard]] constexpr bool goes() const { return kind_ == Kind::go; }
+    [[nodiscard]] constexpr bool is_busy() const { return kind_ == Kind::busy; }
+    [[nodiscard]] constexpr FoeError code() const { return code_; }
+    [[nodiscard]] constexpr std::uint16_t done() const { return done_; }
+    [[nodiscard]] constexpr std::uint16_t entire() const { return entire_; }
+    [[nodiscard]] constexpr std::string_view text() const { return text_; }
+
+  private:
+    enum class Kind : std::uint8_t { go, busy, error };
+    Kind kind_ = Kind::go;
+    FoeError code_ = FoeError::undefined;
+    std::uint16_t done_ = 0;
+    std::uint16_t entire_ = 0;
+    std::string_view text_{};  // static, or valid until the next call
+};
+
+struct FoeFile {
+    std::string_view name;  // valid during the call
+    std::uint32_t password = 0;
+    AlState state = AlState::none;
+};
+
+// The files of a device. One transfer at a time; offsets rise without gaps.
+class FoeStore {
+  public:
+    [[nodiscard]] virtual FoeAnswer open_to_read(const FoeFile& file, Time now) = 0;
+    // Puts octets from `offset` on into `into` and their number into `bytes`; less than into.size() is the
+    // end of the file. The same offset may be asked for twice.
+    [[nodiscard]] virtual FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes,
+                                         Time now) = 0;
+
+    [[nodiscard]] virtual FoeAnswer open_to_write(const FoeFile& file, Time now) = 0;
+    // busy(): nothing was taken, the same data come again.
+    [[nodiscard]] virtual FoeAnswer write(std::size_t offset, Bytes data, Time now) = 0;
+    // All `bytes` octets have been written. busy() while they are being checked and stored.
+    [[nodiscard]] virtual FoeAnswer finish_write(std::size_t bytes, Time now) = 0;
+
+    // The transfer ended before its time: an error of either side, another request, another state.
+    virtual void give_up() = 0;
+
+  protected:
+    ~FoeStore() = default;
+};
+
+class FoeServer final : public MailboxServer {
+  public:
+    explicit FoeServer(FoeStore& store) : store_(store) {}
+
+    void start(AlState state, const MailboxRoom& room) override;
+    void state_changed(AlState state) override { state_ = state; }
+    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
+                                                  Time now) override;
+
+  private:
+    enum class Transfer : std::uint8_t { none, read, write };
+
+    void open(bool write, Bytes data, Outbox& out, Time now);
+    void acknowledged(std::uint32_t packet, Outbox& out, Time now);
+    void arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now);
+    void send_data(Outbox& out, Time now);
+    void send_acknowledge(Outbox& out);
+    void refuse(const FoeAnswer& answer, Outbox& out);
+    void fail(FoeError code, Outbox& out) { refuse(FoeAnswer::error(code), out); }
+    void commit(Outbox& out, std::size_t bytes) { out.commit(wire::MailboxType::foe, bytes, address_); }
+    void end();
+
+    FoeStore& store_;
+    AlState state_ = AlState::init;
+    Transfer transfer_ = Transfer::none;
+    std::size_t receive_bytes_ = 0;  // data of a full packet that comes
+    std::uint32_t packet_ = 0;       // last one sent, or acknowledged
+    std::size_t offset_ = 0;         // of the file: what has been acknowledged, or written
+    std::size_t last_bytes_ = 0;     // of the packet sent last
+    bool sent_ = false;              // packet_ is on its way (else the store was busy)
+    bool last_ = false;              // it was the last one
+    bool finishing_ = false;         // all data written, the store is still busy with them
+    std::uint16_t address_ = 0;
+};
+
+}  // namespace margay::subdevice

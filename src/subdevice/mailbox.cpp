@@ -1,0 +1,202 @@
+#include "subdevice/mailbox.hpp"
+
+#include "subdevice/esc_registers.hpp"
+#include "subdevice/esm_checks.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace reg = wire::reg;
+using wire::MailboxErrorCode;
+using wire::MailboxHeader;
+using wire::MailboxType;
+using Layout = wire::SyncManagerLayout;
+
+namespace {
+constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // where no event tells
+}
+
+bool Mailbox::fits() {
+    const auto shortest = wire::kMailboxHeaderBytes + wire::kMailboxErrorBytes;
+    const auto fits = [&](const wire::SyncManager& sm) {
+        return sm.length_bytes >= shortest && sm.length_bytes <= rx_.size();
+    };
+    return fits(read_sync_manager(esc_, 0)) && fits(read_sync_manager(esc_, 1));
+}
+
+void Mailbox::start(AlState state) {
+    receive_ = read_sync_manager(esc_, 0);
+    send_ = read_sync_manager(esc_, 1);
+    forget();
+    state_ = state;
+    running_ = true;
+    silent_ = (receive_.control & send_.control & wire::sm_control::kPdiInterrupt) == 0;
+    watch_repeat();  // a toggle left from an earlier master is acknowledged, with nothing to repeat
+    const MailboxRoom room{receive_.length_bytes - wire::kMailboxHeaderBytes,
+                           send_.length_bytes - wire::kMailboxHeaderBytes};
+    for (const auto& line : protocols_)
+        if (serves(line)) line.server->start(state, room);
+}
+
+void Mailbox::stop() {
+    forget();
+    running_ = false;
+}
+
+void Mailbox::state_changed(AlState state) {
+    if (!running_) return;
+    for (const auto& line : protocols_)
+        if (serves(line)) line.server->state_changed(state);
+}
+
+void Mailbox::forget() {
+    first_ = kept_ = boxed_ = queued_ = received_bytes_ = 0;
+    last_received_ = last_sent_ = 0;
+    lost_ = false;
+}
+
+Time Mailbox::step(Time now, std::uint32_t events) {
+    if (!running_) return kNever;
+    watch_fetched();
+    if ((events & wire::al_event::kSmActivation) != 0) watch_repeat();
+    Time next = kNever;
+    do {
+        if (received_bytes_ != 0) dispatch(now);
+        next = kNever;
+        for (const auto& line : protocols_)
+            if (serves(line)) next = std::min(next, line.server->step(*this, now));
+        put_next();
+    } while (fetch());
+    return silent_ ? std::min(next, now + kPollEvery) : next;
+}
+
+std::uint8_t Mailbox::status(unsigned sync_manager) {
+    return read_register<std::uint8_t>(
+        esc_, static_cast<std::uint16_t>(reg::sync_manager(sync_manager).address + Layout::status::offset));
+}
+
+// SM1 empty again: what was in it becomes the one that may be asked for again.
+void Mailbox::watch_fetched() {
+    if (boxed_ == 0 || (status(1) & wire::sm_status::kMailboxFull) != 0) return;
+    if (kept_ != 0) first_ = (first_ + 1) % slots_;
+    kept_ = 1;
+    boxed_ = 0;
+}
+
+// The master toggles the repeat request when a reply was lost on its way. The one fetched last is put into
+// SM1 again, before one that may wait there already, and then the acknowledge follows the request.
+void Mailbox::watch_repeat() {
+    std::array<std::byte, 10> octets{};  // from SM0's activate to SM1's PDI control
+    const auto from = static_cast<std::uint16_t>(reg::sync_manager(0).address + Layout::activate::offset);
+    esc_.read(from, octets);
+    const auto receive_activate = std::to_integer<std::uint8_t>(octets[0]);
+    const auto activate = std::to_integer<std::uint8_t>(octets[8]);
+    const auto pdi_control = std::to_integer<std::uint8_t>(octets[9]);
+    lost_ = (activate & receive_activate & wire::sm_activate::kEnable) == 0;
+    const bool request = (activate & wire::sm_activate::kRepeatRequest) != 0;
+    const bool acknowledged = (pdi_control & wire::sm_pdi_control::kRepeatAcknowledge) != 0;
+    if (request == acknowledged) return;
+
+    const auto address =
+        static_cast<std::uint16_t>(reg::sync_manager(1).address + Layout::pdi_control::offset);
+    const auto acknowledge = request ? wire::sm_pdi_control::kRepeatAcknowledge : std::uint8_t{0};
+    if (kept_ != 0) {
+        if (boxed_ != 0)  // taking SM1 away and giving it back is what empties it
+            write_register(
+                esc_, address,
+                static_cast<std::uint8_t>((pdi_control & ~1u) | wire::sm_pdi_control::kDeactivate));
+        if (boxed_ != 0) write_register(esc_, address, static_cast<std::uint8_t>(pdi_control & ~1u));
+        queued_ += kept_ + boxed_;
+        kept_ = boxed_ = 0;
+        ++counters_.repeats;
+        put_next();
+    }
+    write_register(esc_, address, acknowledge);
+}
+
+void Mailbox::put_next() {
+    if (boxed_ != 0 || queued_ == 0) return;
+    const auto message = slot(kept_);
+    const auto bytes = wire::kMailboxHeaderBytes + wire::load_mailbox_header(message).length;
+    esc_.write(send_.physical_start, message.first(bytes));
+    if (bytes < send_.length_bytes)  // the last octet is what fills the mailbox
+        write_register(esc_, static_cast<std::uint16_t>(send_.physical_start + send_.length_bytes - 1),
+                       std::uint8_t{0});
+    boxed_ = 1;
+    --queued_;
+    ++counters_.sent;
+}
+
+// Takes a message out of SM0 when there is one and room for its reply. True: one is in rx_.
+bool Mailbox::fetch() {
+    if (received_bytes_ != 0 || used() == slots_ || (status(0) & wire::sm_status::kMailboxFull) == 0)
+        return false;
+    const std::size_t size = receive_.length_bytes;
+    esc_.read(receive_.physical_start, rx_.first(wire::kMailboxHeaderBytes));
+    const auto announced = wire::kMailboxHeaderBytes + wire::load_mailbox_header(rx_).length;
+    const auto bytes = std::min(size, announced);
+    if (bytes > wire::kMailboxHeaderBytes)
+        esc_.read(static_cast<std::uint16_t>(receive_.physical_start + wire::kMailboxHeaderBytes),
+                  rx_.subspan(wire::kMailboxHeaderBytes, bytes - wire::kMailboxHeaderBytes));
+    if (bytes < size)  // the last octet is what empties the mailbox
+        (void)read_register<std::uint8_t>(esc_,
+                                          static_cast<std::uint16_t>(receive_.physical_start + size - 1));
+    received_bytes_ = bytes;
+    ++counters_.received;
+    return true;
+}
+
+void Mailbox::dispatch(Time now) {
+    if (used() == slots_) return;  // no room for a reply: it waits in rx_
+    const auto header = wire::load_mailbox_header(rx_);
+    // A master that did not see its write arrive sends it again under the same counter.
+    const bool repeated = header.counter != 0 && header.counter == last_received_;
+    const auto message = wire::load_mailbox_message(rx_.first(received_bytes_));
+    auto* const server = message ? server_of(header.type) : nullptr;
+    if (!repeated && server != nullptr && header.channel == 0 && server->busy()) return;
+
+    received_bytes_ = 0;
+    if (repeated) {
+        ++counters_.duplicates;
+        return;
+    }
+    last_received_ = header.counter;
+    if (!message) return reply_error(MailboxErrorCode::invalid_size);
+    if (header.type == MailboxType::error) return;  // an error is not answered by an error
+    if (header.channel != 0) return reply_error(MailboxErrorCode::invalid_channel);
+    if (server == nullptr) return reply_error(MailboxErrorCode::unsupported_protocol);
+    if (message->data.empty()) return reply_error(MailboxErrorCode::size_too_short);
+    if (const auto error = server->receive(*message, *this, now)) reply_error(*error);
+}
+
+void Mailbox::reply_error(MailboxErrorCode code) {
+    const auto data = open();
+    if (data.empty()) return;
+    wire::MailboxErrorLayout::type::store(data, wire::kMailboxErrorTypeCommand);
+    wire::MailboxErrorLayout::detail::store(data, code);
+    commit(MailboxType::error, wire::kMailboxErrorBytes, wire::load_mailbox_header(rx_).address);
+    ++counters_.errors;
+}
+
+MailboxServer* Mailbox::server_of(MailboxType type) const {
+    for (const auto& line : protocols_)
+        if (line.type == type && serves(line)) return line.server;
+    return nullptr;
+}
+
+MutableBytes Mailbox::open() {
+    if (!running_ || used() == slots_) return {};
+    return slot(used()).subspan(wire::kMailboxHeaderBytes, send_.length_bytes - wire::kMailboxHeaderBytes);
+}
+
+void Mailbox::commit(MailboxType type, std::size_t bytes, std::uint16_t address) {
+    last_sent_ = wire::next_mailbox_counter(last_sent_);
+    wire::store_mailbox_header(slot(used()), {.length = static_cast<std::uint16_t>(bytes),
+                                              .address = address,
+                                              .type = type,
+                                              .counter = last_sent_});
+    ++queued_;
+}
+
+}  // namespace margay::subdevice

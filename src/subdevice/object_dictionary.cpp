@@ -1,0 +1,54 @@
+#include "subdevice/object_dictionary.hpp"
+
+#include "subdevice/pdo_mapping.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+const Object* ObjectDictionary::find(std::uint16_t index) const {
+    const auto at = std::lower_bound(objects_.begin(), objects_.end(), index,
+                                     [](const Object& o, std::uint16_t wanted) { return o.index < wanted; });
+    return at != objects_.end() && at->index == index ? &*at : nullptr;
+}
+
+void ObjectDictionary::restore_defaults(std::uint16_t access) {
+    for (const auto& object : objects_)
+        for (const auto& entry : object.entries) {
+            if (entry.storage != Storage::image || (access != 0 && (entry.access & access) == 0)) continue;
+            for (unsigned n = entry.subindex; n <= entry.last(); ++n) {
+                const auto memory = in_image(entry, n);
+                for (std::size_t i = 0; i < memory.size(); ++i) {
+                    const auto octet = i < 8 && entry.text.empty()
+                                           ? static_cast<std::uint8_t>(entry.initial >> (8 * i))
+                                       : i < entry.text.size() ? static_cast<std::uint8_t>(entry.text[i])
+                                                               : std::uint8_t{0};
+                    memory[i] = std::byte{octet};
+                }
+            }
+        }
+}
+
+MutableBytes ObjectDictionary::in_image(const Entry& entry, unsigned subindex) const {
+    if (entry.storage != Storage::image) return {};
+    return image_.subspan(entry.offset + std::size_t{subindex - entry.subindex} * entry.bytes(),
+                          entry.bytes());
+}
+
+std::uint64_t ObjectDictionary::number(std::uint16_t index, unsigned subindex) const {
+    const auto* const object = find(index);
+    const auto* const entry = object != nullptr ? object->entry(subindex) : nullptr;
+    if (entry == nullptr) return 0;
+    if (entry->storage == Storage::constant) return entry->initial;
+    std::uint64_t value = 0;
+    const auto memory = in_image(*entry, subindex);
+    for (std::size_t i = 0; i < std::min<std::size_t>(memory.size(), 8); ++i)
+        value |= std::uint64_t{std::to_integer<std::uint8_t>(memory[i])} << (8 * i);
+    return value;
+}
+
+bool ObjectDictionary::blocked(std::uint16_t index, unsigned subindex) const {
+    return blocked_ != nullptr && blocked_->maps(index, subindex);
+}
+
+}  // namespace margay::subdevice

@@ -1,0 +1,352 @@
+// The object dictionary: constexpr tables that tell what there is, and one image of bytes per device that
+// holds the values.
+//
+// A table is written once for a kind of device and lives in flash; ten devices of the kind share it. Values
+// lie in the image in the byte order of the wire, so that an application reads and writes them through Field,
+// an SDO carries them as they are, and the PDO mapping copies bits:
+//
+//     struct Values {
+//         using outputs = Field<std::uint8_t, 0>;
+//         using limit = Field<std::int16_t, 2>;
+//         static constexpr std::size_t bytes = 4;
+//     };
+//     constexpr Entry kOutputs[] = {value<Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
+//     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(-500, 500)};
+//     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit",
+//     kLimit)}; static_assert(well_formed(kObjects, Values::bytes));
+#pragma once
+
+#include "subdevice/description.hpp"
+#include "util/bytes.hpp"
+#include "wire/coe.hpp"
+
+#include <margay/al_state.hpp>
+
+#include <array>
+#include <concepts>
+#include <span>
+#include <string_view>
+
+namespace margay::subdevice {
+
+using wire::coe::Abort;
+using wire::coe::DataType;
+using wire::coe::ObjectCode;
+
+// Access bits of entries; more in wire::coe::access.
+namespace od {
+using namespace wire::coe::access;
+inline constexpr std::uint16_t kReadOnly = kRead;
+inline constexpr std::uint16_t kReadWrite = kRead | kWrite;
+inline constexpr std::uint16_t kReadWritePreop =
+    kRead | kWritePreop;  // settings that must not change under way
+}  // namespace od
+
+enum class Storage : std::uint8_t {
+    nothing,   // padding, reads as zero
+    constant,  // Entry::initial
+    text,      // Entry::text
+    image,     // in the device's image
+    provided,  // where ObjectHooks::memory says, as long as it says
+};
+
+// One subindex, or several that are alike.
+struct Entry {
+    std::uint8_t subindex = 0;
+    std::uint8_t count = 1;  // this many subindices from `subindex` on, the values one behind the other
+    Storage storage = Storage::nothing;
+    bool limited = false;
+    DataType type = DataType::none;
+    std::uint16_t access = 0;
+    std::uint32_t bits = 0;    // of one
+    std::uint32_t offset = 0;  // in the image
+    std::string_view name{};
+    std::string_view text{};    // constant, or initial value of a string
+    std::uint64_t initial = 0;  // constant, or initial value
+    std::int64_t minimum = 0;   // when `limited`
+    std::int64_t maximum = 0;
+
+    [[nodiscard]] constexpr std::uint32_t bytes() const { return (bits + 7) / 8; }
+    [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
+    [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
+
+    // The same entry with bounds that a download must keep, of another type, or `n` times.
+    [[nodiscard]] constexpr Entry within(std::int64_t least, std::int64_t most) const {
+        Entry e = *this;
+        e.limited = true;
+        e.minimum = least;
+        e.maximum = most;
+        return e;
+    }
+    [[nodiscard]] constexpr Entry as(DataType other) const {
+        Entry e = *this;
+        e.type = other;
+        return e;
+    }
+    [[nodiscard]] constexpr Entry times(std::uint8_t n) const {
+        Entry e = *this;
+        e.count = n;
+        return e;
+    }
+};
+
+struct Object;
+class Application;
+class ObjectDictionary;
+class PdoMapping;
+
+// What a hook is told.
+struct ObjectAccess {
+    const Object& object;
+    std::uint8_t subindex = 0;
+    bool complete = false;  // all subindices from `subindex` on
+    bool write = false;
+    std::size_t bytes = 0;  // of a write
+    AlState state = AlState::none;
+    Time now{};
+    ObjectDictionary& dictionary;
+    Application* application = nullptr;
+};
+
+// A hook's answer: Abort::none lets the access go on, another code ends it; later() has the hook asked again.
+struct HookAnswer {
+    constexpr HookAnswer(Abort code = Abort::none) : abort(code) {}
+    [[nodiscard]] static constexpr HookAnswer later(Time when) {
+        HookAnswer answer;
+        answer.again = when;
+        return answer;
+    }
+    [[nodiscard]] constexpr bool waits() const { return again != kNever; }
+    Abort abort;
+    Time again = kNever;
+};
+
+// Called from within Device::step(), in the order of the members. Any of them may be null.
+struct ObjectHooks {
+    HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // the value may be brought up to date
+    HookAnswer (*before_write)(const ObjectAccess&, Bytes data) =
+        nullptr;  // `data` as a complete access would carry it, or one value
+    void (*after_write)(const ObjectAccess&) = nullptr;  // the value is in place
+    // Storage::provided: the value at its present length; for a write the room there is for it.
+    MutableBytes (*memory)(const ObjectAccess&) = nullptr;
+    // Downloads larger than the staging buffer may go into the memory piece by piece, before before_write is
+    // asked.
+    bool in_pieces = false;
+};
+
+struct Object {
+    std::uint16_t index = 0;
+    ObjectCode code = ObjectCode::null;
+    DataType type = DataType::none;
+    std::string_view name{};
+    std::span<const Entry> entries{};  // ascending
+    const ObjectHooks* hooks = nullptr;
+
+    [[nodiscard]] constexpr const Entry* entry(unsigned subindex) const {
+        for (const auto& e : entries)
+            if (subindex >= e.subindex && subindex <= e.last()) return &e;
+        return nullptr;
+    }
+    [[nodiscard]] constexpr unsigned max_subindex() const {
+        return entries.empty() ? 0 : entries.back().last();
+    }
+};
+
+// ------------------------------------------------------------------ building tables
+
+template <class T>
+inline constexpr DataType kTypeOf = DataType::none;
+template <>
+inline constexpr DataType kTypeOf<std::uint8_t> = DataType::unsigned8;
+template <>
+inline constexpr DataType kTypeOf<std::uint16_t> = DataType::unsigned16;
+template <>
+inline constexpr DataType kTypeOf<std::uint32_t> = DataType::unsigned32;
+template <>
+inline constexpr DataType kTypeOf<std::uint64_t> = DataType::unsigned64;
+template <>
+inline constexpr DataType kTypeOf<std::int8_t> = DataType::integer8;
+template <>
+inline constexpr DataType kTypeOf<std::int16_t> = DataType::integer16;
+template <>
+inline constexpr DataType kTypeOf<std::int32_t> = DataType::integer32;
+template <>
+inline constexpr DataType kTypeOf<std::int64_t> = DataType::integer64;
+
+// A number in the image.
+template <class F>
+[[nodiscard]] constexpr Entry value(std::uint8_t subindex, std::string_view name, std::uint16_t access,
+                                    typename F::Type initial = 0) {
+    return {.subindex = subindex,
+            .storage = Storage::image,
+            .type = kTypeOf<typename F::Type>,
+            .access = access,
+            .bits = sizeof(typename F::Type) * 8,
+            .offset = F::offset,
+            .name = name,
+            .initial = static_cast<std::uint64_t>(initial)};
+}
+
+// A number of `bits` (1 to 8) in an octet of its own: BOOLEAN, or BIT2 and so on.
+template <class F>
+requires std::same_as<typename F::Type, std::uint8_t>
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, std::string_view name, std::uint16_t access,
+                                   unsigned bits = 1, std::uint8_t initial = 0) {
+    Entry e = value<F>(subindex, name, access, initial);
+    e.type = bits == 1 ? DataType::boolean
+                       : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
+    e.bits = bits;
+    return e;
+}
+
+// Octets in the image: strings (padded with zeros), domains and all other types.
+[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, std::string_view name, DataType type,
+                                     std::uint16_t access, std::size_t offset, std::size_t bytes,
+                                     std::string_view initial = {}) {
+    return {.subindex = subindex,
+            .storage = Storage::image,
+            .type = type,
+            .access = access,
+            .bits = static_cast<std::uint32_t>(bytes * 8),
+            .offset = static_cast<std::uint32_t>(offset),
+            .name = name,
+            .text = initial};
+}
+
+template <class T>
+[[nodiscard]] constexpr Entry constant(std::uint8_t subindex, std::string_view name, T initial,
+                                       std::uint16_t access = od::kReadOnly) {
+    return {.subindex = subindex,
+            .storage = Storage::constant,
+            .type = kTypeOf<T>,
+            .access = access,
+            .bits = sizeof(T) * 8,
+            .name = name,
+            .initial = static_cast<std::uint64_t>(initial)};
+}
+
+[[nodiscard]] constexpr Entry text(std::uint8_t subindex, std::string_view name, std::string_view content,
+                                   std::uint16_t access = od::kReadOnly) {
+    return {.subindex = subindex,
+            .storage = Storage::text,
+            .type = DataType::visible_string,
+            .access = access,
+            .bits = static_cast<std::uint32_t>(content.size() * 8),
+            .name = name,
+            .text = content};
+}
+
+// A value that lives where ObjectHooks::memory says. `bits` is its usual length, 0 when that varies.
+[[nodiscard]] constexpr Entry provided(std::uint8_t subindex, std::string_view name, DataType type,
+                                       std::uint32_t bits, std::uint16_t access) {
+    return {.subindex = subindex,
+            .storage = Storage::provided,
+            .type = type,
+            .access = access,
+            .bits = bits,
+            .name = name};
+}
+
+[[nodiscard]] constexpr Entry padding(std::uint8_t subindex, std::uint32_t bits) {
+    return {.subindex = subindex, .access = od::kReadOnly, .bits = bits};
+}
+
+// Subindex 0 of arrays and records.
+[[nodiscard]] constexpr Entry entry_count(std::uint8_t n) {
+    return constant<std::uint8_t>(0, "SubIndex 000", n);
+}
+
+[[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name,
+                                        std::span<const Entry> entry, const ObjectHooks* hooks = nullptr) {
+    return {index, ObjectCode::variable, entry.front().type, name, entry, hooks};
+}
+[[nodiscard]] constexpr Object array(std::uint16_t index, std::string_view name,
+                                     std::span<const Entry> entries, const ObjectHooks* hooks = nullptr) {
+    return {index, ObjectCode::array, entries.back().type, name, entries, hooks};
+}
+[[nodiscard]] constexpr Object record(std::uint16_t index, std::string_view name,
+                                      std::span<const Entry> entries, const ObjectHooks* hooks = nullptr,
+                                      DataType type = DataType::none) {
+    return {index, ObjectCode::record, type, name, entries, hooks};
+}
+
+// Ascending, within the image, every subindex once, limits in order, memory where it is promised.
+[[nodiscard]] constexpr bool well_formed(std::span<const Object> objects, std::size_t image_bytes) {
+    for (std::size_t i = 0; i < objects.size(); ++i) {
+        const auto& o = objects[i];
+        if (i > 0 && o.index <= objects[i - 1].index) return false;
+        if (o.entries.empty() || o.entries.front().subindex != 0) return false;
+        if (o.code == ObjectCode::variable && o.max_subindex() != 0) return false;
+        unsigned next = 0;
+        for (const auto& e : o.entries) {
+            if (e.count == 0 || e.subindex < next || e.last() > 255) return false;
+            next = e.last() + 1;
+            if (e.limited && e.minimum > e.maximum) return false;
+            if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes)
+                return false;
+            if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr))
+                return false;
+        }
+        if (o.code != ObjectCode::variable && (o.entries.front().count != 1 || o.entries.front().bits != 8))
+            return false;
+    }
+    return true;
+}
+
+// ------------------------------------------------------------------ at run time
+
+class ObjectDictionary {
+  public:
+    // All outlive the dictionary. The application is handed to the hooks.
+    ObjectDictionary(std::span<const Object> objects, MutableBytes image, Application* application = nullptr)
+        : objects_(objects), image_(image), application_(application) {
+        restore_defaults();
+    }
+
+    [[nodiscard]] std::span<const Object> objects() const { return objects_; }
+    [[nodiscard]] MutableBytes image() const { return image_; }
+    [[nodiscard]] Application* application() const { return application_; }
+    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: there is none
+
+    // Every entry in the image to its initial value; limited to entries with `access` bits when given
+    // (od::kBackup …).
+    void restore_defaults(std::uint16_t access = 0);
+
+    // The memory of a value in the image; empty for other storage.
+    [[nodiscard]] MutableBytes in_image(const Entry& entry, unsigned subindex) const;
+
+    // A number of up to 8 octets, 0 where there is none. For the stack's own objects; applications use Field.
+    [[nodiscard]] std::uint64_t number(std::uint16_t index, unsigned subindex) const;
+
+    // While a mapping is in force whose outputs are applied, what it maps is not for downloads. nullptr: none
+    // is.
+    void block_downloads(const PdoMapping* outputs) { blocked_ = outputs; }
+    [[nodiscard]] bool blocked(std::uint16_t index, unsigned subindex) const;
+
+  private:
+    std::span<const Object> objects_;
+    MutableBytes image_;
+    Application* application_;
+    const PdoMapping* blocked_ = nullptr;
+};
+
+// ------------------------------------------------------------------ objects that follow from the description
+
+// Entries of 0x1018 and 0x1C00. Record types: DataType::identity, and array of UNSIGNED8.
+[[nodiscard]] constexpr std::array<Entry, 5> identity_entries(const DeviceDescription& d) {
+    return {entry_count(4), constant(1, "Vendor ID", d.vendor_id),
+            constant(2, "Product code", d.product_code), constant(3, "Revision", d.revision),
+            constant(4, "Serial number", d.serial)};
+}
+
+// Types of SM0 to SM3: mailbox out, mailbox in, process data out, process data in; 0 where the device has no
+// such direction.
+[[nodiscard]] constexpr std::array<Entry, 5> sync_manager_type_entries(const DeviceDescription& d) {
+    const auto type = [](std::uint8_t n, bool present, int value) {
+        return constant(n, "SubIndex 00x", static_cast<std::uint8_t>(present ? value : 0));
+    };
+    return {entry_count(4), type(1, d.mailbox.present(), 1), type(2, d.mailbox.present(), 2),
+            type(3, d.outputs.present(), 3), type(4, d.inputs.present(), 4)};
+}
+
+}  // namespace margay::subdevice

@@ -1,0 +1,202 @@
+#include "subdevice/object_values.hpp"
+
+#include "subdevice/bits.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace {
+
+Abort check_access(std::uint16_t access, std::uint16_t all, AlState state, Abort never) {
+    if ((access & all) == 0) return never;
+    const unsigned place = state == AlState::op ? 2 : state == AlState::safeop ? 1 : 0;
+    const unsigned lowest = all & (~all + 1u);
+    return (access & (lowest << place)) != 0 ? Abort::none : Abort::device_state;
+}
+
+constexpr bool is_signed(DataType type) {
+    using enum DataType;
+    return type == integer8 || type == integer16 || type == integer24 || type == integer32 ||
+           type == integer40 || type == integer48 || type == integer56 || type == integer64;
+}
+
+ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
+    ObjectAccess one = access;
+    one.subindex = static_cast<std::uint8_t>(subindex);
+    return one;
+}
+
+// Bits before an entry that comes at `bit`: entries of an octet and more begin at an octet.
+constexpr std::size_t aligned(std::size_t bit, const Entry& entry) {
+    return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit;
+}
+
+// Calls f(entry, subindex, first bit) for every subindex from `from` to `top`; returns the bits of all.
+template <class F>
+std::size_t for_each_complete(const Object& object, unsigned from, unsigned top, F&& f) {
+    std::size_t bit = 0;
+    for (const auto& entry : object.entries)
+        for (unsigned n = std::max<unsigned>(from, entry.subindex); n <= std::min(top, entry.last()); ++n) {
+            bit = aligned(bit, entry);
+            f(entry, n, bit);
+            bit += n == 0 ? 16 : entry.bits;
+        }
+    return bit;
+}
+
+unsigned count_of(const ObjectAccess& access) {
+    Scratch scratch{};
+    const auto count = view_value(at(access, 0), access.object.entries.front(), scratch);
+    return count.empty() ? 0 : std::min(std::to_integer<unsigned>(count[0]), access.object.max_subindex());
+}
+
+bool count_is_writable(const ObjectAccess& access) {
+    return check_writable(access.object.entries.front(), access.state) == Abort::none;
+}
+
+}  // namespace
+
+Abort check_readable(const Entry& entry, AlState state) {
+    return check_access(entry.access, od::kRead, state, Abort::write_only);
+}
+
+Abort check_writable(const Entry& entry, AlState state) {
+    return check_access(entry.access, od::kWrite, state, Abort::read_only);
+}
+
+Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratch) {
+    switch (entry.storage) {
+        case Storage::nothing:
+            return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
+        case Storage::constant:
+            store_le(MutableBytes(scratch), 0, entry.initial);
+            return Bytes(scratch).first(entry.bytes());
+        case Storage::text: return std::as_bytes(std::span(entry.text));
+        case Storage::provided: return access.object.hooks->memory(access);
+        case Storage::image: break;
+    }
+    const Bytes memory = access.dictionary.in_image(entry, access.subindex);
+    if (entry.type != DataType::visible_string) return memory;
+    const auto end = std::find(memory.begin(), memory.end(), std::byte{0});
+    return memory.first(static_cast<std::size_t>(end - memory.begin()));
+}
+
+Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
+    std::size_t room = entry.bytes();
+    if (entry.storage == Storage::provided) {
+        auto writing = access;
+        writing.write = true;
+        room = access.object.hooks->memory(writing).size();
+    }
+    if (data.size() > room) return Abort::length_too_high;
+    if (data.size() < room && !varies(entry.type)) return Abort::length_too_low;
+    if (!entry.limited || data.size() > 8) return Abort::none;
+    std::uint64_t bits = 0;
+    for (std::size_t i = 0; i < data.size(); ++i)
+        bits |= std::uint64_t{std::to_integer<std::uint8_t>(data[i])} << (8 * i);
+    if (!is_signed(entry.type)) {
+        if (bits < static_cast<std::uint64_t>(entry.minimum)) return Abort::value_too_low;
+        return bits > static_cast<std::uint64_t>(entry.maximum) ? Abort::value_too_high : Abort::none;
+    }
+    const auto unused = static_cast<unsigned>(64 - 8 * data.size());
+    const auto number = static_cast<std::int64_t>(bits << unused) >> unused;
+    if (number < entry.minimum) return Abort::value_too_low;
+    return number > entry.maximum ? Abort::value_too_high : Abort::none;
+}
+
+void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
+    auto writing = access;
+    writing.write = true;
+    const auto memory = entry.storage == Storage::provided
+                            ? access.object.hooks->memory(writing)
+                            : access.dictionary.in_image(entry, access.subindex);
+    const auto bytes = std::min(memory.size(), data.size());
+    if (memory.data() != data.data())
+        std::copy_n(data.begin(), bytes, memory.begin());  // a stream is in place already
+    std::fill(memory.begin() + static_cast<std::ptrdiff_t>(bytes), memory.end(), std::byte{0});
+    if (entry.bits > 0 && entry.bits < 8 && !memory.empty())
+        memory[0] &= static_cast<std::byte>((1u << entry.bits) - 1u);
+}
+
+std::size_t complete_bytes(const Object& object, unsigned from, unsigned top) {
+    return (for_each_complete(object, from, top, [](const Entry&, unsigned, std::size_t) {}) + 7) / 8;
+}
+
+Gathered gather(const ObjectAccess& access, MutableBytes into) {
+    const auto top = count_of(access);
+    const auto bytes = complete_bytes(access.object, access.subindex, top);
+    for (const auto& entry : access.object.entries)
+        if (entry.subindex <= top && entry.storage == Storage::provided && entry.bits == 0)
+            return {Abort::complete_access_unsupported};
+    if (bytes > into.size()) return {Abort::out_of_memory};
+    std::fill_n(into.begin(), bytes, std::byte{0});
+    bool any = false;
+    auto why = Abort::none;
+    for_each_complete(access.object, access.subindex, top,
+                      [&](const Entry& entry, unsigned n, std::size_t bit) {
+                          if (entry.is_padding()) return;
+                          const auto refused = check_readable(entry, access.state);
+                          if (refused != Abort::none) {
+                              why = why == Abort::none ? refused : why;
+                              return;  // stays zero
+                          }
+                          any = true;
+                          Scratch scratch{};
+                          const auto value = view_value(at(access, n), entry, scratch);
+                          copy_bits(into, bit, value, 0, std::min<std::size_t>(entry.bits, value.size() * 8));
+                      });
+    if (!any && why != Abort::none) return {why};
+    return {Abort::none, bytes};
+}
+
+Abort check_complete(const ObjectAccess& access, Bytes data) {
+    const auto& object = access.object;
+    const bool free_count = count_is_writable(access);
+    unsigned top = count_of(access);
+    if (access.subindex == 0) {
+        if (data.size() < 2) return Abort::length_too_low;
+        const auto wanted = load_le<std::uint16_t>(data);
+        if (free_count && wanted > object.max_subindex()) return Abort::value_too_high;
+        if (free_count) top = wanted;
+    } else if (free_count) {  // as many whole entries as come
+        top = 0;
+        while (top < object.max_subindex() && complete_bytes(object, 1, top) < data.size()) ++top;
+    }
+    const auto bytes = complete_bytes(object, access.subindex, top);
+    if (data.size() > bytes) return Abort::length_too_high;
+    if (data.size() < bytes) return Abort::length_too_low;
+
+    bool any = false;
+    auto why = Abort::none;
+    auto wrong = Abort::none;
+    for_each_complete(object, access.subindex, top, [&](const Entry& entry, unsigned n, std::size_t bit) {
+        if (entry.is_padding() || wrong != Abort::none) return;
+        const auto refused = check_writable(entry, access.state);
+        if (refused != Abort::none) {
+            why = why == Abort::none ? refused : why;
+            return;
+        }
+        any = true;
+        if (entry.bits < 8 || varies(entry.type)) return;  // any bits are a value
+        wrong = check_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
+    });
+    if (wrong != Abort::none) return wrong;
+    return any || why == Abort::none ? Abort::none : why;
+}
+
+void scatter(const ObjectAccess& access, Bytes data) {
+    for_each_complete(access.object, access.subindex, access.object.max_subindex(),
+                      [&](const Entry& entry, unsigned n, std::size_t bit) {
+                          if (entry.is_padding() || check_writable(entry, access.state) != Abort::none)
+                              return;
+                          if (bit + (n == 0 ? 16 : entry.bits) > data.size() * 8) return;
+                          if (entry.bits >= 8)
+                              return store_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
+                          Scratch scratch{};
+                          copy_bits(scratch, 0, data, bit, entry.bits);
+                          store_value(at(access, n), entry, Bytes(scratch).first(1));
+                      });
+}
+
+}  // namespace margay::subdevice

@@ -1,0 +1,179 @@
+#include "subdevice/pdo_mapping.hpp"
+
+#include "subdevice/application.hpp"
+#include "subdevice/bits.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace {
+
+constexpr std::uint32_t kGap = 0xFFFFFFFF;
+
+constexpr bool is_output_pdo(std::uint16_t index) { return index >= 0x1600 && index < 0x1800; }
+constexpr bool is_input_pdo(std::uint16_t index) { return index >= 0x1A00 && index < 0x1C00; }
+
+std::size_t mapped_bits(const ObjectDictionary& dictionary, std::uint16_t pdo) {
+    std::size_t bits = 0;
+    const auto count = static_cast<unsigned>(dictionary.number(pdo, 0));
+    for (unsigned n = 1; n <= count; ++n)
+        bits += MappingEntry::of(static_cast<std::uint32_t>(dictionary.number(pdo, n))).bits;
+    return bits;
+}
+
+// What an object of a count and equal values will hold after a write: the count, and the values out of the
+// data that comes or out of the dictionary.
+class AfterWrite {
+  public:
+    AfterWrite(const ObjectAccess& access, Bytes data, std::size_t value_bytes)
+        : access_(access), data_(data), value_bytes_(value_bytes) {}
+
+    [[nodiscard]] unsigned count() const {
+        if (access_.subindex == 0) return std::to_integer<unsigned>(data_[0]);
+        return static_cast<unsigned>(access_.dictionary.number(access_.object.index, 0));
+    }
+    [[nodiscard]] std::uint32_t value(unsigned n) const {
+        const std::size_t head = access_.subindex == 0 ? 2 : 0;
+        if (!access_.complete && access_.subindex != n)
+            return static_cast<std::uint32_t>(access_.dictionary.number(access_.object.index, n));
+        const auto from = access_.complete ? head + (n - 1) * value_bytes_ : 0;
+        return value_bytes_ == 4 ? load_le<std::uint32_t>(data_, from) : load_le<std::uint16_t>(data_, from);
+    }
+
+  private:
+    const ObjectAccess& access_;
+    Bytes data_;
+    std::size_t value_bytes_;
+};
+
+// Values are changed while the count is 0, or all at once with the count.
+Abort check_order(const ObjectAccess& access) {
+    if (access.subindex == 0) return Abort::none;
+    return access.dictionary.number(access.object.index, 0) == 0 ? Abort::none : Abort::subindex_needs_zero;
+}
+
+std::size_t max_bits(const ObjectAccess& access, bool outputs) {
+    const auto& device = access.application->description();
+    return std::size_t{outputs ? device.outputs.max_bytes : device.inputs.max_bytes} * 8;
+}
+
+}  // namespace
+
+bool MappingReader::next() {
+    while (nth_entry_ >= entries_) {
+        if (nth_pdo_ >= pdos_) return false;
+        pdo_ = static_cast<std::uint16_t>(dictionary_.number(assignment_, ++nth_pdo_));
+        entries_ = dictionary_.number(pdo_, 0);
+        nth_entry_ = 0;
+    }
+    entry_ = MappingEntry::of(static_cast<std::uint32_t>(dictionary_.number(pdo_, ++nth_entry_)));
+    return true;
+}
+
+Abort check_mappable(const ObjectDictionary& dictionary, MappingEntry entry, bool outputs) {
+    if (entry.index == 0) return Abort::none;
+    const auto* const object = dictionary.find(entry.index);
+    if (object == nullptr) return Abort::no_object;
+    const auto* const found = object->entry(entry.subindex);
+    if (found == nullptr) return Abort::no_subindex;
+    const auto wanted = outputs ? od::kRxMappable : od::kTxMappable;
+    if ((found->access & wanted) == 0 || found->storage != Storage::image) return Abort::cannot_be_mapped;
+    return found->bits == entry.bits ? Abort::none : Abort::length_mismatch;
+}
+
+Abort PdoMapping::build(const ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
+    count_ = 0;
+    bits_ = 0;
+    MappingReader reader(dictionary, assignment);
+    while (reader.next()) {
+        const auto& entry = reader.entry();
+        const auto wrong = check_mappable(dictionary, entry, assignment == kOutputAssignment);
+        if (wrong != Abort::none) return wrong;
+        if (count_ == memory_.size() || bits_ + entry.bits > max_bytes * 8) return Abort::exceeds_pdo;
+        MappedEntry mapped{entry.index, entry.subindex, entry.bits, kGap, 0};
+        if (entry.index != 0) {
+            const auto& found = *dictionary.find(entry.index)->entry(entry.subindex);
+            mapped.offset = found.offset + (std::uint32_t{entry.subindex} - found.subindex) * found.bytes();
+            mapped.initial = static_cast<std::uint32_t>(found.initial);
+        }
+        memory_[count_++] = mapped;
+        bits_ += entry.bits;
+    }
+    return Abort::none;
+}
+
+bool PdoMapping::maps(std::uint16_t index, unsigned subindex) const {
+    const auto mapped = memory_.first(count_);
+    return std::any_of(mapped.begin(), mapped.end(),
+                       [=](const MappedEntry& m) { return m.index == index && m.subindex == subindex; });
+}
+
+void PdoMapping::unpack(Bytes from, MutableBytes image) const {
+    std::size_t bit = 0;
+    for (const auto& m : memory_.first(count_)) {
+        if (m.offset != kGap) copy_bits(image, std::size_t{m.offset} * 8, from, bit, m.bits);
+        bit += m.bits;
+    }
+}
+
+void PdoMapping::pack(Bytes image, MutableBytes to) const {
+    std::fill(to.begin(), to.end(), std::byte{0});
+    std::size_t bit = 0;
+    for (const auto& m : memory_.first(count_)) {
+        if (m.offset != kGap) copy_bits(to, bit, image, std::size_t{m.offset} * 8, m.bits);
+        bit += m.bits;
+    }
+}
+
+void PdoMapping::reset(MutableBytes image) const {
+    for (const auto& m : memory_.first(count_)) {
+        if (m.offset == kGap) continue;
+        for (std::size_t i = 0; i < (std::size_t{m.bits} + 7) / 8; ++i)
+            image[m.offset + i] = static_cast<std::byte>(i < 4 ? m.initial >> (8 * i) : 0);
+    }
+}
+
+namespace pdo_rules {
+
+HookAnswer mapping(const ObjectAccess& access, Bytes data) {
+    const bool outputs = is_output_pdo(access.object.index);
+    if (const auto wrong = check_order(access); wrong != Abort::none) return wrong;
+    const AfterWrite after(access, data, 4);
+    if (access.subindex != 0 && !access.complete)
+        return check_mappable(access.dictionary, MappingEntry::of(after.value(access.subindex)), outputs);
+    const auto count = access.subindex == 0 ? after.count() : static_cast<unsigned>(data.size() / 4);
+    if (count > access.object.max_subindex()) return Abort::value_too_high;
+    std::size_t bits = 0;
+    for (unsigned n = 1; n <= count; ++n) {
+        const auto entry = MappingEntry::of(after.value(n));
+        if (const auto wrong = check_mappable(access.dictionary, entry, outputs); wrong != Abort::none)
+            return wrong;
+        bits += entry.bits;
+    }
+    return bits > max_bits(access, outputs) ? Abort::exceeds_pdo : Abort::none;
+}
+
+HookAnswer assignment(const ObjectAccess& access, Bytes data) {
+    const bool outputs = access.object.index == kOutputAssignment;
+    if (const auto wrong = check_order(access); wrong != Abort::none) return wrong;
+    const AfterWrite after(access, data, 2);
+    const auto check = [&](std::uint32_t value) {
+        const auto pdo = static_cast<std::uint16_t>(value);
+        const bool right = outputs ? is_output_pdo(pdo) : is_input_pdo(pdo);
+        return right && access.dictionary.find(pdo) != nullptr ? Abort::none : Abort::value_range;
+    };
+    if (access.subindex != 0 && !access.complete) return check(after.value(access.subindex));
+    const auto count = access.subindex == 0 ? after.count() : static_cast<unsigned>(data.size() / 2);
+    if (count > access.object.max_subindex()) return Abort::value_too_high;
+    std::size_t bits = 0;
+    for (unsigned n = 1; n <= count; ++n) {
+        if (const auto wrong = check(after.value(n)); wrong != Abort::none) return wrong;
+        bits += mapped_bits(access.dictionary, static_cast<std::uint16_t>(after.value(n)));
+    }
+    return bits > max_bits(access, outputs) ? Abort::exceeds_pdo : Abort::none;
+}
+
+}  // namespace pdo_rules
+
+}  // namespace margay::subdevice

@@ -1,0 +1,105 @@
+// PDO assignment (0x1C12, 0x1C13) and mapping (0x16xx, 0x1Axx): what they say as a list of bits to copy, and
+// the rules by which a master may rewrite them (ETG.1000.6 "PDO mapping", "Sync manager PDO assignment").
+#pragma once
+
+#include "subdevice/object_dictionary.hpp"
+
+namespace margay::subdevice {
+
+inline constexpr std::uint16_t kOutputAssignment = 0x1C12;
+inline constexpr std::uint16_t kInputAssignment = 0x1C13;
+
+// The 32 bits of a mapping entry.
+struct MappingEntry {
+    std::uint16_t index = 0;  // 0: a gap
+    std::uint8_t subindex = 0;
+    std::uint8_t bits = 0;
+    [[nodiscard]] static constexpr MappingEntry of(std::uint32_t word) {
+        return {static_cast<std::uint16_t>(word >> 16), static_cast<std::uint8_t>(word >> 8),
+                static_cast<std::uint8_t>(word)};
+    }
+    [[nodiscard]] constexpr std::uint32_t word() const {
+        return (std::uint32_t{index} << 16) | (std::uint32_t{subindex} << 8) | bits;
+    }
+};
+
+// Walks the mapping entries of all PDOs that `assignment` assigns, as the dictionary has them now.
+class MappingReader {
+  public:
+    MappingReader(const ObjectDictionary& dictionary, std::uint16_t assignment)
+        : dictionary_(dictionary), assignment_(assignment), pdos_(dictionary.number(assignment, 0)) {}
+
+    // False at the end.
+    bool next();
+    [[nodiscard]] std::uint16_t pdo() const { return pdo_; }
+    [[nodiscard]] const MappingEntry& entry() const { return entry_; }
+
+  private:
+    const ObjectDictionary& dictionary_;
+    std::uint16_t assignment_;
+    std::uint64_t pdos_;
+    unsigned nth_pdo_ = 0;
+    std::uint16_t pdo_ = 0;
+    std::uint64_t entries_ = 0;
+    unsigned nth_entry_ = 0;
+    MappingEntry entry_{};
+};
+
+// Why an object cannot stand in a PDO of that direction: cannot_be_mapped, length_mismatch, none when it can.
+[[nodiscard]] Abort check_mappable(const ObjectDictionary& dictionary, MappingEntry entry, bool outputs);
+
+// One place of the process image.
+struct MappedEntry {
+    std::uint16_t index = 0;
+    std::uint8_t subindex = 0;
+    std::uint8_t bits = 0;
+    std::uint32_t offset = 0;  // of the value in the dictionary's image
+    std::uint32_t initial = 0;
+};
+
+class PdoMapping {
+  public:
+    // `memory` bounds how many entries a mapping may have.
+    explicit PdoMapping(std::span<MappedEntry> memory) : memory_(memory) {}
+
+    // Reads assignment and mapping. Abort::exceeds_pdo: more entries than there is memory for, or more than
+    // `max_bytes`.
+    [[nodiscard]] Abort build(const ObjectDictionary& dictionary, std::uint16_t assignment,
+                              std::size_t max_bytes);
+
+    [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
+    [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
+
+    // Between the process image (bytes() octets) and the dictionary's image.
+    void unpack(Bytes from, MutableBytes image) const;
+    void pack(Bytes image, MutableBytes to) const;
+    // Mapped values to what the tables call their initial value.
+    void reset(MutableBytes image) const;
+
+  private:
+    std::span<MappedEntry> memory_;
+    std::size_t count_ = 0;
+    std::size_t bits_ = 0;
+};
+
+// --- Objects of a device whose PDOs the master may choose: values in the image, hooks that keep the rules
+// ---
+
+// `Fields`: count (octet) and first (the first of as many consecutive values as `Max` says).
+namespace pdo_rules {
+[[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
+[[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);
+}  // namespace pdo_rules
+inline constexpr ObjectHooks kPdoMappingHooks{.before_write = pdo_rules::mapping};
+inline constexpr ObjectHooks kPdoAssignmentHooks{.before_write = pdo_rules::assignment};
+
+// Fixed objects: mapping and assignment as constants.
+[[nodiscard]] constexpr Entry mapped(std::uint8_t n, std::uint16_t index, std::uint8_t subindex,
+                                     std::uint8_t bits) {
+    return constant(n, "Mapping entry", MappingEntry{index, subindex, bits}.word());
+}
+[[nodiscard]] constexpr Entry assigned(std::uint8_t n, std::uint16_t pdo) {
+    return constant(n, "Assigned PDO", pdo);
+}
+
+}  // namespace margay::subdevice

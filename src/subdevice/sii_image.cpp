@@ -1,0 +1,181 @@
+#include "subdevice/sii_image.hpp"
+
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace sii = wire::sii;
+using sii::Fault;
+
+namespace {
+
+constexpr bool is_pdo(std::uint16_t index, std::uint16_t first) {
+    return index >= first && index < first + 0x200;
+}
+
+bool count_writable(const Object& object) { return (object.entries.front().access & od::kWrite) != 0; }
+
+MailboxInfo mailbox_info(const MailboxPair& pair, std::uint16_t protocols) {
+    return {pair.receive.start, pair.receive.size_bytes, pair.send.start, pair.send.size_bytes, protocols};
+}
+
+std::uint16_t protocol_bits(const MailboxProtocols& p) {
+    namespace bit = mailbox_protocol;
+    return static_cast<std::uint16_t>((p.aoe ? bit::kAoE : 0) | (p.eoe ? bit::kEoE : 0) |
+                                      (p.coe ? bit::kCoE : 0) | (p.foe ? bit::kFoE : 0) |
+                                      (p.soe ? bit::kSoE : 0) | (p.voe ? bit::kVoE : 0));
+}
+
+bool is_assigned(const ObjectDictionary& dictionary, std::uint16_t assignment, std::uint16_t pdo) {
+    const auto count = static_cast<unsigned>(dictionary.number(assignment, 0));
+    for (unsigned n = 1; n <= count; ++n)
+        if (dictionary.number(assignment, n) == pdo) return true;
+    return false;
+}
+
+// Fills workspace from the PDOs of one direction; what is left of it stays in `pdos` and `entries`.
+class PdoCollector {
+  public:
+    PdoCollector(const ObjectDictionary& dictionary, std::span<sii::PdoDescription>& pdos,
+                 std::span<sii::PdoEntryDescription>& entries)
+        : dictionary_(dictionary), pdos_(pdos), entries_(entries) {}
+
+    bool collect(std::uint16_t first_index, std::uint16_t assignment, std::uint8_t sync_manager,
+                 std::span<const sii::PdoDescription>& found) {
+        const auto all = pdos_;
+        std::size_t count = 0;
+        for (const auto& object : dictionary_.objects()) {
+            if (!is_pdo(object.index, first_index)) continue;
+            if (count == all.size()) return false;
+            auto& pdo = all[count++];
+            pdo = {.index = object.index, .name = object.name};
+            if (is_assigned(dictionary_, assignment, object.index)) pdo.sync_manager = sync_manager;
+            if (!count_writable(object)) pdo.flags = sii::pdo_flag::kFixedContent;
+            if (!collect_entries(pdo)) return false;
+        }
+        found = all.first(count);
+        pdos_ = all.subspan(count);
+        return true;
+    }
+
+  private:
+    bool collect_entries(sii::PdoDescription& pdo) {
+        const auto count = static_cast<std::size_t>(dictionary_.number(pdo.index, 0));
+        if (count > entries_.size()) return false;
+        for (std::size_t n = 0; n < count; ++n) {
+            const auto mapped = MappingEntry::of(
+                static_cast<std::uint32_t>(dictionary_.number(pdo.index, static_cast<unsigned>(n + 1))));
+            auto& entry = entries_[n];
+            entry = {.index = mapped.index, .subindex = mapped.subindex, .bit_length = mapped.bits};
+            const auto* const object = dictionary_.find(mapped.index);
+            const auto* const found = object != nullptr ? object->entry(mapped.subindex) : nullptr;
+            if (found == nullptr) continue;
+            entry.name = found->name;
+            entry.data_type = static_cast<std::uint8_t>(found->type);
+        }
+        pdo.entries = entries_.first(count);
+        entries_ = entries_.subspan(count);
+        return true;
+    }
+
+    const ObjectDictionary& dictionary_;
+    std::span<sii::PdoDescription>& pdos_;
+    std::span<sii::PdoEntryDescription>& entries_;
+};
+
+std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, std::uint16_t assignment,
+                           const ProcessDataArea& area) {
+    if (dictionary.find(assignment) == nullptr) return area.max_bytes;
+    MappingReader reader(dictionary, assignment);
+    std::size_t bits = 0;
+    while (reader.next()) bits += reader.entry().bits;
+    return static_cast<std::uint16_t>((bits + 7) / 8);
+}
+
+SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool outputs) {
+    namespace control = wire::sm_control;
+    const unsigned bits = (area.three_buffers ? control::kModeBuffered : control::kModeMailbox) |
+                          control::kPdiInterrupt | (outputs ? control::kEcatWrites : control::kEcatReads) |
+                          (outputs && area.watchdog ? control::kWatchdogTrigger : 0u);
+    return {area.start, bytes, static_cast<std::uint8_t>(bits),
+            bytes != 0 ? std::uint8_t{1} : std::uint8_t{0}, outputs ? SmType::outputs : SmType::inputs};
+}
+
+}  // namespace
+
+std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary& dictionary) {
+    if (!device.protocols.coe) return 0;
+    auto details = static_cast<unsigned>(coe_detail::kSdo | coe_detail::kSdoInformation);
+    if (device.complete_access) details |= coe_detail::kCompleteAccess;
+    for (const auto& object : dictionary.objects()) {
+        if (!count_writable(object)) continue;
+        if (object.index == kOutputAssignment || object.index == kInputAssignment)
+            details |= coe_detail::kPdoAssignment;
+        if (is_pdo(object.index, 0x1600) || is_pdo(object.index, 0x1A00))
+            details |= coe_detail::kPdoConfiguration;
+    }
+    return static_cast<std::uint8_t>(details);
+}
+
+sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardDescription& board,
+                                   const ObjectDictionary& dictionary, std::span<sii::PdoDescription> pdos,
+                                   std::span<sii::PdoEntryDescription> entries, MutableBytes eeprom) {
+    sii::Description d;
+    d.configuration = {.pdi_control = board.pdi_control,
+                       .pdi_configuration = board.pdi_configuration,
+                       .sync_pulse_length_10ns = board.sync_pulse_length_10ns,
+                       .alias = board.alias};
+    d.identity = {device.vendor_id, device.product_code, device.revision, device.serial};
+    d.mailbox = mailbox_info(device.mailbox, protocol_bits(device.protocols));
+    d.boot_mailbox = mailbox_info(device.boot_mailbox, 0);
+    d.group = device.group;
+    d.order = device.order_code;
+    d.name = device.name;
+    d.general.coe_details = coe_details(device, dictionary);
+    d.general.foe_details = device.protocols.foe ? 1 : 0;
+    d.general.eoe_details = device.protocols.eoe ? 1 : 0;
+    d.general.ds402_channels = device.drive_axes;
+    d.general.ebus_current_ma = device.ebus_current_ma;
+    d.general.physical_ports = board.physical_ports;
+    d.general.flags =
+        static_cast<std::uint8_t>((device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
+                                  (device.device_id != 0 ? sii::general_flag::kIdentAlStatus : 0));
+
+    std::array<FmmuUse, 4> fmmus{};
+    std::size_t fmmu_count = 0;
+    if (device.outputs.present()) fmmus[fmmu_count++] = FmmuUse::outputs;
+    if (device.inputs.present()) fmmus[fmmu_count++] = FmmuUse::inputs;
+    if (device.mailbox.present()) fmmus[fmmu_count++] = FmmuUse::mailbox_status;
+    d.fmmus = std::span(fmmus).first(fmmu_count);
+
+    std::array<SmInfo, 4> managers{};
+    std::size_t manager_count = 0;
+    if (device.mailbox.present()) {
+        managers[manager_count++] = {device.mailbox.receive.start, device.mailbox.receive.size_bytes, 0x26, 1,
+                                     SmType::mailbox_out};
+        managers[manager_count++] = {device.mailbox.send.start, device.mailbox.send.size_bytes, 0x22, 1,
+                                     SmType::mailbox_in};
+    }
+    if (device.outputs.present())
+        managers[manager_count++] = process_data_info(
+            device.outputs, mapped_bytes(dictionary, kOutputAssignment, device.outputs), true);
+    if (device.inputs.present())
+        managers[manager_count++] = process_data_info(
+            device.inputs, mapped_bytes(dictionary, kInputAssignment, device.inputs), false);
+    d.sync_managers = std::span(managers).first(manager_count);
+
+    PdoCollector collector(dictionary, pdos, entries);
+    if (!collector.collect(0x1600, kOutputAssignment, device.outputs.sync_manager, d.rx_pdos) ||
+        !collector.collect(0x1A00, kInputAssignment, device.inputs.sync_manager, d.tx_pdos))
+        return {0, Fault::no_room};
+
+    const std::array<sii::DcDescription, 2> modes{
+        {{{.assign_activate = 0}, "Synchron", "SM-Synchron"},
+         {{.assign_activate = 0x0300, .sync0_cycle_factor = 1}, "DC", "DC-Synchron"}}};
+    if (device.dc.supported) d.dc = device.dc.required ? std::span(modes).subspan(1) : std::span(modes);
+    return sii::write_image(d, eeprom);
+}
+
+}  // namespace margay::subdevice
