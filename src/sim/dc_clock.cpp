@@ -1,0 +1,118 @@
+#include "sim/dc_clock.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace margay::sim {
+
+namespace {
+
+namespace reg = wire::reg;
+
+// The gains of the chips' loops are not published. These, in units of the speed counter difference (0x0932),
+// bring a clock of tens of ppm home within some tenths of a second and are stable up to a comparison every 20
+// ms.
+constexpr double kProportional = 4.0;  // per nanosecond of difference
+constexpr double kIntegral = 40.0;     // per nanosecond of difference and second
+
+// What a speed counter difference means for the rate; the data sheets give it for reading 0x0932.
+double rate_of(double difference, double start) {
+    return difference / (5.0 * (start + difference + 2) * (start - difference + 2));
+}
+
+}  // namespace
+
+void DcClock::power_up(RegisterFile& registers, const ClockDescription& clock, bool bits64, Time now) {
+    registers_ = &registers;
+    bits64_ = bits64;
+    drift_ = clock.drift_ppb * 1e-9;
+    correction_ = 0;
+    anchored_ = now;
+    anchor_local_ = clock.start_ns;
+    anchor_part_ = 0;
+    registers.set<std::uint16_t>(reg::kSpeedCounterStart.address, 0x1000);
+    registers.set<std::uint8_t>(reg::kSystemTimeDifferenceFilter.address, 4);
+    registers.set<std::uint8_t>(reg::kSpeedCounterFilter.address, 12);
+    reconfigure();
+    reset_loop(now);
+}
+
+std::uint64_t DcClock::local(Time at) const {
+    const auto passed = (at - anchored_).count();
+    const double bent = static_cast<double>(passed) * (drift_ + correction_) + anchor_part_;
+    return anchor_local_ + static_cast<std::uint64_t>(passed) +
+           static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(bent)));
+}
+
+void DcClock::anchor(Time at) {
+    const auto passed = (at - anchored_).count();
+    const double bent = static_cast<double>(passed) * (drift_ + correction_) + anchor_part_;
+    anchor_local_ = local(at);
+    anchor_part_ = bent - std::floor(bent);
+    anchored_ = at;
+}
+
+void DcClock::set_rate(double correction, Time at) {
+    anchor(at);
+    correction_ = correction;
+}
+
+Time DcClock::moment_of(std::uint64_t copy_time, Time near) const {
+    const auto ahead = bits64_ ? static_cast<std::int64_t>(copy_time - copy(near))
+                               : std::int64_t{static_cast<std::int32_t>(copy_time - copy(near))};
+    const double rate = 1.0 + drift_ + correction_;
+    return near + Duration(static_cast<std::int64_t>(std::ceil(static_cast<double>(ahead) / rate)));
+}
+
+Time DcClock::start_moment(std::uint64_t copy_time, Time now) const {
+    const double rate = 1.0 + drift_ + correction_;
+    if (!bits64_) {
+        const auto ahead = static_cast<std::uint32_t>(copy_time - copy(now));
+        return now + Duration(static_cast<std::int64_t>(std::ceil(ahead / rate)));
+    }
+    const auto ahead = static_cast<std::int64_t>(copy_time - copy(now));
+    constexpr std::int64_t kTooFar = std::int64_t{1} << 62;
+    return ahead < 0 || ahead > kTooFar ? kNever : moment_of(copy_time, now);
+}
+
+void DcClock::reconfigure() {
+    offset_ = registers_->get<std::uint64_t>(reg::kSystemTimeOffset.address);
+    delay_ = registers_->get<std::uint32_t>(reg::kSystemTimeDelay.address);
+}
+
+void DcClock::set_drift(std::int32_t ppb, Time at) {
+    anchor(at);
+    drift_ = ppb * 1e-9;
+}
+
+// A write of the speed counter start starts the loop over.
+void DcClock::reset_loop(Time at) {
+    mean_ = integral_ = 0;
+    compared_ = kNever;
+    set_rate(0, at);
+    registers_->set<std::uint16_t>(reg::kSpeedCounterDifference.address, 0);
+    registers_->set<std::uint32_t>(reg::kSystemTimeDifference.address, 0);
+}
+
+void DcClock::compare(std::uint32_t received, Time at) {
+    const auto difference =
+        static_cast<double>(static_cast<std::int32_t>(static_cast<std::uint32_t>(system(at)) - received));
+    const auto depth = registers_->get<std::uint8_t>(reg::kSystemTimeDifferenceFilter.address) & 0x0F;
+    mean_ += (difference - mean_) / (1u << depth);
+    // 0x092C: sign and magnitude; the sign is set where the local copy is behind.
+    const auto shown = static_cast<std::uint32_t>(std::min(std::abs(std::round(mean_)), 2147483647.0));
+    registers_->set(reg::kSystemTimeDifference.address, shown | (mean_ < 0 && shown != 0 ? 0x80000000u : 0u));
+
+    const double start = registers_->get<std::uint16_t>(reg::kSpeedCounterStart.address);
+    const double limit = std::max(start - 0x7F, 0.0);
+    const double seconds =
+        compared_ == kNever ? 0.0 : std::min(static_cast<double>((at - compared_).count()) * 1e-9, 0.02);
+    compared_ = at;
+    integral_ = std::clamp(integral_ - kIntegral * difference * seconds, -limit, limit);
+    const double wanted = std::clamp(integral_ - kProportional * difference, -limit, limit);
+    const auto counter = static_cast<std::int16_t>(std::round(wanted));
+    registers_->set(reg::kSpeedCounterDifference.address, static_cast<std::uint16_t>(counter));
+    set_rate(limit > 0 ? rate_of(wanted, start) : 0.0, at);
+}
+
+}  // namespace margay::sim

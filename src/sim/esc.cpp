@@ -1,0 +1,207 @@
+#include "sim/esc.hpp"
+
+#include "sim/events.hpp"
+
+#include <algorithm>
+
+namespace margay::sim {
+
+namespace reg = wire::reg;
+
+namespace {
+
+constexpr std::uint8_t kPdiDigitalIo = 0x04;
+
+}  // namespace
+
+Esc::Esc(const EscDescription& description, std::vector<std::byte> sii)
+    : description_(description), ram_(std::size_t{description.ram_kib} * 1024), sii_(std::move(sii)) {
+    description_.fmmus = std::min<std::uint8_t>(description_.fmmus, kMaxFmmus);
+    description_.sync_managers = std::min<std::uint8_t>(description_.sync_managers, kMaxSyncManagers);
+    registers_.lay_out(description_, false);
+}
+
+void Esc::power_up(Time now) {
+    now_ = now;
+    std::fill(ram_.begin(), ram_.end(), std::byte{0});
+    writes_ = write_bytes_used_ = 0;
+    effects_ = 0;
+    reset_step_ = {};
+    reset_wanted_ = halted_ = false;
+    al_control_unread_ = register_writes_enabled_ = esc_writes_enabled_ = false;
+    alias_enabled_ = false;
+    irq_ = 0;
+    link_bits_ = 0;
+    power_up_registers();
+    sync_managers_.power_up(registers_, description_.sync_managers, static_cast<std::uint32_t>(ram_.size()));
+    (void)sii_.power_up(registers_, description_.sii);
+    lay_out();
+    mii_.power_up(registers_, description_);
+    watchdogs_.power_up(registers_, registers_.get<std::uint8_t>(reg::kPdiControl.address) != 0, now);
+    clock_.power_up(registers_, description_.clock, description_.dc == DcUnit::bits64, now);
+    sync_.power_up(registers_, clock_);
+    reload_mappings();
+    firmware_due_ = kNever;
+    if (firmware_) {
+        firmware_->start(*this, now);
+        firmware_due_ = firmware_->step(now);
+    }
+    schedule();
+}
+
+void Esc::power_up_registers() {
+    registers_.clear();
+    registers_.set(reg::kType.address, description_.type);
+    registers_.set(reg::kRevision.address, description_.revision);
+    registers_.set(reg::kBuild.address, description_.build);
+    registers_.set(reg::kFmmuCount.address, description_.fmmus);
+    registers_.set(reg::kSyncManagerCount.address, description_.sync_managers);
+    registers_.set(reg::kRamSize.address, description_.ram_kib);
+    registers_.set(reg::kPortDescriptor.address, description_.port_descriptor());
+    registers_.set(reg::kFeatures.address, description_.features);
+    registers_.set<std::uint32_t>(reg::kDlControl.address,
+                                  0x00C70001);  // foreign frames die, loops automatic, FIFO full
+    registers_.set<std::uint16_t>(reg::kAlControl.address, 0x0001);
+    registers_.set<std::uint16_t>(reg::kAlStatus.address, 0x0001);
+    registers_.set<std::uint32_t>(reg::kAlEventMask.address, 0x00FFFF0F);
+    registers_.set<std::uint16_t>(reg::kWatchdogDivider.address, 0x09C2);
+    registers_.set<std::uint16_t>(reg::kPdiWatchdogTime.address, 0x03E8);
+    registers_.set<std::uint16_t>(reg::kProcessDataWatchdogTime.address, 0x03E8);
+    registers_.set(reg::kProductId.address, description_.product_id);
+    registers_.set(reg::kVendorId.address, description_.vendor_id);
+}
+
+void Esc::lay_out() {
+    const auto configured = registers_.get<std::uint8_t>(reg::kEscConfiguration.address);
+    const bool units_on =
+        (configured & (wire::esc_configuration::kDcSyncUnit | wire::esc_configuration::kDcLatchUnit)) != 0;
+    dc_on_ = description_.dc >= DcUnit::bits32 && (units_on || !description_.dc_needs_enable);
+    registers_.lay_out(description_, dc_on_);
+}
+
+void Esc::set_dl_status(std::uint16_t link_bits) {
+    link_bits_ = link_bits;
+    update_dl_status();
+}
+
+// The chip's part of 0x0110 is made here, that of the ports by the segment.
+void Esc::update_dl_status() {
+    unsigned status = link_bits_;
+    const auto sii_status = registers_.get<std::uint16_t>(reg::kSiiControl.address);
+    if ((sii_status & wire::sii_control::kNotLoaded) == 0) status |= wire::dl_status::kPdiOperational;
+    if (watchdogs_.pdi_alive()) status |= wire::dl_status::kPdiWatchdog;
+    if ((registers_.get<std::uint8_t>(reg::kEscConfiguration.address) &
+         wire::esc_configuration::kEnhancedLinkDetectionAllPorts) != 0)
+        status |= wire::dl_status::kEnhancedLinkDetection;
+    const auto was = registers_.get<std::uint16_t>(reg::kDlStatus.address);
+    registers_.set(reg::kDlStatus.address, static_cast<std::uint16_t>(status));
+    if ((was ^ status) > 0x000F) change_ecat_events(ecat_event::kDlStatus, 0);
+}
+
+void Esc::count(std::uint32_t address) {
+    auto& counter = registers_.bytes()[address];
+    if (counter != std::byte{0xFF}) counter = static_cast<std::byte>(std::to_integer<unsigned>(counter) + 1);
+}
+
+void Esc::count_rx_error(unsigned port, bool forwarded) {
+    count(forwarded ? reg::kForwardedRxErrorCounter.address + port : reg::kRxErrorCounter.address + 2 * port);
+}
+
+void Esc::count_lost_link(unsigned port) { count(reg::kLostLinkCounter.address + port); }
+
+void Esc::count_processing_error() { count(reg::kProcessingUnitErrorCounter.address); }
+
+void Esc::schedule() {
+    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), reset_wanted_ ? now_ : kNever});
+}
+
+void Esc::advance(Time now) {
+    while (next_event_ <= now) {
+        now_ = std::max(now_, next_event_);
+        if (reset_wanted_) return power_up(now_);
+        const auto expired = watchdogs_.settle(now_);
+        if (expired.process_data) {
+            set_al_events(wire::al_event::kWatchdog, now_);
+            // Without a processor the chip itself takes digital outputs back.
+            if (registers_.get<std::uint8_t>(reg::kPdiControl.address) == kPdiDigitalIo)
+                registers_.set<std::uint32_t>(0x0F00, 0);
+        }
+        if (expired.pdi) update_dl_status();
+        if (const auto pulses = sync_.settle(now_); pulses != 0) set_al_events(pulses, now_);
+        if (firmware_due_ <= now_ && firmware_ && !halted_) {
+            firmware_due_ = kNever;
+            const auto wanted = firmware_->step(now_);
+            firmware_due_ = std::min(firmware_due_, wanted);
+            if (firmware_due_ <= now_) firmware_due_ = now_ + Duration(1);  // time must pass
+        }
+        schedule();
+    }
+    now_ = std::max(now_, now);
+}
+
+void Esc::latch(unsigned input, bool rising, Time at) {
+    if (!dc_on_ || input > 1) return;
+    const auto events = sync_.latch(input, rising, at);
+    if (events.al != 0) set_al_events(events.al, at);
+    if (events.ecat_latch) change_ecat_events(ecat_event::kLatch, 0);
+}
+
+void Esc::halt_firmware(Time now) {
+    halted_ = true;
+    firmware_due_ = kNever;
+    watchdogs_.processor_halted(now);
+    schedule();
+}
+
+void Esc::set_drift(std::int32_t ppb, Time now) {
+    clock_.set_drift(ppb, now);
+    sync_.clock_changed(now);
+    schedule();
+}
+
+void Esc::set_al_events(std::uint32_t bits, Time at) {
+    const auto had = registers_.get<std::uint32_t>(reg::kAlEventRequest.address);
+    if ((had | bits) == had) return;
+    registers_.set(reg::kAlEventRequest.address, had | bits);
+    if (firmware_ && !halted_) {
+        firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
+        schedule();
+    }
+}
+
+void Esc::clear_al_events(std::uint32_t bits) {
+    registers_.set(reg::kAlEventRequest.address,
+                   registers_.get<std::uint32_t>(reg::kAlEventRequest.address) & ~bits);
+}
+
+void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
+    const auto request = static_cast<std::uint16_t>(
+        (registers_.get<std::uint16_t>(reg::kEcatEventRequest.address) & ~clear) | set);
+    registers_.set(reg::kEcatEventRequest.address, request);
+    const auto irq =
+        static_cast<std::uint16_t>(request & registers_.get<std::uint16_t>(reg::kEcatEventMask.address));
+    if (irq == irq_) return;
+    irq_ = irq;
+    ++configuration_;
+}
+
+void Esc::handle(const SyncManagers::Events& events, Time at) {
+    if (events.watchdog) {
+        watchdogs_.feed_process_data(at);
+        schedule();
+    }
+    if (events.al_clear != 0) clear_al_events(events.al_clear);
+    if (events.al_set != 0) set_al_events(events.al_set, at);
+    if ((events.ecat_set | events.ecat_clear) != 0) change_ecat_events(events.ecat_set, events.ecat_clear);
+}
+
+void Esc::read(std::uint16_t address, MutableBytes into) noexcept {
+    (void)access(Side::pdi, false, address, into.data(), into.size(), now_);
+}
+
+void Esc::write(std::uint16_t address, Bytes data) noexcept {
+    // access() serves both directions and leaves the data of a write alone.
+    (void)access(Side::pdi, true, address, const_cast<std::byte*>(data.data()), data.size(), now_);
+}
+
+}  // namespace margay::sim

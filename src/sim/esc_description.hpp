@@ -1,0 +1,82 @@
+// What an ESC is, as data: the chip's size and abilities, the times of its EEPROM, its clock and its ports.
+// What hangs on it (PDI, process data, mailboxes) is in the SII image and in the firmware.
+#pragma once
+
+#include "wire/esc.hpp"
+
+#include <margay/time.hpp>
+
+#include <array>
+#include <cstdint>
+
+namespace margay::sim {
+
+inline constexpr unsigned kMaxPorts = 4;
+inline constexpr unsigned kMaxFmmus = 16;
+inline constexpr unsigned kMaxSyncManagers = 16;
+
+enum class DcUnit : std::uint8_t {
+    none,           // no clock at all
+    receive_times,  // port receive times only
+    bits32,
+    bits64,
+};
+
+struct PortDescription {
+    wire::PortKind kind = wire::PortKind::not_implemented;
+    Duration
+        delay{};  // from the port to the wire and from the wire to the port, together with half a cable hop
+};
+
+struct SiiTiming {
+    Duration read = std::chrono::microseconds(300);  // one read command, of 4 or 8 octets
+    Duration write = std::chrono::milliseconds(5);   // one word
+    Duration reload = std::chrono::microseconds(700);
+    bool reads_8_bytes = true;
+    bool emulated = false;          // the firmware answers the commands (EEPROM emulation)
+    std::uint16_t status_bits = 0;  // further bits that 0x0502 always shows (bit 4 of some chips)
+};
+
+struct ClockDescription {
+    std::int32_t drift_ppb = 0;
+    std::uint64_t start_ns = 0;  // local time when the segment's time is zero
+};
+
+struct EscDescription {
+    std::uint8_t type = 0x11;
+    std::uint8_t revision = 0;
+    std::uint16_t build = 3;
+    std::uint8_t fmmus = 8;
+    std::uint8_t sync_managers = 8;
+    std::uint8_t ram_kib = 8;
+    std::uint16_t features = 0x00FC;  // 0x0008, see wire::features
+    DcUnit dc = DcUnit::bits64;
+    bool dc_needs_enable = false;  // the DC registers exist only when 0x0141 switches SYNC or latch unit on
+    bool mii_management = false;
+    std::array<PortDescription, kMaxPorts> ports{};
+    Duration processing_delay = std::chrono::nanoseconds(120);  // through the processing unit
+    Duration forwarding_delay = std::chrono::nanoseconds(20);   // from port to port behind it
+    Duration firmware_latency =
+        std::chrono::microseconds(20);  // from an AL event to the firmware's next step
+    SiiTiming sii;
+    ClockDescription clock;
+    std::uint64_t product_id = 0;  // 0x0E00
+    std::uint64_t vendor_id = 0;   // 0x0E08
+
+    // The 0x0007 octet that the ports make.
+    [[nodiscard]] constexpr std::uint8_t port_descriptor() const {
+        unsigned value = 0;
+        for (unsigned p = 0; p < kMaxPorts; ++p) value |= static_cast<unsigned>(ports[p].kind) << (2 * p);
+        return static_cast<std::uint8_t>(value);
+    }
+};
+
+// Chips as their data sheets describe them. All can be changed before a slave is made of them.
+[[nodiscard]] EscDescription
+et1100();  // 4 ports, 8 FMMUs, 8 SMs, 8 KiB, DC 64 bits; a coupler: port 0 MII, others E-bus
+[[nodiscard]] EscDescription et1200();    // 3 FMMUs, 4 SMs, 1 KiB; a terminal on the E-bus
+[[nodiscard]] EscDescription ip_core();   // FPGA with two MII ports, DC 64 bits
+[[nodiscard]] EscDescription lan9252();   // 3 FMMUs, 4 SMs, 4 KiB, two MII ports
+[[nodiscard]] EscDescription junction();  // ET1100 with four MII ports
+
+}  // namespace margay::sim

@@ -1,0 +1,259 @@
+// Esc: what reading and writing registers does.
+#include "sim/esc.hpp"
+
+#include "sim/events.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay::sim {
+
+namespace {
+
+namespace reg = wire::reg;
+
+struct Range {
+    std::uint32_t begin;
+    std::uint32_t end;
+    [[nodiscard]] bool covers(std::uint32_t address) const { return begin <= address && address < end; }
+    [[nodiscard]] bool meets(wire::Register r) const { return begin < r.end() && r.address < end; }
+    [[nodiscard]] bool meets(std::uint32_t from, std::uint32_t to) const { return begin < to && from < end; }
+};
+
+// Reads by the master that do something when the frame is through.
+enum Effect : std::uint16_t {
+    kDlStatusRead = 1,
+    kAlStatusRead = 2,
+    kLatchRead = 4,
+    kReceiveTimes = 8,
+    kCompare = 16
+};
+
+constexpr std::uint32_t kFmmuArea = reg::kFmmuBase;
+constexpr std::uint32_t kSyncManagerArea = reg::kSyncManagerBase;
+
+}  // namespace
+
+void Esc::frame_end(const FrameEnd& end) {
+    const bool good = end.good;
+    const Time at = end.at;
+    now_ = std::max(now_, at);
+    const auto effects = std::exchange(effects_, std::uint16_t{0});
+    if (good)
+        for (std::size_t i = 0; i < writes_; ++i) take_over(write_list_[i], at);
+    writes_ = write_bytes_used_ = 0;
+    register_writes_enabled_ = esc_writes_enabled_ = false;
+    if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
+    if (good && (effects & kAlStatusRead) != 0) change_ecat_events(0, ecat_event::kAlStatus);
+    if (good && (effects & kLatchRead) != 0) {
+        clear_al_events(sync_.was_read(reg::kLatch0PositiveEdge.address, 32));
+        change_ecat_events(0, ecat_event::kLatch);
+    }
+    if (const auto wanted = std::exchange(effects_, std::uint16_t{0});
+        wanted != 0) {  // by what was just taken over
+        if ((wanted & kReceiveTimes) != 0) latch_receive_times(end);
+        if ((wanted & kCompare) != 0) {
+            clock_.compare(compare_with_, end.processing);
+            sync_.clock_changed(at);
+            schedule();
+        }
+    }
+    if (sync_managers_.frame_pending()) {
+        SyncManagers::Events events;
+        sync_managers_.frame_end(good, events);
+        handle(events, at);
+    }
+}
+
+// One write out of the shadow buffer into the registers, octet by octet as far as each may be written.
+void Esc::take_over(const Write& write, Time at) {
+    const Range range{write.address, static_cast<std::uint32_t>(write.address) + write.length};
+    const bool sii_free = sii_.accepts(false);
+    bool effect = false;
+    for (std::uint32_t a = range.begin; a < range.end; ++a) {
+        const auto flags = registers_.flags(a);
+        if ((flags & access::kEcatWrite) == 0) continue;
+        if (a >= kSyncManagerArea && a < kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride) {
+            const auto n = (a - kSyncManagerArea) / reg::kSyncManagerStride;
+            if (a % reg::kSyncManagerStride < 5 && sync_managers_.locked(n)) continue;
+        }
+        if (a >= reg::kSiiControl.address && a < reg::kSiiData.end() && !sii_free) continue;
+        if (a >= reg::kAlControl.address && a < reg::kAlControl.end() && al_control_unread_) continue;
+        if (a >= reg::kSystemTime.address && a < reg::kSystemTime.end() && dc_on_) {  // compared, not stored
+            if (a == reg::kSystemTime.address) compare_with_ = 0;
+            if (a < reg::kSystemTime.address + 4u)
+                compare_with_ |=
+                    std::to_integer<std::uint32_t>(write_bytes_[write.offset + (a - range.begin)])
+                    << (8 * (a - reg::kSystemTime.address));
+            effect = true;
+            continue;
+        }
+        registers_.bytes()[a] = write_bytes_[write.offset + (a - range.begin)];
+        effect |= (flags & access::kWriteEffect) != 0;
+    }
+    if (effect) written(range.begin, write.length, false, at);
+}
+
+void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time at) {
+    const Range range{address, static_cast<std::uint32_t>(address + length)};
+    if (range.meets(reg::kStationAddress) || range.meets(reg::kStationAlias)) ++configuration_;
+    if (range.meets(reg::kDlControl)) {
+        alias_enabled_ = (registers_.get<std::uint32_t>(reg::kDlControl.address) & 0x01000000) != 0;
+        ++configuration_;
+    }
+    if (!from_pdi && range.covers(reg::kAlControl.address)) {
+        al_control_written();
+        set_al_events(wire::al_event::kAlControl, at);
+    }
+    if (from_pdi && range.covers(reg::kAlStatus.address)) change_ecat_events(ecat_event::kAlStatus, 0);
+    if (range.meets(reg::kEcatEventMask)) change_ecat_events(0, 0);
+    const auto clear = [&](std::uint32_t from, std::uint32_t to) {
+        if (!from_pdi && range.meets(from, to))
+            std::fill(registers_.bytes().begin() + from, registers_.bytes().begin() + to, std::byte{0});
+    };
+    clear(0x0300, 0x030C);
+    clear(0x030C, 0x030D);
+    clear(0x030D, 0x030E);
+    clear(0x0310, 0x0314);
+    clear(0x0442, 0x0444);
+    if (range.meets(reg::kSiiConfig.address, reg::kSiiData.end())) {
+        sii_.written(static_cast<std::uint16_t>(address), length, from_pdi, at);
+        if (sii_.waits_for_pdi())
+            set_al_events(wire::al_event::kEeprom, at);
+        else
+            clear_al_events(wire::al_event::kEeprom);
+    }
+    if (range.meets(0x0400, 0x0444)) written_watchdog(address, length, at);
+    if (range.meets(0x0510, 0x0518)) mii_.written(address, length, from_pdi, at);
+    if (range.meets(0x0900, 0x0A00)) written_dc(address, length, at);
+    if (range.covers(from_pdi ? reg::kEscResetPdi.address : reg::kEscResetEcat.address))
+        reset_written(from_pdi, at);
+    if (range.meets(kFmmuArea, kFmmuArea + kMaxFmmus * reg::kFmmuStride)) reload_mappings();
+    if (range.meets(kSyncManagerArea, kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride)) {
+        for (unsigned n = 0; n < description_.sync_managers; ++n) {
+            const auto channel = reg::sync_manager(n);
+            if (!range.meets(channel)) continue;
+            sync_managers_.reconfigure(n);
+            if (!from_pdi && range.covers(channel.address + wire::SyncManagerLayout::activate::offset))
+                set_al_events(wire::al_event::kSmActivation, at);
+        }
+        watchdogs_.set_fed(sync_managers_.feeds_watchdog(), at);
+        schedule();
+    }
+}
+
+// ETG.1000.4 "AL control": with device emulation the status follows by itself, otherwise the register is full
+// until the PDI has read it.
+void Esc::al_control_written() {
+    const auto configured = registers_.get<std::uint8_t>(reg::kEscConfiguration.address);
+    if ((configured & wire::esc_configuration::kDeviceEmulation) == 0) {
+        al_control_unread_ = firmware_ != nullptr;
+        return;
+    }
+    const auto requested = registers_.get<std::uint16_t>(reg::kAlControl.address);
+    registers_.set(reg::kAlStatus.address, static_cast<std::uint16_t>(requested & 0x001F));
+    change_ecat_events(ecat_event::kAlStatus, 0);
+}
+
+void Esc::was_read(std::uint32_t address, std::size_t length, Side side) {
+    const Range range{address, static_cast<std::uint32_t>(address + length)};
+    if (side == Side::ecat) {
+        if (range.meets(reg::kDlStatus)) effects_ |= kDlStatusRead;
+        if (range.meets(reg::kAlStatus)) effects_ |= kAlStatusRead;
+        if (range.meets(reg::kLatch0PositiveEdge.address, reg::kLatch1NegativeEdge.end()))
+            effects_ |= kLatchRead;
+        return;
+    }
+    if (range.covers(reg::kAlControl.address)) {
+        al_control_unread_ = false;
+        clear_al_events(wire::al_event::kAlControl);
+    }
+    if (range.meets(kSyncManagerArea, kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride))
+        clear_al_events(wire::al_event::kSmActivation);
+    if (range.meets(reg::kProcessDataWatchdogStatus)) clear_al_events(wire::al_event::kWatchdog);
+    if (dc_on_ && range.meets(reg::kSync0Status.address, reg::kLatch1NegativeEdge.end()))
+        clear_al_events(sync_.was_read(address, length));
+}
+
+void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at) {
+    const Range range{address, static_cast<std::uint32_t>(address + length)};
+    if (range.meets(reg::kSiiControl.address, reg::kSiiData.end())) {
+        (void)sii_.settle(at);
+        if (sii_.take_reloaded()) lay_out();
+    }
+    if (range.meets(reg::kMiiControl.address, reg::kMiiPortStatus.end())) mii_.settle(at);
+    if (range.meets(reg::kProcessDataWatchdogStatus)) {
+        if (watchdogs_.settle(at).process_data) set_al_events(wire::al_event::kWatchdog, at);
+        schedule();
+    }
+    if (!dc_on_) return;
+    if (range.meets(reg::kSystemTime)) {
+        // The master reads what the copy was when the frame passed the reference clock, the PDI what it is.
+        const auto time = side == Side::ecat ? clock_.system(at) : clock_.copy(at);
+        registers_.set(reg::kSystemTime.address, time);
+    }
+    if (range.meets(reg::kSyncStartTime.address, reg::kNextSync1Pulse.end())) sync_.refresh();
+}
+
+void Esc::written_watchdog(std::uint32_t address, std::size_t length, Time at) {
+    const Range range{address, static_cast<std::uint32_t>(address + length)};
+    if (!range.meets(reg::kWatchdogDivider) && !range.meets(reg::kPdiWatchdogTime) &&
+        !range.meets(reg::kProcessDataWatchdogTime))
+        return;
+    watchdogs_.reconfigure(at);
+    schedule();
+}
+
+void Esc::written_dc(std::uint32_t address, std::size_t length, Time at) {
+    const Range range{address, static_cast<std::uint32_t>(address + length)};
+    if (range.meets(0x0900, 0x0904)) effects_ |= kReceiveTimes;
+    if (!dc_on_) return;
+    if (range.covers(reg::kSystemTime.address)) effects_ |= kCompare;
+    if (range.meets(reg::kSystemTimeOffset.address, reg::kSystemTimeDelay.end())) {
+        clock_.reconfigure();
+        sync_.clock_changed(at);
+    }
+    if (range.meets(reg::kSpeedCounterStart)) {
+        clock_.reset_loop(at);
+        sync_.clock_changed(at);
+    }
+    if (range.meets(reg::kSyncActivation)) sync_.written(address, length, at);
+    schedule();
+}
+
+// A write to the first receive time latches when this frame came in at each port, and at the processing unit
+// (ETG.1000.4 "Distributed clock local time parameter"). A port where it did not keeps what it had.
+void Esc::latch_receive_times(const FrameEnd& end) {
+    for (unsigned p = 0; p < kMaxPorts; ++p)
+        if (end.ports[p] != kNever)
+            registers_.set(static_cast<std::uint16_t>(reg::kPortReceiveTime.address + 4 * p),
+                           static_cast<std::uint32_t>(clock_.local(end.ports[p])));
+        else if (description_.ports[p].kind >= wire::PortKind::ebus)
+            registers_.set<std::uint32_t>(static_cast<std::uint16_t>(reg::kPortReceiveTime.address + 4 * p),
+                                          0);
+    if (!dc_on_) return;
+    const auto received = clock_.local(end.ports[0] != kNever ? end.ports[0] : end.processing);
+    registers_.set(reg::kProcessingUnitReceiveTime.address,
+                   description_.dc == DcUnit::bits64 ? received : received & 0xFFFFFFFF);
+}
+
+// "RES", one letter a frame, resets the chip (ESC data sheets, "ESC reset"). Reading shows how far it has
+// got.
+void Esc::reset_written(bool from_pdi, Time at) {
+    constexpr std::array<std::uint8_t, 3> kLetters{0x52, 0x45, 0x53};
+    const auto address = from_pdi ? reg::kEscResetPdi.address : reg::kEscResetEcat.address;
+    const auto letter = registers_.get<std::uint8_t>(address);
+    auto& step = reset_step_[from_pdi ? 1 : 0];
+    step = letter == kLetters[step] ? static_cast<std::uint8_t>(step + 1)
+           : letter == kLetters[0]  ? std::uint8_t{1}
+                                    : std::uint8_t{0};
+    registers_.set(address, step);
+    if (step < kLetters.size()) return;
+    step = 0;
+    reset_wanted_ = true;
+    now_ = std::max(now_, at);
+    schedule();
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,28 @@
+// The program of a simulated slave: steps in the segment's time, on the PDI side of its ESC.
+#pragma once
+
+#include "subdevice/esc_access.hpp"
+
+#include <margay/time.hpp>
+
+namespace margay::sim {
+
+class ProcessDataFirmware;
+
+class Firmware {
+  public:
+    virtual ~Firmware() = default;
+
+    // The device has been switched on; the ESC has just loaded its EEPROM. `esc` stays valid until the next
+    // start.
+    virtual void start(subdevice::EscAccess& esc, Time now) = 0;
+
+    // Called when the AL event request (0x0220) has got a new bit and when the time has come that the last
+    // call returned. Returns when it wants to be called at the latest, kNever when only events matter.
+    virtual Time step(Time now) = 0;
+
+    // The device's process data, where others may set and look at it; nullptr: it has none.
+    [[nodiscard]] virtual ProcessDataFirmware* process_data() { return nullptr; }
+};
+
+}  // namespace margay::sim

@@ -1,0 +1,57 @@
+// The register area of an ESC, 0x0000–0x0FFF: the octets themselves, and for each what may be done with it.
+#pragma once
+
+#include "sim/esc_description.hpp"
+#include "util/bytes.hpp"
+#include "wire/esc.hpp"
+
+#include <array>
+#include <cstdint>
+
+namespace margay::sim {
+
+namespace access {
+inline constexpr std::uint8_t kRead = 0x01;  // implemented; what is not reads as nothing
+inline constexpr std::uint8_t kEcatWrite = 0x02;
+inline constexpr std::uint8_t kPdiWrite = 0x04;
+inline constexpr std::uint8_t kDynamic = 0x08;      // to be brought up to date before it is read
+inline constexpr std::uint8_t kReadEffect = 0x10;   // being read does something
+inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write does more, or less, than to store the octet
+}  // namespace access
+
+class RegisterFile {
+  public:
+    static constexpr std::uint32_t kSize = 0x1000;
+
+    // Which registers there are: by the chip, and whether its DC unit is switched on.
+    void lay_out(const EscDescription& esc, bool dc_enabled);
+    void clear() { bytes_.fill(std::byte{0}); }
+
+    template <class T>
+    [[nodiscard]] T get(std::uint16_t address) const {
+        return load_le<T>(bytes_, address);
+    }
+    template <class T>
+    void set(std::uint16_t address, T value) {
+        store_le<T>(bytes_, address, value);
+    }
+    [[nodiscard]] MutableBytes bytes() { return bytes_; }
+    [[nodiscard]] Bytes bytes() const { return bytes_; }
+
+    [[nodiscard]] std::uint8_t flags(std::uint32_t address) const { return flags_[address]; }
+    // All flags that occur in [address, address + length).
+    [[nodiscard]] std::uint8_t flags_in(std::uint32_t address, std::size_t length) const {
+        unsigned found = 0;
+        for (std::size_t i = 0; i < length; ++i) found |= flags_[address + i];
+        return static_cast<std::uint8_t>(found);
+    }
+
+  private:
+    void add(wire::Register where, unsigned flags);
+    void add_dc(const EscDescription& esc, bool enabled);
+
+    std::array<std::byte, kSize> bytes_{};
+    std::array<std::uint8_t, kSize> flags_{};
+};
+
+}  // namespace margay::sim

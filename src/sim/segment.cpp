@@ -1,0 +1,113 @@
+#include "sim/segment.hpp"
+
+#include <algorithm>
+
+namespace margay::sim {
+
+namespace {
+
+bool exists(const Esc& esc, unsigned port) {
+    return port < kMaxPorts && esc.description().ports[port].kind >= wire::PortKind::ebus;
+}
+
+}  // namespace
+
+std::uint32_t Segment::add(std::unique_ptr<Esc> esc) {
+    nodes_.emplace_back();
+    nodes_.back().esc = std::move(esc);
+    touched_.reserve(nodes_.size());
+    topology_changed();
+    return static_cast<std::uint32_t>(nodes_.size() - 1);
+}
+
+bool Segment::connect(PortRef a, PortRef b, Duration cable) {
+    if (a == b || a.slave >= size() || b.slave >= size()) return false;
+    if (!exists(slave(a.slave), a.port) || !exists(slave(b.slave), b.port)) return false;
+    auto& from = nodes_[a.slave].cables[a.port];
+    auto& to = nodes_[b.slave].cables[b.port];
+    if (from.peer != Peer::nobody || to.peer != Peer::nobody) return false;
+    from = {Peer::slave, b, cable, true};
+    to = {Peer::slave, a, cable, true};
+    topology_changed();
+    return true;
+}
+
+bool Segment::connect_master(PortRef to, unsigned master_port, Duration cable) {
+    if (master_port >= kMasterPorts || to.slave >= size() || !exists(slave(to.slave), to.port)) return false;
+    auto& end = nodes_[to.slave].cables[to.port];
+    if (end.peer != Peer::nobody || masters_[master_port].peer != Peer::nobody) return false;
+    end = {Peer::master, {master_port, 0}, cable, true};
+    masters_[master_port] = {Peer::slave, to, cable, true};
+    topology_changed();
+    return true;
+}
+
+void Segment::power_up(Time now) {
+    for (auto& node : nodes_) {
+        node.powered = true;
+        node.esc->power_up(now);
+    }
+    update_all_ports();
+    next_event_ = kNever;
+    for (std::uint32_t n = 0; n < size(); ++n) schedule(n);
+}
+
+void Segment::reconsider() {
+    update_all_ports();
+    for (std::uint32_t n = 0; n < size(); ++n) schedule(n);
+}
+
+void Segment::set_power(std::uint32_t number, bool on, Time now) {
+    auto& node = nodes_[number];
+    if (node.powered == on) return;
+    node.powered = on;
+    node.open = {};
+    if (on) node.esc->power_up(now);
+    update_all_ports();
+    schedule(number);
+}
+
+void Segment::set_cable(PortRef end, bool intact) {
+    auto& cable = nodes_[end.slave].cables[end.port];
+    cable.intact = intact;
+    if (cable.peer == Peer::slave) nodes_[cable.to.slave].cables[cable.to.port].intact = intact;
+    if (cable.peer == Peer::master) masters_[cable.to.slave].intact = intact;
+    update_all_ports();
+}
+
+void Segment::set_noise(const Noise& noise) {
+    noise_ = noise;
+    random_ = noise.seed * 0x9E3779B97F4A7C15u + 1;
+    noisy_ = noise.lost > 0 || noise.corrupted > 0;
+}
+
+bool Segment::master_link(unsigned master_port) const {
+    const auto& cable = masters_[master_port];
+    return cable.peer == Peer::slave && cable.intact && nodes_[cable.to.slave].powered;
+}
+
+std::vector<std::uint32_t> Segment::order(unsigned master_port) {
+    std::vector<std::uint32_t> slaves;
+    for (const auto& visit : route(master_port).visits) slaves.push_back(visit.slave);
+    return slaves;
+}
+
+void Segment::schedule(std::uint32_t number) {
+    if (nodes_[number].powered) next_event_ = std::min(next_event_, slave(number).next_event());
+}
+
+void Segment::advance(Time now) {
+    if (next_event_ > now) return;
+    next_event_ = kNever;
+    for (std::uint32_t n = 0; n < size(); ++n) {
+        auto& node = nodes_[n];
+        if (!node.powered) continue;
+        if (node.esc->next_event() <= now) {
+            node.esc->advance(now);
+            if (node.configuration != node.esc->configuration()) topology_ += 1;
+        }
+        next_event_ = std::min(next_event_, node.esc->next_event());
+    }
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,149 @@
+// Segment: ports, loops, and the way of a frame.
+#include "sim/segment.hpp"
+
+#include <algorithm>
+
+namespace margay::sim {
+
+namespace {
+
+// From a port the frame goes on to the next one in this order; the processing unit lies behind port 0.
+constexpr std::array<std::uint8_t, kMaxPorts> kNext{3, 2, 0, 1};
+
+// 0x0101, two bits a port.
+enum class Loop : std::uint8_t { automatic, auto_close, open, closed };
+Loop loop_of(std::uint32_t dl_control, unsigned port) {
+    return static_cast<Loop>((dl_control >> (8 + 2 * port)) & 3);
+}
+
+}  // namespace
+
+void Segment::topology_changed() { ++topology_; }
+
+bool Segment::linked(const Node& node, unsigned port) const {
+    const auto& cable = node.cables[port];
+    if (!node.powered || !cable.intact) return false;
+    return cable.peer == Peer::master || (cable.peer == Peer::slave && nodes_[cable.to.slave].powered);
+}
+
+void Segment::update_ports(std::uint32_t number, bool control_written) {
+    auto& node = nodes_[number];
+    if (!node.powered) return;
+    node.dl_control = node.esc->dl_control();
+    unsigned status = 0;
+    for (unsigned p = 0; p < kMaxPorts; ++p) {
+        const bool link = linked(node, p);
+        if (node.link[p] && !link) node.esc->count_lost_link(p);
+        switch (loop_of(node.dl_control, p)) {
+            case Loop::automatic: node.open[p] = link; break;
+            // Once closed it stays so until the master writes the loop control again (or, as after power-up,
+            // the link is new).
+            case Loop::auto_close: node.open[p] = link && (node.open[p] || control_written); break;
+            case Loop::open: node.open[p] = true; break;
+            case Loop::closed: node.open[p] = false; break;
+        }
+        node.link[p] = link;
+        node.esc->set_link(p, link);
+        if (link) status |= wire::dl_status::physical_link(p);
+        if (!node.open[p]) status |= wire::dl_status::loop_closed(p);
+        if (link && node.open[p]) status |= wire::dl_status::communication(p);
+    }
+    node.esc->set_dl_status(static_cast<std::uint16_t>(status));
+}
+
+void Segment::update_all_ports() {
+    for (std::uint32_t n = 0; n < size(); ++n) update_ports(n, false);
+    topology_changed();
+}
+
+Segment::Route& Segment::route(unsigned master_port) {
+    auto& found = routes_[master_port];
+    if (found.built != topology_) build(found, master_port);
+    return found;
+}
+
+void Segment::build(Route& route, unsigned master_port) {
+    route.built = topology_;
+    route.visits.clear();
+    route.hops.clear();
+    route.circulating_at = kNobody;
+    route.returns = false;
+    route.aliases = false;
+    route.any_irq = 0;
+    const auto& cable = masters_[master_port];
+    if (master_link(master_port)) walk(route, cable.to, cable.delay);
+
+    const auto count = route.visits.size();
+    route.station.assign(count, 0);
+    route.alias.assign(count, kNobody);
+    route.logical_first.assign(count, 1);
+    route.logical_last.assign(count, 0);
+    route.irq.assign(count, 0);
+    std::array<Duration, kMaxPorts> nowhere;
+    nowhere.fill(Duration(-1));
+    route.ports.assign(count, nowhere);
+    std::vector<std::uint32_t> visit_of(size(), kNobody);
+    for (std::uint32_t v = 0; v < count; ++v) {
+        visit_of[route.visits[v].slave] = v;
+        note(route, v);
+    }
+    for (const auto& hop : route.hops)
+        if (visit_of[hop.at.slave] != kNobody) route.ports[visit_of[hop.at.slave]][hop.at.port] = hop.offset;
+}
+
+// Follows the frame from a port that it comes in at until it leaves for a master or is lost.
+void Segment::walk(Route& route, PortRef entry, Duration t) {
+    const auto limit = size() * kMaxPorts * 2 + 2;
+    for (std::size_t step = 0; step < limit; ++step) {
+        const auto& node = nodes_[entry.slave];
+        const auto& chip = node.esc->description();
+        route.hops.push_back({entry, t, static_cast<std::uint32_t>(route.visits.size())});
+        if (!node.open[entry.port]) return;  // a closed port takes nothing in
+        t += chip.ports[entry.port].delay;
+        unsigned port = entry.port;
+        bool through_closed_0 = false;
+        for (;;) {
+            if (port == 0) {
+                const bool marks = through_closed_0 && !node.link[0];
+                if (marks && route.circulating_at == kNobody)
+                    route.circulating_at = static_cast<std::uint32_t>(route.visits.size());
+                else if (marks)
+                    return;  // marked before: destroyed
+                route.visits.push_back({entry.slave, t, marks});
+                t += chip.processing_delay;
+            } else {
+                t += chip.forwarding_delay;
+            }
+            port = kNext[port];
+            if (node.open[port]) break;
+            through_closed_0 = port == 0;
+        }
+        t += chip.ports[port].delay;
+        const auto& cable = node.cables[port];
+        if (!node.link[port]) return;  // forced open without a link
+        t += cable.delay;
+        if (cable.peer == Peer::master) {
+            route.returns = true;
+            route.exit_port = cable.to.slave;
+            route.exit_offset = t;
+            return;
+        }
+        entry = cable.to;
+    }
+}
+
+// Takes over what datagrams are matched against.
+void Segment::note(Route& route, std::uint32_t visit) {
+    auto& node = nodes_[route.visits[visit].slave];
+    const auto& esc = *node.esc;
+    node.configuration = esc.configuration();
+    route.station[visit] = esc.station();
+    route.alias[visit] = esc.alias_enabled() ? esc.alias() : kNobody;
+    route.logical_first[visit] = esc.logical_first();
+    route.logical_last[visit] = esc.logical_last();
+    route.irq[visit] = esc.irq();
+    route.any_irq |= esc.irq();
+    route.aliases |= esc.alias_enabled();
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,153 @@
+#include "sim/sii_unit.hpp"
+
+#include "wire/sii.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay::sim {
+
+namespace {
+
+namespace reg = wire::reg;
+namespace control = wire::sii_control;
+}  // namespace
+
+bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
+    registers_ = &registers;
+    timing_ = timing;
+    command_ = errors_ = write_data_ = 0;
+    word_ = 0;
+    write_enable_ = busy_ = reloaded_ = false;
+    done_ = kNever;
+    const bool good = load_configuration(true);
+    show();
+    return good;
+}
+
+// ETG.1000.6 "Slave information interface area", words 0–7; what is wrong is not taken over.
+bool SiiUnit::load_configuration(bool power_up) {
+    errors_ = static_cast<std::uint16_t>(errors_ & ~(control::kChecksumError | control::kNotLoaded));
+    if (image_.size() < wire::sii::kConfigurationBytes || !wire::sii::checksum_right(image_)) {
+        errors_ |= control::kChecksumError | control::kNotLoaded;
+        return false;
+    }
+    registers_->set(reg::kPdiControl.address, load_le<std::uint16_t>(image_, 0));        // and 0x0141
+    registers_->set(reg::kPdiConfiguration.address, load_le<std::uint16_t>(image_, 2));  // and 0x0151
+    registers_->set(reg::kSyncPulseLength.address, load_le<std::uint16_t>(image_, 4));
+    registers_->set(reg::kExtendedPdiConfiguration.address, load_le<std::uint16_t>(image_, 6));
+    if (power_up) registers_->set(reg::kStationAlias.address, load_le<std::uint16_t>(image_, 8));
+    return true;
+}
+
+bool SiiUnit::accepts(bool pdi) const {
+    if (busy_) return pdi && emulated();
+    const auto config = registers_->get<std::uint8_t>(reg::kSiiConfig.address);
+    const bool with_pdi = (registers_->get<std::uint8_t>(reg::kSiiPdiAccess.address) & 1) != 0;
+    return pdi ? with_pdi && (config & wire::sii_config::kOfferedToPdi) != 0 : !with_pdi;
+}
+
+void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, Time at) {
+    const std::size_t end = address + length;
+    const auto covers = [&](std::size_t octet_at) { return address <= octet_at && octet_at < end; };
+    if (covers(reg::kSiiConfig.address) &&
+        (registers_->get<std::uint8_t>(reg::kSiiConfig.address) & wire::sii_config::kForceEcat) != 0)
+        registers_->set<std::uint8_t>(reg::kSiiPdiAccess.address, 0);
+    if (covers(reg::kSiiPdiAccess.address)) {
+        const bool offered =
+            (registers_->get<std::uint8_t>(reg::kSiiConfig.address) & wire::sii_config::kOfferedToPdi) != 0;
+        auto taken = static_cast<std::uint8_t>(registers_->get<std::uint8_t>(reg::kSiiPdiAccess.address) & 1);
+        if (!offered) taken = 0;
+        registers_->set(reg::kSiiPdiAccess.address, taken);
+    }
+    if (covers(reg::kSiiControl.address) || covers(reg::kSiiControl.address + 1u)) {
+        const auto value = registers_->get<std::uint16_t>(reg::kSiiControl.address);
+        if (from_pdi && waits_for_pdi()) {  // emulation: the firmware says that it has done the command
+            errors_ = static_cast<std::uint16_t>(
+                (errors_ & (control::kChecksumError | control::kNotLoaded)) |
+                (value & (control::kMissingAcknowledge | control::kWriteEnableError)));
+            busy_ = false;
+            command_ = 0;
+        } else if (!busy_) {
+            if (covers(reg::kSiiControl.address)) write_enable_ = (value & control::kWriteEnable) != 0;
+            if (covers(reg::kSiiControl.address + 1u))
+                command(value & control::kCommandMask, write_enable_, at);
+        }
+    }
+    show();
+}
+
+// A new command, "nothing" included, clears the error bits of the one before.
+void SiiUnit::command(std::uint16_t what, bool write_enabled, Time at) {
+    errors_ = static_cast<std::uint16_t>(errors_ & (control::kChecksumError | control::kNotLoaded));
+    command_ = 0;
+    if (what == 0) return;
+    if (what != control::kCommandRead && what != control::kCommandWrite && what != control::kCommandReload) {
+        errors_ |= control::kMissingAcknowledge;  // two commands at once
+        return;
+    }
+    if (what == control::kCommandWrite && !write_enabled) {
+        errors_ |= control::kWriteEnableError;
+        return;
+    }
+    command_ = what;
+    word_ = registers_->get<std::uint32_t>(reg::kSiiAddress.address);
+    write_data_ = registers_->get<std::uint16_t>(reg::kSiiData.address);
+    busy_ = true;
+    if (emulated()) {
+        done_ = kNever;  // until the PDI says so
+        return;
+    }
+    done_ = at + (what == control::kCommandRead    ? timing_.read
+                  : what == control::kCommandWrite ? timing_.write
+                                                   : timing_.reload);
+}
+
+Time SiiUnit::settle(Time now) {
+    if (busy_ && done_ <= now) {
+        finish();
+        show();
+    }
+    return busy_ ? done_ : kNever;
+}
+
+void SiiUnit::finish() {
+    busy_ = false;
+    done_ = kNever;
+    const auto command = std::exchange(command_, std::uint16_t{0});
+    write_enable_ = false;
+    if (nacks_ != 0) {
+        --nacks_;
+        errors_ |= control::kMissingAcknowledge;
+        return;
+    }
+    if (command == control::kCommandRead) {
+        read_block();
+    } else if (command == control::kCommandWrite) {
+        const std::size_t at = std::size_t{word_} * 2;
+        if (at + 2 <= image_.size())
+            store_le(MutableBytes(image_), at, write_data_);
+        else
+            errors_ |= control::kMissingAcknowledge;
+    } else {
+        reloaded_ = load_configuration(false);
+    }
+}
+
+void SiiUnit::read_block() {
+    const std::size_t count = timing_.reads_8_bytes ? 8 : 4;
+    for (std::size_t i = 0; i < count; ++i)
+        registers_->set(static_cast<std::uint16_t>(reg::kSiiData.address + i),
+                        octet(std::size_t{word_} * 2 + i));
+}
+
+void SiiUnit::show() {
+    unsigned status = timing_.status_bits | errors_ | command_;
+    if (timing_.reads_8_bytes) status |= control::kReads8Bytes;
+    if (timing_.emulated) status |= control::kEmulation;
+    if (write_enable_) status |= control::kWriteEnable;
+    if (busy_) status |= control::kBusy;
+    registers_->set(reg::kSiiControl.address, static_cast<std::uint16_t>(status));
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,141 @@
+#include "sim/sync_unit.hpp"
+
+#include <algorithm>
+
+namespace margay::sim {
+
+namespace {
+
+namespace reg = wire::reg;
+namespace activation = wire::sync_activation;
+
+bool meets(std::uint32_t address, std::size_t length, wire::Register r) {
+    return address < r.end() && r.address < address + length;
+}
+
+// Latch control: bits 0 and 1 say of the positive and the negative edge whether only the first one counts.
+constexpr std::uint16_t kLatchControl[] = {reg::kLatch0Control.address, reg::kLatch1Control.address};
+constexpr std::uint16_t kLatchStatus[] = {reg::kLatch0Status.address, reg::kLatch1Status.address};
+constexpr wire::Register kEdges[2][2] = {{reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge},
+                                         {reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge}};
+
+}  // namespace
+
+void SyncUnit::power_up(RegisterFile& registers, const DcClock& clock) {
+    registers_ = &registers;
+    clock_ = &clock;
+    next_ = {kNever, kNever};
+    on_ = {};
+    pulses_ = {};
+    active_ = false;
+}
+
+void SyncUnit::written(std::uint32_t address, std::size_t length, Time at) {
+    const auto wanted = registers_->get<std::uint8_t>(reg::kSyncActivation.address);
+    if (meets(address, length, reg::kSyncActivation)) {
+        const bool start = (wanted & activation::kCyclic) != 0;
+        if (start && !active_) activate(at);
+        if (!start) {
+            active_ = false;
+            next_ = {kNever, kNever};
+            registers_->set<std::uint8_t>(reg::kActivationStatus.address, 0);
+        }
+        on_ = {(wanted & activation::kSync0) != 0, (wanted & activation::kSync1) != 0};
+    }
+}
+
+void SyncUnit::activate(Time at) {
+    cycle0_ = registers_->get<std::uint32_t>(reg::kSync0CycleTime.address);
+    cycle1_ = registers_->get<std::uint32_t>(reg::kSync1CycleTime.address);
+    due_ = {registers_->get<std::uint64_t>(reg::kSyncStartTime.address), 0};
+    countdown1_ = 0;
+    active_ = true;
+    next_ = {kNever, kNever};
+    next_[0] = clock_->start_moment(due_[0], at);
+    registers_->set<std::uint8_t>(reg::kActivationStatus.address, 0x03);  // waiting for the start time
+}
+
+void SyncUnit::clock_changed(Time now) {
+    if (!active_) return;
+    const bool waiting = (registers_->get<std::uint8_t>(reg::kActivationStatus.address) & 1) != 0;
+    if (waiting)
+        next_[0] = clock_->start_moment(due_[0], now);
+    else
+        for (unsigned s = 0; s < 2; ++s)
+            if (next_[s] != kNever) next_[s] = std::max(now, clock_->moment_of(due_[s], now));
+}
+
+std::uint32_t SyncUnit::settle(Time now) {
+    std::uint32_t events = 0;
+    while (next() <= now) {
+        const unsigned signal = next_[1] < next_[0] ? 1 : 0;
+        const Time at = next_[signal];
+        if (on_[signal]) {
+            ++pulses_[signal];
+            events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
+            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) ==
+                0)  // held until acknowledged
+                registers_->set<std::uint8_t>(
+                    signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
+        }
+        if (signal == 1) {
+            next_[1] = kNever;
+            continue;
+        }
+        registers_->set<std::uint8_t>(reg::kActivationStatus.address, 0);
+        if (countdown1_ == 0) {  // this SYNC0 is followed by a SYNC1
+            due_[1] = due_[0] + cycle1_;
+            next_[1] = cycle1_ == 0 ? at : clock_->moment_of(due_[1], at);
+            countdown1_ = cycle0_ == 0 ? 0 : cycle1_ / cycle0_;
+        } else {
+            --countdown1_;
+        }
+        due_[0] += cycle0_;
+        next_[0] = cycle0_ == 0 ? kNever : std::max(at + Duration(1), clock_->moment_of(due_[0], at));
+    }
+    return events;
+}
+
+// While it runs, the start time registers tell when the next pulses are.
+void SyncUnit::refresh() {
+    if (!active_) return;
+    if (next_[0] != kNever) registers_->set(reg::kSyncStartTime.address, due_[0]);
+    if (next_[1] != kNever) registers_->set(reg::kNextSync1Pulse.address, due_[1]);
+}
+
+SyncUnit::Events SyncUnit::latch(unsigned input, bool rising, Time at) {
+    const unsigned edge = rising ? 0 : 1;
+    const auto control = registers_->get<std::uint8_t>(kLatchControl[input]);
+    const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
+    const bool single = ((control >> edge) & 1) != 0;
+    const auto bit = static_cast<std::uint8_t>(1u << edge);
+    if (single && (status & bit) != 0) return {};
+    registers_->set(kEdges[input][edge].address, clock_->copy(at));
+    if (!single) return {};
+    registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status | bit));
+    return {wire::al_event::kDcLatch, true};
+}
+
+std::uint32_t SyncUnit::was_read(std::uint32_t address, std::size_t length) {
+    std::uint32_t cleared = 0;
+    for (unsigned input = 0; input < 2; ++input)
+        for (unsigned edge = 0; edge < 2; ++edge)
+            if (meets(address, length, kEdges[input][edge])) {
+                const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
+                registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status & ~(1u << edge)));
+            }
+    if (registers_->get<std::uint8_t>(kLatchStatus[0]) == 0 &&
+        registers_->get<std::uint8_t>(kLatchStatus[1]) == 0)
+        cleared |= wire::al_event::kDcLatch;
+    if (meets(address, length, reg::kSync0Status)) {
+        registers_->set<std::uint8_t>(reg::kSync0Status.address, 0);
+        cleared |= wire::al_event::kDcSync0;
+    }
+    if (meets(address, length, reg::kSync1Status)) {
+        registers_->set<std::uint8_t>(reg::kSync1Status.address, 0);
+        cleared |= wire::al_event::kDcSync1;
+    }
+    return cleared;
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,56 @@
+// SYNC0, SYNC1 and the latch inputs of an ESC, registers 0x0980–0x09CF (ETG.1000.4 "Distributed clock"; ESC
+// data sheets, "SyncSignal generation" and "LatchSignals").
+#pragma once
+
+#include "sim/dc_clock.hpp"
+#include "sim/register_file.hpp"
+
+#include <margay/time.hpp>
+
+namespace margay::sim {
+
+class SyncUnit {
+  public:
+    // Bits of the AL event request and of the ECAT event request.
+    struct Events {
+        std::uint32_t al = 0;
+        bool ecat_latch = false;
+    };
+
+    void power_up(RegisterFile& registers, const DcClock& clock);
+
+    // Registers [address, address + length) were written.
+    void written(std::uint32_t address, std::size_t length, Time at);
+    // A status or latch register was read: takes back what that acknowledges. Returns AL event bits to be
+    // cleared.
+    std::uint32_t was_read(std::uint32_t address, std::size_t length);
+    // The rate or the offset of the clock has changed.
+    void clock_changed(Time now);
+
+    [[nodiscard]] Time next() const { return next_[0] < next_[1] ? next_[0] : next_[1]; }
+    // Pulses due by `now`.
+    std::uint32_t settle(Time now);
+    // An edge at latch input 0 or 1.
+    Events latch(unsigned input, bool rising, Time at);
+    // How many pulses SYNC0 or SYNC1 has given since power-up.
+    [[nodiscard]] std::uint64_t pulses(unsigned signal) const { return pulses_[signal]; }
+    void refresh();
+
+  private:
+    void activate(Time at);
+    void plan(Time now);
+    void pulse(unsigned signal);
+
+    RegisterFile* registers_ = nullptr;
+    const DcClock* clock_ = nullptr;
+    std::array<Time, 2> next_{kNever, kNever};
+    std::array<std::uint64_t, 2> due_{};  // in system time
+    std::array<bool, 2> on_{};
+    std::array<std::uint64_t, 2> pulses_{};
+    std::uint32_t cycle0_ = 0;
+    std::uint32_t cycle1_ = 0;
+    std::uint32_t countdown1_ = 0;  // SYNC0 pulses until the next one that starts a SYNC1
+    bool active_ = false;
+};
+
+}  // namespace margay::sim

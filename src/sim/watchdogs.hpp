@@ -1,0 +1,53 @@
+// The two watchdogs of an ESC, registers 0x0400–0x0443: process data (fed by SyncManagers) and PDI (fed by
+// the processor).
+#pragma once
+
+#include "sim/register_file.hpp"
+
+#include <margay/time.hpp>
+
+namespace margay::sim {
+
+class Watchdogs {
+  public:
+    struct Expired {
+        bool process_data = false;
+        bool pdi = false;
+    };
+
+    void power_up(RegisterFile& registers, bool has_pdi, Time now);
+    // The processor has stopped: from now on its watchdog runs. While it works it is taken to feed it in
+    // time.
+    void processor_halted(Time now);
+    // Divider or times were written: both start anew.
+    void reconfigure(Time now);
+    // Whether any channel feeds the process data watchdog; without one it is off.
+    void set_fed(bool fed, Time now);
+    void feed_process_data(Time now);
+
+    // What has run out by `now`. Counters and status registers follow.
+    Expired settle(Time now);
+    [[nodiscard]] Time next() const {
+        return process_data_.next() < pdi_.next() ? process_data_.next() : pdi_.next();
+    }
+    [[nodiscard]] bool pdi_alive() const { return !pdi_.expired; }
+
+  private:
+    struct Timer {
+        Duration time{};  // zero: off
+        Time fed{};
+        bool running = false;
+        bool expired = false;
+        [[nodiscard]] Time next() const { return running && time > Duration::zero() ? fed + time : kNever; }
+        void feed(Time now) { fed = now, running = true, expired = false; }
+    };
+    void count(std::uint16_t address);
+    void show();
+
+    RegisterFile* registers_ = nullptr;
+    Timer process_data_;
+    Timer pdi_;
+    bool fed_ = false;
+};
+
+}  // namespace margay::sim
