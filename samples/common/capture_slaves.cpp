@@ -1,0 +1,182 @@
+#include "common/capture_slaves.hpp"
+
+#include "wire/esc.hpp"
+#include "wire/sii.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+namespace margay::samples {
+
+namespace {
+
+using wire::Command;
+namespace reg = wire::reg;
+
+bool wanted(std::uint32_t address) {
+    return address < reg::kDlInformation.end() || address == 0x0140 || address == 0x0141 ||
+           address == 0x0502 || address == 0x0503 || (address >= 0x0E00 && address < 0x0E10);
+}
+
+class Reader {
+  public:
+    std::vector<SeenSlave> run(const Capture& capture) {
+        for (const auto& exchange : capture.exchanges)
+            for (const auto& pair : pairs_of(exchange)) look(pair);
+        std::vector<SeenSlave> slaves;
+        std::uint16_t next = 0;
+        for (auto& [position, slave] : by_position_) {
+            finish(slave);
+            next = static_cast<std::uint16_t>(position + 1);
+            slaves.push_back(slave);
+        }
+        for (auto& [station, slave] : strangers_) {
+            slave.position = next++;
+            slave.station_before = station;
+            finish(slave);
+            slaves.push_back(slave);
+        }
+        return slaves;
+    }
+
+  private:
+    SeenSlave* find(const DatagramPair& pair) {
+        const auto adp = pair.request.address.adp();
+        switch (pair.request.command) {
+            case Command::APRD:
+            case Command::APWR: {
+                const auto position = static_cast<std::uint16_t>(-adp);
+                by_position_[position].position = position;
+                return &by_position_[position];
+            }
+            case Command::FPRD:
+            case Command::FPWR: {
+                const auto found = stations_.find(adp);
+                return found != stations_.end() ? &by_position_[found->second] : &strangers_[adp];
+            }
+            default: return nullptr;
+        }
+    }
+
+    void look(const DatagramPair& pair) {
+        if (pair.wkc == 0) return;
+        auto* slave = find(pair);
+        if (slave == nullptr) return;
+        const std::uint32_t ado = pair.request.address.ado();
+        const bool write = pair.request.command == Command::APWR || pair.request.command == Command::FPWR;
+        const auto offset_of = [&](std::uint32_t address, std::size_t length) -> std::optional<std::size_t> {
+            if (address < ado || address + length > ado + pair.sent.size()) return std::nullopt;
+            return address - ado;
+        };
+        if (write) {
+            if (const auto at = offset_of(reg::kStationAddress.address, 2);
+                at && pair.request.command == Command::APWR)
+                stations_[load_le<std::uint16_t>(pair.sent, *at)] = slave->position;
+            if (const auto at = offset_of(reg::kSiiAddress.address, 4))
+                words_[slave] = load_le<std::uint32_t>(pair.sent, *at);
+            if (const auto at = offset_of(reg::kSiiControl.address + 1u, 1))
+                reading_[slave] = pair.sent[*at] == std::byte{1};
+            return;
+        }
+        for (std::size_t i = 0; i < pair.received.size(); ++i)
+            if (wanted(static_cast<std::uint32_t>(ado + i)))
+                slave->registers.try_emplace(static_cast<std::uint16_t>(ado + i), pair.received[i]);
+        if (const auto status = offset_of(reg::kSiiControl.address, 2);
+            status && (load_le<std::uint16_t>(pair.received, *status) & wire::sii_control::kBusy) != 0)
+            return;
+        if (const auto at = offset_of(reg::kSiiAddress.address, 4))
+            words_[slave] = load_le<std::uint32_t>(pair.received, *at);
+        if (const auto at = offset_of(reg::kSiiData.address, 1)) take(*slave, pair.received.subspan(*at));
+    }
+
+    // Data of a read: as much of it as was fetched, of four or eight octets.
+    void take(SeenSlave& slave, Bytes data) {
+        const auto word = words_.find(&slave);
+        if (word == words_.end() || !reading_[&slave]) return;
+        const auto status = slave.registers.find(reg::kSiiControl.address);
+        const bool eight =
+            status != slave.registers.end() && (status->second & std::byte{0x40}) != std::byte{0};
+        const std::size_t at = std::size_t{word->second} * 2;
+        const auto count = std::min<std::size_t>(data.size(), eight ? 8 : 4);
+        if (at + count > 0x20000) return;
+        if (slave.sii.size() < at + count) slave.sii.resize(at + count, std::byte{0xFF});
+        auto& read = read_[&slave];
+        for (std::size_t i = 0; i < count; ++i) {
+            slave.sii[at + i] = data[i];
+            if (read.insert(at + i).second) ++slave.sii_octets_read;
+        }
+    }
+
+    // Words 0–7 that the master did not read are made to fit what the chip shows.
+    void finish(SeenSlave& slave) {
+        namespace sii = wire::sii;
+        const auto& read = read_[&slave];
+        if (slave.sii.size() < sii::kFixedBytes + 2) slave.sii.resize(sii::kFixedBytes + 2, std::byte{0xFF});
+        slave.sii.resize((slave.sii.size() + 127) / 128 * 128, std::byte{0xFF});
+        bool all = true;
+        for (std::size_t i = 0; i < sii::kConfigurationBytes; ++i) all &= read.contains(i);
+        if (all) return;
+        sii::Configuration configuration;
+        const auto octet = [&](std::uint16_t address) {
+            const auto found = slave.registers.find(address);
+            return found == slave.registers.end() ? 0u : std::to_integer<unsigned>(found->second);
+        };
+        configuration.pdi_control = static_cast<std::uint16_t>(octet(0x0140) | octet(0x0141) << 8);
+        sii::store_configuration(slave.sii, configuration);
+        if (!read.contains(sii::word::kSize * 2))
+            store_le(MutableBytes(slave.sii), sii::word::kSize * 2,
+                     sii::size_word(static_cast<std::uint32_t>(slave.sii.size())));
+    }
+
+    std::map<std::uint16_t, SeenSlave> by_position_;
+    std::map<std::uint16_t, SeenSlave> strangers_;
+    std::map<std::uint16_t, std::uint16_t> stations_;
+    std::map<const SeenSlave*, std::uint32_t> words_;
+    std::map<const SeenSlave*, bool> reading_;
+    std::map<const SeenSlave*, std::set<std::size_t>> read_;
+};
+
+}  // namespace
+
+std::vector<SeenSlave> slaves_of(const Capture& capture) { return Reader().run(capture); }
+
+std::string describe_segment(const std::vector<SeenSlave>& slaves, const std::string& title) {
+    std::string text = fmt::format("title = \"{}\"\n", title);
+    for (const auto& slave : slaves) {
+        text += fmt::format("\n[[slave]]\nname = \"slave{}\"\nsii = \"slave{}.bin\"\n", slave.position + 1,
+                            slave.position + 1);
+        const auto number = [&](std::uint16_t address, std::string_view key, unsigned octets = 1) {
+            unsigned value = 0;
+            for (unsigned i = 0; i < octets; ++i) {
+                const auto found = slave.registers.find(static_cast<std::uint16_t>(address + i));
+                if (found == slave.registers.end()) return;
+                value |= std::to_integer<unsigned>(found->second) << (8 * i);
+            }
+            text += fmt::format("{} = 0x{:0{}x}\n", key, value, octets * 2);
+        };
+        number(0x0000, "type");
+        number(0x0001, "revision");
+        number(0x0002, "build", 2);
+        number(0x0004, "fmmus");
+        number(0x0005, "sync_managers");
+        number(0x0006, "ram_kib");
+        number(0x0008, "features", 2);
+        if (const auto ports = slave.registers.find(0x0007); ports != slave.registers.end()) {
+            constexpr std::array<std::string_view, 4> kKinds{"none", "unused", "ebus", "mii"};
+            const auto bits = std::to_integer<unsigned>(ports->second);
+            text += fmt::format("ports = [\"{}\", \"{}\", \"{}\", \"{}\"]\n", kKinds[bits & 3],
+                                kKinds[bits >> 2 & 3], kKinds[bits >> 4 & 3], kKinds[bits >> 6]);
+        }
+        if (const auto status = slave.registers.find(0x0502); status != slave.registers.end()) {
+            const auto bits = std::to_integer<unsigned>(status->second);
+            text += fmt::format("sii_8_bytes = {}\n", (bits & 0x40) != 0);
+            if ((bits & 0xA0) != 0) text += fmt::format("sii_status = 0x{:02x}\n", bits & 0xA0);
+        }
+        if (slave.station_before) text += fmt::format("station = 0x{:04x}\n", *slave.station_before);
+    }
+    return text;
+}
+
+}  // namespace margay::samples

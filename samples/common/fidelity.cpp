@@ -1,0 +1,150 @@
+#include "common/fidelity.hpp"
+
+#include "wire/text.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+
+namespace margay::samples {
+
+namespace {
+
+using wire::Command;
+namespace reg = wire::reg;
+
+constexpr Duration kSwitchedOn =
+    std::chrono::seconds(1);  // before the recording starts: everything has settled
+
+bool within(std::uint32_t address, std::uint32_t from, std::uint32_t to) {
+    return from <= address && address < to;
+}
+
+// Whether request and device decide what stands at an ESC address. Not so: clocks, counters, events, mailbox
+// and process data, and what depends on how quick a processor is.
+bool determined(std::uint32_t address) {
+    if (address >= reg::kProcessRam) return false;
+    if (within(address, 0x0210, 0x0224) || within(address, 0x0300, 0x0314) || within(address, 0x0440, 0x0444))
+        return false;
+    if (within(address, 0x0900, 0x0920) || within(address, 0x092C, 0x0930) || within(address, 0x0932, 0x0934))
+        return false;
+    if (within(address, 0x0984, 0x09A0) || within(address, 0x09AE, 0x09D0)) return false;
+    return true;
+}
+
+// Bits that only tell whether the EEPROM has finished: the simulated one need not be as slow.
+std::byte masked(std::uint32_t address, std::byte value) {
+    if (address == reg::kSiiControl.address)
+        return value & std::byte{0xEF};  // bit 4 is reserved, and not constant
+    return address == reg::kSiiControl.address + 1u ? value & std::byte{0x78} : value;
+}
+
+// The hardware was still reading its EEPROM when it was asked for the data.
+bool answered_while_busy(const DatagramPair& pair) {
+    const std::uint32_t ado = pair.request.address.ado();
+    const std::uint32_t status_at = reg::kSiiControl.address + 1u;
+    if (ado > status_at || status_at >= ado + pair.received.size()) return false;
+    return (pair.received[status_at - ado] & std::byte{0x80}) != std::byte{0};
+}
+
+std::string name_of(const wire::DatagramHeader& header, std::uint32_t address) {
+    if (wire::is_logical(header.command))
+        return fmt::format("{} process data", wire::to_text(header.command));
+    std::array<char, 64> buffer{};
+    TextWriter name(buffer);
+    wire::describe_register(name, static_cast<std::uint16_t>(address));
+    return fmt::format("{} {} (0x{:04x})", wire::to_text(header.command), name.text(), address);
+}
+
+std::string hex(Bytes bytes) {
+    std::string text;
+    for (const auto octet : bytes.first(std::min<std::size_t>(bytes.size(), 24)))
+        text += fmt::format("{:02x}", std::to_integer<unsigned>(octet));
+    return bytes.size() > 24 ? text + "…" : text;
+}
+
+void note(FidelityReport& report, const std::string& kind, std::size_t frame, std::string example) {
+    auto& entry = report.kinds[kind];
+    if (entry.count++ == 0) entry.first_frame = frame, entry.example = std::move(example);
+}
+
+void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simulated) {
+    const bool logical = wire::is_logical(pair.request.command);
+    const std::uint32_t ado = pair.request.address.ado();
+    const bool busy = !logical && answered_while_busy(pair);
+    std::size_t first_difference = simulated.size();
+    for (std::size_t i = 0; i < simulated.size(); ++i) {
+        const auto address = static_cast<std::uint32_t>(ado + i);
+        // Of process data only what the master itself sent and nobody overwrites is determined.
+        if (logical ? pair.request.command != Command::LWR && pair.received[i] != pair.sent[i]
+                    : !determined(address))
+            continue;
+        if (busy && within(address, reg::kSiiData.address, reg::kSiiData.end())) continue;
+        ++report.data_octets;
+        const bool same = logical ? pair.received[i] == simulated[i]
+                                  : masked(address, pair.received[i]) == masked(address, simulated[i]);
+        if (same)
+            ++report.equal_octets;
+        else if (first_difference == simulated.size())
+            first_difference = i;
+    }
+    if (first_difference != simulated.size())
+        note(report, "data of " + name_of(pair.request, static_cast<std::uint32_t>(ado + first_difference)),
+             pair.frame, fmt::format("hardware {}, simulation {}", hex(pair.received), hex(simulated)));
+}
+
+}  // namespace
+
+FidelityReport measure_fidelity(const Capture& capture, SimulatedSegment& simulated) {
+    FidelityReport report;
+    for (const auto& exchange : capture.exchanges) {
+        auto frame = exchange.request;
+        const auto passage = simulated.segment.process(frame, Time{} + kSwitchedOn + exchange.at);
+        ++report.frames;
+        if (exchange.answer.empty()) {
+            ++report.unanswered;
+            continue;
+        }
+        if (!passage.returned) {
+            note(report, "frame lost in the simulation", exchange.frame, "");
+            continue;
+        }
+        wire::DatagramReader reader(frame);
+        for (const auto& pair : pairs_of(exchange)) {
+            const auto answer = reader.next();
+            if (!answer) break;
+            ++report.datagrams;
+            if (answer->wkc == pair.wkc)
+                ++report.equal_wkc;
+            else
+                note(report, "working counter of " + name_of(pair.request, pair.request.address.ado()),
+                     pair.frame,
+                     fmt::format("{} octets: hardware {}, simulation {}", pair.sent.size(), pair.wkc,
+                                 answer->wkc));
+            if (answer->wkc != 0 && pair.wkc != 0) compare_data(report, pair, answer->data);
+        }
+    }
+    return report;
+}
+
+std::string to_text(const FidelityReport& report) {
+    const auto share = [](std::size_t part, std::size_t whole) {
+        return whole == 0 ? 100.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+    };
+    std::string text;
+    auto out = std::back_inserter(text);
+    fmt::format_to(out, "{} frames, {} of them without an answer in the recording\n", report.frames,
+                   report.unanswered);
+    fmt::format_to(out, "working counters  {} of {} equal, {:.3f} %\n", report.equal_wkc, report.datagrams,
+                   share(report.equal_wkc, report.datagrams));
+    fmt::format_to(out, "determined data   {} of {} octets equal, {:.3f} %\n", report.equal_octets,
+                   report.data_octets, share(report.equal_octets, report.data_octets));
+    for (const auto& [kind, entry] : report.kinds)
+        fmt::format_to(out, "  {:5} × {}; first in frame {}{}{}\n", entry.count, kind, entry.first_frame,
+                       entry.example.empty() ? "" : ": ", entry.example);
+    return text;
+}
+
+}  // namespace margay::samples

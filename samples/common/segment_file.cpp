@@ -1,0 +1,382 @@
+#include "common/segment_file.hpp"
+
+#include "common/segment_chip.hpp"
+
+#include "sim/devices.hpp"
+#include "wire/sii.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <sstream>
+
+namespace margay::samples {
+
+namespace {
+
+using sim::kMaxPorts;
+
+// Built in, so that it is there without any file.
+constexpr const char* kDemo = R"(
+title = "A coupler with digital and analogue terminals"
+
+[[slave]]
+name = "coupler"
+device = "coupler"
+
+[[slave]]
+name = "inputs"
+device = "digital_in_8"
+
+[[slave]]
+name = "outputs"
+device = "digital_out_8"
+
+[[slave]]
+name = "measuring"
+device = "analog_in_4"
+
+[[slave]]
+name = "setting"
+device = "analog_out_2"
+)";
+
+std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& path) {
+    std::ifstream in(path, std::ios::binary);
+    if (!in) return std::nullopt;
+    const std::string content((std::istreambuf_iterator<char>(in)), {});
+    std::vector<std::byte> bytes(content.size());
+    std::transform(content.begin(), content.end(), bytes.begin(),
+                   [](char c) { return static_cast<std::byte>(c); });
+    return bytes;
+}
+
+// An image that nobody could have read from an EEPROM is refused: an empty file, a folder, one that is larger
+// than any EEPROM.
+std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored))
+        return fmt::format("'{}' is a folder, not an SII image", path.string());
+    auto bytes = read_file(path);
+    if (!bytes) return fmt::format("cannot read the SII image '{}'", path.string());
+    if (bytes->size() < wire::sii::kFixedBytes)
+        return fmt::format("'{}' is no SII image: {} octets, where the fixed part alone takes {}",
+                           path.string(), bytes->size(), wire::sii::kFixedBytes);
+    if (bytes->size() > 4u * 1024 * 1024) return fmt::format("'{}' is larger than any EEPROM", path.string());
+    image = std::move(*bytes);
+    return {};
+}
+
+bool exists(const sim::EscDescription& chip, unsigned port) {
+    return port < kMaxPorts && chip.ports[port].kind >= wire::PortKind::ebus;
+}
+
+// Builds a segment out of a parsed description.
+class Builder : private DescriptionReader {
+  public:
+    Builder(std::string origin, std::filesystem::path folder, Time now)
+        : DescriptionReader(std::move(origin)),
+          folder_(std::move(folder)),
+          now_(now),
+          result_(std::make_unique<SimulatedSegment>()) {}
+
+    LoadedSegment build(const toml::table& root) {
+        if (const auto fault = run(root)) return LoadedSegment(fault->text);
+        result_->segment.power_up(now_);
+        apply_presets();
+        if (noise_) result_->segment.set_noise(*noise_);
+        for (const auto n : dark_) result_->segment.set_power(n, false, now_);
+        for (const auto& end : broken_) result_->segment.set_cable(end, false);
+        return LoadedSegment(std::move(result_));
+    }
+
+  private:
+    Fault run(const toml::table& root) {
+        static constexpr std::string_view kKnown[] = {"title", "slave", "ring", "round_trip_us", "noise"};
+        if (const auto fault = check_keys(root, kKnown, "the description")) return fault;
+        if (const auto* node = root.get("round_trip_us")) {
+            std::int64_t us = 0;
+            if (const auto fault = integer(*node, "round_trip_us", 0, 1'000'000, us)) return fault;
+            result_->round_trip = std::chrono::microseconds(us);
+        }
+        const auto* slaves = root.get_as<toml::array>("slave");
+        if (slaves == nullptr || slaves->empty())
+            return Failure{fmt::format("{}: there are no slaves: each is a [[slave]]", origin())};
+        for (const auto& node : *slaves) {
+            const auto* table = node.as_table();
+            if (table == nullptr) return at(node, "a slave is a table: [[slave]]");
+            if (const auto fault = slave(*table)) return fault;
+        }
+        if (const auto* node = root.get("noise"))
+            if (const auto fault = noise(*node)) return fault;
+        if (const auto* node = root.get("ring"))
+            if (const auto fault = ring(*node)) return fault;
+        return {};
+    }
+
+    Fault slave(const toml::table& table) {
+        static constexpr std::string_view kKnown[] = {
+            "name",         "device",          "sii",         "chip",          "parent",
+            "port",         "enter",           "cable_ns",    "serial",        "alias",
+            "drift_ppb",    "clock_start_ns",  "fmmus",       "sync_managers", "ram_kib",
+            "dc",           "features",        "type",        "revision",      "build",
+            "sii_read_us",  "sii_write_us",    "sii_8_bytes", "sii_status",    "power",
+            "cable_broken", "emulated_eeprom", "station",     "preset",        "ports",
+            "firmware_us"};
+        if (const auto fault = check_keys(table, kKnown, "a slave")) return fault;
+        sim::Device device;
+        if (const auto fault = make(table, device)) return fault;
+        if (const auto fault = adjust_image(*this, table, device.sii)) return fault;
+        if (const auto fault = adjust_chip(*this, table, device.chip)) return fault;
+
+        const auto number = static_cast<std::uint32_t>(result_->segment.size());
+        std::string name = fmt::format("slave{}", number + 1);
+        if (const auto* node = table.get("name")) {
+            if (const auto fault = text(*node, "name", name)) return fault;
+            if (const auto found = numbers_.find(name); found != numbers_.end())
+                return at(*node, fmt::format("there is a slave '{}' already", name));
+        }
+        const auto parent_fault = connect(table, std::move(device), number);
+        if (parent_fault) return parent_fault;
+        numbers_[name] = number;
+        result_->names.push_back(name);
+
+        if (const auto fault = presets(table, number)) return fault;
+        if (const auto* node = table.get("power")) {
+            const auto on = node->value_exact<bool>();
+            if (!on) return at(*node, "'power' is true or false");
+            if (!*on) dark_.push_back(number);
+        }
+        return {};
+    }
+
+    // What a master has written before: station = 0x1001, preset = [[0x0120, 0x02]]: an address and the
+    // octets from there.
+    Fault presets(const toml::table& table, std::uint32_t number) {
+        std::int64_t station = -1;
+        if (const auto fault = optional_integer(table, "station", 0, 0xFFFF, station)) return fault;
+        if (station >= 0)
+            presets_.push_back({number, 0x0010, {std::byte(station & 0xFF), std::byte(station >> 8)}});
+        const auto* node = table.get("preset");
+        if (node == nullptr) return {};
+        const auto* list = node->as_array();
+        if (list == nullptr) return at(*node, "'preset' is a list of lists: [[0x0120, 0x02], …]");
+        for (const auto& entry : *list) {
+            const auto* numbers = entry.as_array();
+            if (numbers == nullptr || numbers->size() < 2)
+                return at(entry, "a preset is an address and the octets from there");
+            Preset preset{number, 0, {}};
+            for (std::size_t i = 0; i < numbers->size(); ++i) {
+                std::int64_t value = 0;
+                if (const auto fault = integer((*numbers)[i], "preset", 0, i == 0 ? 0xFFFF : 0xFF, value))
+                    return fault;
+                if (i == 0)
+                    preset.address = static_cast<std::uint16_t>(value);
+                else
+                    preset.octets.push_back(static_cast<std::byte>(value));
+            }
+            presets_.push_back(std::move(preset));
+        }
+        return {};
+    }
+
+    // As a master would have: each in a frame of its own, with time for the firmware in between.
+    void apply_presets() {
+        for (const auto& preset : presets_) {
+            auto& esc = result_->segment.slave(preset.slave);
+            (void)esc.ecat_write(preset.address, preset.octets, now_);
+            esc.frame_end({.good = true, .at = now_, .processing = now_});
+            esc.advance(now_);
+        }
+        if (!presets_.empty()) result_->segment.reconsider();
+    }
+
+    Fault make(const toml::table& table, sim::Device& device) const {
+        const auto* by_name = table.get("device");
+        const auto* by_image = table.get("sii");
+        if ((by_name == nullptr) == (by_image == nullptr))
+            return at(table, "a slave is made by either 'device' or 'sii'");
+        std::string what;
+        if (by_image != nullptr) {
+            if (const auto fault = text(*by_image, "sii", what)) return fault;
+            std::vector<std::byte> image;
+            if (const auto fault = load_image(folder_ / what, image); !fault.empty())
+                return at(*by_image, fault);
+            device = sim::device_from_sii(std::move(image));
+            return {};
+        }
+        if (const auto fault = text(*by_name, "device", what)) return fault;
+        auto made = sim::make_device(what);
+        if (!made)
+            return at(*by_name, fmt::format("there is no device '{}' in the library; there are: {}", what,
+                                            fmt::join(sim::device_names(), ", ")));
+        device = std::move(*made);
+        return {};
+    }
+
+    // Finds the port of the parent that the slave hangs on, and plugs the cable in.
+    Fault connect(const toml::table& table, sim::Device device, std::uint32_t number) {
+        std::int64_t cable_ns = 5;
+        std::int64_t enter = 0;
+        if (const auto fault = optional_integer(table, "cable_ns", 0, 1'000'000, cable_ns)) return fault;
+        if (const auto fault = optional_integer(table, "enter", 0, kMaxPorts - 1, enter)) return fault;
+        bool broken = false;
+        if (const auto fault = boolean(table, "cable_broken", broken)) return fault;
+        const auto chip = device.chip;
+        if (!exists(chip, static_cast<unsigned>(enter)))
+            return at(table, fmt::format("the slave has no port {}", enter));
+        auto& segment = result_->segment;
+        const sim::PortRef own{number, static_cast<std::uint8_t>(enter)};
+        if (broken) broken_.push_back(own);
+        if (number == 0) {
+            if (const auto* node = table.get("parent"))
+                return at(*node, "the first slave hangs on the master and has no parent");
+            segment.add(std::move(device).assemble());
+            (void)segment.connect_master(own, 0, Duration(cable_ns));
+            used_[{number, own.port}] = true;
+            return {};
+        }
+        std::uint32_t parent = number - 1;
+        if (const auto* node = table.get("parent")) {
+            std::string name;
+            if (const auto fault = text(*node, "parent", name)) return fault;
+            const auto found = numbers_.find(name);
+            if (found == numbers_.end())
+                return at(
+                    *node,
+                    fmt::format("there is no slave '{}' before this one; a parent comes before its children",
+                                name));
+            parent = found->second;
+        }
+        std::int64_t port = -1;
+        if (const auto fault = optional_integer(table, "port", 0, kMaxPorts - 1, port)) return fault;
+        const auto& parent_chip = segment.slave(parent).description();
+        if (port < 0) {  // the next that is free, in the order in which frames leave
+            for (const std::int64_t candidate : {1, 2, 3, 0})
+                if (exists(parent_chip, static_cast<unsigned>(candidate)) &&
+                    !used_.contains({parent, candidate})) {
+                    port = candidate;
+                    break;
+                }
+            if (port < 0)
+                return at(table, fmt::format("the slave '{}' has no free port", result_->names[parent]));
+        }
+        const auto& where =
+            table.contains("port") ? *table.get("port") : static_cast<const toml::node&>(table);
+        if (!exists(parent_chip, static_cast<unsigned>(port)))
+            return at(where, fmt::format("the slave '{}' has no port {}", result_->names[parent], port));
+        if (used_.contains({parent, port}))
+            return at(where, fmt::format("port {} of the slave '{}' is taken already", port,
+                                         result_->names[parent]));
+        segment.add(std::move(device).assemble());
+        (void)segment.connect({parent, static_cast<std::uint8_t>(port)}, own, Duration(cable_ns));
+        used_[{parent, port}] = true;
+        used_[{number, own.port}] = true;
+        return {};
+    }
+
+    // ring = { slave = "name", port = 1 }: where the master's second port is plugged in.
+    Fault ring(const toml::node& node) {
+        const auto* table = node.as_table();
+        if (table == nullptr) return at(node, "'ring' is a table: { slave = \"name\", port = 1 }");
+        static constexpr std::string_view kKnown[] = {"slave", "port"};
+        if (const auto fault = check_keys(*table, kKnown, "a ring")) return fault;
+        std::string name = result_->names.back();
+        if (const auto* slave_node = table->get("slave"))
+            if (const auto fault = text(*slave_node, "slave", name)) return fault;
+        const auto found = numbers_.find(name);
+        const auto number =
+            found != numbers_.end() ? found->second : static_cast<std::uint32_t>(result_->names.size() - 1);
+        if (found == numbers_.end() && name != result_->names.back())
+            return at(node, fmt::format("there is no slave '{}'", name));
+        std::int64_t port = 1;
+        if (const auto fault = optional_integer(*table, "port", 0, kMaxPorts - 1, port)) return fault;
+        if (!result_->segment.connect_master({number, static_cast<std::uint8_t>(port)}, 1))
+            return at(node, fmt::format("port {} of the slave '{}' does not exist or is taken already", port,
+                                        name));
+        return {};
+    }
+
+    // noise = { lost = 0.01, corrupted = 0.001, seed = 1 }
+    Fault noise(const toml::node& node) {
+        const auto* table = node.as_table();
+        if (table == nullptr)
+            return at(node, "'noise' is a table: { lost = 0.01, corrupted = 0.0, seed = 1 }");
+        static constexpr std::string_view kKnown[] = {"lost", "corrupted", "seed"};
+        if (const auto fault = check_keys(*table, kKnown, "noise")) return fault;
+        sim::Segment::Noise noise;
+        for (const auto& [name, field] :
+             {std::pair{"lost", &noise.lost}, std::pair{"corrupted", &noise.corrupted}}) {
+            const auto* value_node = table->get(name);
+            if (value_node == nullptr) continue;
+            const auto value = value_node->value<double>();
+            if (!value || *value < 0 || *value > 1)
+                return at(*value_node, fmt::format("'{}' is a number from 0 to 1", name));
+            *field = *value;
+        }
+        if (const auto fault = optional_integer(*table, "seed", 1, INT64_MAX, noise.seed)) return fault;
+        noise_ = noise;
+        return {};
+    }
+
+    std::filesystem::path folder_;
+    Time now_;
+    std::unique_ptr<SimulatedSegment> result_;
+    std::map<std::string, std::uint32_t> numbers_;
+    std::map<std::pair<std::uint32_t, std::int64_t>, bool> used_;
+    struct Preset {
+        std::uint32_t slave = 0;
+        std::uint16_t address = 0;
+        std::vector<std::byte> octets;
+    };
+    std::vector<Preset> presets_;
+    std::vector<std::uint32_t> dark_;
+    std::vector<sim::PortRef> broken_;
+    std::optional<sim::Segment::Noise> noise_;
+};
+
+// Paths of images in a line, as a description: everything else is as if it had been written down.
+std::string line_of_images(const std::string& paths) {
+    std::string text;
+    std::stringstream in(paths);
+    for (std::string path; std::getline(in, path, ',');) {
+        toml::table slave;
+        std::ostringstream quoted;
+        quoted << toml::value<std::string>(std::filesystem::absolute(path).string());
+        text += "[[slave]]\nsii = " + quoted.str() + "\n";
+    }
+    return text;
+}
+
+}  // namespace
+
+LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder,
+                            Time now) {
+    try {
+        return Builder(origin, folder, now).build(toml::parse(text));
+    } catch (const toml::parse_error& error) {
+        return LoadedSegment(
+            fmt::format("{}: line {}: {}", origin, error.source().begin.line, error.description()));
+    }
+}
+
+LoadedSegment load_segment(const std::string& what, Time now) {
+    if (what == "demo") return parse_segment(kDemo, "demo", ".", now);
+    const std::filesystem::path path(what);
+    if (path.extension() == ".toml") {
+        const auto bytes = read_file(path);
+        if (!bytes) return LoadedSegment(fmt::format("cannot read the segment description '{}'", what));
+        return parse_segment({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, what,
+                             path.has_parent_path() ? path.parent_path().string() : ".", now);
+    }
+    if (what.empty())
+        return LoadedSegment(std::string(
+            "no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
+    return parse_segment(line_of_images(what), what, ".", now);
+}
+
+}  // namespace margay::samples

@@ -1,0 +1,175 @@
+#include "common/segment_server.hpp"
+
+#include "common/segment_console.hpp"
+#include "wire/ethernet.hpp"
+
+#include <fmt/format.h>
+
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+
+namespace margay::samples {
+
+namespace {
+
+using namespace std::chrono_literals;
+constexpr Duration kSilence = 2s;     // a master that is quiet for so long and talks again is mentioned again
+constexpr Duration kStateLook = 5ms;  // how often state changes are looked for
+constexpr std::size_t kMaxMasters = 64;
+
+}  // namespace
+
+SegmentServer::~SegmentServer() {
+    if (signals_ >= 0) ::close(signals_);
+}
+
+void SegmentServer::say(const std::string& text) {
+    fmt::print("{:12.6f}  {}\n", std::chrono::duration<double>(osal_.now().time_since_epoch()).count(), text);
+    std::fflush(stdout);
+}
+
+std::string SegmentServer::open(const std::string& description, const ServerOptions& options) {
+    auto loaded = load_segment(description, osal_.now());
+    if (!loaded) return loaded.error();
+    simulated_ = loaded.take();
+    quiet_ = options.quiet;
+    if (options.tap) {
+        if (const auto problem = tap_.open(options.interface); !problem.empty()) return problem;
+        nic_ = &tap_;
+    } else {
+        if (!packet_.open(options.interface, PacketNic::Side::segment)) return std::string(packet_.problem());
+        nic_ = &packet_;
+    }
+    if (!options.record.empty()) {
+        auto& recorder = recorder_.emplace(*nic_, osal_);
+        const auto epoch =
+            std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
+        if (!recorder.open(options.record, std::chrono::duration_cast<Duration>(epoch)))
+            return recorder.problem();
+        nic_ = &recorder;
+    }
+    sigset_t set;
+    sigemptyset(&set);
+    for (const int signal : {SIGINT, SIGTERM, SIGUSR1, SIGUSR2}) sigaddset(&set, signal);
+    if (sigprocmask(SIG_BLOCK, &set, nullptr) != 0)
+        return fmt::format("cannot block signals: {}", std::strerror(errno));
+    signals_ = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
+    if (signals_ < 0) return fmt::format("cannot receive signals: {}", std::strerror(errno));
+    states_.resize(simulated_->segment.size());
+    say(fmt::format("serving {} slaves on {}", simulated_->segment.size(), options.interface));
+    return {};
+}
+
+bool SegmentServer::run() {
+    Time next_look = osal_.now();
+    for (;;) {
+        const Time now = osal_.now();
+        simulated_->segment.advance(now);
+        if (!quiet_ && now >= next_look) {
+            print_states();
+            next_look = now + kStateLook;
+        }
+        std::array<pollfd, 3> files{pollfd{nic_->wait_handle(), POLLIN, 0}, pollfd{signals_, POLLIN, 0},
+                                    pollfd{commands_open_ ? STDIN_FILENO : -1, POLLIN, 0}};
+        const Duration wait =
+            std::clamp<Duration>(std::min(simulated_->segment.next_event(), next_look) - now, 0ns, 100ms);
+        const timespec timeout{0, static_cast<long>(wait.count())};
+        if (::ppoll(files.data(), files.size(), &timeout, nullptr) < 0 && errno != EINTR) {
+            say(fmt::format("waiting failed: {}", std::strerror(errno)));
+            return false;
+        }
+        if (files[0].revents != 0) serve();
+        if (files[1].revents != 0 && handle_signal()) break;
+        if (files[2].revents != 0 && read_commands()) break;
+    }
+    say(fmt::format("{} frames answered, {} lost in the segment", answered_, lost_));
+    if (recorder_ && !recorder_->close()) {
+        say(recorder_->problem());
+        return false;
+    }
+    return true;
+}
+
+void SegmentServer::serve() {
+    std::array<std::byte, 1600> buffer;
+    while (const auto size = nic_->receive(buffer)) {
+        const auto frame = MutableBytes(buffer).first(size);
+        if (size < wire::kEthernetHeaderBytes) continue;
+        look(frame);
+        const auto passage = simulated_->segment.process(frame, osal_.now());
+        if (!passage.returned) {
+            ++lost_;
+            continue;
+        }
+        const auto sent = nic_->send(frame);
+        if (sent == SendStatus::sent)
+            ++answered_;
+        else
+            say(fmt::format("an answer could not be sent: {}", std::strerror(nic_->last_error())));
+    }
+}
+
+void SegmentServer::look(std::span<const std::byte> frame) {
+    if (quiet_) return;
+    MacAddress source;
+    for (std::size_t i = 0; i < source.size(); ++i)
+        source[i] = std::to_integer<std::uint8_t>(frame[wire::kSourceMacOffset + i]);
+    const Time now = osal_.now();
+    const auto known = masters_.find(source);
+    if (known != masters_.end() && now - known->second < kSilence) {
+        known->second = now;
+        return;
+    }
+    if (masters_.size() >= kMaxMasters) masters_.clear();
+    masters_[source] = now;
+    const bool ethercat = wire::load_ether_type(frame) == wire::kEtherTypeEtherCat;
+    say(fmt::format("{:02x} talks{}", fmt::join(source, ":"), ethercat ? "" : ", but not EtherCAT"));
+}
+
+void SegmentServer::print_states() {
+    for (std::uint32_t n = 0; n < states_.size(); ++n) {
+        auto state =
+            simulated_->segment.powered(n) ? state_of(simulated_->segment.slave(n)) : std::string("off");
+        if (state == states_[n]) continue;
+        if (!states_[n].empty()) say(fmt::format("slave {} ({}): {}", n + 1, simulated_->names[n], state));
+        states_[n] = std::move(state);
+    }
+}
+
+// True: to be ended.
+bool SegmentServer::read_commands() {
+    std::array<char, 512> buffer;
+    const auto size = ::read(STDIN_FILENO, buffer.data(), buffer.size());
+    if (size <= 0) {
+        commands_open_ = false;  // nobody there any more, which is no reason to stop
+        return false;
+    }
+    pending_.append(buffer.data(), static_cast<std::size_t>(size));
+    for (auto end = pending_.find('\n'); end != std::string::npos; end = pending_.find('\n')) {
+        const auto command = pending_.substr(0, end);
+        pending_.erase(0, end + 1);
+        if (command == "quit") return true;
+        if (const auto answer = execute(*simulated_, command, osal_.now()); !answer.empty()) say(answer);
+    }
+    return false;
+}
+
+bool SegmentServer::handle_signal() {
+    signalfd_siginfo info{};
+    if (::read(signals_, &info, sizeof info) != sizeof info) return false;
+    if (info.ssi_signo == SIGUSR1)
+        say(execute(*simulated_, fmt::format("break {}", simulated_->segment.size()), osal_.now()));
+    else if (info.ssi_signo == SIGUSR2)
+        say(execute(*simulated_, "heal all", osal_.now()));
+    else
+        return true;
+    return false;
+}
+
+}  // namespace margay::samples

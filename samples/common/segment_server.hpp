@@ -1,0 +1,57 @@
+// A simulated segment behind a real network interface: takes the master's frames, gives back the answers,
+// obeys commands.
+#pragma once
+
+#include "common/segment_file.hpp"
+#include "common/tap_nic.hpp"
+#include "osal/linux/linux_osal.hpp"
+#include "oshw/linux/packet_nic.hpp"
+#include "oshw/pcap/recorder.hpp"
+
+#include <map>
+#include <optional>
+#include <string>
+
+namespace margay::samples {
+
+struct ServerOptions {
+    std::string interface {};
+    bool tap = false;
+    std::string record{};
+    bool quiet = false;
+};
+
+class SegmentServer {
+  public:
+    ~SegmentServer();
+
+    // Empty when all is well, else one sentence.
+    [[nodiscard]] std::string open(const std::string& description, const ServerOptions& options);
+    // Serves until SIGINT, SIGTERM or the command "quit". False when something broke.
+    [[nodiscard]] bool run();
+
+  private:
+    void serve();
+    void look(std::span<const std::byte> frame);
+    void print_states();
+    bool read_commands();
+    bool handle_signal();
+    void say(const std::string& text);
+
+    LinuxOsal osal_;
+    std::unique_ptr<SimulatedSegment> simulated_;
+    PacketNic packet_;
+    TapNic tap_;
+    std::optional<PcapRecorder> recorder_;
+    Nic* nic_ = nullptr;
+    int signals_ = -1;
+    bool quiet_ = false;
+    bool commands_open_ = true;
+    std::string pending_;                 // a command not yet finished
+    std::map<MacAddress, Time> masters_;  // when each last talked
+    std::vector<std::string> states_;
+    std::uint64_t answered_ = 0;
+    std::uint64_t lost_ = 0;
+};
+
+}  // namespace margay::samples

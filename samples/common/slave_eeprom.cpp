@@ -1,0 +1,29 @@
+#include "common/slave_eeprom.hpp"
+
+#include "common/slave_report.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay::samples {
+
+std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
+    const auto done = eeprom_read(ctx_, position_, word, into);
+    return done ? std::string() : sentence(done.error());
+}
+
+// Word by word: so each word that counts as written was read back, and an address above 16 bits is not lost
+// in an Error.
+Eeprom::Written SlaveEeprom::write(std::uint32_t word, Bytes octets) {
+    Written written;
+    for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {
+        const auto done =
+            eeprom_write(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
+        if (!done) {
+            written.error = sentence(done.error());
+            break;
+        }
+    }
+    return written;
+}
+
+}  // namespace margay::samples

@@ -1,0 +1,24 @@
+// The EEPROM of a slave on a segment, through the public API.
+#pragma once
+
+#include "common/eeprom.hpp"
+
+#include <margay/context.hpp>
+
+namespace margay::samples {
+
+// `ctx` has been through config_init() and outlives it.
+class SlaveEeprom final : public Eeprom {
+  public:
+    SlaveEeprom(Context& ctx, std::uint16_t position) : ctx_(ctx), position_(position) {}
+
+    [[nodiscard]] std::string name() const override { return "slave " + std::to_string(position_); }
+    [[nodiscard]] std::string read(std::uint32_t word, MutableBytes into) override;
+    [[nodiscard]] Written write(std::uint32_t word, Bytes octets) override;
+
+  private:
+    Context& ctx_;
+    std::uint16_t position_;
+};
+
+}  // namespace margay::samples

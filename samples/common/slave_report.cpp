@@ -1,0 +1,238 @@
+#include "common/slave_report.hpp"
+
+#include "wire/al_status_code.hpp"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <iterator>
+#include <utility>
+#include <vector>
+
+namespace margay::samples {
+namespace {
+
+using Named = std::pair<unsigned, const char*>;
+
+constexpr Named kProtocols[] = {{mailbox_protocol::kAoE, "AoE"}, {mailbox_protocol::kEoE, "EoE"},
+                                {mailbox_protocol::kCoE, "CoE"}, {mailbox_protocol::kFoE, "FoE"},
+                                {mailbox_protocol::kSoE, "SoE"}, {mailbox_protocol::kVoE, "VoE"}};
+constexpr Named kCoeDetails[] = {{coe_detail::kSdo, "SDO"},
+                                 {coe_detail::kSdoInformation, "SDO information"},
+                                 {coe_detail::kPdoAssignment, "PDO assignment"},
+                                 {coe_detail::kPdoConfiguration, "PDO configuration"},
+                                 {coe_detail::kUploadAtStartup, "upload at startup"},
+                                 {coe_detail::kCompleteAccess, "complete access"}};
+
+template <std::size_t N>
+std::vector<std::string> names_of(unsigned bits, const Named (&table)[N]) {
+    std::vector<std::string> names;
+    for (const auto& [bit, name] : table)
+        if ((bits & bit) != 0) names.emplace_back(name);
+    return names;
+}
+
+const char* port_type(PortType type) {
+    switch (type) {
+        case PortType::not_implemented: return "not implemented";
+        case PortType::not_configured: return "not configured";
+        case PortType::ebus: return "E-bus";
+        case PortType::mii: return "MII";
+    }
+    return "?";
+}
+
+const char* sm_type(SmType type) {
+    switch (type) {
+        case SmType::unused: return "unused";
+        case SmType::mailbox_out: return "mailbox out";
+        case SmType::mailbox_in: return "mailbox in";
+        case SmType::outputs: return "outputs";
+        case SmType::inputs: return "inputs";
+    }
+    return "unknown type";
+}
+
+const char* fmmu_use(FmmuUse use) {
+    switch (use) {
+        case FmmuUse::unused: return "unused";
+        case FmmuUse::outputs: return "outputs";
+        case FmmuUse::inputs: return "inputs";
+        case FmmuUse::mailbox_status: return "mailbox status";
+    }
+    return "unknown use";
+}
+
+const char* dc_text(const DlInformation& dl) { return !dl.dc ? "no" : dl.dc_64bit ? "64 bit" : "32 bit"; }
+
+// The name, or what stands for it.
+std::string title(const Slave& slave) {
+    if (!slave.name().empty()) return std::string(slave.name());
+    return fmt::format("(no name) {:#010x}:{:#010x}", slave.identity.vendor, slave.identity.product);
+}
+
+std::string ports_text(const Slave& slave) {
+    std::string text;
+    for (std::size_t p = 0; p < slave.ports.size(); ++p) {
+        const Port& port = slave.ports[p];
+        if (port.type == PortType::not_implemented && !port.link) continue;
+        text += fmt::format("  Port {}            {}, {}, {}", p, port_type(port.type),
+                            port.link ? "link" : "no link", port.open ? "open" : "closed");
+        if (port.neighbour != 0)
+            text += fmt::format(", to slave {}", port.neighbour);
+        else if (slave.parent == 0 && p == slave.entry_port)
+            text += ", to the master";
+        text += '\n';
+    }
+    return text;
+}
+
+std::string mailbox_text(const Slave& slave) {
+    if (!slave.mailbox.present()) return "  Mailbox           none\n";
+    std::string text =
+        fmt::format("  Mailbox           out {} bytes at {:#06x}, in {} bytes at {:#06x}: {}\n",
+                    slave.mailbox.out_bytes, slave.mailbox.out_start, slave.mailbox.in_bytes,
+                    slave.mailbox.in_start, fmt::join(names_of(slave.mailbox.protocols, kProtocols), ", "));
+    if (slave.boot_mailbox.present())
+        text += fmt::format("  Boot mailbox      out {} bytes at {:#06x}, in {} bytes at {:#06x}\n",
+                            slave.boot_mailbox.out_bytes, slave.boot_mailbox.out_start,
+                            slave.boot_mailbox.in_bytes, slave.boot_mailbox.in_start);
+    if ((slave.mailbox.protocols & mailbox_protocol::kCoE) != 0)
+        text += fmt::format("  CoE details       {}\n",
+                            fmt::join(names_of(slave.coe_details, kCoeDetails), ", "));
+    return text;
+}
+
+nlohmann::ordered_json mailbox_json(const MailboxInfo& mailbox) {
+    if (!mailbox.present()) return nullptr;
+    return {{"out_start", mailbox.out_start},
+            {"out_bytes", mailbox.out_bytes},
+            {"in_start", mailbox.in_start},
+            {"in_bytes", mailbox.in_bytes}};
+}
+
+nlohmann::ordered_json ports_json(const Slave& slave) {
+    auto ports = nlohmann::ordered_json::array();
+    for (const Port& port : slave.ports)
+        ports.push_back({{"type", port_type(port.type)},
+                         {"link", port.link},
+                         {"open", port.open},
+                         {"neighbour", port.neighbour}});
+    return ports;
+}
+
+nlohmann::ordered_json slave_json(const Slave& s) {
+    auto sms = nlohmann::ordered_json::array();
+    for (std::size_t i = 0; i < s.sm_count; ++i) {
+        const SmInfo& sm = s.sync_managers[i];
+        sms.push_back({{"start", sm.start},
+                       {"length_bytes", sm.length_bytes},
+                       {"control", sm.control},
+                       {"enable", sm.enable},
+                       {"type", sm_type(sm.type)}});
+    }
+    auto fmmus = nlohmann::ordered_json::array();
+    for (std::size_t i = 0; i < s.fmmu_count; ++i) fmmus.push_back(fmmu_use(s.fmmu_use[i]));
+    return {{"position", s.position},
+            {"station_address", s.station_address.value},
+            {"alias", s.alias},
+            {"name", std::string(s.name())},
+            {"vendor", s.identity.vendor},
+            {"product", s.identity.product},
+            {"revision", s.identity.revision},
+            {"serial", s.identity.serial},
+            {"al_state", al_text(s.al)},
+            {"al_status_code", s.al.code},
+            {"al_status_text", wire::al_status_text(s.al.code)},
+            {"esc",
+             {{"type", s.dl.type},
+              {"revision", s.dl.revision},
+              {"build", s.dl.build},
+              {"ram_kib", s.dl.ram_kib}}},
+            {"dc", dc_text(s.dl)},
+            {"parent", s.parent},
+            {"parent_port", s.parent_port},
+            {"entry_port", s.entry_port},
+            {"ports", ports_json(s)},
+            {"sync_managers", sms},
+            {"fmmus", fmmus},
+            {"fmmus_of_esc", s.dl.fmmus},
+            {"sync_managers_of_esc", s.dl.sync_managers},
+            {"mailbox", mailbox_json(s.mailbox)},
+            {"boot_mailbox", mailbox_json(s.boot_mailbox)},
+            {"protocols", names_of(s.mailbox.protocols, kProtocols)},
+            {"coe_details", names_of(s.coe_details, kCoeDetails)},
+            {"ebus_current_ma", s.ebus_current_ma},
+            {"sii_bytes", s.sii_bytes},
+            {"error", s.error.code == Errc::none ? nlohmann::ordered_json(nullptr)
+                                                 : nlohmann::ordered_json(sentence(s.error))}};
+}
+
+void add_branch(Context& ctx, const Slave& slave, const std::string& indent, std::string& text) {
+    std::vector<const Slave*> children;
+    for (const Slave& other : ctx.slaves())
+        if (other.parent == slave.position && other.position != slave.position) children.push_back(&other);
+    for (const Slave* child : children) {
+        const bool last = child == children.back();
+        text += fmt::format("{}{} {} {} (port {})\n", indent, last ? "└─" : "├─", child->position,
+                            title(*child), child->parent_port);
+        add_branch(ctx, *child, indent + (last ? "   " : "│  "), text);
+    }
+}
+
+}  // namespace
+
+std::string sentence(const Error& error) {
+    std::array<char, 400> buffer{};
+    return std::string(describe(error, buffer));
+}
+
+std::string al_text(const AlStatus& al) {
+    return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : "");
+}
+
+std::string slave_text(const Slave& s) {
+    std::string text = fmt::format("Slave {}: {}\n", s.position, title(s));
+    text += fmt::format("  Station address   {:#06x}    alias {}\n", s.station_address.value, s.alias);
+    text += fmt::format("  Vendor {:#010x}  product {:#010x}  revision {:#010x}  serial {:#010x}\n",
+                        s.identity.vendor, s.identity.product, s.identity.revision, s.identity.serial);
+    text += fmt::format("  AL state          {}", al_text(s.al));
+    if (s.al.code != 0 || s.al.error)
+        text += fmt::format(", {:#06x}: {}", s.al.code, wire::al_status_text(s.al.code));
+    text += fmt::format(
+        "\n  ESC               type {:#04x}, revision {}, build {}, {} FMMUs, {} SyncManagers, {} KiB RAM\n",
+        s.dl.type, s.dl.revision, s.dl.build, s.dl.fmmus, s.dl.sync_managers, s.dl.ram_kib);
+    text += fmt::format("  Distributed clock {}\n", dc_text(s.dl));
+    text += s.parent == 0 ? std::string("  Parent            the master\n")
+                          : fmt::format("  Parent            slave {}, port {}\n", s.parent, s.parent_port);
+    text += ports_text(s);
+    for (std::size_t i = 0; i < s.sm_count; ++i) {
+        const SmInfo& sm = s.sync_managers[i];
+        text += fmt::format("  SM{}               {:#06x}, {:4} bytes, control {:#04x}, enable {}, {}\n", i,
+                            sm.start, sm.length_bytes, sm.control, sm.enable, sm_type(sm.type));
+    }
+    for (std::size_t i = 0; i < s.fmmu_count; ++i)
+        text += fmt::format("  FMMU{}             {}\n", i, fmmu_use(s.fmmu_use[i]));
+    text += mailbox_text(s);
+    text += fmt::format("  E-bus current     {} mA\n", s.ebus_current_ma);
+    if (s.error.code != Errc::none) text += fmt::format("  Problem           {}\n", sentence(s.error));
+    return text;
+}
+
+std::string topology_text(Context& ctx) {
+    std::string text = "Topology\n  master\n";
+    for (const Slave& slave : ctx.slaves()) {
+        if (slave.parent != 0) continue;
+        text += fmt::format("  └─ {} {}\n", slave.position, title(slave));
+        add_branch(ctx, slave, "     ", text);
+    }
+    return text;
+}
+
+nlohmann::ordered_json segment_json(Context& ctx) {
+    auto slaves = nlohmann::ordered_json::array();
+    for (const Slave& slave : ctx.slaves()) slaves.push_back(slave_json(slave));
+    return {{"slaves", slaves}};
+}
+
+}  // namespace margay::samples

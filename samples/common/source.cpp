@@ -1,0 +1,94 @@
+#include "common/source.hpp"
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <string_view>
+
+namespace margay::samples {
+
+void Source::StandardError::line(std::string_view text) noexcept {
+    std::fprintf(stderr, "%.*s\n", static_cast<int>(text.size()), text.data());
+}
+
+std::string Source::finish() {
+    std::string said;
+    const auto say = [&](std::string_view text) {
+        if (!text.empty()) said.append(said.empty() ? "" : "; ").append(text);
+    };
+    if (recorder_ && !recorder_->close()) say(recorder_->problem());
+    if (replay_) say(replay_->problem());
+    return said;
+}
+
+// Builds a Source from the inside out: system, NIC, recorder, trace.
+class SourceOpener {
+  public:
+    OpenedSource open(const std::string& text, const SourceOptions& options) {
+        constexpr std::string_view kSimulated = "sim:";
+        constexpr std::string_view kRecorded = "pcap:";
+        std::string problem;
+        if (text.starts_with(kSimulated))
+            problem = open_simulated(text.substr(kSimulated.size()));
+        else if (text.starts_with(kRecorded))
+            problem = open_recording(text.substr(kRecorded.size()), options.record);
+        else
+            problem = open_interface(text);
+        if (problem.empty() && !options.record.empty()) problem = record_to(options.record);
+        if (!problem.empty()) return OpenedSource(problem);
+        if (options.trace)
+            source_->outermost_ =
+                &source_->trace_.emplace(*source_->outermost_, *source_->osal_, source_->standard_error_);
+        return OpenedSource(std::move(source_));
+    }
+
+  private:
+    std::string open_interface(const std::string& name) {
+        source_->osal_ = &source_->linux_osal_.emplace();
+        auto& nic = source_->packet_.emplace();
+        source_->outermost_ = &nic;
+        return nic.open(name) ? std::string() : std::string(nic.problem());
+    }
+
+    std::string open_recording(const std::string& file, const std::string& record) {
+        std::error_code ignored;
+        if (!record.empty() && std::filesystem::equivalent(file, record, ignored))
+            return "recording " + file + ": it cannot be replayed and written at the same time";
+        auto& osal = source_->virtual_osal_.emplace();
+        source_->osal_ = &osal;
+        auto& nic = source_->replay_.emplace(osal);
+        source_->outermost_ = &nic;
+        return nic.load(file) ? std::string() : nic.problem();
+    }
+
+    std::string open_simulated(const std::string& what) {
+        auto loaded = load_segment(what);
+        if (!loaded) return loaded.error();
+        source_->simulated_ = loaded.take();
+        auto& osal = source_->virtual_osal_.emplace();
+        source_->osal_ = &osal;
+        source_->outermost_ = &source_->simulated_nic_.emplace(
+            source_->simulated_->segment, osal,
+            SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true});
+        return {};
+    }
+
+    std::string record_to(const std::string& file) {
+        auto& recorder = source_->recorder_.emplace(*source_->outermost_, *source_->osal_);
+        source_->outermost_ = &recorder;
+        // Wall-clock time on hardware; none in virtual time, so that the same run gives the same file.
+        Duration epoch{};
+        if (!source_->virtual_time())
+            epoch = std::chrono::system_clock::now().time_since_epoch() -
+                    source_->osal_->now().time_since_epoch();
+        return recorder.open(file, epoch) ? std::string() : recorder.problem();
+    }
+
+    std::unique_ptr<Source> source_ = std::make_unique<Source>();
+};
+
+OpenedSource open_source(const std::string& text, const SourceOptions& options) {
+    return SourceOpener().open(text, options);
+}
+
+}  // namespace margay::samples

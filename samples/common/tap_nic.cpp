@@ -1,0 +1,52 @@
+#include "common/tap_nic.hpp"
+
+#include <fmt/format.h>
+
+#include <fcntl.h>
+#include <linux/if.h>
+#include <linux/if_tun.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+#include <cerrno>
+#include <cstring>
+
+namespace margay::samples {
+
+TapNic::~TapNic() {
+    if (device_ >= 0) ::close(device_);
+}
+
+std::string TapNic::open(const std::string& name) {
+    if (name.empty() || name.size() >= IFNAMSIZ) return fmt::format("'{}' is no name for an interface", name);
+    device_ = ::open("/dev/net/tun", O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    if (device_ < 0) return fmt::format("cannot open /dev/net/tun: {}", std::strerror(errno));
+    ifreq request{};
+    request.ifr_flags = IFF_TAP | IFF_NO_PI;
+    std::memcpy(request.ifr_name, name.c_str(), name.size() + 1);
+    if (::ioctl(device_, TUNSETIFF, &request) < 0)
+        return fmt::format("cannot make the TAP device {}: {}{}", name, std::strerror(errno),
+                           errno == EPERM ? "; it needs CAP_NET_ADMIN" : "");
+    const int control = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (control < 0) return fmt::format("cannot set {} up: {}", name, std::strerror(errno));
+    std::string problem;
+    if (::ioctl(control, SIOCGIFFLAGS, &request) < 0 ||
+        (request.ifr_flags = static_cast<short>(request.ifr_flags | IFF_UP),
+         ::ioctl(control, SIOCSIFFLAGS, &request) < 0))
+        problem = fmt::format("cannot set {} up: {}", name, std::strerror(errno));
+    ::close(control);
+    return problem;
+}
+
+SendStatus TapNic::send(std::span<const std::byte> frame) noexcept {
+    if (::write(device_, frame.data(), frame.size()) >= 0) return SendStatus::sent;
+    last_error_ = errno;
+    return errno == EAGAIN ? SendStatus::busy : SendStatus::failed;
+}
+
+std::size_t TapNic::receive(std::span<std::byte> into) noexcept {
+    const auto size = ::read(device_, into.data(), into.size());
+    return size < 0 ? 0 : static_cast<std::size_t>(size);
+}
+
+}  // namespace margay::samples

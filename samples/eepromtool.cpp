@@ -1,0 +1,265 @@
+// eepromtool: reads, writes and shows the EEPROM (SII) of a slave, or of a file as if it were one.
+#include "common/eeprom.hpp"
+#include "common/sii_text.hpp"
+#include "common/slave_eeprom.hpp"
+#include "common/slave_report.hpp"
+#include "common/source.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <fmt/format.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <csignal>
+#include <optional>
+
+namespace {
+
+using namespace margay;
+using namespace margay::samples;
+
+enum class Action { read, write, dump, alias };
+
+struct Options {
+    std::string source;
+    std::uint16_t position = 0;
+    Action action = Action::dump;
+    std::string file = "-";
+    std::optional<ImageFormat> format{};
+    std::optional<std::uint16_t> alias{};
+    std::size_t size = 0;
+    bool force = false;
+    std::string record;
+    bool trace = false;
+};
+
+constexpr std::string_view kFileSource = "file:";
+
+volatile std::sig_atomic_t interrupted = 0;
+
+int print_error(const std::string& text) {
+    fmt::print(stderr, "eepromtool: {}\n", text);
+    return 1;
+}
+
+void print_note(const std::string& text) { fmt::print(stderr, "{}\n", text); }
+
+// A line that is written over and over on a terminal, and nothing anywhere else. Stops at Ctrl-C, between two
+// words.
+class ProgressLine {
+  public:
+    ProgressLine() : terminal_(::isatty(STDERR_FILENO) != 0) {}
+    ~ProgressLine() { clear(); }
+    ProgressLine(const ProgressLine&) = delete;
+    ProgressLine& operator=(const ProgressLine&) = delete;
+
+    [[nodiscard]] Progress progress() {
+        return [this](std::string_view what, std::size_t done, std::size_t total) {
+            if (terminal_) {
+                fmt::print(stderr, "\r\033[K{} {} of {}", what, done, total);
+                (void)std::fflush(stderr);
+                shown_ = true;
+            }
+            return interrupted == 0;
+        };
+    }
+    void clear() {
+        if (shown_) fmt::print(stderr, "\r\033[K");
+        shown_ = false;
+    }
+
+  private:
+    bool terminal_;
+    bool shown_ = false;
+};
+
+// The whole of it, by --size or by what it says itself.
+EepromContent read_all(Eeprom& eeprom, const Options& options) {
+    const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
+    if (!size.error.empty()) return {{}, size.error};
+    ProgressLine line;
+    return read_eeprom(eeprom, size.octets, line.progress());
+}
+
+int read(Eeprom& eeprom, const Options& options) {
+    const bool to_terminal = options.file == "-" && ::isatty(STDOUT_FILENO) != 0;
+    const auto usual = to_terminal ? ImageFormat::intel_hex : format_by_name(options.file);
+    const auto content = read_all(eeprom, options);
+    if (!content.error.empty()) return print_error(content.error);
+    const auto error = save_image(options.file, options.format.value_or(usual), content.octets);
+    if (!error.empty()) return print_error(error);
+    for (const auto& finding : sii_findings(content.octets)) print_note("warning: " + finding_text(finding));
+    if (options.file != "-")
+        fmt::print("{}: {} octets read into {}\n", eeprom.name(), content.octets.size(), options.file);
+    return 0;
+}
+
+int dump(Eeprom& eeprom, const Options& options) {
+    const auto content = read_all(eeprom, options);
+    if (!content.error.empty()) return print_error(content.error);
+    fmt::print("{}", sii_text(content.octets));
+    return 0;
+}
+
+// Why an image cannot go into this EEPROM; empty when it can. The size of a blank EEPROM nobody knows before
+// it has been tried.
+std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
+    const auto wrong = why_not_to_write(image);
+    if (!wrong.empty() && (!options.force || image.size() % 2 != 0))
+        return fmt::format("{} is not written: {}{}", options.file, wrong,
+                           options.force ? "" : " (--force writes it nevertheless)");
+    const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
+    if (size.error.empty() && image.size() > size.octets)
+        return fmt::format("{} is not written: it has {} octets, the EEPROM of {} has {}{}", options.file,
+                           image.size(), eeprom.name(), size.octets,
+                           eeprom.known_size() != 0 ? "" : "; --size says otherwise");
+    return {};
+}
+
+int write(Eeprom& eeprom, const Options& options) {
+    const auto file = load_image(options.file);
+    if (!file.error.empty()) return print_error(file.error);
+    const auto refused = why_not_there(eeprom, file.octets, options);
+    if (!refused.empty()) return print_error(refused);
+    for (const auto& finding : sii_findings(file.octets))
+        if (finding.fault != wire::sii::Fault::size_mismatch) print_note("warning: " + finding_text(finding));
+    ProgressLine line;
+    const auto report = write_eeprom(eeprom, file.octets, line.progress());
+    line.clear();
+    if (!report.error.empty())
+        return print_error(fmt::format("{}: {}\n{} of the {} words that differ are written: {}",
+                                       eeprom.name(), report.error, report.written, report.different,
+                                       report.written == 0
+                                           ? "nothing has changed but perhaps the word above"
+                                           : "do not use the slave before it is written again"));
+    fmt::print("{}: {} of {} words were different and are written, all verified\n", eeprom.name(),
+               report.different, report.words);
+    return 0;
+}
+
+int alias(Eeprom& eeprom, const Options& options) {
+    const auto report =
+        options.alias ? write_alias(eeprom, *options.alias, options.force) : read_alias(eeprom);
+    if (!report.error.empty()) return print_error(fmt::format("{}: {}", eeprom.name(), report.error));
+    if (!options.alias)
+        fmt::print("0x{:04x}\n", report.after);
+    else
+        fmt::print("{}: alias 0x{:04x}, before 0x{:04x}; a slave uses it from its next power-up on\n",
+                   eeprom.name(), report.after, report.before);
+    return 0;
+}
+
+int act(Eeprom& eeprom, const Options& options) {
+    switch (options.action) {
+        case Action::read: return read(eeprom, options);
+        case Action::write: return write(eeprom, options);
+        case Action::dump: return dump(eeprom, options);
+        case Action::alias: return alias(eeprom, options);
+    }
+    return 1;
+}
+
+int run_on_file(const Options& options) {
+    if (options.position > 1) return print_error("a file holds one image: POSITION is 1, or left out");
+    const auto path = options.source.substr(kFileSource.size());
+    auto file = load_image(path);
+    if (!file.error.empty()) return print_error(file.error);
+    FileEeprom eeprom(path, std::move(file));
+    return act(eeprom, options);
+}
+
+int run_on_slave(Source& source, const Options& options) {
+    HostContext ctx(Limits{.slaves = 2048});
+    const auto ready = init(ctx, source.nic(), source.osal());
+    if (!ready) return print_error(sentence(ready.error()));
+    const auto found = config_init(ctx);
+    if (!found) return print_error(sentence(found.error()));
+    if (options.position == 0 || options.position > *found)
+        return print_error(
+            fmt::format("there is no slave {}: there are slaves 1 to {}", options.position, *found));
+    SlaveEeprom eeprom(ctx, options.position);
+    const int status = act(eeprom, options);
+    const bool writes = options.action == Action::write || options.alias.has_value();
+    if (writes && status == 0 && options.source.starts_with("sim:"))
+        print_note(
+            "note: a simulated slave forgets this when the program ends; file:NAME changes an image file");
+    return status;
+}
+
+int run(const Options& options) {
+    if (options.source.starts_with(kFileSource)) return run_on_file(options);
+    if (options.position == 0) return print_error("say the POSITION of the slave; 1 is the first");
+    auto source = open_source(options.source, {.record = options.record, .trace = options.trace});
+    if (!source) return print_error(source.error());
+    const int status = run_on_slave(*source, options);
+    const std::string remark = source->finish();
+    return remark.empty() ? status : print_error(remark);
+}
+
+// Between two words is a good place to stop; in the midst of one is none.
+void stop_at_signals() {
+    struct sigaction action {};
+    action.sa_handler = [](int) { interrupted = 1; };
+    (void)::sigaction(SIGINT, &action, nullptr);
+    (void)::sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    CLI::App app{
+        "Reads, writes and shows the EEPROM (SII) of a slave. Brings the segment to PREOP: not beside a "
+        "running master."};
+    app.add_option("source", options.source,
+                   "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin), recording "
+                   "(pcap:FILE), or an image "
+                   "file to be used like an EEPROM (file:NAME)")
+        ->required();
+    app.add_option("position", options.position, "the slave, 1 is the first; not needed with file:");
+    app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
+    app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
+    app.require_subcommand(1);
+
+    const std::map<std::string, ImageFormat> formats{{"bin", ImageFormat::binary},
+                                                     {"hex", ImageFormat::intel_hex}};
+    const auto command = [&](const char* name, const char* text, Action action) {
+        auto* added = app.add_subcommand(name, text);
+        added->callback([&options, action] { options.action = action; });
+        return added;
+    };
+    const auto add_size = [&](CLI::App* to) {
+        to->add_option("--size", options.size,
+                       "octets of the EEPROM, where its own word 0x3e does not tell them")
+            ->check(CLI::Range(std::size_t{2}, std::size_t{8} * 1024 * 1024));
+    };
+    const auto add_force = [&](CLI::App* to, const char* text) {
+        to->add_flag("--force", options.force, text);
+    };
+
+    auto* read = command("read", "read the whole EEPROM into a file", Action::read);
+    read->add_option("file", options.file, "the file; - or none is standard output");
+    read->add_option("--format", options.format, "bin or hex (Intel HEX); without it the file's name tells")
+        ->transform(CLI::CheckedTransformer(formats));
+    add_size(read);
+
+    auto* write = command("write", "write a file (binary or Intel HEX, seen by its content) and verify it",
+                          Action::write);
+    write->add_option("file", options.file, "the file; - is standard input")->required();
+    add_size(write);
+    add_force(write, "write an image that no slave should have");
+
+    add_size(command("dump", "show what is in it, category by category", Action::dump));
+
+    auto* alias = command("alias", "show the station alias, or write it with its checksum and verify it",
+                          Action::alias);
+    alias->add_option("value", options.alias, "the alias, 0 to 65535 (0x for hexadecimal)");
+    add_force(alias, "write it even where the checksum is wrong before");
+
+    CLI11_PARSE(app, argc, argv);
+    if (options.size % 2 != 0) return print_error("--size: an EEPROM has a whole number of words");
+    stop_at_signals();
+    return run(options);
+}

@@ -1,0 +1,28 @@
+#!/bin/sh
+# From a fresh checkout to a first look at a segment: installs what the build needs (Debian, as root), builds into
+# build/ and runs slaveinfo on a simulated segment.
+set -eu
+cd "$(dirname "$0")/.."
+. samples/packages.sh
+
+need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev || exit 1
+
+# A build folder that is there keeps its settings.
+[ -e build/CMakeCache.txt ] || cmake -S . -B build -DMARGAY_TESTS=OFF
+cmake --build build --parallel "$(nproc)"
+
+echo
+echo '$ build/bin/slaveinfo sim:demo'
+build/bin/slaveinfo sim:demo
+
+cat <<'END'
+
+That was a simulated segment. What to try next:
+  build/bin/slaveinfo sim:demo --json                 the same for programs
+  build/bin/slaveinfo sim:demo --record demo.pcap     keep every frame, for Wireshark or for
+  build/bin/slaveinfo pcap:demo.pcap                  … looking at it again without a segment
+  build/bin/simple_io sim:demo                        to OP, outputs that count, inputs printed
+  build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
+  sudo build/bin/slaveinfo eth0                       real slaves, on the interface they hang on
+  sh test/run.sh --quick                              all tests
+END

@@ -1,0 +1,191 @@
+// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. A slave that falls out of OP, or comes back, is told and asked to
+// go on.
+#include "common/slave_report.hpp"
+#include "common/source.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+namespace {
+
+using namespace margay;
+using samples::al_text;
+using samples::sentence;
+
+struct Options {
+    std::string source;
+    std::string record;
+    bool trace = false;
+    unsigned cycles = 5000;
+    unsigned period_us = 1000;
+};
+
+constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
+
+class SimpleIo {
+  public:
+    SimpleIo(samples::Source& source, const Options& options) : source_(source), options_(options) {}
+
+    // Returns what the program ends with.
+    int run() {
+        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return give_up(ready.error());
+        const auto found = config_init(ctx_);
+        if (!found) return give_up(found.error());
+        const auto bytes = config_map(ctx_, image_);
+        if (!bytes) return give_up(bytes.error());
+        const Group& group = ctx_.group(0);
+        fmt::print("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found, group.output_bytes,
+                   group.input_bytes, group.frames, group.frames == 1 ? "" : "s", group.expected_wkc);
+        tell_errors();
+        if (!reach_op()) {
+            tell_states();
+            return 1;
+        }
+        fmt::print("all slaves in OP\n");
+        exchange();
+        fmt::print("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, no_frame_, short_);
+        print_inputs();
+        (void)writestate(ctx_, 0, AlState::init);
+        return short_ + no_frame_ == 0 ? 0 : 1;
+    }
+
+  private:
+    int give_up(const Error& error) {
+        fmt::print(stderr, "simple_io: {}\n", sentence(error));
+        tell_errors();
+        return 1;
+    }
+    void tell_errors() {
+        while (const auto error = ctx_.errors().take()) fmt::print(stderr, "simple_io: {}\n", sentence(*error));
+    }
+    void tell_states() {
+        for (const Slave& slave : ctx_.slaves())
+            if (slave.al.state != AlState::op || slave.al.error)
+                fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(), al_text(slave.al));
+    }
+
+    // One cycle: send, receive, let everything else go on, sleep.
+    Result<std::uint32_t> cycle() {
+        next_ += std::chrono::microseconds(options_.period_us);
+        Result<std::uint32_t> got;
+        const auto sent = send_processdata(ctx_);
+        if (sent)
+            got = receive_processdata(ctx_, kReplyTimeout);
+        else
+            got = sent.error();
+        Time now = source_.osal().now();
+        while (now < next_) {
+            const Time wake = poll(ctx_, now);
+            source_.osal().wait(std::min(wake, next_), source_.nic().wait_handle());
+            now = source_.osal().now();
+        }
+        return got;
+    }
+
+    // Process data runs before OP is asked for: the slaves' watchdogs want outputs.
+    bool reach_op() {
+        next_ = source_.osal().now();
+        for (int n = 0; n < 10; ++n) (void)cycle();
+        WriteStateRequest ask;
+        ask.wanted = AlState::op;
+        StateCheckRequest look;
+        look.wanted = AlState::op;
+        look.timeout = std::chrono::seconds(5);
+        if (!submit(ctx_, ask)) return false;
+        while (ask.busy()) (void)cycle();
+        if (!submit(ctx_, look)) return false;
+        while (look.busy()) (void)cycle();
+        return look.state() == RequestState::success && look.reached.state == AlState::op && !look.reached.error;
+    }
+
+    void exchange() {
+        for (cycles_ = 0; cycles_ < options_.cycles; ++cycles_) {
+            for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n) image_[n] = static_cast<std::byte>(cycles_ >> 6);
+            const auto got = cycle();
+            if (!got) {
+                ++(got.error().code == Errc::working_counter ? short_ : no_frame_);
+                if (last_.code != got.error().code || last_.slave != got.error().slave)
+                    fmt::print(stderr, "simple_io: cycle {}: {}\n", cycles_, sentence(got.error()));
+            }
+            last_ = got.error();
+            watch(got.ok());
+        }
+    }
+
+    // Beside the cycle: reads the states when something is wrong, and asks those that fell out of OP to go on.
+    void watch(bool right) {
+        if (states_.busy() || ask_.busy()) return;
+        if (states_.state() == RequestState::success && !reported_) {
+            reported_ = true;
+            for (const Slave& slave : ctx_.slaves()) {
+                if (slave.al.state == AlState::op && !slave.al.error) continue;
+                fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(), al_text(slave.al));
+                if (slave.al.state != AlState::safeop) continue;  // lost, or in need of its whole configuration
+                ask_.slave = slave.position;
+                ask_.wanted = slave.al.error ? AlState::safeop : AlState::op;
+                (void)submit(ctx_, ask_);
+                break;
+            }
+        } else if (!right && cycles_ >= look_again_) {
+            look_again_ = cycles_ + 100;
+            reported_ = !submit(ctx_, states_).ok();
+        }
+    }
+
+    void print_inputs() {
+        for (const Slave& slave : ctx_.slaves()) {
+            if (slave.image.inputs.bits == 0) continue;
+            fmt::print("slave {} ({}):", slave.position, slave.name());
+            for (const std::byte octet : slave.image.inputs.bytes) fmt::print(" {:02x}", std::to_integer<unsigned>(octet));
+            fmt::print("\n");
+        }
+    }
+
+    samples::Source& source_;
+    const Options& options_;
+    HostContext ctx_{Limits{.slaves = 1024, .process_frames = 64}};
+    std::array<std::byte, 65536> image_{};
+    Time next_{};
+    unsigned cycles_ = 0;
+    unsigned no_frame_ = 0;
+    unsigned short_ = 0;
+    Error last_;
+    ReadStateRequest states_;
+    WriteStateRequest ask_;
+    unsigned look_again_ = 0;
+    bool reported_ = true;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    CLI::App app{"Brings all slaves to OP and exchanges process data: outputs count, inputs are printed at the end."};
+    app.add_option("source", options.source,
+                   "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin) or recording (pcap:FILE)")
+        ->required();
+    app.add_option("--cycles", options.cycles, "how many cycles in OP");
+    app.add_option("--period", options.period_us, "of a cycle, in µs")->check(CLI::Range(50U, 1'000'000U));
+    app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
+    app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
+    CLI11_PARSE(app, argc, argv);
+    auto source = margay::samples::open_source(options.source, {.record = options.record, .trace = options.trace});
+    if (!source) {
+        fmt::print(stderr, "simple_io: {}\n", source.error());
+        return 1;
+    }
+    const auto program = std::make_unique<SimpleIo>(*source, options);
+    const int status = program->run();
+    const std::string remark = source->finish();
+    if (!remark.empty()) fmt::print(stderr, "simple_io: {}\n", remark);
+    return remark.empty() ? status : 1;
+}
