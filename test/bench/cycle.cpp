@@ -1,0 +1,198 @@
+// What a cycle costs: user instructions of send_processdata() + receive_processdata() by callgrind, frames, octets on the wire and allocations. The
+// segment is simulated until the slaves are mapped; then the NIC answers at once, so that nothing but the master is counted. What the NIC and the clock
+// of this program take is measured on its own and taken off; a `bare` loop does what no master can do without: put the outputs into the frame, send, receive,
+// look at the working counter, copy the inputs.
+#include "osal/linux/linux_osal.hpp"
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "process_data/io_image.hpp"
+#include "sim/devices.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <string>
+
+static std::size_t allocations = 0;
+
+void* operator new(std::size_t bytes) {
+    ++allocations;
+    if (void* memory = std::malloc(bytes)) return memory;
+    std::abort();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace {
+
+using namespace margay;
+
+// First the cable to a simulated segment, then a far end that gives every frame back with the working counter expected.
+class BenchNic final : public Nic {
+  public:
+    SimulatedNic* segment = nullptr;
+    Group* group = nullptr;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (segment != nullptr) return segment->send(frame);
+        frame_[count_++ % frame_.size()] = frame;
+        return SendStatus::sent;
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        if (segment != nullptr) return segment->receive(into);
+        if (taken_ == count_) return 0;
+        const auto frame = frame_[taken_ % frame_.size()];
+        std::memcpy(into.data(), frame.data(), frame.size());
+        into[6] |= std::byte{2};
+        into[frame.size() - 2] = static_cast<std::byte>(group->datagrams[taken_ % group->datagrams.size()].expected);
+        into[frame.size() - 1] = static_cast<std::byte>(group->datagrams[taken_ % group->datagrams.size()].expected >> 8);
+        ++taken_;
+        return frame.size();
+    }
+    Time next_arrival() const noexcept override { return segment != nullptr ? segment->next_arrival() : kNever; }
+
+  private:
+    std::array<std::span<const std::byte>, 64> frame_;
+    std::size_t count_ = 0;
+    std::size_t taken_ = 0;
+};
+
+class BenchOsal final : public Osal {
+  public:
+    VirtualOsal simulated;
+    LinuxOsal real;
+    bool live = false;
+    Time now() noexcept override { return live ? real.now() : simulated.now(); }
+    void wait(Time until, int handle) noexcept override { live ? real.wait(until, handle) : simulated.wait(until, handle); }
+};
+
+struct Bench {
+    BenchOsal osal;
+    sim::Segment segment;
+    std::unique_ptr<SimulatedNic> simulated;
+    BenchNic nic;
+    std::unique_ptr<HostContext> ctx;
+    std::array<std::byte, 16384> image{};
+
+    bool build(std::uint32_t slaves, std::uint32_t output_bytes, std::uint32_t input_bytes) {
+        for (std::uint32_t n = 0; n < slaves; ++n) {
+            auto device = sim::device_from_sii(io_image(output_bytes * 8, input_bytes * 8));
+            device.chip = sim::ip_core();
+            device.chip.ram_kib = 16;
+            segment.add(std::move(device).assemble());
+            if (!(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}))) return false;
+        }
+        segment.power_up(osal.now());
+        simulated = std::make_unique<SimulatedNic>(segment, osal);
+        nic.segment = simulated.get();
+        ctx = std::make_unique<HostContext>(Limits{.slaves = 200, .process_frames = 32});
+        if (!init(*ctx, nic, osal) || !config_init(*ctx)) return false;
+        if (!config_map(*ctx, image)) return false;
+        // In SAFEOP already everybody takes part.
+        if (!send_processdata(*ctx) || !receive_processdata(*ctx, std::chrono::milliseconds(10))) return false;
+        nic.segment = nullptr;
+        nic.group = &ctx->group(0);
+        osal.live = true;
+        return true;
+    }
+};
+
+// Runs that callgrind counts: `work` is "cycle", "bare" or "nic" (the NIC and the clock only).
+int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in, unsigned cycles) {
+    static Bench bench;
+    if (!bench.build(slaves, out, in)) return 1;
+    Group& group = bench.ctx->group(0);
+    alignas(8) static std::array<std::byte, 1514> sent{};
+    static std::array<std::byte, 1514> got{};
+    const std::size_t allocated = allocations;
+    std::uint64_t sum = 0;
+    for (unsigned n = 0; n < cycles; ++n) {
+        if (work == "cycle") {
+            if (!send_processdata(*bench.ctx)) return 1;
+            const auto wkc = receive_processdata(*bench.ctx, std::chrono::milliseconds(1));
+            if (!wkc) return 1;
+            sum += *wkc;
+            continue;
+        }
+        const bool bare = work == "bare";
+        if (!bare) sum += static_cast<std::uint64_t>(bench.osal.now().time_since_epoch().count() & 1);
+        for (const DatagramStatus& d : group.datagrams) {
+            const auto bytes = std::min<std::size_t>(group.image.size(), 1486);
+            if (bare) std::memcpy(sent.data() + 26, group.image.data(), std::min<std::size_t>(bytes, group.output_bytes));
+            (void)bench.nic.send(std::span(sent).first(bytes + 28));
+            const std::size_t length = bench.nic.receive(got);
+            if (!bare) continue;
+            if (got[length - 2] != static_cast<std::byte>(d.expected)) return 1;
+            std::memcpy(group.image.data() + group.output_bytes, got.data() + 26 + group.output_bytes,
+                        std::min<std::size_t>(bytes - std::min<std::size_t>(bytes, group.output_bytes), group.input_bytes));
+        }
+    }
+    if (allocations != allocated) {
+        std::fprintf(stderr, "%zu allocations in %u cycles\n", allocations - allocated, cycles);
+        return 1;
+    }
+    return sum == 1 ? 2 : 0;
+}
+
+// Instructions a cycle, or negative: the difference of two runs.
+double count(const std::string& self, const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in) {
+    constexpr unsigned kCycles = 1000;
+    double collected[2] = {};
+    for (unsigned run = 0; run < 2; ++run) {
+        const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null " + self + " " + work + " " +
+                                    std::to_string(slaves) + " " + std::to_string(out) + " " + std::to_string(in) + " " +
+                                    std::to_string((run + 1) * kCycles) + " 2>&1";
+        FILE* pipe = popen(command.c_str(), "r");
+        if (pipe == nullptr) return -1;
+        char line[256];
+        while (std::fgets(line, sizeof line, pipe) != nullptr)
+            if (const char* at = std::strstr(line, "Collected : ")) collected[run] = std::strtod(at + 12, nullptr);
+        if (pclose(pipe) != 0) return -1;
+    }
+    return (collected[1] - collected[0]) / kCycles;
+}
+
+bool report(const std::string& self, const char* title, std::uint32_t slaves, std::uint32_t out, std::uint32_t in) {
+    const double cycle = count(self, "cycle", slaves, out, in);
+    const double nic = count(self, "nic", slaves, out, in);
+    const double bare = count(self, "bare", slaves, out, in);
+    Bench bench;
+    if (cycle < 0 || nic < 0 || bare < 0 || !bench.build(slaves, out, in)) {
+        std::printf("%-28s failed\n", title);
+        return false;
+    }
+    const LinkStatistics before = bench.ctx->statistics();
+    for (int n = 0; n < 100; ++n) {
+        (void)send_processdata(*bench.ctx);
+        (void)receive_processdata(*bench.ctx, std::chrono::milliseconds(1));
+    }
+    const double frames = static_cast<double>(bench.ctx->statistics().frames_sent - before.frames_sent) / 100;
+    const double wire = static_cast<double>(bench.ctx->statistics().bytes_on_wire - before.bytes_on_wire) / 100;
+    std::printf("%-28s %8.0f %8.0f %8.0f %8.0f %8.2f %7.1f %%\n", title, cycle - nic, cycle, nic, bare, frames,
+                100.0 * slaves * (out + in) / wire);
+    return true;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const auto number = [&](int n) { return static_cast<std::uint32_t>(std::strtoul(argv[n], nullptr, 10)); };
+    if (argc == 6) return child(argv[1], number(2), number(3), number(4), number(5));
+    std::printf("instructions a cycle; NIC and clock taken off in the first column\n");
+    std::printf("%-28s %8s %8s %8s %8s %8s %9s\n", "", "margay", "total", "nic", "bare", "frames", "payload");
+    bool good = report(argv[0], "1 slave, 16 + 16 octets", 1, 16, 16);
+    good &= report(argv[0], "1 slave, 743 + 743 octets", 1, 743, 743);
+    for (const std::uint32_t slaves : {1U, 10U, 50U, 100U})
+        good &= report(argv[0], (std::to_string(slaves) + " slaves of 32 + 32 octets").c_str(), slaves, 32, 32);
+    good &= report(argv[0], "100 slaves of 4 + 4 octets", 100, 4, 4);
+    std::printf("allocations a cycle: %s\n", good ? "0" : "see above");
+    std::printf("state a slave: %zu octets\n", sizeof(Slave));
+    return good ? 0 : 1;
+}

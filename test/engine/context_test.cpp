@@ -1,0 +1,139 @@
+// The context and its requests, as an application uses them, against a far end that hardly answers.
+#include "engine/scripted_nic.hpp"
+#include "osal/virtual/virtual_osal.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+class ContextTest : public testing::Test {
+  protected:
+    ScriptedNic nic;
+    VirtualOsal osal;
+    HostContext ctx{Limits{.slaves = 4}};
+};
+
+TEST_F(ContextTest, BeforeInitEverythingIsRefusedAndNothingCrashes) {
+    ScanRequest scan;
+    EXPECT_EQ(submit(ctx, scan).error().code, Errc::wrong_state);
+    EXPECT_EQ(config_init(ctx).error().code, Errc::wrong_state);
+    EXPECT_EQ(poll(ctx, osal.now()), kNever);
+    EXPECT_TRUE(ctx.slaves().empty());
+    EXPECT_EQ(ctx.slave(1).position, 0);
+}
+
+TEST_F(ContextTest, LimitsOutOfRangeAreNamed) {
+    HostContext none(Limits{.slaves = 0});
+    EXPECT_EQ(init(none, nic, osal).error().code, Errc::invalid_argument);
+    HostContext frames(Limits{.slaves = 1, .frames = 129});
+    EXPECT_EQ(init(frames, nic, osal).error().code, Errc::invalid_argument);
+    EXPECT_TRUE(init(ctx, nic, osal));
+    EXPECT_EQ(init(ctx, nic, osal).error().code, Errc::wrong_state) << "once only";
+}
+
+TEST_F(ContextTest, UnpluggedCableIsWaitedForAndThenNamed) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    nic.link = LinkState::down;
+    const Time start = osal.now();
+    const auto found = config_init(ctx);
+    ASSERT_FALSE(found);
+    EXPECT_EQ(found.error().code, Errc::link_down);
+    EXPECT_GE(osal.now() - start, 1s);
+    EXPECT_TRUE(nic.sent.empty());
+}
+
+TEST_F(ContextTest, NobodyAnswers) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    const auto found = config_init(ctx);
+    ASSERT_FALSE(found);
+    EXPECT_EQ(found.error().code, Errc::no_frame);
+    EXPECT_EQ(found.error().step, Step::count_slaves);
+}
+
+TEST_F(ContextTest, MoreSlavesThanThereIsRoomFor) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    (void)poll(ctx, osal.now());
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0], 5));
+    (void)poll(ctx, osal.now());
+    EXPECT_EQ(scan.state(), RequestState::error);
+    EXPECT_EQ(scan.error().code, Errc::capacity);
+    EXPECT_EQ(scan.error().expected, 5U);
+    EXPECT_EQ(scan.error().actual, 4U);
+    EXPECT_EQ(nic.sent.size(), 1U) << "nothing was written to a segment that cannot be handled";
+}
+
+TEST_F(ContextTest, EmptySegment) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    (void)poll(ctx, osal.now());
+    nic.incoming.push_back(reply_to(nic.sent[0], 0));
+    (void)poll(ctx, osal.now());
+    EXPECT_EQ(scan.error().code, Errc::no_slaves);
+}
+
+TEST_F(ContextTest, RequestsAreCheckedBeforeTheyStart) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    std::array<std::byte, 4> data{};
+    EXPECT_EQ(eeprom_read(ctx, 1, 0, data).error().code, Errc::unknown_slave);
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    EXPECT_TRUE(scan.busy());
+    EXPECT_EQ(submit(ctx, scan).error().code, Errc::busy);
+}
+
+TEST_F(ContextTest, CanceledRequestLeavesTheContextUsable) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    {
+        ScanRequest forgotten;
+        ASSERT_TRUE(submit(ctx, forgotten));
+        (void)poll(ctx, osal.now());
+    }
+    ScanRequest canceled;
+    ASSERT_TRUE(submit(ctx, canceled));
+    canceled.cancel();
+    EXPECT_EQ(canceled.state(), RequestState::error);
+    EXPECT_EQ(canceled.error().code, Errc::canceled);
+    nic.incoming.push_back(reply_to(nic.sent[0], 1));
+    (void)poll(ctx, osal.now());
+    ASSERT_TRUE(submit(ctx, canceled)) << "may be used again";
+    EXPECT_TRUE(canceled.busy());
+}
+
+TEST_F(ContextTest, ContextThatGoesAwayEndsItsRequests) {
+    auto shorter = std::make_unique<StaticContext<Limits{.slaves = 2}>>();
+    ASSERT_TRUE(init(*shorter, nic, osal));
+    ScanRequest scan;
+    ASSERT_TRUE(submit(*shorter, scan));
+    (void)poll(*shorter, osal.now());
+    shorter.reset();
+    EXPECT_EQ(scan.error().code, Errc::canceled);
+}
+
+TEST_F(ContextTest, TwoContextsShareNothing) {
+    HostContext other(Limits{.slaves = 4});
+    ScriptedNic other_nic;
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ASSERT_TRUE(init(other, other_nic, osal));
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    (void)poll(other, osal.now());
+    EXPECT_TRUE(other_nic.sent.empty());
+    (void)poll(ctx, osal.now());
+    EXPECT_EQ(nic.sent.size(), 1U);
+    EXPECT_EQ(other.statistics().frames_sent, 0U);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,324 @@
+// The link against a far end that answers right, wrong, late, twice or not at all.
+#include "engine/scripted_nic.hpp"
+#include "link/engine.hpp"
+#include "util/task.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::Command;
+using wire::DatagramAddress;
+
+class LinkTest : public testing::Test {
+  protected:
+    Time now{1s};
+    ScriptedNic nic;
+    std::vector<FrameSlot> slots = std::vector<FrameSlot>(8);
+    std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
+    Engine engine{nic, slots, memory};
+
+    const LinkStatistics& counted() { return engine.link().statistics(); }
+    Time poll(Duration later = 100us) { return engine.poll(now += later); }
+
+    struct Asked {
+        bool done = false;
+        Reply reply;
+        std::array<std::byte, 4> data{};
+    };
+    static DatagramAddress station(std::uint16_t address, std::uint16_t ado) {
+        return {StationAddress{address}, ado};
+    }
+    // One FPRD of four octets.
+    static Task<Result<>> ask(Engine& engine, Asked& asked, DatagramAddress address,
+                              Repeat repeat = Repeat::yes, Command command = Command::FPRD) {
+        Datagram datagram(engine.link(), command, address, MutableBytes(asked.data), repeat);
+        asked.reply = co_await datagram;
+        asked.done = true;
+        co_return Result<>();
+    }
+};
+
+TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    task.start();
+    poll();
+    ASSERT_EQ(nic.sent.size(), 1U);
+    EXPECT_FALSE(asked.done);
+    auto reply = reply_to(nic.sent[0]);
+    reply[26] = std::byte{0x42};
+    nic.incoming.push_back(reply);
+    poll();
+    ASSERT_TRUE(asked.done);
+    EXPECT_TRUE(asked.reply.ok());
+    EXPECT_EQ(asked.reply.wkc, 1);
+    EXPECT_EQ(asked.data[0], std::byte{0x42});
+    EXPECT_EQ(counted().frames_received, 1U);
+}
+
+TEST_F(LinkTest, AsManyDatagramsInAFrameAsFit) {
+    // 1498 octets of datagrams: 93 of 12 + 4 octets.
+    std::vector<Asked> asked(100);
+    std::vector<Task<Result<>>> tasks;
+    for (std::uint16_t i = 0; i < 100; ++i) {
+        tasks.push_back(ask(engine, asked[i], station(i, 0x0130)));
+        tasks.back().start();
+    }
+    poll();
+    ASSERT_EQ(nic.sent.size(), 2U);
+    EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 93 * 16);
+    EXPECT_EQ(nic.sent[1].size(), wire::kFramePrefixBytes + 7 * 16);
+    EXPECT_EQ(counted().bursts, 1U);
+    // The second frame may come back first.
+    nic.incoming.push_back(reply_to(nic.sent[1], 7));
+    nic.incoming.push_back(reply_to(nic.sent[0], 9));
+    poll();
+    for (std::size_t i = 0; i < 100; ++i) {
+        ASSERT_TRUE(asked[i].done);
+        EXPECT_EQ(asked[i].reply.wkc, i < 93 ? 9 : 7);
+    }
+}
+
+TEST_F(LinkTest, LostFrameIsRepeatedAndThenGivenUp) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    task.start();
+    const int sendings = engine.link().settings.sendings;
+    for (int i = 0; i < sendings; ++i) {
+        const Time next = poll();
+        EXPECT_EQ(nic.sent.size(), static_cast<std::size_t>(i) + 1);
+        EXPECT_FALSE(asked.done);
+        now = next;
+    }
+    poll();
+    ASSERT_TRUE(asked.done);
+    EXPECT_EQ(asked.reply.errc, Errc::no_frame);
+    EXPECT_EQ(counted().lost, static_cast<std::uint64_t>(sendings));
+    EXPECT_EQ(counted().retried, static_cast<std::uint64_t>(sendings) - 1);
+}
+
+TEST_F(LinkTest, WhatMustNotBeRepeatedIsNot) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x1000), Repeat::no);
+    task.start();
+    now = poll();
+    poll();
+    EXPECT_TRUE(asked.done);
+    EXPECT_EQ(nic.sent.size(), 1U);
+}
+
+TEST_F(LinkTest, LateReplyIsNotTakenForTheRepeatedOne) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    task.start();
+    now = poll();
+    poll();
+    ASSERT_EQ(nic.sent.size(), 2U);
+    EXPECT_NE(nic.sent[0][17], nic.sent[1][17]) << "a lost frame's index must not be used at once again";
+    nic.incoming.push_back(reply_to(nic.sent[0], 5));
+    poll();
+    EXPECT_FALSE(asked.done);
+    EXPECT_EQ(counted().unexpected, 1U);
+    nic.incoming.push_back(reply_to(nic.sent[1], 1));
+    nic.incoming.push_back(reply_to(nic.sent[1], 3));
+    poll();
+    EXPECT_TRUE(asked.done);
+    EXPECT_EQ(asked.reply.wkc, 1);
+    EXPECT_EQ(counted().unexpected, 2U) << "the duplicate";
+}
+
+TEST_F(LinkTest, LostIndexRestsEvenWhenAllOthersHaveBeenUsed) {
+    Asked lost;
+    auto task = ask(engine, lost, station(0x1001, 0x0130), Repeat::no);
+    task.start();
+    now = poll();
+    poll(0us);
+    const auto rests = nic.sent[0][17];
+    for (int i = 0; i < 255; ++i) {
+        Asked asked;
+        auto next = ask(engine, asked, station(0x1002, 0x0130));
+        next.start();
+        poll(10us);
+        EXPECT_NE(nic.sent.back()[17], rests) << i;
+        nic.incoming.push_back(reply_to(nic.sent.back()));
+        poll(10us);
+        ASSERT_TRUE(asked.done);
+    }
+}
+
+// Every way in which a frame can be wrong: it is counted, dropped, and the right one still comes through.
+TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    task.start();
+    poll();
+    const Octets good = reply_to(nic.sent[0]);
+    const auto with = [&](std::size_t at, int value) {
+        Octets frame = good;
+        frame[at] = static_cast<std::byte>(value);
+        return frame;
+    };
+    nic.incoming = {nic.sent[0]};
+    poll();
+    EXPECT_EQ(counted().echoes, 1U);
+    nic.incoming = {with(13, 0x00), with(15, 0x20)};  // EtherType, frame type
+    poll();
+    EXPECT_EQ(counted().foreign, 2U);
+    nic.incoming = {Octets(good.begin(), good.begin() + 25), Octets(3), with(14, 0x08), with(23, 0x80)};
+    poll();
+    EXPECT_EQ(counted().malformed, 4U);
+    nic.incoming = {with(17, 0x77)};  // an index that nobody uses
+    poll();
+    EXPECT_EQ(counted().unexpected, 1U);
+    nic.incoming = {with(16, 0x05), with(18, 0x02), with(20, 0x20)};  // command, station, register
+    poll();
+    EXPECT_EQ(counted().mismatched, 3U);
+    Octets shorter = good;  // asked for four octets, answered two
+    shorter[14] = std::byte{0x0e};
+    shorter[22] = std::byte{2};
+    shorter.resize(shorter.size() - 2);
+    nic.incoming = {shorter};
+    poll();
+    EXPECT_EQ(counted().mismatched, 4U);
+    EXPECT_FALSE(asked.done);
+    nic.incoming = {good};
+    poll();
+    EXPECT_TRUE(asked.done);
+    EXPECT_EQ(counted().frames_received, 1U);
+}
+
+TEST_F(LinkTest, PositionCountedUpBySlavesIsTheSameDatagram) {
+    Asked asked;
+    auto task = ask(engine, asked, DatagramAddress(std::uint16_t{0}, std::uint16_t{0x0000}), Repeat::yes,
+                    Command::BRD);
+    task.start();
+    poll();
+    Octets reply = reply_to(nic.sent[0], 3);
+    reply[18] = std::byte{3};
+    nic.incoming.push_back(reply);
+    poll();
+    EXPECT_TRUE(asked.done);
+}
+
+TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
+    Asked asked;
+    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    task.start();
+    poll();
+    std::mt19937 random(1);
+    for (std::size_t length = 1; length <= 1600; ++length) {
+        Octets noise(length);
+        for (auto& octet : noise) octet = static_cast<std::byte>(random());
+        if (length > 16 && length % 2 == 0) {  // half of them look like EtherCAT at first sight
+            noise[12] = std::byte{0x88};
+            noise[13] = std::byte{0xa4};
+            noise[15] = (noise[15] & std::byte{0x07}) | std::byte{0x10};
+            noise[6] |= wire::kPassedEscBit;
+            noise[17] = nic.sent[0][17];
+        }
+        nic.incoming.push_back(noise);
+        poll(1us);
+    }
+    EXPECT_FALSE(asked.done);
+    EXPECT_EQ(counted().foreign + counted().malformed + counted().mismatched + counted().unexpected +
+                  counted().echoes,
+              1600U);
+}
+
+TEST_F(LinkTest, BusyNicIsOfferedTheSameDatagramsAgain) {
+    Asked first;
+    Asked second;
+    auto one = ask(engine, first, station(1, 0x0130));
+    auto two = ask(engine, second, station(2, 0x0130));
+    one.start();
+    two.start();
+    nic.answer = SendStatus::busy;
+    const Time next = poll();
+    EXPECT_LE(next, now + 1ms) << "poll must want to be called again soon";
+    nic.answer = SendStatus::sent;
+    now = next;
+    poll(0us);
+    ASSERT_EQ(nic.sent.size(), 1U);
+    EXPECT_EQ(nic.sent[0][18], std::byte{1}) << "in the order in which they were submitted";
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(first.done && second.done);
+    EXPECT_EQ(counted().datagrams_sent, 2U);
+}
+
+TEST_F(LinkTest, RefusingNicEndsInAnErrorOfItsOwn) {
+    Asked asked;
+    auto task = ask(engine, asked, station(1, 0x0130));
+    task.start();
+    nic.answer = SendStatus::failed;
+    for (int i = 0; i < 10 && !asked.done; ++i) now = std::max(now, poll(0us));
+    ASSERT_TRUE(asked.done);
+    EXPECT_EQ(asked.reply.errc, Errc::nic);
+}
+
+TEST_F(LinkTest, DatagramDestroyedInFlightIsForgotten) {
+    auto asked = std::make_unique<Asked>();
+    Asked other;
+    auto task = ask(engine, *asked, station(1, 0x0130));
+    auto stays = ask(engine, other, station(2, 0x0130));
+    task.start();
+    stays.start();
+    poll();
+    task.reset();
+    asked.reset();
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(other.done);
+    stays.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+}
+
+TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
+    std::vector<Asked> asked(93 * 10);
+    std::vector<std::byte> more(1024 * 1024);
+    Engine large(nic, slots, more);
+    std::vector<Task<Result<>>> tasks;
+    for (auto& a : asked) {
+        tasks.push_back(ask(large, a, station(1, 0x0130)));
+        tasks.back().start();
+    }
+    large.poll(now);
+    EXPECT_EQ(nic.sent.size(), slots.size());
+    for (const auto& frame : nic.sent) nic.incoming.push_back(reply_to(frame));
+    nic.sent.clear();
+    large.poll(now + 1us);
+    EXPECT_EQ(nic.sent.size(), 2U);
+    for (const auto& frame : nic.sent) nic.incoming.push_back(reply_to(frame));
+    large.poll(now + 2us);
+    for (const auto& a : asked) EXPECT_TRUE(a.done);
+}
+
+TEST_F(LinkTest, TwoEnginesShareNothing) {
+    ScriptedNic other_nic;
+    std::vector<FrameSlot> other_slots(2);
+    std::vector<std::byte> other_memory(4096);
+    Engine other(other_nic, other_slots, other_memory);
+    Asked here;
+    Asked there;
+    auto a = ask(engine, here, station(1, 0x0130));
+    auto b = ask(other, there, station(1, 0x0130));
+    a.start();
+    b.start();
+    poll();
+    other.poll(now);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    other.poll(now);
+    EXPECT_TRUE(here.done);
+    EXPECT_FALSE(there.done);
+    EXPECT_EQ(other.link().statistics().frames_received, 0U);
+}
+
+}  // namespace
+}  // namespace margay

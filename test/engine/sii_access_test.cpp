@@ -1,0 +1,207 @@
+// Reading and writing the EEPROM of one slave, against a slave that is nothing but an SII interface
+// (ETG.1000.4, registers 0x0500–0x050F): busy for a time, four or eight octets at a time, with missing
+// acknowledges, lost frames, refused writes.
+#include "station/sii_access.hpp"
+#include "engine/scripted_nic.hpp"
+#include "link/engine.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <numeric>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+// The far end: every frame is back after a fixed time, its datagrams carried out when it was sent.
+class SiiSlave final : public Nic {
+  public:
+    Time now{1s};
+    Duration round_trip = 100us;
+    Duration read_time = 680us;
+    Duration write_time = 3ms;
+    bool eight_bytes = true;
+    bool refuses_writes = false;
+    int missing_acknowledges = 0;
+    int lose_frame = -1;  // the number of a frame that does not come back
+    std::vector<std::byte> eeprom = std::vector<std::byte>(4096);
+    int frames = 0;
+    std::map<std::uint32_t, int> reads;  // how often each word was asked for
+
+    SendStatus send(std::span<const std::byte> sent) noexcept override {
+        Octets frame = reply_to(Octets(sent.begin(), sent.end()), 1);
+        wire::DatagramReader reader(sent);
+        while (auto d = reader.next()) {
+            const auto data =
+                MutableBytes(frame).subspan(d->offset + wire::kDatagramHeaderBytes, d->header.length);
+            for (std::size_t i = 0; i < data.size(); ++i)
+                if (d->header.command == wire::Command::FPRD)
+                    data[i] = read(static_cast<std::uint16_t>(d->header.address.ado() + i));
+            if (d->header.command == wire::Command::FPWR && d->header.address.ado() == 0x0502)
+                command(d->data);
+        }
+        if (frames++ != lose_frame) flying_.emplace_back(now + round_trip, std::move(frame));
+        return SendStatus::sent;
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        if (flying_.empty() || flying_.front().first > now) return 0;
+        const Octets frame = std::move(flying_.front().second);
+        flying_.pop_front();
+        std::copy(frame.begin(), frame.end(), into.begin());
+        return frame.size();
+    }
+    Time next_arrival() const noexcept override { return flying_.empty() ? kNever : flying_.front().first; }
+
+  private:
+    std::byte read(std::uint16_t address) {
+        const bool busy = now < busy_until_;
+        const std::uint16_t status =
+            static_cast<std::uint16_t>((busy ? 0x8000 : error_) | (eight_bytes ? 0x40 : 0));
+        if (address < 0x0504) return static_cast<std::byte>(status >> (8 * (address - 0x0502)));
+        if (address < 0x0508) return static_cast<std::byte>(word_ >> (8 * (address - 0x0504)));
+        const std::size_t n = address - 0x0508U;
+        return busy || n >= (eight_bytes ? 8U : 4U) ? std::byte{0xEE} : eeprom.at(word_ * 2 + n);
+    }
+    void command(Bytes data) {
+        if (now < busy_until_) return;  // blocked
+        const auto what = load_le<std::uint16_t>(data) & 0x0700;
+        error_ = 0;
+        word_ = load_le<std::uint32_t>(data, 2);
+        if (what == 0x0100) {
+            ++reads[word_];
+            busy_until_ = now + read_time;
+            if (missing_acknowledges > 0) {
+                --missing_acknowledges;
+                error_ = 0x2000;
+            }
+        } else if (what == 0x0200) {
+            if (refuses_writes || (load_le<std::uint16_t>(data) & 1) == 0) {
+                error_ = 0x4000;
+                return;
+            }
+            busy_until_ = now + write_time;
+            eeprom[word_ * 2] = data[6];
+            eeprom[word_ * 2 + 1] = data[7];
+        }
+    }
+
+    std::deque<std::pair<Time, Octets>> flying_;
+    Time busy_until_ = Time::min();
+    std::uint32_t word_ = 0;
+    std::uint16_t error_ = 0;
+};
+
+class SiiAccess : public testing::Test {
+  protected:
+    SiiAccess() {
+        std::iota(reinterpret_cast<unsigned char*>(&*slave.eeprom.begin()),
+                  reinterpret_cast<unsigned char*>(&*slave.eeprom.begin()) + 4096, 0);
+    }
+
+    SiiSlave slave;
+    std::vector<FrameSlot> slots = std::vector<FrameSlot>(4);
+    std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
+    Engine engine{slave, slots, memory};
+    Station station{engine, {0x1001}, 1};
+    Duration took{0};
+
+    Result<> finish(Task<Result<>> task) {
+        const Time start = slave.now;
+        engine.poll(slave.now);
+        task.start();
+        for (int i = 0; i < 100000 && !task.done(); ++i) {
+            const Time next = engine.poll(slave.now);
+            if (!task.done()) slave.now = std::max(slave.now, next);
+        }
+        EXPECT_TRUE(task.done());
+        took = slave.now - start;
+        return task.result();
+    }
+    void expect_whole_image_is_read() {
+        SiiReader reader(station);
+        std::vector<std::byte> image(2048);
+        const auto result = finish(reader.read(0, image));
+        ASSERT_TRUE(result) << static_cast<int>(result.error().code);
+        EXPECT_TRUE(std::equal(image.begin(), image.end(), slave.eeprom.begin()));
+    }
+};
+
+TEST_F(SiiAccess, ReadsEachBlockOnce) {
+    expect_whole_image_is_read();
+    for (const auto& [word, times] : slave.reads) EXPECT_EQ(times, 1) << word;
+    EXPECT_EQ(slave.reads.size(), 256U);
+}
+
+TEST_F(SiiAccess, NearTheTimeOfTheEepromAndNearOneRoundTripABlock) {
+    for (const Duration read_time : {30us, 300us, 310us, 680us, 2000us}) {
+        slave.read_time = read_time;
+        slave.frames = 0;
+        expect_whole_image_is_read();
+        const Duration floor = 256 * std::max(read_time, slave.round_trip);
+        EXPECT_LE(took, floor * 5 / 4) << read_time.count();
+        EXPECT_LE(slave.frames, 256 * 5 / 4) << read_time.count();
+    }
+}
+
+TEST_F(SiiAccess, FourOctetsAtATime) {
+    slave.eight_bytes = false;
+    expect_whole_image_is_read();
+    EXPECT_EQ(slave.reads.size(), 512U);
+}
+
+TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMore) {
+    slave.missing_acknowledges = 2;
+    expect_whole_image_is_read();
+    slave.missing_acknowledges = 3;
+    SiiReader reader(station);
+    std::array<std::byte, 8> block{};
+    const auto result = finish(reader.read(0x40, block));
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, Errc::sii_nack);
+    EXPECT_EQ(result.error().index, 0x40);
+    EXPECT_EQ(result.error().slave, 1);
+}
+
+TEST_F(SiiAccess, BusyForeverEndsInAnError) {
+    slave.read_time = 10s;
+    SiiReader reader(station);
+    std::array<std::byte, 8> block{};
+    const auto result = finish(reader.read(0, block));
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, Errc::sii_busy);
+    EXPECT_LT(took, 1s);
+}
+
+TEST_F(SiiAccess, AnyOneFrameMayBeLost) {
+    for (int lost = 0; lost < 40; ++lost) {
+        slave.frames = 0;
+        slave.lose_frame = lost;
+        SiiReader reader(station);
+        std::array<std::byte, 64> part{};
+        const auto result = finish(reader.read(8, part));
+        ASSERT_TRUE(result) << lost;
+        EXPECT_TRUE(std::equal(part.begin(), part.end(), slave.eeprom.begin() + 16)) << lost;
+    }
+}
+
+TEST_F(SiiAccess, WritesWordsAndReadsThemBack) {
+    const std::array<std::byte, 6> data{std::byte{1}, std::byte{2}, std::byte{3},
+                                        std::byte{4}, std::byte{5}, std::byte{6}};
+    ASSERT_TRUE(finish(sii_write(station, 0x10, data)));
+    EXPECT_TRUE(std::equal(data.begin(), data.end(), slave.eeprom.begin() + 0x20));
+    EXPECT_EQ(slave.eeprom[0x26], std::byte{0x26}) << "nothing behind it";
+}
+
+TEST_F(SiiAccess, RefusedWriteNamesTheWord) {
+    slave.refuses_writes = true;
+    const std::array<std::byte, 2> data{};
+    const auto result = finish(sii_write(station, 0x04, data));
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, Errc::sii_write_denied);
+    EXPECT_EQ(result.error().index, 0x04);
+}
+
+}  // namespace
+}  // namespace margay

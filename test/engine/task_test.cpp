@@ -1,0 +1,159 @@
+// Tasks, crews, timers and the arena they live in.
+#include "util/task.hpp"
+#include "engine/scripted_nic.hpp"
+#include "link/engine.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(Arena, GivesBackWhatItGaveUntilItIsWholeAgain) {
+    std::vector<std::byte> memory(Arena::memory_for(256 * 1024));
+    Arena arena(memory);
+    const std::size_t whole = arena.capacity_bytes();
+    EXPECT_GE(whole, 256U * 1024U);
+    std::mt19937 random(7);
+    std::vector<std::pair<std::byte*, std::size_t>> held;
+    for (int step = 0; step < 20000; ++step) {
+        if (random() % 2 == 0 || held.empty()) {
+            const std::size_t bytes = 1 + random() % 3000;
+            auto* at = static_cast<std::byte*>(arena.allocate(bytes));
+            if (at == nullptr) continue;
+            EXPECT_EQ(reinterpret_cast<std::uintptr_t>(at) % alignof(std::max_align_t), 0U);
+            std::fill_n(at, bytes, static_cast<std::byte>(bytes));
+            held.emplace_back(at, bytes);
+        } else {
+            const std::size_t which = random() % held.size();
+            const auto [at, bytes] = held[which];
+            for (std::size_t i = 0; i < bytes; ++i)
+                ASSERT_EQ(at[i], static_cast<std::byte>(bytes)) << "overlap";
+            arena.release(at);
+            held.erase(held.begin() + static_cast<std::ptrdiff_t>(which));
+        }
+    }
+    for (const auto& [at, bytes] : held) arena.release(at);
+    EXPECT_EQ(arena.used_bytes(), 0U);
+    void* large = arena.allocate(128 * 1024);
+    EXPECT_NE(large, nullptr) << "the pieces have joined again";
+    arena.release(large);
+}
+
+TEST(Arena, RefusesWhatDoesNotFit) {
+    std::vector<std::byte> memory(1024);
+    Arena arena(memory);
+    EXPECT_EQ(arena.allocate(100'000'000), nullptr);
+    EXPECT_EQ(arena.allocate(2048), nullptr);
+    void* a = arena.allocate(512);
+    EXPECT_NE(a, nullptr);
+    EXPECT_EQ(arena.allocate(512), nullptr);
+    arena.release(a);
+    EXPECT_EQ(arena.used_bytes(), 0U);
+    std::vector<std::byte> nothing;
+    Arena empty{std::span<std::byte>(nothing)};
+    EXPECT_EQ(empty.allocate(1), nullptr);
+}
+
+class TaskTest : public testing::Test {
+  protected:
+    Time now{1s};
+    ScriptedNic nic;
+    std::vector<FrameSlot> slots = std::vector<FrameSlot>(4);
+    std::vector<std::byte> memory = std::vector<std::byte>(32 * 1024);
+    Engine engine{nic, slots, memory};
+};
+
+Task<Result<int>> wait_and_return(Engine& engine, Duration duration, int value) {
+    co_await engine.sleep_for(duration);
+    co_return value;
+}
+
+Task<Result<int>> add(Engine& engine, int depth) {
+    if (depth == 0) co_return 0;
+    auto below = co_await add(engine, depth - 1);
+    if (!below) co_return below;
+    co_return *below + 1;
+}
+
+TEST_F(TaskTest, TimersFireInTheirOrderAndNotBefore) {
+    engine.poll(now);
+    std::vector<Task<Result<int>>> tasks;
+    for (const int ms : {5, 1, 3, 3, 2}) {
+        tasks.push_back(wait_and_return(engine, std::chrono::milliseconds(ms), ms));
+        tasks.back().start();
+    }
+    EXPECT_EQ(engine.poll(now), now + 1ms);
+    EXPECT_EQ(engine.poll(now + 1ms), now + 2ms);
+    EXPECT_TRUE(tasks[1].done());
+    EXPECT_FALSE(tasks[4].done());
+    EXPECT_EQ(engine.poll(now + 4ms), now + 5ms);
+    EXPECT_TRUE(tasks[2].done() && tasks[3].done() && tasks[4].done());
+    EXPECT_EQ(*tasks[3].result(), 3);
+    EXPECT_EQ(engine.poll(now + 5ms), kNever);
+}
+
+TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCaller) {
+    auto fits = add(engine, 10);
+    fits.start();
+    ASSERT_TRUE(fits.done());
+    EXPECT_EQ(*fits.result(), 10);
+    fits.reset();
+    auto deep = add(engine, 100000);
+    deep.start();
+    ASSERT_TRUE(deep.done());
+    EXPECT_EQ(deep.result().error().code, Errc::capacity);
+    deep.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+}
+
+Task<Result<>> count_down(Engine& engine, int& running, int& most, Duration duration, bool fails) {
+    most = std::max(most, ++running);
+    co_await engine.sleep_for(duration);
+    --running;
+    if (fails) co_return Error{.code = Errc::timeout};
+    co_return Result<>();
+}
+
+Task<Result<int>> lead(Engine& engine, std::size_t limit, int members, int& most) {
+    Crew crew(limit);
+    int running = 0;
+    for (int i = 0; i < members; ++i) {
+        while (crew.full()) co_await crew.one();
+        if (!crew.start(count_down(engine, running, most, std::chrono::milliseconds(1 + i % 7), i == 5)))
+            co_return Error{.code = Errc::capacity};
+    }
+    co_await crew.all();
+    if (crew.first_error().code != Errc::none) co_return crew.first_error();
+    co_return running;
+}
+
+TEST_F(TaskTest, CrewRunsNoMoreThanItsLimitAndReportsTheFirstError) {
+    engine.poll(now);
+    int most = 0;
+    auto task = lead(engine, 4, 40, most);
+    task.start();
+    for (int i = 0; i < 1000 && !task.done(); ++i) engine.poll(now += 1ms);
+    ASSERT_TRUE(task.done());
+    EXPECT_EQ(most, 4);
+    EXPECT_EQ(task.result().error().code, Errc::timeout);
+    task.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+}
+
+TEST_F(TaskTest, DestroyedCrewTakesItsMembersAlong) {
+    engine.poll(now);
+    int most = 0;
+    auto task = lead(engine, 10, 10, most);
+    task.start();
+    EXPECT_GT(engine.arena().used_bytes(), 0U);
+    task.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+    EXPECT_EQ(engine.poll(now + 1s), kNever);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,18 @@
+// A stranger's program on the installed package: a master and a segment of one slave with a blank EEPROM.
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+#include <osal/virtual/virtual_osal.hpp>
+#include <oshw/simulated/simulated_nic.hpp>
+
+int main() {
+    margay::VirtualOsal osal;
+    margay::sim::Segment segment;
+    const auto slave = segment.add(
+        std::make_unique<margay::sim::Esc>(margay::sim::et1100(), std::vector<std::byte>(2048, std::byte{0xFF})));
+    const bool connected = segment.connect_master({slave, 0});
+    segment.power_up(osal.now());
+    margay::SimulatedNic nic(segment, osal);
+    margay::HostContext ctx;
+    const auto found = init(ctx, nic, osal) ? config_init(ctx) : margay::Result<std::uint16_t>();
+    return connected && *found == 1 && ctx.slave(1).station_address.value == 0x1001 ? 0 : 1;
+}

@@ -1,0 +1,26 @@
+# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (all of them when empty); skips where NEEDS is not there.
+foreach(program IN LISTS NEEDS)
+  find_program(found_${program} ${program})
+  if(NOT found_${program})
+    message("SKIPPED: there is no ${program}")
+    return()
+  endif()
+endforeach()
+
+set(settings)
+foreach(definition IN LISTS DEFINE)
+  list(APPEND settings "-D${definition}")
+endforeach()
+execute_process(COMMAND ${CMAKE_COMMAND} -S ${SOURCE} -B ${FOLDER} ${settings} COMMAND_ERROR_IS_FATAL ANY)
+
+set(only)
+if(TARGETS)
+  # Parts without sources yet are no targets.
+  execute_process(COMMAND ${CMAKE_COMMAND} --build ${FOLDER} --target help OUTPUT_VARIABLE known COMMAND_ERROR_IS_FATAL ANY)
+  foreach(target IN LISTS TARGETS)
+    if(known MATCHES "\\.\\.\\. ${target}\n")
+      list(APPEND only --target ${target})
+    endif()
+  endforeach()
+endif()
+execute_process(COMMAND ${CMAKE_COMMAND} --build ${FOLDER} ${only} COMMAND_ERROR_IS_FATAL ANY)

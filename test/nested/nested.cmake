@@ -1,0 +1,47 @@
+# Tests that build the project another way: installed and used by a stranger, by the ARM compiler, by clang, by clang for
+# fuzzing. Each has a build folder of its own below build/nested that stays, so that only what changed is built again.
+
+# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name])
+function(margay_nested name)
+  cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE" "NEEDS;DEFINE;TARGETS" ${ARGN})
+  string(REPLACE "/" "_" folder ${name})
+  add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} "-DSOURCE=${NESTED_SOURCE}" "-DFOLDER=${PROJECT_BINARY_DIR}/nested/${folder}"
+           "-DNEEDS=${NESTED_NEEDS}" "-DDEFINE=${NESTED_DEFINE}" "-DTARGETS=${NESTED_TARGETS}"
+           -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/build.cmake)
+  set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 900)
+  if(NESTED_FIXTURE)
+    set_tests_properties(${name} PROPERTIES FIXTURES_SETUP ${NESTED_FIXTURE})
+  endif()
+endfunction()
+
+set(parts_only MARGAY_TESTS=OFF MARGAY_SAMPLES=OFF)
+
+# A consumer of the installed package.
+add_test(NAME install/install COMMAND ${CMAKE_COMMAND} --install ${PROJECT_BINARY_DIR} --prefix ${PROJECT_BINARY_DIR}/nested/prefix)
+set_tests_properties(install/install PROPERTIES FIXTURES_SETUP prefix)
+margay_nested(install/consumer_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FIXTURE consumer
+              DEFINE CMAKE_PREFIX_PATH=${PROJECT_BINARY_DIR}/nested/prefix)
+set_tests_properties(install/consumer_builds PROPERTIES FIXTURES_REQUIRED prefix)
+add_test(NAME install/consumer_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer)
+set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer)
+
+# What an embedder builds.
+margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++
+              DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
+                     CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
+              TARGETS margay_wire margay margay_subdevice)
+
+# The other compiler.
+margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16
+              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=None)
+
+# One harness a file; its corpus is read, never written.
+margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs
+              DEFINE CMAKE_CXX_COMPILER=clang++-16)
+file(GLOB harnesses CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/*.cpp)
+foreach(source IN LISTS harnesses)
+  get_filename_component(harness ${source} NAME_WE)
+  add_test(NAME fuzz/${harness} COMMAND ${CMAKE_COMMAND} "-DPROGRAM=${PROJECT_BINARY_DIR}/nested/fuzz_builds/fuzz_${harness}"
+           "-DCORPUS=${CMAKE_CURRENT_SOURCE_DIR}/fuzz/corpus/${harness}" -P ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.cmake)
+  set_tests_properties(fuzz/${harness} PROPERTIES FIXTURES_REQUIRED fuzz_programs SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 300)
+endforeach()

@@ -1,0 +1,84 @@
+// A master and a simulated segment of devices made to order, in virtual time.
+#pragma once
+
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "process_data/io_image.hpp"
+#include "sim/devices.hpp"
+#include "sim/process_data.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+namespace margay {
+
+class Bus {
+  public:
+    VirtualOsal osal;
+    sim::Segment segment;
+    std::unique_ptr<SimulatedNic> nic;
+    std::unique_ptr<HostContext> ctx;
+
+    // Appends a slave to the line.
+    void add(std::uint32_t output_bits, std::uint32_t input_bits) {
+        auto device = sim::device_from_sii(io_image(output_bits, input_bits));
+        device.chip = sim::lan9252();
+        device.chip.ram_kib = 16;
+        device.chip.fmmus = 4;
+        const auto n = segment.add(std::move(device).assemble());
+        EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
+    }
+    // Switches on and scans.
+    void start(const Limits& limits = {.slaves = 64}) {
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal));
+        const auto found = config_init(*ctx);
+        ASSERT_TRUE(found.ok());
+        ASSERT_EQ(*found, segment.size());
+    }
+    // Cycles a millisecond apart.
+    Result<std::uint32_t> cycle(std::uint8_t group = 0) {
+        osal.advance(std::chrono::milliseconds(1));
+        const auto sent = send_processdata(*ctx, group);
+        if (!sent) return sent.error();
+        const auto wkc = receive_processdata(*ctx, std::chrono::microseconds(500), group);
+        (void)poll(*ctx, osal.now());
+        return wkc;
+    }
+    // All slaves to OP, with cycles beside.
+    AlStatus to_op() {
+        for (int i = 0; i < 5; ++i) (void)cycle();
+        EXPECT_TRUE(writestate(*ctx, 0, AlState::op).ok());
+        AlStatus reached;
+        for (int i = 0; i < 100; ++i) {
+            (void)cycle();
+            const auto now = statecheck(*ctx, 0, AlState::op, Duration{0});
+            EXPECT_TRUE(now.ok());
+            reached = *now;
+            if (reached.state == AlState::op) break;
+        }
+        return reached;
+    }
+    // The device behind slave `position`.
+    sim::ProcessDataFirmware& device(std::size_t position) {
+        return static_cast<sim::ProcessDataFirmware&>(*segment.slave(static_cast<std::uint32_t>(position - 1)).firmware());
+    }
+    std::vector<std::string> errors() {
+        std::vector<std::string> all;
+        while (const auto error = ctx->errors().take()) {
+            std::array<char, 256> text{};
+            all.emplace_back(describe(*error, text));
+        }
+        return all;
+    }
+};
+
+}  // namespace margay

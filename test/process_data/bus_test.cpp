@@ -1,0 +1,289 @@
+// From a scan to OP on the simulated segment, and the cycle there.
+#include "process_data/bus.hpp"
+
+#include "wire/fmmu.hpp"
+
+#include <random>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+class BusTest : public testing::Test {
+  protected:
+    Bus bus;
+    std::vector<std::byte> image = std::vector<std::byte>(8192);
+    HostContext& ctx() { return *bus.ctx; }
+    std::string words(const Error& error) {
+        std::array<char, 256> text{};
+        return std::string(describe(error, text));
+    }
+};
+
+TEST_F(BusTest, MapsWhatTheSiiSaysAndBringsToSafeop) {
+    bus.add(16, 24);
+    bus.add(0, 0);
+    bus.add(600, 3);
+    bus.start();
+    const auto bytes = config_map(ctx(), image);
+    ASSERT_TRUE(bytes.ok());
+    EXPECT_EQ(*bytes, 2U + 75 + 3 + 1);
+    EXPECT_EQ(bus.errors(), std::vector<std::string>());
+    for (const Slave& slave : ctx().slaves()) EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.position;
+    EXPECT_EQ(ctx().slave(1).config.source, ConfigurationSource::sii);
+    EXPECT_EQ(ctx().slave(3).image.outputs.bits, 600U);
+    EXPECT_EQ(ctx().slave(3).image.inputs.bits, 8U) << "whole octets";
+    EXPECT_EQ(ctx().slave(3).config.sms[1].bits, 3U);
+    EXPECT_EQ(ctx().group(0).expected_wkc, 3U + 3U);
+    EXPECT_EQ(ctx().group(0).frames, 1);
+
+    // What stands in the third slave's registers.
+    std::array<std::byte, 16> fmmu{};
+    bus.segment.slave(2).read(0x0610, fmmu);
+    EXPECT_EQ(wire::load_fmmu(fmmu), (wire::Fmmu{{80}, 1, 0, 7, 0x2000, 0, true, false, true}));
+    std::array<std::byte, 8> sm{};
+    bus.segment.slave(2).read(0x0800, sm);
+    EXPECT_EQ(wire::load_sync_manager(sm), (wire::SyncManager{0x1100, 75, 0x64, 1}));
+}
+
+TEST_F(BusTest, ReachesOpAndExchanges) {
+    for (int i = 0; i < 3; ++i) bus.add(16, 16);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(bus.to_op(), (AlStatus{AlState::op, false, 0}));
+    for (std::size_t n = 1; n <= 3; ++n) {
+        ctx().slave(n).image.outputs.bytes[0] = static_cast<std::byte>(n);
+        ctx().slave(n).image.outputs.bytes[1] = static_cast<std::byte>(0xA0 + n);
+        bus.device(n).inputs()[1] = static_cast<std::byte>(0x50 + n);
+        bus.device(n).poke();
+    }
+    ASSERT_TRUE(bus.cycle().ok());
+    const auto wkc = bus.cycle();
+    ASSERT_TRUE(wkc.ok());
+    EXPECT_EQ(*wkc, 9U);
+    for (std::size_t n = 1; n <= 3; ++n) {
+        EXPECT_EQ(bus.device(n).outputs()[0], static_cast<std::byte>(n));
+        EXPECT_EQ(bus.device(n).outputs()[1], static_cast<std::byte>(0xA0 + n));
+        EXPECT_EQ(ctx().slave(n).image.inputs.bytes[1], static_cast<std::byte>(0x50 + n));
+    }
+    ASSERT_EQ(ctx().group(0).datagrams.size(), 1U);
+    EXPECT_TRUE(ctx().group(0).datagrams[0].right());
+}
+
+// Every way to lay out an image carries the same data.
+TEST_F(BusTest, EveryFormOfImageCarriesTheData) {
+    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7}, {0, 12}, {16, 0}, {2, 2}, {100, 60}, {4000, 5000}, {4, 9000}};
+    for (const auto& [out, in] : sizes) bus.add(out, in);
+    bus.start();
+    std::mt19937 random(1);
+    for (unsigned form = 0; form < 8; ++form) {
+        GroupConfiguration& config = ctx().group(0).config;
+        config.packing = (form & 1) != 0 ? Packing::bits : Packing::bytes;
+        config.overlapped = (form & 2) != 0;
+        config.block_lrw = (form & 4) != 0;
+        ASSERT_TRUE(config_map(ctx(), image).ok()) << form;
+        ASSERT_EQ(bus.to_op().state, AlState::op) << form;
+        for (auto& octet : std::span(image).first(ctx().group(0).output_bytes)) octet = static_cast<std::byte>(random());
+        for (std::size_t n = 1; n <= std::size(sizes); ++n) {
+            for (auto& octet : bus.device(n).inputs()) octet = static_cast<std::byte>(random());
+            bus.device(n).poke();
+        }
+        for (int i = 0; i < 3; ++i) ASSERT_TRUE(bus.cycle().ok()) << form;
+        for (std::size_t n = 1; n <= std::size(sizes); ++n) {
+            const Slave& slave = ctx().slave(n);
+            const auto same = [&](Bytes device, const ImagePart& part, std::uint32_t bits) {
+                for (std::uint32_t i = 0; i < bits; ++i) {
+                    const std::uint32_t at = part.offset_bits + i;
+                    const auto here = (image[at / 8] >> (at % 8)) & std::byte{1};
+                    if (((device[i / 8] >> (i % 8)) & std::byte{1}) != here) return false;
+                }
+                return true;
+            };
+            EXPECT_TRUE(same(bus.device(n).outputs(), slave.image.outputs, sizes[n - 1].first)) << form << " slave " << n;
+            EXPECT_TRUE(same(bus.device(n).inputs(), slave.image.inputs, sizes[n - 1].second)) << form << " slave " << n;
+        }
+    }
+    EXPECT_EQ(bus.errors(), std::vector<std::string>());
+}
+
+TEST_F(BusTest, LostFrameLeavesInputsAloneAndIsNamed) {
+    bus.add(8, 8);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    bus.device(1).inputs()[0] = std::byte{0x11};
+    bus.device(1).poke();
+    ASSERT_TRUE(bus.cycle().ok());
+    bus.device(1).inputs()[0] = std::byte{0x22};
+    bus.device(1).poke();
+    bus.segment.lose_next({0, 0});
+    const auto lost = bus.cycle();
+    EXPECT_EQ(words(lost.error()), "exchanging process data: the frame did not come back");
+    EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x11});
+    EXPECT_FALSE(ctx().group(0).datagrams[0].came);
+    ASSERT_TRUE(bus.cycle().ok());
+    EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x22});
+}
+
+TEST_F(BusTest, SlaveWithoutPowerIsShortAndNamed) {
+    for (int i = 0; i < 3; ++i) bus.add(8, 8);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    bus.device(1).inputs()[0] = std::byte{0x33};
+    bus.device(1).poke();
+    bus.segment.set_power(2, false, bus.osal.now());
+    auto short_one = bus.cycle();
+    ASSERT_FALSE(short_one.ok());
+    EXPECT_EQ(short_one.error().code, Errc::working_counter);
+    EXPECT_EQ(short_one.error().expected, 9U);
+    EXPECT_EQ(short_one.error().actual, 6U);
+    EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0}) << "a datagram that fell short is not taken over";
+    const auto states = readstate(ctx());
+    ASSERT_TRUE(states.ok());
+    EXPECT_EQ(states->state, AlState::none);
+    EXPECT_EQ(ctx().slave(3).al.state, AlState::none) << "not its last state";
+    EXPECT_EQ(ctx().slave(2).al.state, AlState::op);
+    short_one = bus.cycle();
+    EXPECT_EQ(words(short_one.error()), "slave 3: exchanging process data: wrong working counter (expected 9, got 6)");
+}
+
+TEST_F(BusTest, AcyclicDatagramsRideAlong) {
+    for (int i = 0; i < 4; ++i) bus.add(8, 8);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(bus.cycle().ok());
+    std::array<std::byte, 64> head{};
+    SiiReadRequest read;
+    read.slave = 2;
+    read.data = head;
+    ASSERT_TRUE(submit(ctx(), read).ok());
+    const auto before = ctx().statistics();
+    int cycles = 0;
+    while (read.busy() && cycles < 200) {
+        ASSERT_TRUE(bus.cycle().ok());
+        ++cycles;
+    }
+    EXPECT_EQ(read.state(), RequestState::success);
+    EXPECT_EQ(load_le<std::uint32_t>(head, 16), 0x00004D47U);
+    EXPECT_GT(cycles, 3);
+    EXPECT_EQ(ctx().statistics().frames_sent - before.frames_sent, static_cast<std::uint64_t>(cycles)) << "not one frame of its own";
+    // When the cycle stops they do not wait for ever.
+    ASSERT_TRUE(submit(ctx(), read).ok());
+    EXPECT_TRUE(wait(ctx(), read).ok());
+}
+
+TEST_F(BusTest, RiderThatDoesNotFitGetsAFrameOfItsOwn) {
+    bus.add(8, 11880);  // 1 + 1485 octets: the frame is full
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(ctx().group(0).frames, 1);
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    for (int i = 0; i < 3; ++i) ASSERT_TRUE(bus.cycle().ok());
+    ReadStateRequest states;
+    ASSERT_TRUE(submit(ctx(), states).ok());
+    for (int i = 0; i < 5 && states.busy(); ++i) ASSERT_TRUE(bus.cycle().ok());
+    EXPECT_EQ(states.state(), RequestState::success);
+}
+
+TEST_F(BusTest, GroupsAreExchangedForThemselves) {
+    for (int i = 0; i < 4; ++i) bus.add(8, 8);
+    bus.start();
+    for (const std::size_t n : {2U, 4U}) ctx().slave(n).config.group = 1;
+    std::array<std::byte, 4> other{};
+    ASSERT_EQ(*config_map(ctx(), image), 4U);
+    ASSERT_EQ(*config_map(ctx(), other, 1), 4U);
+    EXPECT_EQ(*bus.cycle(0), 6U);
+    EXPECT_EQ(*bus.cycle(1), 6U);
+    // At one logical address they would disturb each other.
+    ctx().group(1).config.start = ctx().group(0).config.start;
+    EXPECT_EQ(config_map(ctx(), other, 1).error().code, Errc::invalid_argument);
+    EXPECT_EQ(bus.cycle(1).error().code, Errc::unknown_group);
+    EXPECT_EQ(*bus.cycle(0), 6U) << "the others go on";
+}
+
+TEST_F(BusTest, TheApplicationsWordStands) {
+    bus.add(16, 16);
+    bus.start();
+    ctx().slave(1).config.source = ConfigurationSource::application;
+    ctx().slave(1).config.add({1, Direction::inputs, 0x20, 0x2000, 16});
+    EXPECT_EQ(*config_map(ctx(), image), 2U);
+    const auto errors = bus.errors();
+    ASSERT_EQ(errors.size(), 1U) << "the device insists on its outputs";
+    EXPECT_NE(errors[0].find("slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code"), std::string::npos)
+        << errors[0];
+}
+
+TEST_F(BusTest, HookIsCalledInPreopAndCanHoldTheSlaveBack) {
+    bus.add(8, 8);
+    bus.add(8, 8);
+    bus.start();
+    struct Seen {
+        int calls = 0;
+        AlState state = AlState::none;
+    } seen;
+    ctx().slave(1).hooks = {[](Context& c, std::uint16_t slave, void* user) -> Result<> {
+                                auto& s = *static_cast<Seen*>(user);
+                                ++s.calls;
+                                (void)readstate(c);  // it may wait
+                                s.state = c.slave(slave).al.state;
+                                return Result<>();
+                            },
+                            &seen};
+    ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void*) -> Result<> {
+        return Error{.code = Errc::unsupported, .step = Step::sdo_download, .slave = slave};
+    };
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(seen.calls, 1);
+    EXPECT_EQ(seen.state, AlState::preop);
+    ASSERT_TRUE(readstate(ctx()).ok());
+    EXPECT_EQ(ctx().slave(1).al.state, AlState::safeop);
+    EXPECT_EQ(ctx().slave(2).al.state, AlState::preop);
+    EXPECT_EQ(ctx().slave(2).error.code, Errc::unsupported);
+}
+
+TEST_F(BusTest, WatchdogIsWritten) {
+    bus.add(8, 0);
+    bus.start();
+    ctx().slave(1).config.process_data_watchdog = 25ms;
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(bus.segment.slave(0).registers().get<std::uint16_t>(0x0400), 2498);
+    EXPECT_EQ(bus.segment.slave(0).registers().get<std::uint16_t>(0x0420), 250);
+}
+
+// Bad input: an error that names it, and the context is still usable.
+TEST_F(BusTest, WrongCallsAreRefused) {
+    HostContext fresh;
+    EXPECT_EQ(config_map(fresh, image).error().code, Errc::wrong_state);
+    EXPECT_EQ(send_processdata(fresh).error().code, Errc::wrong_state);
+    EXPECT_EQ(receive_processdata(fresh, 1ms).error().code, Errc::wrong_state);
+    EXPECT_EQ(readstate(fresh).error().code, Errc::wrong_state);
+    EXPECT_FALSE(fresh.group(0).mapped);
+
+    bus.add(8, 8);
+    bus.start({.slaves = 4, .groups = 2, .process_frames = 1});
+    EXPECT_EQ(words(send_processdata(ctx(), 1).error()), "exchanging process data of group 1: there is no such group, or nothing is mapped in it");
+    EXPECT_EQ(words(receive_processdata(ctx(), 1ms, 2).error()),
+              "exchanging process data of group 2: there is no such group, or nothing is mapped in it");
+    EXPECT_EQ(config_map(ctx(), image, 2).error().code, Errc::unknown_group);
+    EXPECT_EQ(config_map(ctx(), std::span(image).first(1)).error().code, Errc::image_too_large);
+    EXPECT_EQ(writestate(ctx(), 2, AlState::op).error().code, Errc::unknown_slave);
+    EXPECT_EQ(statecheck(ctx(), 2, AlState::op, 1ms).error().code, Errc::unknown_slave);
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_EQ(*bus.cycle(), 3U);
+    EXPECT_EQ(*config_init(ctx()), 1U) << "a new scan forgets what was mapped";
+    EXPECT_EQ(send_processdata(ctx()).error().code, Errc::unknown_group);
+}
+
+TEST_F(BusTest, TooManyFramesIsNamed) {
+    bus.add(8, 12000);
+    bus.start({.slaves = 4, .process_frames = 1});
+    const auto mapped = config_map(ctx(), image);
+    EXPECT_EQ(mapped.error().code, Errc::too_many_frames);
+    EXPECT_EQ(ctx().slave(1).image.inputs.bits, 0U);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,148 @@
+// Cutting an image into datagrams and frames, and the working counters to expect.
+#include "network/image_datagrams.hpp"
+#include "process_data/slaves.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay {
+namespace {
+
+using wire::Command;
+
+class ImageDatagramsTest : public testing::Test {
+  protected:
+    std::vector<Slave> slaves;
+    GroupConfiguration wanted{.start = {0x1000}};
+    std::vector<std::byte> image = std::vector<std::byte>(100000);
+    std::vector<DatagramPlan> room = std::vector<DatagramPlan>(64);
+
+    std::vector<DatagramPlan> plan() {
+        const auto layout = lay_out(slaves, 0, wanted, image);
+        EXPECT_TRUE(layout.ok());
+        const auto count = plan_datagrams(slaves, 0, wanted, *layout, room);
+        EXPECT_TRUE(count.ok());
+        return {room.begin(), room.begin() + static_cast<std::ptrdiff_t>(*count)};
+    }
+};
+
+TEST_F(ImageDatagramsTest, OneLrw) {
+    slaves = {io_slave(1, 16, 24), io_slave(2, 0, 0), io_slave(3, 0, 8)};
+    const auto got = plan();
+    ASSERT_EQ(got.size(), 1U);
+    // 3 of the slave that reads and writes, none of the coupler, 1 of the one with inputs.
+    EXPECT_EQ(got[0], (DatagramPlan{Command::LRW, 0, {0x1000}, 6, 4, 0, 2, 2, 4, 2}));
+}
+
+TEST_F(ImageDatagramsTest, LrdAndLwrShareAFrame) {
+    slaves = {io_slave(1, 16, 24), io_slave(2, 0, 0), io_slave(3, 0, 8)};
+    wanted.block_lrw = true;
+    const auto got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0], (DatagramPlan{Command::LWR, 0, {0x1000}, 2, 1, 0, 0, 2, 0, 0}));
+    EXPECT_EQ(got[1], (DatagramPlan{Command::LRD, 0, {0x1002}, 4, 2, 0, 2, 0, 4, 0}));
+}
+
+TEST_F(ImageDatagramsTest, OneSlaveWithoutLrwIsEnough) {
+    slaves = {io_slave(1, 8, 8), io_slave(2, 8, 8)};
+    slaves[1].config.block_lrw = true;
+    EXPECT_EQ(plan().size(), 2U);
+    slaves[1].config.block_lrw = false;
+    slaves[1].dl.features = wire::features::kLrwNotSupported;
+    EXPECT_EQ(plan().size(), 2U);
+    slaves[1].config.sm_count = 0;
+    EXPECT_EQ(plan().size(), 1U) << "a slave without data does not matter";
+}
+
+TEST_F(ImageDatagramsTest, OneDirectionNeedsNoLrw) {
+    slaves = {io_slave(1, 8, 0)};
+    EXPECT_EQ(plan()[0].command, Command::LWR);
+    EXPECT_EQ(plan()[0].expected_wkc, 1);
+    slaves = {io_slave(1, 0, 8)};
+    EXPECT_EQ(plan()[0].command, Command::LRD);
+    EXPECT_EQ(plan()[0].expected_wkc, 1);
+    slaves = {io_slave(1, 0, 0)};
+    EXPECT_TRUE(plan().empty());
+}
+
+TEST_F(ImageDatagramsTest, OverlappedDataTravelsOnce) {
+    slaves = {io_slave(1, 16, 24), io_slave(2, 32, 0), io_slave(3, 0, 8)};
+    wanted.overlapped = true;
+    auto got = plan();
+    ASSERT_EQ(got.size(), 1U);
+    EXPECT_EQ(got[0], (DatagramPlan{Command::LRW, 0, {0x1000}, 8, 6, 0, 8, 8, 8, 0}));
+    wanted.block_lrw = true;
+    got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0], (DatagramPlan{Command::LWR, 0, {0x1000}, 8, 2, 0, 0, 8, 0, 0}));
+    EXPECT_EQ(got[1], (DatagramPlan{Command::LRD, 0, {0x1000}, 8, 2, 0, 8, 0, 8, 0}));
+}
+
+// 1486 octets fit one datagram that has a frame for itself.
+TEST_F(ImageDatagramsTest, AFullFrameIsOneFrame) {
+    slaves = {io_slave(1, 486 * 8, 500 * 8), io_slave(2, 500 * 8, 0)};
+    EXPECT_EQ(plan().size(), 1U);
+    slaves[0].config.sms[0].bits += 1;
+    EXPECT_EQ(plan().size(), 2U);
+}
+
+// Three slaves of 700: two fill a frame up to 86 octets, the third is not cut for them.
+TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
+    slaves = {io_slave(1, 0, 700 * 8), io_slave(2, 0, 700 * 8), io_slave(3, 0, 700 * 8)};
+    const auto got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0].bytes, 1400);
+    EXPECT_EQ(got[1].bytes, 700);
+    EXPECT_EQ(got[1].frame, 1);
+    EXPECT_EQ(got[0].expected_wkc, 2);
+    EXPECT_EQ(got[1].expected_wkc, 1);
+}
+
+// Three slaves of 990 octets: 2970, and two frames hold 2972.
+TEST_F(ImageDatagramsTest, ASlaveIsCutWhereThatSavesAFrame) {
+    slaves = {io_slave(1, 0, 990 * 8), io_slave(2, 0, 990 * 8), io_slave(3, 0, 990 * 8)};
+    const auto got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0].bytes, 1486);
+    EXPECT_EQ(got[1].bytes, 2970 - 1486);
+    EXPECT_EQ(got[0].expected_wkc, 2) << "the slave on the boundary counts in both";
+    EXPECT_EQ(got[1].expected_wkc, 2);
+}
+
+TEST_F(ImageDatagramsTest, ASlaveLargerThanAFrame) {
+    slaves = {make_slave(1)};
+    slaves[0].dl.ram_kib = 60;
+    slaves[0].config.add(inputs_sm(3, 0x1400, 4000 * 8));
+    const auto got = plan();
+    ASSERT_EQ(got.size(), 3U);
+    EXPECT_EQ(got[2].bytes, 4000 - 2 * 1486);
+    EXPECT_EQ(got[2].image_input, 2U * 1486);
+}
+
+TEST_F(ImageDatagramsTest, ReserveLeavesRoomInTheFirstFrameOnly) {
+    slaves = {io_slave(1, 0, 1480 * 8), io_slave(2, 0, 1486 * 8)};
+    wanted.reserve_bytes = 20;
+    auto got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0].frame, 1) << "three frames it takes anyway: the first is left to the others, and no slave is cut";
+    EXPECT_EQ(got[1].frame, 2);
+    wanted.reserve_bytes = 6;
+    got = plan();
+    ASSERT_EQ(got.size(), 2U);
+    EXPECT_EQ(got[0].bytes, 1480);
+    wanted.reserve_bytes = 1498;
+    const auto layout = lay_out(slaves, 0, wanted, image);
+    EXPECT_EQ(plan_datagrams(slaves, 0, wanted, *layout, room).error().code, Errc::invalid_argument);
+}
+
+TEST_F(ImageDatagramsTest, TooFewDatagrams) {
+    slaves = {io_slave(1, 0, 1486 * 8), io_slave(2, 0, 1486 * 8), io_slave(3, 0, 8)};
+    const auto layout = lay_out(slaves, 0, wanted, image);
+    const auto count = plan_datagrams(slaves, 0, wanted, *layout, std::span(room).first(2));
+    ASSERT_FALSE(count.ok());
+    EXPECT_EQ(count.error().code, Errc::too_many_frames);
+    EXPECT_EQ(count.error().expected, 3U);
+    EXPECT_EQ(count.error().actual, 2U);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,55 @@
+// The SII of a device with as much process data as wanted.
+#pragma once
+
+#include "wire/sii_writer.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+namespace margay {
+
+// An SII with outputs in SyncManager 0 and inputs in SyncManager 1, by PDOs of entries of up to 8 bits. The PDOs of index 0x1A01 and
+// 0x1601 are not assigned.
+inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t input_bits) {
+    namespace sii = wire::sii;
+    const auto entries = [](std::uint32_t bits, std::uint16_t index) {
+        std::vector<sii::PdoEntryDescription> all;
+        for (std::uint8_t sub = 1; bits > 0; ++sub) {
+            const auto part = static_cast<std::uint8_t>(std::min(bits, 248U));
+            all.push_back({.index = index, .subindex = sub, .bit_length = part});
+            bits -= part;
+        }
+        return all;
+    };
+    const auto out_entries = entries(output_bits, 0x7000);
+    const auto in_entries = entries(input_bits, 0x6000);
+    const auto unused = entries(77, 0x5000);
+    std::vector<sii::PdoDescription> rx{{.index = 0x1601, .entries = unused}};
+    std::vector<sii::PdoDescription> tx{{.index = 0x1A01, .entries = unused}};
+    std::vector<SmInfo> sms;
+    std::vector<FmmuUse> fmmus;
+    if (output_bits > 0) {
+        rx.push_back({.index = 0x1600, .sync_manager = static_cast<std::uint8_t>(sms.size()), .entries = out_entries});
+        sms.push_back({0x1100, static_cast<std::uint16_t>((output_bits + 7) / 8), 0x64, 1, SmType::outputs});
+        fmmus.push_back(FmmuUse::outputs);
+    }
+    if (input_bits > 0) {
+        tx.push_back({.index = 0x1A00, .sync_manager = static_cast<std::uint8_t>(sms.size()), .entries = in_entries});
+        sms.push_back({0x2000, static_cast<std::uint16_t>((input_bits + 7) / 8), 0x20, 1, SmType::inputs});
+        fmmus.push_back(FmmuUse::inputs);
+    }
+    std::vector<std::byte> image(2048);
+    const auto written = sii::write_image({.configuration = {.pdi_control = 0x0005},
+                                           .identity = {.vendor = 0x00004D47, .product = 0x0100},
+                                           .name = "MG IO",
+                                           .fmmus = fmmus,
+                                           .sync_managers = sms,
+                                           .tx_pdos = tx,
+                                           .rx_pdos = rx},
+                                          image);
+    if (!written.ok()) image.clear();
+    return image;
+}
+
+}  // namespace margay

@@ -1,0 +1,245 @@
+// The cycle's frames at the link, against a far end that answers right, late, twice, wrong or not at all.
+#include "engine/scripted_nic.hpp"
+#include "link/engine.hpp"
+#include "network/process_data.hpp"
+#include "process_data/slaves.hpp"
+#include "util/task.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kIndexAt = wire::kFramePrefixBytes + 1;
+constexpr std::size_t kDataAt = wire::kFramePrefixBytes + wire::kDatagramHeaderBytes;
+
+class PreparedFrameTest : public testing::Test {
+  protected:
+    Time now{1s};
+    ScriptedNic nic;
+    std::vector<FrameSlot> slots = std::vector<FrameSlot>(8);
+    std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
+    Engine engine{nic, slots, memory};
+    std::vector<Slave> slaves{io_slave(1, 16, 16)};
+    std::array<std::byte, 4> image{};
+
+    std::vector<ProcessGroup> groups = std::vector<ProcessGroup>(1);
+    std::vector<PreparedFrame> frames = std::vector<PreparedFrame>(2);
+    std::vector<PreparedDatagram> datagrams = std::vector<PreparedDatagram>(4);
+    std::vector<DatagramStatus> statuses = std::vector<DatagramStatus>(4);
+    std::vector<DatagramPlan> plans = std::vector<DatagramPlan>(4);
+    std::vector<DatagramPlan> scratch = std::vector<DatagramPlan>(4);
+    ProcessTables tables{groups, frames, datagrams, statuses, plans, scratch};
+    ProcessGroup& group = groups[0];
+
+    void SetUp() override {
+        group.layout = *lay_out(slaves, 0, group.config, image);
+        group.image = image;
+        const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
+        ASSERT_TRUE(prepare(tables, group, *count, nic.source_mac()).ok());
+    }
+    const LinkStatistics& counted() { return engine.link().statistics(); }
+    Result<> send(Duration later = 1ms) { return send_cycle(group, 0, engine.link(), now += later); }
+    Result<std::uint32_t> end() {
+        while (engine.receive_one(now)) {
+        }
+        return end_cycle(group, 0, slaves, engine.link(), now);
+    }
+    // The reply to the frame sent last: the slave's two octets of input, and a working counter.
+    Octets reply(std::uint16_t wkc, std::uint8_t value) {
+        Octets r = reply_to(nic.sent.back(), wkc);
+        r[kDataAt + 2] = r[kDataAt + 3] = std::byte{value};
+        return r;
+    }
+    struct Asked {
+        bool done = false;
+        Reply reply;
+        std::array<std::byte, 4> data{};
+    };
+    static Task<Result<>> ask(Engine& engine, Asked& asked, MutableBytes data) {
+        Datagram datagram(engine.link(), wire::Command::FPRD, wire::DatagramAddress(StationAddress{0x1001}, 0x0130), data);
+        asked.reply = co_await datagram;
+        asked.done = true;
+        co_return Result<>();
+    }
+};
+
+TEST_F(PreparedFrameTest, CarriesOutputsAndBringsInputs) {
+    image[0] = std::byte{0x12};
+    image[1] = std::byte{0x34};
+    ASSERT_TRUE(send().ok());
+    ASSERT_EQ(nic.sent.size(), 1U);
+    EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 12 + 4);
+    EXPECT_EQ(nic.sent[0][kDataAt], std::byte{0x12});
+    EXPECT_EQ(nic.sent[0][kDataAt + 1], std::byte{0x34});
+    nic.incoming.push_back(reply(3, 0x77));
+    const auto wkc = end();
+    ASSERT_TRUE(wkc.ok());
+    EXPECT_EQ(*wkc, 3U);
+    EXPECT_EQ(image[0], std::byte{0x12}) << "outputs stay the application's";
+    EXPECT_EQ(image[2], std::byte{0x77});
+    EXPECT_EQ(counted().frames_received, 1U);
+}
+
+TEST_F(PreparedFrameTest, ShortDatagramIsNotTakenOver) {
+    for (const std::uint16_t wkc : std::array<std::uint16_t, 4>{0, 1, 2, 4}) {
+        ASSERT_TRUE(send().ok());
+        nic.incoming.push_back(reply(wkc, 0x55));
+        const auto ended = end();
+        EXPECT_EQ(ended.error().code, Errc::working_counter);
+        EXPECT_EQ(ended.error().expected, 3U);
+        EXPECT_EQ(ended.error().actual, wkc);
+        EXPECT_TRUE(group.datagrams[0].came);
+        EXPECT_EQ(image[2], std::byte{0}) << wkc;
+    }
+}
+
+TEST_F(PreparedFrameTest, ReplyOfAnOlderCycleIsNotTakenForThisOne) {
+    ASSERT_TRUE(send().ok());
+    const Octets late = reply(3, 0x11);
+    EXPECT_EQ(end().error().code, Errc::no_frame);
+    EXPECT_EQ(counted().lost, 1U);
+    ASSERT_TRUE(send().ok());
+    EXPECT_NE(nic.sent[0][kIndexAt], nic.sent[1][kIndexAt]);
+    nic.incoming.push_back(late);
+    EXPECT_EQ(end().error().code, Errc::no_frame);
+    EXPECT_EQ(image[2], std::byte{0});
+    ASSERT_TRUE(send().ok());
+    const Octets twice = reply(3, 0x22);
+    nic.incoming = {twice, twice};
+    EXPECT_TRUE(end().ok());
+    EXPECT_EQ(counted().unexpected, 2U) << "the late one and the second of two";
+}
+
+TEST_F(PreparedFrameTest, SendingAgainGivesUpWhatIsNotBack) {
+    ASSERT_TRUE(send().ok());
+    const Octets late = reply(3, 0x11);
+    ASSERT_TRUE(send().ok());
+    nic.incoming = {late, reply(3, 0x22)};
+    ASSERT_TRUE(end().ok());
+    EXPECT_EQ(image[2], std::byte{0x22});
+    EXPECT_EQ(counted().lost, 1U);
+}
+
+// Every way in which a reply can be wrong.
+TEST_F(PreparedFrameTest, WrongRepliesAreDropped) {
+    struct Case {
+        const char* name;
+        std::size_t at;
+        std::uint8_t flip;
+    };
+    const Case cases[] = {
+        {"not passed any slave", wire::kSourceMacOffset, 0x02}, {"other protocol", 12, 0x01},
+        {"other frame length", 14, 0x01},                       {"other frame type", 15, 0x10},
+        {"other command", 16, 0x01},                            {"other index", kIndexAt, 0x40},
+        {"other address", 18, 0x01},                            {"other address, last octet", 21, 0x80},
+        {"other length", 22, 0x01},                             {"another datagram behind", 23, 0x80},
+    };
+    for (const Case& c : cases) {
+        ASSERT_TRUE(send().ok());
+        Octets wrong = reply(3, 0x66);
+        wrong[c.at] ^= std::byte{c.flip};
+        nic.incoming.push_back(wrong);
+        EXPECT_EQ(end().error().code, Errc::no_frame) << c.name;
+        EXPECT_EQ(image[2], std::byte{0}) << c.name;
+    }
+    // Cut at any place.
+    for (std::size_t length = 1; length < nic.sent[0].size(); ++length) {
+        ASSERT_TRUE(send().ok());
+        Octets cut = reply(3, 0x66);
+        cut.resize(length);
+        nic.incoming.push_back(cut);
+        EXPECT_EQ(end().error().code, Errc::no_frame) << length;
+    }
+    // Padding and the flag that a closed ring sets are no faults.
+    ASSERT_TRUE(send().ok());
+    Octets right = reply(3, 0x66);
+    right.resize(60);
+    right[23] ^= std::byte{0x40};
+    nic.incoming.push_back(right);
+    EXPECT_TRUE(end().ok());
+    EXPECT_EQ(image[2], std::byte{0x66});
+}
+
+TEST_F(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
+    nic.answer = SendStatus::busy;
+    EXPECT_EQ(send().error().code, Errc::nic);
+    EXPECT_EQ(end().error().code, Errc::no_frame);
+    nic.answer = SendStatus::sent;
+    ASSERT_TRUE(send().ok());
+    nic.incoming.push_back(reply(3, 1));
+    EXPECT_TRUE(end().ok());
+}
+
+TEST_F(PreparedFrameTest, RidersComeBackWithTheFrame) {
+    Asked asked;
+    auto task = ask(engine, asked, asked.data);
+    task.start();
+    ASSERT_TRUE(send().ok());
+    ASSERT_EQ(nic.sent.size(), 1U);
+    EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 16 + 16);
+    nic.incoming.push_back(reply(3, 0x31));
+    EXPECT_TRUE(end().ok());
+    EXPECT_FALSE(asked.done) << "whoever waits is resumed by poll(), not in the cycle";
+    engine.poll(now);
+    EXPECT_TRUE(asked.done);
+    EXPECT_TRUE(asked.reply.ok());
+    ASSERT_TRUE(send().ok());
+    EXPECT_EQ(nic.sent[1].size(), wire::kFramePrefixBytes + 16) << "and the next frame is without it";
+    nic.incoming.push_back(reply(3, 0x32));
+    EXPECT_TRUE(end().ok());
+}
+
+TEST_F(PreparedFrameTest, RiderOfALostFrameTravelsAgain) {
+    Asked asked;
+    auto task = ask(engine, asked, asked.data);
+    task.start();
+    ASSERT_TRUE(send().ok());
+    EXPECT_EQ(end().error().code, Errc::no_frame);
+    for (int i = 0; i < 20 && !asked.done; ++i) {
+        ASSERT_TRUE(send().ok());
+        nic.incoming.push_back(reply(3, 1));
+        EXPECT_TRUE(end().ok());
+        engine.poll(now);
+    }
+    EXPECT_TRUE(asked.done && asked.reply.ok());
+    EXPECT_EQ(counted().retried, 1U);
+}
+
+TEST_F(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
+    ASSERT_TRUE(send().ok());
+    ASSERT_TRUE(send(1ms).ok());
+    Asked asked;
+    auto task = ask(engine, asked, asked.data);
+    task.start();
+    const auto sent = nic.sent.size();
+    const Time next = engine.poll(now += 100us);
+    EXPECT_EQ(nic.sent.size(), sent);
+    EXPECT_LE(next, now + 2ms) << "but not for ever";
+    engine.poll(now += 2ms);
+    EXPECT_EQ(nic.sent.size(), sent + 1);
+}
+
+TEST_F(PreparedFrameTest, BudgetBoundsWhatRides) {
+    group.config.acyclic_bytes = 40;
+    std::vector<Asked> asked(10);
+    std::vector<Task<Result<>>> tasks;
+    for (auto& a : asked) tasks.push_back(ask(engine, a, a.data));
+    for (auto& t : tasks) t.start();
+    ASSERT_TRUE(send().ok());
+    ASSERT_EQ(nic.sent.size(), 1U);
+    EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 16 + 2 * 16);
+    // One longer than the budget goes all the same, alone.
+    tasks.clear();
+    Asked large;
+    std::array<std::byte, 500> data{};
+    auto task = ask(engine, large, data);
+    task.start();
+    ASSERT_TRUE(send().ok());
+    EXPECT_EQ(nic.sent.back().size(), wire::kFramePrefixBytes + 16 + 512);
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,335 @@
+// Reading, writing and verifying an EEPROM that fails in every way, and image files.
+#include "common/eeprom.hpp"
+
+#include "wire/sii_writer.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+
+namespace margay::samples {
+namespace {
+
+namespace sii = wire::sii;
+constexpr std::uint32_t kNever = 0xFFFFFFFF;
+
+std::vector<std::byte> image(std::uint32_t product, std::size_t size = 1024) {
+    std::vector<std::byte> out(size);
+    EXPECT_TRUE(sii::write_image(
+                    {.identity = {0x4D47, product, 1, 1}, .name = "Made up " + std::to_string(product)}, out)
+                    .ok());
+    return out;
+}
+
+// An EEPROM with faults.
+struct FaultyEeprom final : Eeprom {
+    explicit FaultyEeprom(std::vector<std::byte> content) : octets(std::move(content)) {}
+
+    std::string name() const override { return "it"; }
+    std::string read(std::uint32_t word, MutableBytes into) override {
+        if (words_written >= lost_after_words) return "no answer";
+        for (std::size_t i = 0; i < into.size(); ++i) into[i] = octets[(word * 2 + i) % octets.size()];
+        return {};
+    }
+    Written write(std::uint32_t word, Bytes data) override {
+        Written done;
+        for (; done.words < data.size() / 2; ++done.words) {
+            const auto at = word + done.words;
+            if (words_written >= lost_after_words) return {done.words, "no answer"};
+            if (at == refused_word) return {done.words, "refused"};
+            if (at != forgotten_word) {
+                const auto place = at * 2 % octets.size();
+                octets[place] = data[done.words * 2];
+                octets[place + 1] = data[done.words * 2 + 1];
+            }
+            order.push_back(static_cast<std::uint32_t>(at));
+            ++words_written;
+        }
+        return done;
+    }
+    std::string keep() override {
+        ++kept;
+        return keep_error;
+    }
+
+    std::vector<std::byte> octets;  // its real size: addresses behind it wrap around
+    std::vector<std::uint32_t> order;
+    std::size_t words_written = 0;
+    std::size_t lost_after_words = kNever;
+    std::uint32_t refused_word = kNever;
+    std::uint32_t forgotten_word = kNever;
+    std::string keep_error;
+    int kept = 0;
+};
+
+std::size_t different_words(Bytes a, Bytes b) {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < a.size(); i += 2)
+        count += load_le<std::uint16_t>(a, i) != load_le<std::uint16_t>(b, i);
+    return count;
+}
+
+TEST(EepromWrite, WritesOnlyWhatDiffers) {
+    FaultyEeprom eeprom(image(1));
+    const auto wanted = image(2);
+    const auto different = different_words(eeprom.octets, wanted);
+    ASSERT_GT(different, 0U);
+    const auto report = write_eeprom(eeprom, wanted, no_progress());
+    EXPECT_EQ(report.error, "");
+    EXPECT_TRUE(report.verified);
+    EXPECT_EQ(report.words, 512U);
+    EXPECT_EQ(report.different, different);
+    EXPECT_EQ(report.written, different);
+    EXPECT_EQ(eeprom.words_written, different);
+    EXPECT_EQ(eeprom.octets, wanted);
+    EXPECT_EQ(eeprom.kept, 1);
+
+    const auto again = write_eeprom(eeprom, wanted, no_progress());
+    EXPECT_TRUE(again.verified);
+    EXPECT_EQ(again.different, 0U);
+    EXPECT_EQ(eeprom.words_written, different);
+}
+
+TEST(EepromWrite, WritesTheConfigurationAreaLast) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    ASSERT_TRUE(write_eeprom(eeprom, image(2), no_progress()).verified);
+    ASSERT_GT(eeprom.order.size(), 8U);
+    const std::vector<std::uint32_t> last(eeprom.order.end() - 8, eeprom.order.end());
+    EXPECT_EQ(last, (std::vector<std::uint32_t>{0, 1, 2, 3, 4, 5, 6, 7}));
+    EXPECT_EQ(*std::min_element(eeprom.order.begin(), eeprom.order.end() - 8), 8U);
+}
+
+TEST(EepromWrite, LeavesTheRestOfALargerEeprom) {
+    FaultyEeprom eeprom(image(1, 2048));
+    eeprom.octets[2000] = std::byte{0x5A};
+    auto before = eeprom.octets;
+    const auto wanted = image(2, 1024);
+    ASSERT_TRUE(write_eeprom(eeprom, wanted, no_progress()).verified);
+    EXPECT_TRUE(std::equal(wanted.begin(), wanted.end(), eeprom.octets.begin()));
+    EXPECT_TRUE(std::equal(before.begin() + 1024, before.end(), eeprom.octets.begin() + 1024));
+}
+
+TEST(EepromWrite, ARefusedWordEndsIt) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    eeprom.refused_word = 0x45;
+    const auto report = write_eeprom(eeprom, image(2), no_progress());
+    EXPECT_EQ(report.error, "word 0x0045 is not written for sure: refused");
+    EXPECT_FALSE(report.verified);
+    EXPECT_EQ(report.written, eeprom.words_written);
+    EXPECT_LT(report.written, report.different);
+    EXPECT_EQ(eeprom.kept, 0);
+    EXPECT_TRUE(sii::is_blank(Bytes(eeprom.octets).first(16)));  // nothing vouches for the half that is there
+}
+
+// Wherever it is lost, what counts as written is what was written, and nothing is called verified.
+TEST(EepromWrite, LostHalfwayAnywhere) {
+    FaultyEeprom whole(image(1));
+    const auto wanted = image(2000000000);
+    const auto different = write_eeprom(whole, wanted, no_progress()).different;
+    ASSERT_GT(different, 5U);
+    for (std::size_t words = 0; words <= different; ++words) {
+        FaultyEeprom eeprom(image(1));
+        eeprom.lost_after_words = words;
+        const auto report = write_eeprom(eeprom, wanted, no_progress());
+        EXPECT_NE(report.error.find("no answer"), std::string::npos) << report.error;
+        EXPECT_FALSE(report.verified);
+        EXPECT_EQ(report.written, words);
+    }
+}
+
+TEST(EepromWrite, VerifyFindsAWordThatDidNotStick) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    eeprom.forgotten_word = 0x0A;
+    const auto report = write_eeprom(eeprom, image(0x1234), no_progress());
+    EXPECT_FALSE(report.verified);
+    EXPECT_EQ(report.error.find("word 0x000a reads 0xffff, written was 0x1234 (1 of 512 words are wrong"), 0U)
+        << report.error;
+}
+
+// A small EEPROM takes all words gladly, and overwrites its beginning with what was meant for behind its end.
+TEST(EepromWrite, VerifyFindsAnEepromThatWrapsAround) {
+    FaultyEeprom eeprom(std::vector<std::byte>(512, std::byte{0xFF}));
+    std::vector<std::byte> large(1024);
+    const std::string names[] = {std::string(200, 'a'), std::string(200, 'b'), std::string(200, 'c')};
+    ASSERT_TRUE(sii::write_image({.group = names[0], .order = names[1], .name = names[2]}, large).ok());
+    const auto report = write_eeprom(eeprom, large, no_progress());
+    EXPECT_FALSE(report.verified);
+    EXPECT_NE(report.error.find("an EEPROM that is smaller than it should be does that"), std::string::npos)
+        << report.error;
+}
+
+TEST(EepromWrite, StopsBetweenWords) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    const auto report =
+        write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t) {
+            return !(what == "writing" && done >= 16);
+        });
+    EXPECT_EQ(report.error, "stopped");
+    EXPECT_FALSE(report.verified);
+    EXPECT_EQ(report.written, eeprom.words_written);
+    EXPECT_GE(report.written, 16U);
+    EXPECT_LT(report.written, 24U);
+}
+
+TEST(EepromWrite, ProgressGoesOnlyForward) {
+    FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
+    std::string last_what;
+    std::size_t last = 0;
+    std::vector<std::string> phases;
+    const auto report =
+        write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t total) {
+            if (what != last_what) phases.emplace_back(what);
+            EXPECT_TRUE(what != last_what || done >= last);
+            EXPECT_LE(done, total);
+            last_what = what;
+            last = done;
+            return true;
+        });
+    EXPECT_TRUE(report.verified);
+    EXPECT_EQ(phases, (std::vector<std::string>{"reading", "writing", "verifying"}));
+}
+
+TEST(EepromWrite, AnEepromThatCannotBeKeptIsNotVerified) {
+    FaultyEeprom eeprom(image(1));
+    eeprom.keep_error = "disk full";
+    const auto report = write_eeprom(eeprom, image(2), no_progress());
+    EXPECT_EQ(report.error, "disk full");
+    EXPECT_FALSE(report.verified);
+}
+
+TEST(EepromSize, IsToldByItsWord) {
+    FaultyEeprom eeprom(image(1));
+    EXPECT_EQ(eeprom_size(eeprom).octets, 1024U);
+    FaultyEeprom blank(std::vector<std::byte>(1024, std::byte{0xFF}));
+    EXPECT_EQ(eeprom_size(blank).octets, 0U);
+    EXPECT_NE(eeprom_size(blank).error.find("--size"), std::string::npos);
+    eeprom.lost_after_words = 0;
+    EXPECT_EQ(eeprom_size(eeprom).error, "no answer");
+}
+
+TEST(EepromAlias, IsWrittenWithItsChecksum) {
+    FaultyEeprom eeprom(image(1));
+    EXPECT_EQ(write_alias(eeprom, 0xABCD, false).error, "");
+    EXPECT_TRUE(sii::checksum_right(eeprom.octets));
+    EXPECT_EQ(sii::load_configuration(eeprom.octets).alias, 0xABCD);
+    EXPECT_EQ(read_alias(eeprom).after, 0xABCD);
+    const auto second = write_alias(eeprom, 1, false);
+    EXPECT_EQ(second.before, 0xABCD);
+    EXPECT_EQ(second.after, 1);
+    for (const auto word : eeprom.order)
+        EXPECT_TRUE(word == 4 || word == 7) << word;  // nothing else is touched
+}
+
+TEST(EepromAlias, DoesNotVouchForAnAreaThatIsWrong) {
+    FaultyEeprom eeprom(image(1));
+    eeprom.octets[0] ^= std::byte{1};
+    const auto report = write_alias(eeprom, 5, false);
+    EXPECT_NE(report.error.find("--force"), std::string::npos) << report.error;
+    EXPECT_EQ(eeprom.words_written, 0U);
+    EXPECT_EQ(write_alias(eeprom, 5, true).error, "");
+    EXPECT_TRUE(sii::checksum_right(eeprom.octets));
+
+    FaultyEeprom blank(std::vector<std::byte>(1024, std::byte{0xFF}));
+    EXPECT_NE(write_alias(blank, 5, false).error.find("blank"), std::string::npos);
+    EXPECT_EQ(blank.words_written, 0U);
+}
+
+TEST(EepromAlias, LostBetweenAliasAndChecksum) {
+    FaultyEeprom eeprom(image(1));
+    eeprom.lost_after_words = 1;
+    EXPECT_EQ(write_alias(eeprom, 5, false).error, "word 0x0007 is not written for sure: no answer");
+}
+
+TEST(WhyNotToWrite, OnlyWhatIsGravelyWrong) {
+    const auto good = image(1);
+    EXPECT_EQ(why_not_to_write(good), "");
+    EXPECT_EQ(why_not_to_write(Bytes(good).first(600)), "");  // the end of the EEPROM left out
+    EXPECT_NE(why_not_to_write(Bytes(good).first(130)), "");
+    EXPECT_NE(why_not_to_write(Bytes(good).first(601)), "");
+    EXPECT_NE(why_not_to_write({}), "");
+    EXPECT_NE(why_not_to_write(std::vector<std::byte>(1024, std::byte{0xFF})), "");
+    auto wrong = good;
+    wrong[14] ^= std::byte{1};
+    EXPECT_NE(why_not_to_write(wrong).find("checksum"), std::string::npos);
+    auto longer = good;
+    longer.resize(2048);
+    EXPECT_NE(why_not_to_write(longer).find("size"), std::string::npos);
+    auto odd_mailbox = good;  // a fault, but the vendor's own affair
+    odd_mailbox[sii::word::kMailboxProtocols * 2] = std::byte{4};
+    EXPECT_EQ(why_not_to_write(odd_mailbox), "");
+}
+
+struct ImageFiles : testing::Test {
+    std::filesystem::path folder =
+        std::filesystem::temp_directory_path() / ("margay-image-" + std::to_string(::getpid()));
+    ImageFiles() { std::filesystem::create_directories(folder); }
+    ~ImageFiles() override { std::filesystem::remove_all(folder); }
+    [[nodiscard]] std::string file(const std::string& name) const { return folder / name; }
+    [[nodiscard]] std::size_t files() const {
+        return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
+    }
+};
+
+TEST_F(ImageFiles, ComeBackAsTheyWere) {
+    const auto octets = image(3);
+    for (const auto format : {ImageFormat::binary, ImageFormat::intel_hex}) {
+        EXPECT_EQ(save_image(file("x"), format, octets), "");
+        const auto back = load_image(file("x"));
+        EXPECT_EQ(back.error, "");
+        EXPECT_EQ(back.octets, octets);
+        EXPECT_EQ(back.format, format);
+        EXPECT_EQ(files(), 1U);
+    }
+    EXPECT_EQ(format_by_name("a.hex"), ImageFormat::intel_hex);
+    EXPECT_EQ(format_by_name("dir.hex/a.IHX"), ImageFormat::intel_hex);
+    EXPECT_EQ(format_by_name("a.bin"), ImageFormat::binary);
+    EXPECT_EQ(format_by_name("-"), ImageFormat::binary);
+}
+
+TEST_F(ImageFiles, FailWithTheirName) {
+    EXPECT_EQ(load_image(file("none")).error, file("none") + ": cannot be read: No such file or directory");
+    EXPECT_NE(load_image(folder).error, "");
+    std::ofstream(file("empty")).close();
+    EXPECT_EQ(load_image(file("empty")).error, file("empty") + ": the file is empty");
+    std::ofstream(file("bad.hex")) << ":00000001FE\n";
+    EXPECT_EQ(load_image(file("bad.hex")).error.find(file("bad.hex") + ": line 1: the checksum"), 0U);
+    EXPECT_EQ(save_image(file("no/x"), ImageFormat::binary, image(1)),
+              file("no/x") + ": cannot be written: No such file or directory");
+    if (std::filesystem::exists("/dev/full")) {
+        EXPECT_EQ(save_image("/dev/full", ImageFormat::binary, image(1)),
+                  "/dev/full: cannot be written: No space left on device");
+        EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));  // a device is written to, not replaced
+    }
+}
+
+TEST_F(ImageFiles, KeepTheirModeAndTheirLinks) {
+    EXPECT_EQ(save_image(file("x"), ImageFormat::binary, image(1)), "");
+    std::filesystem::permissions(file("x"), std::filesystem::perms{0640});
+    std::filesystem::create_symlink("x", file("link"));
+    EXPECT_EQ(save_image(file("link"), ImageFormat::binary, image(2)), "");
+    EXPECT_TRUE(std::filesystem::is_symlink(file("link")));
+    EXPECT_EQ(load_image(file("x")).octets, image(2));
+    EXPECT_EQ(std::filesystem::status(file("x")).permissions(), std::filesystem::perms{0640});
+}
+
+TEST_F(ImageFiles, AreEeproms) {
+    EXPECT_EQ(save_image(file("x.hex"), ImageFormat::intel_hex, image(1)), "");
+    FileEeprom eeprom(file("x.hex"), load_image(file("x.hex")));
+    EXPECT_EQ(eeprom_size(eeprom).octets, 1024U);
+    EXPECT_TRUE(write_eeprom(eeprom, image(2), no_progress()).verified);
+    const auto back = load_image(file("x.hex"));
+    EXPECT_EQ(back.octets, image(2));
+    EXPECT_EQ(back.format, ImageFormat::intel_hex);
+    std::array<std::byte, 4> words{};
+    EXPECT_NE(eeprom.read(511, words), "");
+    EXPECT_NE(eeprom.write(511, words).error, "");
+    EXPECT_EQ(eeprom.read(510, words), "");
+}
+
+}  // namespace
+}  // namespace margay::samples

@@ -1,0 +1,155 @@
+// SOURCE strings: what they open, and what they say when they cannot.
+#include "common/source.hpp"
+#include "wire/datagram.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace margay::samples {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct SourceTest : testing::Test {
+    std::filesystem::path folder =
+        std::filesystem::temp_directory_path() / ("margay-source-" + std::to_string(::getpid()));
+    SourceTest() { std::filesystem::create_directories(folder); }
+    ~SourceTest() override { std::filesystem::remove_all(folder); }
+
+    static std::string error_of(const std::string& text, const SourceOptions& options = {}) {
+        auto source = open_source(text, options);
+        EXPECT_FALSE(source) << text;
+        return source.error();
+    }
+
+    // A recording of one BRD and its reply, made through the recorder.
+    std::string recording() {
+        struct Loop final : Nic {
+            SendStatus send(std::span<const std::byte>) noexcept override { return SendStatus::sent; }
+            std::size_t receive(std::span<std::byte> into) noexcept override {
+                std::copy(reply.begin(), reply.end(), into.begin());
+                return reply.size();
+            }
+            std::vector<std::byte> reply;
+        } nic;
+        VirtualOsal osal;
+        PcapRecorder recorder(nic, osal);
+        const auto path = folder / "one.pcap";
+        EXPECT_TRUE(recorder.open(path).ok());
+        const auto request = brd();
+        EXPECT_EQ(recorder.send(request), SendStatus::sent);
+        osal.advance(50us);
+        nic.reply = request;
+        nic.reply[6] |= wire::kPassedEscBit;
+        nic.reply.back() = std::byte{0};
+        nic.reply[nic.reply.size() - 2] = std::byte{3};
+        std::array<std::byte, 1518> into;
+        EXPECT_EQ(recorder.receive(into), request.size());
+        EXPECT_TRUE(recorder.close().ok());
+        return path;
+    }
+    static std::vector<std::byte> brd() {
+        std::vector<std::byte> buffer(100);
+        wire::FrameBuilder builder(buffer, {});
+        (void)builder.append(wire::Command::BRD, 0, wire::DatagramAddress(0), 1);
+        buffer.resize(builder.finish().size());
+        return buffer;
+    }
+};
+
+TEST_F(SourceTest, AnInterfaceThatIsNotThereIsNamed) {
+    EXPECT_NE(error_of("no-such-if").find("there is no interface \"no-such-if\""), std::string::npos);
+    EXPECT_NE(error_of("").find("there is no interface \"\""), std::string::npos);
+    EXPECT_NE(error_of("ftp:eth0").find("there is no interface \"ftp:eth0\""), std::string::npos);
+}
+
+TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {
+    EXPECT_NE(error_of("pcap:/no/such/file").find("/no/such/file"), std::string::npos);
+    EXPECT_NE(error_of("pcap:").find("cannot be read"), std::string::npos) << error_of("pcap:");
+    std::ofstream(folder / "text") << "this is a text file and no recording";
+    EXPECT_NE(error_of("pcap:" + (folder / "text").string()).find("neither pcap nor pcapng"),
+              std::string::npos);
+}
+
+TEST_F(SourceTest, ARecordingAnswersInVirtualTime) {
+    auto source = open_source("pcap:" + recording());
+    ASSERT_TRUE(source) << source.error();
+    EXPECT_TRUE(source->virtual_time());
+    ASSERT_EQ(source->nic().send(brd()), SendStatus::sent);
+    const auto before = source->osal().now();
+    source->osal().wait(source->nic().next_arrival(), source->nic().wait_handle());
+    EXPECT_EQ(source->osal().now() - before, 50us);
+    std::array<std::byte, 1518> into;
+    ASSERT_EQ(source->nic().receive(into), brd().size());
+    EXPECT_EQ(into[brd().size() - 2], std::byte{3});
+    EXPECT_EQ(source->finish(), "");
+}
+
+TEST_F(SourceTest, ARequestThatWasNotRecordedIsToldAtTheEnd) {
+    auto source = open_source("pcap:" + recording());
+    ASSERT_TRUE(source) << source.error();
+    auto other = brd();
+    other[wire::kFramePrefixBytes] = std::byte{4};  // FPRD
+    ASSERT_EQ(source->nic().send(other), SendStatus::sent);
+    EXPECT_NE(source->finish().find("the recording has no FPRD"), std::string::npos);
+}
+
+TEST_F(SourceTest, RecordingARecordingGivesTheSameFile) {
+    const auto first = recording();
+    const auto second = (folder / "two.pcap").string();
+    {
+        auto source = open_source("pcap:" + first, {.record = second});
+        ASSERT_TRUE(source) << source.error();
+        ASSERT_EQ(source->nic().send(brd()), SendStatus::sent);
+        source->osal().wait(source->nic().next_arrival(), -1);
+        std::array<std::byte, 1518> into;
+        ASSERT_NE(source->nic().receive(into), 0u);
+        EXPECT_EQ(source->finish(), "");
+    }
+    const auto content = [](const std::string& path) {
+        std::ifstream in(path, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    EXPECT_FALSE(content(first).empty());
+    EXPECT_EQ(content(first), content(second));
+}
+
+TEST_F(SourceTest, ARecordingIsNotWrittenOverItself) {
+    const auto file = recording();
+    const auto size = std::filesystem::file_size(file);
+    EXPECT_NE(error_of("pcap:" + file, {.record = file}).find("at the same time"), std::string::npos);
+    EXPECT_NE(
+        error_of("pcap:" + file, {.record = (folder / "." / "one.pcap").string()}).find("at the same time"),
+        std::string::npos);
+    EXPECT_EQ(std::filesystem::file_size(file), size);
+}
+
+TEST_F(SourceTest, ARecordingThatCannotBeMadeIsNamed) {
+    EXPECT_NE(
+        error_of("pcap:" + recording(), {.record = "/no/such/folder/x.pcap"}).find("/no/such/folder/x.pcap"),
+        std::string::npos);
+}
+
+TEST_F(SourceTest, AnIncompleteRecordingIsToldAtTheEnd) {
+    if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+    auto source = open_source("pcap:" + recording(), {.record = "/dev/full"});
+    ASSERT_TRUE(source) << source.error();
+    for (int i = 0; i < 500; ++i) (void)source->nic().send(brd());
+    EXPECT_NE(source->finish().find("not complete"), std::string::npos);
+}
+
+TEST_F(SourceTest, TraceGoesToStandardError) {
+    auto source = open_source("pcap:" + recording(), {.trace = true});
+    ASSERT_TRUE(source) << source.error();
+    testing::internal::CaptureStderr();
+    ASSERT_EQ(source->nic().send(brd()), SendStatus::sent);
+    const auto shown = testing::internal::GetCapturedStderr();
+    EXPECT_NE(shown.find("tx 1 0x00 BRD"), std::string::npos) << shown;
+    EXPECT_EQ(shown.back(), '\n');
+}
+
+}  // namespace
+}  // namespace margay::samples

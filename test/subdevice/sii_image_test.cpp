@@ -1,0 +1,138 @@
+// The SII image that a device's description and dictionary make, read back by the parser; EEPROM emulation.
+#include "subdevice/sii_image.hpp"
+
+#include "bench_device.hpp"
+#include "wire/sii_check.hpp"
+
+namespace margay::subdevice {
+namespace {
+
+using namespace testing;
+namespace sii = wire::sii;
+
+class SiiImageTest : public ::testing::Test {
+  protected:
+    SiiImageTest() {
+        const auto written =
+            write_sii(bench.application.description(), {.pdi_control = 0x0C05, .alias = 0x1234},
+                      bench.dictionary, workspace, image);
+        EXPECT_TRUE(written.ok()) << to_text(written.fault);
+    }
+    Bytes category(std::uint16_t type) {
+        sii::CategoryChain chain(static_cast<std::uint32_t>(image.size() / 2));
+        while (chain.more()) {
+            const auto place = chain.step(Bytes(image).subspan(chain.header_word() * 2, 4));
+            if (!place) break;
+            if (place->type == type)
+                return Bytes(image).subspan(place->word * 2, place->words * std::size_t{2});
+        }
+        return {};
+    }
+    Bench bench;
+    SiiWorkspace<4, 16> workspace;
+    std::vector<std::byte> image = std::vector<std::byte>(2048);
+};
+
+TEST_F(SiiImageTest, FixedPartSaysWhatTheDescriptionSays) {
+    const auto fixed = sii::load_fixed_part(image);
+    ASSERT_TRUE(fixed.ok());
+    EXPECT_EQ(fixed.value.configuration.pdi_control, 0x0C05);
+    EXPECT_EQ(fixed.value.configuration.alias, 0x1234);
+    EXPECT_EQ(fixed.value.identity, (Identity{0x4D47, 0x10, 1, 7}));
+    EXPECT_EQ(fixed.value.mailboxes.standard.out_start, 0x1000);
+    EXPECT_EQ(fixed.value.mailboxes.standard.in_bytes, 128);
+    EXPECT_EQ(fixed.value.mailboxes.standard.protocols, mailbox_protocol::kCoE);
+    EXPECT_FALSE(fixed.value.mailboxes.boot.present());
+}
+
+TEST_F(SiiImageTest, CategoriesSayWhatTheDictionarySays) {
+    const auto general = sii::parse_general(category(sii::category::kGeneral));
+    ASSERT_TRUE(general.ok());
+    EXPECT_EQ(general.value.coe_details, coe_detail::kSdo | coe_detail::kSdoInformation |
+                                             coe_detail::kPdoAssignment | coe_detail::kPdoConfiguration |
+                                             coe_detail::kCompleteAccess);
+    sii::SyncManagers managers(category(sii::category::kSyncManager));
+    EXPECT_EQ(managers.next()->control, 0x26);
+    EXPECT_EQ(managers.next()->control, 0x22);
+    const auto outputs = managers.next();
+    EXPECT_EQ(outputs->control, 0x64);
+    EXPECT_EQ(outputs->length_bytes, 4);
+    const auto inputs = managers.next();
+    EXPECT_EQ(inputs->control, 0x20);
+    EXPECT_EQ(inputs->length_bytes, 6);
+    EXPECT_EQ(inputs->start, 0x1300);
+    sii::Pdos rx(category(sii::category::kRxPdo));
+    const auto first = rx.next();
+    ASSERT_TRUE(first);
+    EXPECT_EQ(first->index, 0x1600);
+    EXPECT_EQ(first->sync_manager, 2);
+    EXPECT_EQ(first->entry_count, 3);
+    EXPECT_EQ(first->flags & sii::pdo_flag::kFixedContent, 0);
+    sii::PdoEntries entries(first->entries);
+    const auto a = entries.next();
+    EXPECT_EQ(a->index, 0x7000);
+    EXPECT_EQ(a->subindex, 1);
+    EXPECT_EQ(a->bit_length, 8);
+    EXPECT_EQ(a->data_type, 5);
+    const auto second = rx.next();
+    ASSERT_TRUE(second);
+    EXPECT_EQ(second->index, 0x1601);
+    EXPECT_FALSE(second->assigned());
+    EXPECT_NE(second->flags & sii::pdo_flag::kFixedContent, 0);
+    EXPECT_FALSE(rx.next());
+}
+
+TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
+    SiiWorkspace<2, 16> few_pdos;
+    SiiWorkspace<4, 3> few_entries;
+    std::vector<std::byte> small(256);
+    const auto& device = bench.application.description();
+    EXPECT_EQ(write_sii(device, {}, bench.dictionary, few_pdos, image).fault, sii::Fault::no_room);
+    EXPECT_EQ(write_sii(device, {}, bench.dictionary, few_entries, image).fault, sii::Fault::no_room);
+    EXPECT_EQ(write_sii(device, {}, bench.dictionary, workspace, small).fault, sii::Fault::no_room);
+}
+
+// --- Emulation: the PDI's side of 0x0502 ---
+
+class EepromTest : public SiiImageTest {
+  protected:
+    // What the master's command leaves for the PDI to see.
+    std::uint16_t command(std::uint16_t bits, std::uint32_t word, std::uint16_t data = 0) {
+        bench.esc.ecat_set<std::uint16_t>(0x0502, bits);
+        bench.esc.ecat_set<std::uint32_t>(0x0504, word);
+        bench.esc.ecat_set<std::uint64_t>(0x0508, data);
+        bench.esc.raise(wire::al_event::kEeprom);
+        eeprom.step(bench.esc.events());
+        return bench.esc.get<std::uint16_t>(0x0502);
+    }
+    EepromEmulation eeprom{bench.esc, image};
+};
+
+TEST_F(EepromTest, ReadsFourOrEightOctets) {
+    EXPECT_EQ(command(0x0140, 8) & 0x7F00, 0x0100);
+    EXPECT_EQ(bench.esc.get<std::uint64_t>(0x0508), 0x0000'0010'0000'4D47u);
+    EXPECT_EQ(command(0x0100, 8) & 0x7F00, 0x0100);
+    EXPECT_EQ(bench.esc.get<std::uint64_t>(0x0508), 0x0000'4D47u);
+    EXPECT_EQ(command(0x0140, 1023) & 0x7F00, 0x0100) << "the last word";
+    EXPECT_EQ(command(0x0140, 1024) & 0x7F00, 0x2100) << "there is no such word";
+    EXPECT_EQ(command(0x0140, 0xFFFFFFFF) & 0x7F00, 0x2100);
+}
+
+TEST_F(EepromTest, WritesAWordAndTellsTheAuthor) {
+    EXPECT_FALSE(eeprom.written());
+    EXPECT_EQ(command(0x0201, 4, 0xBEEF) & 0x7F00, 0x0200);
+    EXPECT_EQ(load_le<std::uint16_t>(image, 8), 0xBEEF);
+    EXPECT_TRUE(eeprom.written());
+    EXPECT_EQ(command(0x0201, 1024, 1) & 0x7F00, 0x2200);
+    EXPECT_EQ(command(0x0400, 0) & 0x7F00, 0x0400);
+    EXPECT_EQ(bench.esc.get<std::uint16_t>(0x0508), 0xBEEF) << "reload hands the alias over";
+}
+
+TEST_F(EepromTest, WithoutACommandNothingIsTouched) {
+    const auto before = bench.esc.accesses;
+    eeprom.step(~wire::al_event::kEeprom);
+    EXPECT_EQ(bench.esc.accesses, before);
+}
+
+}  // namespace
+}  // namespace margay::subdevice

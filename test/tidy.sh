@@ -1,0 +1,11 @@
+#!/bin/sh
+# clang-tidy over the library and the samples; takes minutes and is no part of run.sh. Needs build/ (sh test/run.sh).
+#
+#   sh test/tidy.sh [regular expression of files …]
+set -eu
+cd "$(dirname "$0")/.."
+. samples/packages.sh
+need_packages clang-tidy-16 || exit 1
+
+[ $# -gt 0 ] || set -- "$PWD/(src|osal|oshw|samples)/"
+run-clang-tidy-16 -p build -quiet -j "$(nproc)" "$@"
