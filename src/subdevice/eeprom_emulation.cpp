@@ -22,7 +22,7 @@ void EepromEmulation::step(std::uint32_t events) {
     std::array<std::byte, 8> data{};
     if (command == control::kCommandRead && from < contents_.size()) {
         const std::size_t bytes = (status & control::kReads8Bytes) != 0 ? 8 : 4;
-        const auto there = std::min<std::size_t>(bytes, contents_.size() - from);
+        const auto there = std::min(bytes, contents_.size() - static_cast<std::size_t>(from));
         std::copy_n(contents_.begin() + static_cast<std::ptrdiff_t>(from), there, data.begin());
         esc_.write(reg::kSiiData.address, Bytes(data).first(bytes));
     } else if (command == control::kCommandWrite && from + 2 <= contents_.size()) {

@@ -35,7 +35,7 @@ struct Esc {
         std::vector<Mapping> all;
         for (const Octets& r : fmmus) {
             if ((r[12] & 1) == 0) continue;
-            const std::uint64_t logical = r[0] | (r[1] << 8) | (r[2] << 16) | (std::uint64_t{r[3]} << 24);
+            const std::uint64_t logical = r[0] | (std::uint64_t{r[1]} << 8) | (std::uint64_t{r[2]} << 16) | (std::uint64_t{r[3]} << 24);
             const std::uint64_t length = static_cast<std::uint64_t>(r[4] | (r[5] << 8));
             const std::uint64_t physical = static_cast<std::uint64_t>(r[8] | (r[9] << 8));
             all.push_back({logical * 8 + r[6], (logical + length - 1) * 8 + r[7] + 1, physical * 8 + r[10], (r[11] & 1) != 0, (r[11] & 2) != 0});
@@ -152,11 +152,7 @@ void check(Case& c, std::mt19937& random) {
         std::copy_n(data.begin() + d.input_at, d.input_bytes, image.begin() + d.image_input);
         frame_bytes[d.frame] += d.bytes + 12U;
     }
-    std::size_t payload = 0;
-    for (const auto& [frame, bytes] : frame_bytes) {
-        EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
-        payload += bytes;
-    }
+    for (const auto& [frame, bytes] : frame_bytes) EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
     // Not one frame more than the data needs if it were cut anywhere.
     if (!datagrams.empty()) {
         const std::size_t overheads = (datagrams.back().command != datagrams.front().command ? 24U : 12U) + c.wanted.reserve_bytes;
