@@ -55,8 +55,8 @@ std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& pat
     return bytes;
 }
 
-// An image that nobody could have read from an EEPROM is refused: an empty file, a folder, one that is larger
-// than any EEPROM.
+// An image that nobody could have read from an EEPROM is refused: an empty file, a text, a folder, one that is
+// larger than any EEPROM.
 std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored))
@@ -66,6 +66,13 @@ std::string load_image(const std::filesystem::path& path, std::vector<std::byte>
     if (bytes->size() < wire::sii::kFixedBytes)
         return fmt::format("'{}' is no SII image: {} octets, where the fixed part alone takes {}",
                            path.string(), bytes->size(), wire::sii::kFixedBytes);
+    const auto printable = [](std::byte octet) {
+        const auto c = std::to_integer<unsigned>(octet);
+        return (c >= 0x20 && c < 0x7F) || c == '\n' || c == '\r' || c == '\t';
+    };
+    if (std::all_of(bytes->begin(), bytes->begin() + wire::sii::kFixedBytes, printable))
+        return fmt::format("'{}' is text, not an SII image (the name of a segment description ends in .toml)",
+                           path.string());
     if (bytes->size() > 4u * 1024 * 1024) return fmt::format("'{}' is larger than any EEPROM", path.string());
     image = std::move(*bytes);
     return {};
@@ -340,16 +347,17 @@ class Builder : private DescriptionReader {
 };
 
 // Paths of images in a line, as a description: everything else is as if it had been written down.
-std::string line_of_images(const std::string& paths) {
+LoadedSegment load_line_of_images(const std::string& paths, Time now) {
     std::string text;
     std::stringstream in(paths);
     for (std::string path; std::getline(in, path, ',');) {
-        toml::table slave;
+        std::vector<std::byte> image;
+        if (auto failure = load_image(path, image); !failure.empty()) return LoadedSegment(std::move(failure));
         std::ostringstream quoted;
         quoted << toml::value<std::string>(std::filesystem::absolute(path).string());
         text += "[[slave]]\nsii = " + quoted.str() + "\n";
     }
-    return text;
+    return parse_segment(text, paths, ".", now);
 }
 
 }  // namespace
@@ -376,7 +384,7 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     if (what.empty())
         return LoadedSegment(std::string(
             "no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
-    return parse_segment(line_of_images(what), what, ".", now);
+    return load_line_of_images(what, now);
 }
 
 }  // namespace margay::samples

@@ -74,6 +74,15 @@ TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {
               std::string::npos);
 }
 
+TEST_F(SourceTest, AnImageThatIsNoneIsNamed) {
+    const auto path = (folder / "notes.txt").string();
+    std::ofstream(path) << std::string(50, 'a') << '\n' << std::string(150, 'b');
+    EXPECT_EQ(error_of("sim:" + path),
+              "'" + path + "' is text, not an SII image (the name of a segment description ends in .toml)");
+    EXPECT_EQ(error_of("sim:/no/such.bin"), "cannot read the SII image '/no/such.bin'");
+    EXPECT_EQ(error_of("sim:" + folder.string()), "'" + folder.string() + "' is a folder, not an SII image");
+}
+
 TEST_F(SourceTest, ARecordingAnswersInVirtualTime) {
     auto source = open_source("pcap:" + recording());
     ASSERT_TRUE(source) << source.error();
