@@ -255,7 +255,7 @@ int main(int argc, char** argv) {
 
     auto* alias = command("alias", "show the station alias, or write it with its checksum and verify it",
                           Action::alias);
-    alias->add_option("value", options.alias, "the alias, 0 to 65535 (0x for hexadecimal)");
+    alias->add_option("value", options.alias, "the alias (0x for hexadecimal)")->check(CLI::Range(0, 0xFFFF));
     add_force(alias, "write it even where the checksum is wrong before");
 
     CLI11_PARSE(app, argc, argv);

@@ -213,6 +213,63 @@ TEST_F(Scan, DuplicatesAndDamagedFramesAreNeverTakenForOthers) {
     EXPECT_GT(ctx.statistics().malformed, 0U);
 }
 
+// Somebody plugs or unplugs a cable after the n-th frame of the scan.
+class PluggingNic final : public FilterNic {
+  public:
+    PluggingNic(Nic& nic, sim::Segment& segment, sim::PortRef end, int after)
+        : FilterNic(nic), segment_(segment), end_(end), left_(after) {}
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (left_-- == 0) segment_.set_cable(end_, heal_);
+        return FilterNic::send(frame);
+    }
+    void heal() { heal_ = true; }
+
+  private:
+    sim::Segment& segment_;
+    sim::PortRef end_;
+    int left_;
+    bool heal_ = false;
+};
+
+TEST_F(Scan, SegmentThatChangesIsToldAndScannedAgain) {
+    plug_line({"coupler", "digital_in_8", "digital_out_8", "digital_in_8"});
+    switch_on();
+    const sim::PortRef third{2, 0};
+    for (const bool heals : {false, true}) {
+        int unstable = 0;
+        int whole = 0;
+        for (int after = 0; after < 60; ++after) {
+            segment.set_cable(third, !heals);
+            PluggingNic nic(wire, segment, third, after);
+            if (heals) nic.heal();
+            HostContext master{Limits{.slaves = 8}};
+            ASSERT_TRUE(init(master, nic, osal));
+            const auto found = config_init(master);
+            if (found) {
+                EXPECT_TRUE(*found == 2 || *found == 4) << *found;
+                ++whole;
+                continue;
+            }
+            const std::string told = words(found.error());
+            EXPECT_TRUE(found.error().code == Errc::unstable || found.error().code == Errc::working_counter ||
+                        found.error().code == Errc::timeout)
+                << told;
+            if (found.error().code != Errc::unstable) continue;
+            ++unstable;
+            EXPECT_NE(told.find("number of slaves changed"), std::string::npos) << told;
+            EXPECT_EQ(found.error().expected, heals ? 2U : 4U) << told;
+            EXPECT_EQ(found.error().actual, heals ? 4U : 2U) << told;
+        }
+        EXPECT_GT(unstable, 3) << (heals ? "plugged in" : "unplugged");
+        EXPECT_GT(whole, 3) << (heals ? "plugged in" : "unplugged");
+    }
+    segment.set_cable(third, true);
+    const auto found = bring_up();
+    ASSERT_TRUE(found) << words(found.error());
+    EXPECT_EQ(*found, 4);
+    expect_all_in(AlState::preop);
+}
+
 TEST_F(Scan, ManyTasksOrOne) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "analog_in_4", "analog_out_2"});
     switch_on();
