@@ -225,8 +225,8 @@ TEST_F(Eepromtool, WorksOnItsOwnRecording) {
 }
 
 TEST_F(Eepromtool, ShowsProgressOnATerminalOnly) {
-    if (std::system("command -v script >/dev/null 2>&1") != 0)
-        GTEST_SKIP() << "no script (bsdutils) to make a terminal";
+    if (std::system("script -qec true /dev/null >/dev/null 2>&1 </dev/null") != 0)
+        GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
     const auto command = "cd '" + folder_.string() +
                          "' && script -qec \"'" MARGAY_BIN_DIR
                          "/eepromtool' sim:a.bin 1 write b.bin\" /dev/null >.tty </dev/null";
