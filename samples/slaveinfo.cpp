@@ -1,4 +1,6 @@
 // slaveinfo: what is on the segment.
+#include "common/process_map.hpp"
+#include "common/process_struct.hpp"
 #include "common/slave_report.hpp"
 #include "common/source.hpp"
 
@@ -10,6 +12,7 @@
 
 #include <cstdio>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -18,6 +21,9 @@ struct Options {
     std::string record;
     bool json = false;
     bool trace = false;
+    bool map = false;
+    bool cstruct = false;
+    bool packed = false;
 };
 
 int print_error(const std::string& text) {
@@ -25,27 +31,51 @@ int print_error(const std::string& text) {
     return 1;
 }
 
-void print_segment(margay::Context& ctx, const Options& options) {
+void print_segment(margay::Context& ctx, const Options& options, const margay::samples::ProcessMap* map) {
     using namespace margay::samples;
+    if (options.cstruct && map != nullptr) {
+        fmt::print("{}", map_cstruct(ctx, *map));
+        return;
+    }
     if (options.json) {
-        fmt::print("{}\n", segment_json(ctx).dump(2));
+        auto segment = segment_json(ctx);
+        if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
+        fmt::print("{}\n", segment.dump(2));
         return;
     }
     fmt::print("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");
     for (const margay::Slave& slave : ctx.slaves()) fmt::print("{}\n", slave_text(slave));
     fmt::print("{}", topology_text(ctx));
+    if (map != nullptr) fmt::print("\n{}", map_text(ctx, *map));
+}
+
+// Maps all slaves, which go to SAFEOP for it, and lets them go back.
+int map_and_print(margay::Context& ctx, const Options& options) {
+    using namespace margay::samples;
+    std::vector<std::byte> image(std::size_t{1} << 20);
+    if (options.packed) ctx.group(0).config.packing = margay::Packing::bits;
+    const auto mapped = margay::config_map(ctx, image);
+    if (!mapped) return print_error(sentence(mapped.error()));
+    const ProcessMap map = read_process_map(ctx);
+    print_segment(ctx, options, &map);
+    (void)margay::writestate(ctx, 0, margay::AlState::preop);
+    return 0;
 }
 
 int scan_and_print(margay::samples::Source& source, const Options& options) {
     using margay::samples::sentence;
-    margay::HostContext ctx(margay::Limits{.slaves = 2048});
+    margay::HostContext ctx(margay::Limits{.slaves = 2048, .process_frames = 256});
     const auto ready = margay::init(ctx, source.nic(), source.osal());
     if (!ready) return print_error(sentence(ready.error()));
     const auto found = margay::config_init(ctx);
     if (!found) return print_error(sentence(found.error()));
-    print_segment(ctx, options);
+    int status = 0;
+    if (options.map)
+        status = map_and_print(ctx, options);
+    else
+        print_segment(ctx, options, nullptr);
     while (const auto error = ctx.errors().take()) (void)print_error(sentence(*error));
-    return 0;
+    return status;
 }
 
 int run(const Options& options) {
@@ -69,6 +99,9 @@ int main(int argc, char** argv) {
     app.add_flag("--json", options.json, "print JSON for programs");
     app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
+    auto* map = app.add_flag("--map", options.map, "map the process data (slaves go to SAFEOP and back) and print what lies where in the image");
+    app.add_flag("--cstruct", options.cstruct, "print the image as a header with a struct for C and C++")->needs(map);
+    app.add_flag("--packed", options.packed, "lay out bits without gaps")->needs(map);
     CLI11_PARSE(app, argc, argv);
     return run(options);
 }

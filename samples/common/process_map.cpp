@@ -1,0 +1,159 @@
+#include "common/process_map.hpp"
+
+#include "common/eeprom.hpp"
+#include "common/slave_eeprom.hpp"
+#include "network/image_layout.hpp"
+#include "wire/sii_category.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+
+namespace margay::samples {
+namespace {
+
+namespace sii = wire::sii;
+
+std::string text_of(Bytes strings, sii::StringNumber number) {
+    std::array<char, 512> utf8{};
+    const auto octets = sii::string(strings, number);
+    return octets.ok() ? std::string(sii::to_utf8(octets.value, utf8)) : std::string();
+}
+
+struct NamedEntry {
+    std::uint16_t pdo = 0;
+    std::string pdo_name{};
+    sii::PdoEntry entry{};
+    std::string name{};
+};
+
+// The entries of all PDOs that the SII assigns to one SyncManager.
+std::vector<NamedEntry> entries_of(Bytes image, std::uint8_t sync_manager, Direction direction) {
+    std::vector<NamedEntry> all;
+    const Bytes strings = sii::find_category(image, sii::category::kStrings).value_or(Bytes{});
+    const auto wanted = direction == Direction::outputs ? sii::category::kRxPdo : sii::category::kTxPdo;
+    sii::CategoryWalker walker(image);
+    while (const auto category = walker.next()) {
+        if (category->place.type != wanted) continue;
+        sii::Pdos pdos(category->content);
+        while (const auto pdo = pdos.next()) {
+            if (pdo->sync_manager != sync_manager) continue;
+            sii::PdoEntries entries(pdo->entries);
+            while (const auto entry = entries.next())
+                all.push_back({pdo->index, text_of(strings, pdo->name), *entry, text_of(strings, entry->name)});
+        }
+    }
+    return all;
+}
+
+std::vector<std::byte> read_image(Context& ctx, const Slave& slave, ProcessMap& map) {
+    if (!slave.sii_read) return {};
+    SlaveEeprom eeprom(ctx, slave.position);
+    const auto size = eeprom_size(eeprom);
+    if (size.error.empty()) {
+        auto content = read_eeprom(eeprom, size.octets, no_progress());
+        if (content.error.empty()) return std::move(content.octets);
+        map.remarks.push_back(content.error);
+    } else {
+        map.remarks.push_back(size.error);
+    }
+    return {};
+}
+
+void add_sync_manager(const Slave& slave, const ProcessSm& sm, std::uint32_t offset_bits, Bytes image, ProcessMap& map) {
+    const auto entries = entries_of(image, sm.number, sm.direction);
+    std::uint32_t described = 0;
+    for (const auto& e : entries) described += e.entry.bit_length;
+    if (described != sm.bits) {
+        if (described != 0)
+            map.remarks.push_back(fmt::format("slave {}: SyncManager {} is mapped with {} bits, the PDOs of its SII have {}", slave.position,
+                                              sm.number, sm.bits, described));
+        map.entries.push_back(
+            {.slave = slave.position, .direction = sm.direction, .sync_manager = sm.number, .offset_bits = offset_bits, .bits = sm.bits});
+        return;
+    }
+    for (const auto& e : entries) {
+        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_name, e.entry.index, e.entry.subindex, e.name,
+                               e.entry.data_type, offset_bits, e.entry.bit_length});
+        offset_bits += e.entry.bit_length;
+    }
+}
+
+const char* direction_text(Direction direction) { return direction == Direction::outputs ? "out" : "in"; }
+
+std::string offset_text(std::uint32_t bits) { return fmt::format("{}.{}", bits / 8, bits % 8); }
+
+std::string length_text(std::uint32_t bits) {
+    return bits % 8 == 0 ? fmt::format("{} octet{}", bits / 8, bits == 8 ? "" : "s") : fmt::format("{} bit{}", bits, bits == 1 ? "" : "s");
+}
+
+std::string what(const MapEntry& e) {
+    if (e.pdo == 0) return "(not described)";
+    if (e.index == 0) return "(gap)";
+    std::string text = fmt::format("{:#06x}:{:02x}", e.index, e.subindex);
+    if (!e.pdo_name.empty()) text += " " + e.pdo_name;
+    if (!e.name.empty()) text += (e.pdo_name.empty() ? " " : " / ") + e.name;
+    return text;
+}
+
+}  // namespace
+
+ProcessMap read_process_map(Context& ctx, std::uint8_t group) {
+    ProcessMap map{.output_bytes = ctx.group(group).output_bytes, .input_bytes = ctx.group(group).input_bytes};
+    const Packing packing = ctx.group(group).config.packing;
+    for (const Slave& slave : ctx.slaves()) {
+        if (slave.config.group != group || (slave.image.outputs.bits == 0 && slave.image.inputs.bits == 0)) continue;
+        const auto image = read_image(ctx, slave, map);
+        for (std::size_t n = 0; n < slave.config.sm_count; ++n)
+            if (slave.config.sms[n].bits != 0)
+                add_sync_manager(slave, slave.config.sms[n], sm_offset_bits(slave, packing, n), image, map);
+        if (slave.image.mailbox_status_bit != SlaveImage::kNone)
+            map.entries.push_back({.slave = slave.position,
+                                   .direction = Direction::inputs,
+                                   .sync_manager = 1,
+                                   .pdo = 0,
+                                   .name = "mailbox has something to read",
+                                   .offset_bits = slave.image.mailbox_status_bit,
+                                   .bits = 1});
+    }
+    std::ranges::stable_sort(map.entries, {}, &MapEntry::offset_bits);
+    return map;
+}
+
+std::string map_text(Context& ctx, const ProcessMap& map) {
+    std::string text =
+        fmt::format("Process image: {} octets, outputs 0 to {}, inputs {} to {}\n", map.output_bytes + map.input_bytes, map.output_bytes,
+                    map.output_bytes, map.output_bytes + map.input_bytes);
+    std::uint16_t slave = 0;
+    auto direction = Direction::outputs;
+    for (const MapEntry& e : map.entries) {
+        if (e.slave != slave || e.direction != direction)
+            text += fmt::format("  slave {} {}, {}\n", e.slave, ctx.slave(e.slave).name(), e.direction == Direction::outputs ? "outputs" : "inputs");
+        slave = e.slave;
+        direction = e.direction;
+        text += fmt::format("    {:>8}  {:<10}  SM{}  {}\n", offset_text(e.offset_bits), length_text(e.bits), e.sync_manager, what(e));
+    }
+    for (const auto& remark : map.remarks) text += "  note: " + remark + "\n";
+    return text;
+}
+
+nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map) {
+    auto entries = nlohmann::ordered_json::array();
+    for (const MapEntry& e : map.entries)
+        entries.push_back({{"slave", e.slave},
+                           {"slave_name", std::string(ctx.slave(e.slave).name())},
+                           {"direction", direction_text(e.direction)},
+                           {"sync_manager", e.sync_manager},
+                           {"offset_bits", e.offset_bits},
+                           {"bits", e.bits},
+                           {"pdo", e.pdo},
+                           {"pdo_name", e.pdo_name},
+                           {"index", e.index},
+                           {"subindex", e.subindex},
+                           {"name", e.name},
+                           {"data_type", e.data_type}});
+    return {{"output_bytes", map.output_bytes}, {"input_bytes", map.input_bytes}, {"entries", entries}, {"remarks", map.remarks}};
+}
+
+}  // namespace margay::samples

@@ -1,0 +1,119 @@
+// What lies where in a process image, and the struct made of it: compiled, and each member looked at with the compiler's own eyes.
+#include "common/process_map.hpp"
+#include "common/process_struct.hpp"
+#include "common/source.hpp"
+#include "process_data/bus.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <regex>
+
+namespace margay::samples {
+namespace {
+
+struct ProcessMapTest : testing::Test {
+    Bus bus;
+    std::vector<std::byte> image = std::vector<std::byte>(4096);
+    std::filesystem::path folder = std::filesystem::temp_directory_path() / ("margay-map-" + std::to_string(::getpid()));
+    ProcessMapTest() { std::filesystem::create_directories(folder); }
+    ~ProcessMapTest() override { std::filesystem::remove_all(folder); }
+
+    // A program that fills one member after the other with ones and compares all octets with what the remark behind the member says.
+    std::string program(const std::string& header, bool outputs) {
+        const std::string type = outputs ? "process_outputs" : "process_inputs";
+        const std::size_t first = header.find("typedef struct " + type + " ");
+        if (first == std::string::npos) return {};
+        const std::string body = header.substr(first, header.find("} " + type) - first);
+        static const std::regex member(R"(\n    (\w+) (s\d+_\w+)( : (\d+))?(\[(\d+)\])?; /\* [^\n]* at (\d+)\.(\d+) \*/)");
+        std::string text;
+        for (std::sregex_iterator m(body.begin(), body.end(), member), none; m != none; ++m) {
+            const auto bits = (*m)[4].matched ? (*m)[4].str() : fmt::format("sizeof(at->{}) * 8", (*m)[2].str());
+            text += "    memset(image, 0, sizeof image);\n";
+            text += (*m)[4].matched ? fmt::format("    at->{} = ~at->{};\n", (*m)[2].str(), (*m)[2].str())
+                                    : fmt::format("    memset(&at->{}, 255, sizeof at->{});\n", (*m)[2].str(), (*m)[2].str());
+            text += fmt::format("    failed |= check(image, {} * 8 + {}, {}, \"{}\");\n", (*m)[7].str(), (*m)[8].str(), bits, (*m)[2].str());
+            ++members;
+        }
+        return fmt::format("{{\n    {}* at = ({}*)(image + k{}Offset);\n{}}}\n", type, type, outputs ? "ProcessOutputs" : "ProcessInputs", text);
+    }
+    int members = 0;
+
+    void compile_and_check(const std::string& header, const std::string& name) {
+        std::ofstream(folder / "image.h") << header;
+        const std::string source =
+            "#include \"image.h\"\n#include <stdio.h>\n#include <string.h>\nstatic unsigned char image[4096];\n"
+            "static int check(const unsigned char* i, size_t first, size_t n, const char* name) {\n"
+            "    for (size_t b = 0; b < sizeof image * 8; ++b)\n"
+            "        if (((i[b / 8] >> (b % 8)) & 1) != (b >= first && b < first + n)) { printf(\"%s: bit %u\\n\", name, (unsigned)b); return 1; }\n"
+            "    return 0;\n}\nint main(void) {\n    int failed = 0;\n" +
+            program(header, true) + program(header, false) + "    return failed;\n}\n";
+        for (const std::string& compiler : {std::string("cc -std=c11 -x c"), std::string("c++ -std=c++20 -x c++")}) {
+            std::ofstream(folder / "program.c") << source;
+            const auto out = (folder / "program").string();
+            const std::string compile = compiler + " -Wall -Wextra -Werror -o " + out + " " + (folder / "program.c").string();
+            ASSERT_EQ(std::system(compile.c_str()), 0) << name << "\n" << compile << "\n" << header;
+            EXPECT_EQ(std::system(out.c_str()), 0) << name << "\n" << header;
+        }
+    }
+};
+
+TEST_F(ProcessMapTest, StructHasEveryEntryWhereTheImageHasIt) {
+    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7}, {0, 12}, {16, 0}, {2, 2}, {100, 60}, {32, 64}, {9, 31}};
+    for (const auto& [out, in] : sizes) bus.add(out, in);
+    bus.start();
+    for (const Packing packing : {Packing::bytes, Packing::bits}) {
+        bus.ctx->group(0).config.packing = packing;
+        ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+        const auto map = read_process_map(*bus.ctx);
+        EXPECT_EQ(map.remarks, std::vector<std::string>());
+        std::uint32_t bits = 0;
+        for (const MapEntry& e : map.entries) bits += e.bits;
+        EXPECT_EQ(bits, 4U + 2 + 3 + 7 + 12 + 16 + 2 + 2 + 100 + 60 + 32 + 64 + 9 + 31);
+        compile_and_check(map_cstruct(*bus.ctx, map), packing == Packing::bits ? "packed" : "bytes");
+    }
+    EXPECT_GE(members, 20) << "the test has seen the members";
+}
+
+TEST_F(ProcessMapTest, NamesComeFromTheSii) {
+    auto source = open_source("sim:demo");
+    ASSERT_TRUE(source) << source.error();
+    HostContext ctx;
+    ASSERT_TRUE(init(ctx, source->nic(), source->osal()).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    ASSERT_TRUE(config_map(ctx, image).ok());
+    const auto map = read_process_map(ctx);
+    const auto text = map_text(ctx, map);
+    EXPECT_NE(text.find("         0.3  1 bit       SM0  0x7030:01 Channel 4 / Value\n"), std::string::npos) << text;
+    const auto json = map_json(ctx, map);
+    EXPECT_EQ(json["output_bytes"], 5);
+    EXPECT_EQ(json["entries"][3]["index"], 0x7030);
+    EXPECT_EQ(json["entries"][3]["offset_bits"], 3);
+    const auto header = map_cstruct(ctx, map);
+    EXPECT_NE(header.find("int16_t s5_channel_1_value;"), std::string::npos) << header;
+    compile_and_check(header, "demo");
+}
+
+// The application may map what the SII does not describe: told, and still in its place.
+TEST_F(ProcessMapTest, WhatTheSiiDoesNotDescribeIsTold) {
+    bus.add(16, 16);
+    bus.start();
+    Slave& slave = bus.ctx->slave(1);
+    slave.config.source = ConfigurationSource::application;
+    slave.config.add({0, Direction::outputs, 0x64, 0x1100, 16});
+    slave.config.add({1, Direction::inputs, 0x20, 0x2000, 8});
+    ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+    const auto map = read_process_map(*bus.ctx);
+    ASSERT_EQ(map.remarks.size(), 1U);
+    EXPECT_EQ(map.remarks[0], "slave 1: SyncManager 1 is mapped with 8 bits, the PDOs of its SII have 16");
+    ASSERT_EQ(map.entries.size(), 2U);
+    EXPECT_EQ(map.entries[1].pdo, 0);
+    EXPECT_EQ(map.entries[1].offset_bits, 16U);
+}
+
+}  // namespace
+}  // namespace margay::samples
