@@ -113,6 +113,10 @@ class Builder : private DescriptionReader {
         const auto* slaves = root.get_as<toml::array>("slave");
         if (slaves == nullptr || slaves->empty())
             return Failure{fmt::format("{}: there are no slaves: each is a [[slave]]", origin())};
+        for (const auto& node : *slaves)
+            if (const auto* table = node.as_table())
+                if (const auto name = table->at_path("name").value<std::string>())
+                    lines_.try_emplace(*name, node.source().begin.line);
         for (const auto& node : *slaves) {
             const auto* table = node.as_table();
             if (table == nullptr) return at(node, "a slave is a table: [[slave]]");
@@ -133,8 +137,21 @@ class Builder : private DescriptionReader {
             "dc",           "features",        "type",        "revision",      "build",
             "sii_read_us",  "sii_write_us",    "sii_8_bytes", "sii_status",    "power",
             "cable_broken", "emulated_eeprom", "station",     "preset",        "ports",
-            "firmware_us"};
+            "firmware_us",  "count"};
         if (const auto fault = check_keys(table, kKnown, "a slave")) return fault;
+        std::int64_t count = 1;
+        if (const auto fault = optional_integer(table, "count", 1, 65535, count)) return fault;
+        if (count > 1)
+            for (const auto* key : {"alias", "port", "station"})
+                if (const auto* node = table.get(key))
+                    return at(*node, fmt::format("'{}' fits one slave, and 'count' makes {} of them", key, count));
+        for (std::int64_t n = 0; n < count; ++n)
+            if (const auto fault = one_of(table, n, count)) return fault;
+        return {};
+    }
+
+    // The n-th of `count` alike, each hanging on the one before.
+    Fault one_of(const toml::table& table, std::int64_t n, std::int64_t count) {
         sim::Device device;
         if (const auto fault = make(table, device)) return fault;
         if (const auto fault = adjust_image(*this, table, device.sii)) return fault;
@@ -144,10 +161,11 @@ class Builder : private DescriptionReader {
         std::string name = fmt::format("slave{}", number + 1);
         if (const auto* node = table.get("name")) {
             if (const auto fault = text(*node, "name", name)) return fault;
+            if (count > 1) name += fmt::format("{}", n + 1);
             if (const auto found = numbers_.find(name); found != numbers_.end())
                 return at(*node, fmt::format("there is a slave '{}' already", name));
         }
-        const auto parent_fault = connect(table, std::move(device), number);
+        const auto parent_fault = connect(table, n == 0, std::move(device), number);
         if (parent_fault) return parent_fault;
         numbers_[name] = number;
         result_->names.push_back(name);
@@ -226,7 +244,7 @@ class Builder : private DescriptionReader {
     }
 
     // Finds the port of the parent that the slave hangs on, and plugs the cable in.
-    Fault connect(const toml::table& table, sim::Device device, std::uint32_t number) {
+    Fault connect(const toml::table& table, bool first, sim::Device device, std::uint32_t number) {
         std::int64_t cable_ns = 5;
         std::int64_t enter = 0;
         if (const auto fault = optional_integer(table, "cable_ns", 0, 1'000'000, cable_ns)) return fault;
@@ -248,27 +266,19 @@ class Builder : private DescriptionReader {
             return {};
         }
         std::uint32_t parent = number - 1;
-        if (const auto* node = table.get("parent")) {
-            std::string name;
-            if (const auto fault = text(*node, "parent", name)) return fault;
-            const auto found = numbers_.find(name);
-            if (found == numbers_.end())
-                return at(
-                    *node,
-                    fmt::format("there is no slave '{}' before this one; a parent comes before its children",
-                                name));
-            parent = found->second;
-        }
+        if (const auto* node = first ? table.get("parent") : nullptr)
+            if (const auto fault = find_parent(*node, parent)) return fault;
         std::int64_t port = -1;
         if (const auto fault = optional_integer(table, "port", 0, kMaxPorts - 1, port)) return fault;
         const auto& parent_chip = segment.slave(parent).description();
-        if (port < 0) {  // the next that is free, in the order in which frames leave
-            for (const std::int64_t candidate : {1, 2, 3, 0})
-                if (exists(parent_chip, static_cast<unsigned>(candidate)) &&
-                    !used_.contains({parent, candidate})) {
-                    port = candidate;
-                    break;
-                }
+        if (port < 0) {  // the next that is free, one of the same kind before others
+            const auto kind = chip.ports[static_cast<std::size_t>(enter)].kind;
+            for (const bool same : {true, false})
+                for (const std::int64_t candidate : {1, 2, 3, 0})
+                    if (port < 0 && exists(parent_chip, static_cast<unsigned>(candidate)) &&
+                        !used_.contains({parent, candidate}) &&
+                        (!same || parent_chip.ports[static_cast<std::size_t>(candidate)].kind == kind))
+                        port = candidate;
             if (port < 0)
                 return at(table, fmt::format("the slave '{}' has no free port", result_->names[parent]));
         }
@@ -284,6 +294,20 @@ class Builder : private DescriptionReader {
         used_[{parent, port}] = true;
         used_[{number, own.port}] = true;
         return {};
+    }
+
+    Fault find_parent(const toml::node& node, std::uint32_t& parent) const {
+        std::string name;
+        if (const auto fault = text(node, "parent", name)) return fault;
+        if (const auto found = numbers_.find(name); found != numbers_.end()) {
+            parent = found->second;
+            return {};
+        }
+        if (const auto line = lines_.find(name); line != lines_.end())
+            return at(node, fmt::format("the parent '{}' comes only in line {}: a parent comes before its children, "
+                                        "which keeps cables from making a loop",
+                                        name, line->second));
+        return at(node, fmt::format("there is no slave '{}'", name));
     }
 
     // ring = { slave = "name", port = 1 }: where the master's second port is plugged in.
@@ -334,6 +358,7 @@ class Builder : private DescriptionReader {
     Time now_;
     std::unique_ptr<SimulatedSegment> result_;
     std::map<std::string, std::uint32_t> numbers_;
+    std::map<std::string, std::uint32_t> lines_;  // where each name is, later ones too
     std::map<std::pair<std::uint32_t, std::int64_t>, bool> used_;
     struct Preset {
         std::uint32_t slave = 0;

@@ -17,6 +17,8 @@ using sii::PdoEntryDescription;
 
 constexpr std::uint8_t kBool = 0x01;
 constexpr std::uint8_t kInt16 = 0x03;
+constexpr std::uint8_t kInt32 = 0x04;
+constexpr std::uint8_t kUint16 = 0x06;
 
 // --- Simple terminals: no processor, or one that only moves process data ---
 
@@ -48,9 +50,13 @@ constexpr std::array kTerminals{
 constexpr std::uint32_t kCouplerProduct = 0x0100;
 constexpr std::uint32_t kJunctionProduct = 0x0122;
 
+constexpr std::uint32_t kPulseAxisProduct = 0x2521;
+
 constexpr auto kNames = [] {
-    std::array<std::string_view, kTerminals.size() + 2> names{"coupler", "junction"};
-    for (std::size_t i = 0; i < kTerminals.size(); ++i) names[i + 2] = kTerminals[i].name;
+    constexpr std::array<std::string_view, 3> kOthers{"coupler", "junction", "pulse_axis"};
+    std::array<std::string_view, kTerminals.size() + kOthers.size()> names{};
+    std::copy(kOthers.begin(), kOthers.end(), names.begin());
+    for (std::size_t i = 0; i < kTerminals.size(); ++i) names[kOthers.size() + i] = kTerminals[i].name;
     return names;
 }();
 
@@ -133,6 +139,45 @@ Device make_terminal(const Terminal& terminal) {
     return device;
 }
 
+// A box that gives pulses and directions to a stepper drive: no mailbox, fixed process data, and a clock that SYNC0
+// comes from.
+Device make_pulse_axis() {
+    using Port = sii::PhysicalPort;
+    constexpr std::array outputs{
+        PdoEntryDescription{.index = 0x7000, .subindex = 1, .name = "Control word", .data_type = kUint16, .bit_length = 16},
+        PdoEntryDescription{.index = 0x7000, .subindex = 2, .name = "Target position", .data_type = kInt32, .bit_length = 32}};
+    constexpr std::array inputs{
+        PdoEntryDescription{.index = 0x6000, .subindex = 1, .name = "Status word", .data_type = kUint16, .bit_length = 16},
+        PdoEntryDescription{.index = 0x6000, .subindex = 2, .name = "Position", .data_type = kInt32, .bit_length = 32}};
+    constexpr std::uint16_t kFlags = sii::pdo_flag::kMandatory | sii::pdo_flag::kFixedContent;
+    const std::array rx{PdoDescription{.index = 0x1600, .sync_manager = 0, .name = "Command", .flags = kFlags, .entries = outputs}};
+    const std::array tx{PdoDescription{.index = 0x1A00, .sync_manager = 1, .name = "Actual", .flags = kFlags, .entries = inputs}};
+    constexpr std::array sync_managers{
+        SmInfo{.start = 0x1000, .length_bytes = 6, .control = 0x64, .enable = 1, .type = SmType::outputs},
+        SmInfo{.start = 0x1100, .length_bytes = 6, .control = 0x20, .enable = 1, .type = SmType::inputs}};
+    constexpr std::array fmmus{FmmuUse::outputs, FmmuUse::inputs};
+    const std::array modes{
+        sii::DcDescription{.mode = {}, .name = "FreeRun", .description = "Free run"},
+        sii::DcDescription{.mode = {.assign_activate = 0x0300}, .name = "DC", .description = "Synchronous to SYNC0"}};
+    sii::Description d;
+    d.configuration.pdi_control = 0x0C05;  // a processor behind SPI, SYNC and latch units on
+    d.configuration.sync_pulse_length_10ns = 1000;
+    d.identity = {kVendorId, kPulseAxisProduct, 1, 0};
+    d.group = "Motion";
+    d.order = "MG2521";
+    d.name = "Pulse train axis";
+    d.general.physical_ports = ports(Port::mii, Port::mii);
+    d.fmmus = fmmus;
+    d.sync_managers = sync_managers;
+    d.rx_pdos = rx;
+    d.tx_pdos = tx;
+    d.dc = modes;
+    Device device;
+    device.chip = ip_core();
+    device.sii = image_of(d);
+    return device;
+}
+
 // Without anything to run, the ESC is left alone.
 std::unique_ptr<Firmware> firmware_for(Bytes image) {
     const auto model = read_sii_model(image);
@@ -162,6 +207,8 @@ std::optional<Device> make_device(std::string_view name) {
         device = make_coupler(false);
     } else if (name == "junction") {
         device = make_coupler(true);
+    } else if (name == "pulse_axis") {
+        device = make_pulse_axis();
     } else {
         const auto found =
             std::find_if(kTerminals.begin(), kTerminals.end(), [&](const auto& t) { return t.name == name; });

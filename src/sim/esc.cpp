@@ -163,10 +163,13 @@ void Esc::set_al_events(std::uint32_t bits, Time at) {
     const auto had = registers_.get<std::uint32_t>(reg::kAlEventRequest.address);
     if ((had | bits) == had) return;
     registers_.set(reg::kAlEventRequest.address, had | bits);
-    if (firmware_ && !halted_) {
-        firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
-        schedule();
-    }
+    wake_firmware(at);
+}
+
+void Esc::wake_firmware(Time at) {
+    if (!firmware_ || halted_) return;
+    firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
+    schedule();
 }
 
 void Esc::clear_al_events(std::uint32_t bits) {
@@ -192,6 +195,7 @@ void Esc::handle(const SyncManagers::Events& events, Time at) {
     }
     if (events.al_clear != 0) clear_al_events(events.al_clear);
     if (events.al_set != 0) set_al_events(events.al_set, at);
+    if (events.arrived) wake_firmware(at);
     if ((events.ecat_set | events.ecat_clear) != 0) change_ecat_events(events.ecat_set, events.ecat_clear);
 }
 

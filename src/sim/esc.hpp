@@ -157,6 +157,7 @@ class Esc final : public subdevice::EscAccess {
     void reload_mappings();
     void handle(const SyncManagers::Events& events, Time at);
     void set_al_events(std::uint32_t bits, Time at);
+    void wake_firmware(Time at);
     void clear_al_events(std::uint32_t bits);
     void change_ecat_events(std::uint16_t set, std::uint16_t clear);
     void count(std::uint32_t address);

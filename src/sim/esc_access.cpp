@@ -197,7 +197,8 @@ std::uint16_t Esc::ecat_logical(bool read, bool write, std::uint32_t address, Mu
                                                      std::uint64_t{address} + data.size());
             const std::uint64_t begin = std::max<std::uint64_t>(logical_first_, address);
             if (begin >= end) return 0;
-            const auto window = data.subspan(begin - address, end - begin);
+            const auto window =
+                data.subspan(static_cast<std::size_t>(begin - address), static_cast<std::size_t>(end - begin));
             std::array<std::byte, wire::kMaxFrameBytes> out;
             std::copy(window.begin(), window.end(), out.begin());
             const auto shadow = MutableBytes(out).first(window.size());
@@ -227,7 +228,8 @@ bool Esc::map(const Mapping& mapping, bool write, std::uint32_t address, Mutable
     if (first >= end) return false;
     if (!mapping.octets) return map_bits(mapping, write, first, end, address, data, at);
     const auto physical = static_cast<std::uint32_t>((mapping.physical + (first - mapping.logical)) / 8);
-    return access(Side::ecat, write, physical, data.data() + (first / 8 - address), (end - first) / 8, at);
+    return access(Side::ecat, write, physical, data.data() + (first / 8 - address),
+                  static_cast<std::size_t>((end - first) / 8), at);
 }
 
 // Bits that do not lie on octets. A write leaves the slave's other bits of an octet as they are.
@@ -235,7 +237,7 @@ bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std:
                    std::uint32_t address, MutableBytes data, Time at) {
     const std::uint64_t physical = mapping.physical + (first - mapping.logical);
     const std::uint64_t base = physical / 8;
-    const std::size_t octets = (physical + (end - first) + 7) / 8 - base;
+    const auto octets = static_cast<std::size_t>((physical + (end - first) + 7) / 8 - base);
     std::array<std::byte, wire::kMaxFrameBytes + 1> memory{};
     const auto test = [](const std::byte* from, std::uint64_t bit) {
         return (std::to_integer<unsigned>(from[bit / 8]) >> (bit % 8) & 1) != 0;

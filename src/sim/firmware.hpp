@@ -17,8 +17,8 @@ class Firmware {
     // start.
     virtual void start(subdevice::EscAccess& esc, Time now) = 0;
 
-    // Called when the AL event request (0x0220) has got a new bit and when the time has come that the last
-    // call returned. Returns when it wants to be called at the latest, kNever when only events matter.
+    // Called when the AL event request (0x0220) has got a new bit, when the master has handed a buffer over, as
+    // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants to be called at the latest, kNever when only events matter.
     virtual Time step(Time now) = 0;
 
     // The device's process data, where others may set and look at it; nullptr: it has none.

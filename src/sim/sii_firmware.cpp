@@ -32,14 +32,12 @@ void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
 Time SiiFirmware::step(Time now) {
     const auto events = subdevice::read_register<std::uint32_t>(*esc_, reg::kAlEventRequest.address);
     const auto mail = (events & al_event::sync_manager(0)) != 0;
-    if ((events & kSyncManagerEvents) != 0) {
-        const bool op = emulation_ || (esm_ && esm_->state() == AlState::op);
-        if (op) {
-            read_outputs();
-        } else if (esm_ && esm_->state() == AlState::safeop) {
-            read_outputs();
-            clear_outputs();
-        }
+    // Whether an event says so or not: outputs of digital I/O, and many another SII's, come without.
+    if (emulation_ || esm_->state() == AlState::op) {
+        read_outputs();
+    } else if (esm_->state() == AlState::safeop) {
+        read_outputs();
+        clear_outputs();
     }
     Time next = kNever;
     if (esm_) {

@@ -143,8 +143,10 @@ void SyncManagers::hand_over(unsigned n, Side side, Events& events) {
         channel.full = channel.mailbox();
         channel.written = channel.fresh = true;
         std::swap(channel.write_buffer, channel.latest);
-        if (side == Side::ecat && (channel.control & wire::sm_control::kWatchdogTrigger) != 0)
-            events.watchdog = true;
+        if (side == Side::ecat) {
+            events.arrived = true;
+            if ((channel.control & wire::sm_control::kWatchdogTrigger) != 0) events.watchdog = true;
+        }
     } else {
         channel.interrupts |= wire::sm_status::kInterruptRead;
         channel.full = false;

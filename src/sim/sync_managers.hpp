@@ -20,6 +20,7 @@ class SyncManagers {
         std::uint16_t ecat_set = 0;  // bits of 0x0210
         std::uint16_t ecat_clear = 0;
         bool watchdog = false;  // process data came in on a channel that feeds the watchdog
+        bool arrived = false;   // the master has handed a buffer over, with an event or without
     };
 
     void power_up(RegisterFile& registers, unsigned count, std::uint32_t ram_bytes);
