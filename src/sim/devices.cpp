@@ -182,7 +182,7 @@ Device make_pulse_axis() {
 std::unique_ptr<Firmware> firmware_for(Bytes image) {
     const auto model = read_sii_model(image);
     if (model.device_emulation() && model.areas.empty()) return nullptr;
-    return std::make_unique<SiiFirmware>(model);
+    return std::make_unique<SiiFirmware>(image, model);
 }
 
 }  // namespace

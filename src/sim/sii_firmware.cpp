@@ -18,10 +18,16 @@ constexpr Duration kLookAgain = std::chrono::milliseconds(1);
 
 }  // namespace
 
+SiiFirmware::SiiFirmware(Bytes sii, const SiiModel& model)
+    : device_(model.description()), emulation_(model.device_emulation()), areas_(model.areas) {
+    if (device_.mailbox.present() && !emulation_) mail_.emplace(sii, model);
+}
+
 void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
     esc_ = &esc;
     wait_until_ = kNever;
     begin(esc);
+    if (mail_) mail_->power_up(esc);
     esm_.reset();
     if (emulation_) return;
     esm_.emplace(esc, device_, static_cast<subdevice::EsmClient&>(*this));
@@ -31,7 +37,6 @@ void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
 // ETG.1000.6: in SAFEOP outputs are read, which feeds the watchdog, but not applied.
 Time SiiFirmware::step(Time now) {
     const auto events = subdevice::read_register<std::uint32_t>(*esc_, reg::kAlEventRequest.address);
-    const auto mail = (events & al_event::sync_manager(0)) != 0;
     // Whether an event says so or not: outputs of digital I/O, and many another SII's, come without.
     if (emulation_ || esm_->state() == AlState::op) {
         read_outputs();
@@ -48,7 +53,7 @@ Time SiiFirmware::step(Time now) {
             if (esm_->state() == AlState::op)
                 esm_->fall_back(AlState::safeop, subdevice::AlStatusCode::sync_manager_watchdog, now);
         }
-        if (mail && device_.mailbox.present()) discard_mail();
+        if (mail_) next = std::min(next, serve_mail(now, events));
     } else {
         // Reading the activate octets is what clears the event.
         std::array<std::byte, reg::kSyncManagerStride> raw{};
@@ -61,49 +66,66 @@ Time SiiFirmware::step(Time now) {
     return next;
 }
 
-// The mapping of a device with CoE may be anything that its memory holds: what the master has written there
-// is taken.
+// Objects, where a device has them, say how long its process data is; else its SII does. Where neither does, what
+// the master has set is taken.
 subdevice::ProcessDataSizes SiiFirmware::process_data_sizes() {
     const auto size = [&](const subdevice::ProcessDataArea& described) -> std::uint16_t {
         if (!described.present()) return 0;
-        std::uint32_t bits = 0;
-        std::uint16_t length = 0;
+        if (mail_ && device_.protocols.coe) {
+            const auto assigned = mail_->assigned_bytes(described.sync_manager);
+            if (assigned && *assigned != 0) return *assigned;
+            return subdevice::read_register<std::uint16_t>(
+                *esc_, static_cast<std::uint16_t>(reg::sync_manager(described.sync_manager).address + 2));
+        }
         for (const auto& area : areas_)
             if (area.sync_manager == described.sync_manager)
-                bits = area.pdo_bits, length = area.info.length_bytes;
-        const auto configured = subdevice::read_register<std::uint16_t>(
-            *esc_, static_cast<std::uint16_t>(reg::sync_manager(described.sync_manager).address + 2));
-        if (device_.protocols.coe) return configured;
-        return bits != 0 ? static_cast<std::uint16_t>((bits + 7) / 8) : length;
+                return area.pdo_bits != 0 ? static_cast<std::uint16_t>((area.pdo_bits + 7) / 8)
+                                          : area.info.length_bytes;
+        return 0;
     };
     return {size(device_.outputs), size(device_.inputs), subdevice::AlStatusCode::none};
 }
 
 // OP waits for the first outputs (ETG.1000.6), as long as the description says.
 Verdict SiiFirmware::before(Transition transition, Time now) {
-    const auto& outputs = device_.outputs;
-    if (transition != Transition{AlState::safeop, AlState::op} || !outputs.present()) return Verdict::go();
-    std::array<std::byte, reg::kSyncManagerStride> raw{};
-    esc_->read(reg::sync_manager(outputs.sync_manager).address, raw);
-    const auto status = wire::SyncManagerLayout::status::load(raw);
-    const bool off = wire::load_sync_manager(raw).length_bytes == 0;
-    const bool written = (status & wire::sm_status::kLastBufferMask) != wire::sm_status::kLastBufferMask;
-    if (off || written || !outputs.three_buffers) return Verdict::go();
+    if (transition.from == AlState::init && mail_ && !mail_->mailbox().fits())
+        return Verdict::refuse(subdevice::AlStatusCode::no_memory);
+    if (transition != Transition{AlState::safeop, AlState::op} || !outputs_missing()) return Verdict::go();
     if (wait_until_ == kNever) wait_until_ = now + device_.outputs_wait;
     if (now < wait_until_) return Verdict::wait(std::min(wait_until_, now + kLookAgain));
     wait_until_ = kNever;
     return Verdict::refuse(subdevice::AlStatusCode::no_valid_outputs);
 }
 
-void SiiFirmware::after(Transition, Time) { wait_until_ = kNever; }
+bool SiiFirmware::outputs_missing() {
+    const auto& outputs = device_.outputs;
+    if (!outputs.present() || !outputs.three_buffers) return false;
+    std::array<std::byte, reg::kSyncManagerStride> raw{};
+    esc_->read(reg::sync_manager(outputs.sync_manager).address, raw);
+    const auto status = wire::SyncManagerLayout::status::load(raw);
+    const bool off = wire::load_sync_manager(raw).length_bytes == 0;
+    const bool written = (status & wire::sm_status::kLastBufferMask) != wire::sm_status::kLastBufferMask;
+    return !off && !written;
+}
 
-// Nobody here to answer it; the mailbox must not stay full.
-void SiiFirmware::discard_mail() {
-    std::array<std::byte, 2048> mail;
-    const auto& box = device_.mailbox.receive;
-    for (std::uint32_t done = 0; done < box.size_bytes; done += mail.size())
-        esc_->read(static_cast<std::uint16_t>(box.start + done),
-                   MutableBytes(mail).first(std::min<std::size_t>(mail.size(), box.size_bytes - done)));
+void SiiFirmware::perform(Transition transition, Time) {
+    if (mail_ && transition.to == AlState::init) mail_->mailbox().stop();
+    if (mail_ && transition.from == AlState::init) mail_->mailbox().start(transition.to);
+}
+
+void SiiFirmware::after(Transition transition, Time) {
+    wait_until_ = kNever;
+    if (mail_) mail_->mailbox().state_changed(transition.to);
+}
+
+// Before a message is answered the objects show what the process data is.
+Time SiiFirmware::serve_mail(Time now, std::uint32_t events) {
+    if ((events & al_event::sync_manager(0)) != 0 && esm_->state() >= AlState::safeop) {
+        mail_->show(true, outputs());
+        mail_->show(false, inputs());
+    }
+    const auto next = mail_->mailbox().step(now, events);
+    return mail_->mailbox().sync_manager_lost() ? std::min(next, esm_->step(now, al_event::kSmActivation)) : next;
 }
 
 }  // namespace margay::sim

@@ -1,8 +1,9 @@
 // The program of a device of which nothing is known but its SII image: the state machine of the slave stack,
-// and process data that others set and look at.
+// process data that others set and look at, and a mailbox for the objects that follow from the image.
 #pragma once
 
 #include "sim/process_data.hpp"
+#include "sim/sii_mailbox.hpp"
 #include "sim/sii_model.hpp"
 #include "subdevice/esm.hpp"
 
@@ -12,8 +13,8 @@ namespace margay::sim {
 
 class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClient {
   public:
-    explicit SiiFirmware(const SiiModel& model)
-        : device_(model.description()), emulation_(model.device_emulation()), areas_(model.areas) {}
+    // The image is not needed afterwards.
+    SiiFirmware(Bytes sii, const SiiModel& model);
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
@@ -22,15 +23,17 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
     [[nodiscard]] subdevice::ProcessDataSizes process_data_sizes() override;
     [[nodiscard]] subdevice::Verdict before(subdevice::Transition transition, Time now) override;
     void dropped(subdevice::Transition) override {}
-    void perform(subdevice::Transition, Time) override {}
-    void after(subdevice::Transition, Time) override;
-    void discard_mail();
+    void perform(subdevice::Transition transition, Time now) override;
+    void after(subdevice::Transition transition, Time now) override;
+    [[nodiscard]] bool outputs_missing();
+    Time serve_mail(Time now, std::uint32_t events);
 
     subdevice::DeviceDescription device_;
     bool emulation_;
     std::vector<SiiModel::Area> areas_;
     subdevice::EscAccess* esc_ = nullptr;
     std::optional<subdevice::Esm> esm_;
+    std::optional<SiiMailbox> mail_;  // where the device has one
     Time wait_until_ = kNever;
 };
 

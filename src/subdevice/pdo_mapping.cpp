@@ -88,7 +88,7 @@ Abort PdoMapping::build(const ObjectDictionary& dictionary, std::uint16_t assign
     MappingReader reader(dictionary, assignment);
     while (reader.next()) {
         const auto& entry = reader.entry();
-        const auto wrong = check_mappable(dictionary, entry, assignment == kOutputAssignment);
+        const auto wrong = check_mappable(dictionary, entry, is_output_pdo(reader.pdo()));
         if (wrong != Abort::none) return wrong;
         if (count_ == memory_.size() || bits_ + entry.bits > max_bytes * 8) return Abort::exceeds_pdo;
         MappedEntry mapped{entry.index, entry.subindex, entry.bits, kGap, 0};
