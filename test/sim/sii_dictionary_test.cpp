@@ -46,8 +46,8 @@ TEST(SiiDictionary, SaysOfAMadeUpDeviceWhatItsSiiSays) {
     EXPECT_EQ(status->entry(0)->access, subdevice::od::kReadOnly | subdevice::od::kTxMappable);
 }
 
-// What the AKD's own objects were in the capture of SOEM's slaveinfo: 0x1701 and 0x1B01 are assigned.
-TEST(SiiDictionary, SaysOfADriveWhatTheDriveSaid) {
+// The defaults of the AKD's SII: PDOs 0x1701 and 0x1B01. (The drive of the capture had been told otherwise.)
+TEST(SiiDictionary, TakesADrivesDefaultsFromItsSii) {
     if (!wire::sii::have_images()) GTEST_SKIP() << "MARGAY_SII_DIR is not set";
     const Objects objects(wire::sii::image_of("akd.bin"));
     ASSERT_TRUE(subdevice::well_formed(objects.made.objects(), objects.made.image_bytes()));
