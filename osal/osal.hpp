@@ -9,6 +9,8 @@
 
 #include <margay/time.hpp>
 
+#include <cstdint>
+
 namespace margay {
 
 class Osal {
@@ -21,6 +23,9 @@ class Osal {
 
     // Ends a wait() of another thread. A port with one thread leaves it empty.
     virtual void wake() noexcept {}
+
+    // Tells threads apart: the same number for the same thread, never 0 for one of several. A port with one thread leaves it.
+    [[nodiscard]] virtual std::uintptr_t calling_thread() noexcept { return 0; }
 
   protected:
     ~Osal() = default;

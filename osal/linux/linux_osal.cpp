@@ -43,6 +43,11 @@ void LinuxOsal::wait(Time until, int nic_handle) noexcept {
     }
 }
 
+std::uintptr_t LinuxOsal::calling_thread() noexcept {
+    static thread_local const char tag = 0;
+    return reinterpret_cast<std::uintptr_t>(&tag);
+}
+
 void LinuxOsal::wake() noexcept {
     const std::uint64_t one = 1;
     // Fails only when the counter is full, and then the wait ends anyway.

@@ -21,6 +21,7 @@ class LinuxOsal final : public Osal {
     // Callable from any thread and from a signal handler. A wake() that finds nobody waiting ends the next
     // wait().
     void wake() noexcept override;
+    [[nodiscard]] std::uintptr_t calling_thread() noexcept override;
 
   private:
     int event_ = -1;

@@ -18,6 +18,11 @@ class VirtualOsal final : public Osal {
         if (until > now_ && until != kNever) now_ = until;
     }
 
+    [[nodiscard]] std::uintptr_t calling_thread() noexcept override {
+        static thread_local const char tag = 0;
+        return reinterpret_cast<std::uintptr_t>(&tag);
+    }
+
     // Lets time pass; a negative duration is ignored, the clock never goes backwards.
     void advance(Duration by) noexcept {
         if (by > Duration::zero()) now_ += by;
