@@ -42,6 +42,9 @@ enum class Errc : std::uint8_t {
     sm_shortage,        // the slave has no such SyncManager (index: its register, expected, actual: how many)
     sm_memory,          // a SyncManager outside the slave's process data memory or on top of another one (index: its register)
     too_many_frames,    // process data needs more frames than the context has prepared ones (expected, actual)
+    mailbox_full,       // the slave does not take mail: its mailbox is full, or not enabled in this state
+    wrong_size,         // a value has another size than was asked for (expected, actual: octets)
+    cycle_running,      // a call that waits, from the thread of a running cycle: submit the request of the same name instead
 };
 
 // What was being done.

@@ -10,7 +10,9 @@
 #include <margay/result.hpp>
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 namespace margay {
@@ -97,6 +99,11 @@ struct SlaveHooks {
     Result<> (*preop_to_safeop)(Context& ctx, std::uint16_t slave, void* user) = nullptr;
     void* user = nullptr;
     bool failed = false;  // the last call ended with an error
+
+    // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait nor call the library. `data` is
+    // valid until it returns.
+    void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data, void* user) = nullptr;
+    void* mailbox_pdo_user = nullptr;
 };
 
 struct Slave {

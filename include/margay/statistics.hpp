@@ -21,4 +21,18 @@ struct LinkStatistics {
     std::uint64_t send_refused = 0;     // the NIC did not take a frame
 };
 
+// What the mailbox of one slave counts.
+struct MailboxStatistics {
+    std::uint32_t sent = 0;
+    std::uint32_t received = 0;    // all that is fetched, also what is counted again below
+    std::uint32_t resent = 0;      // messages that had not arrived
+    std::uint32_t repeats = 0;     // replies asked for again
+    std::uint32_t duplicates = 0;  // replies that came twice
+    std::uint32_t unexpected = 0;  // mail that nobody waits for, and that is of no kind that is kept
+    std::uint32_t malformed = 0;
+    std::uint32_t errors = 0;      // mailbox error replies
+    std::uint32_t routed = 0;      // for another slave, handed on
+    std::uint32_t undeliverable = 0;
+};
+
 }  // namespace margay

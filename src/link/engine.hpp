@@ -50,8 +50,12 @@ class Engine {
     [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
     [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, now_ + duration}; }
 
-  private:
+    // For awaitables of other layers: resumes the timer's coroutine when its time has come, or any waiter in this poll() or the
+    // next one, whatever it was waiting for. Never resumes at once.
     void add_timer(Sleep::Timer& timer);
+    void wake(Waiter& waiter) { ready_.push_back(waiter); }
+
+  private:
 
     Link link_;
     Arena arena_;

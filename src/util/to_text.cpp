@@ -39,6 +39,11 @@ std::string_view to_text(Errc code) {
         case Errc::sm_shortage: return "the slave has no such SyncManager";
         case Errc::sm_memory: return "outside the slave's process data memory, or on top of another SyncManager";
         case Errc::too_many_frames: return "more frames than the application provided for";
+        case Errc::mailbox_full: return "the slave takes no mail: its mailbox is full, or off in this state";
+        case Errc::wrong_size: return "the value has another size";
+        case Errc::cycle_running:
+            return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or the other request "
+                   "for it, and look at its state() between cycles";
     }
     return "unknown error";
 }

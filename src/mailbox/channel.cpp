@@ -1,0 +1,365 @@
+// The pump of a channel: what to do next, and what came of it.
+#include "mailbox/channel.hpp"
+
+#include "mailbox/arena_buffer.hpp"
+#include "mailbox/mailboxes.hpp"
+#include "mailbox/turns.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+using Layout = wire::SyncManagerLayout;
+
+constexpr std::uint16_t kOutStatus = reg::sync_manager(0).address + Layout::status::offset;
+constexpr std::uint16_t kInStatus = reg::sync_manager(1).address + Layout::status::offset;
+constexpr std::uint16_t kInActivate = reg::sync_manager(1).address + Layout::activate::offset;
+constexpr std::size_t kLookBytes = 3;  // status, activate, PDI control
+
+constexpr Duration kCycleIsAlive = std::chrono::milliseconds(10);
+constexpr Duration kRealLook = std::chrono::milliseconds(20);  // though a bit of the image, or the watch, says there is nothing
+constexpr unsigned kLooksBeforeParking = 4;
+
+// Channels that pause alike look at the same time: their datagrams share frames.
+Time on_grid(Time time, Duration grid) {
+    const auto rest = time.time_since_epoch() % grid;
+    return rest == Duration{0} ? time : time + (grid - rest);
+}
+
+bool has(std::byte octet, std::uint8_t bit) { return (std::to_integer<unsigned>(octet) & bit) != 0; }
+
+}  // namespace
+
+class MailboxChannel::PumpGuard {
+  public:
+    explicit PumpGuard(MailboxChannel& channel) : channel_(channel) {}
+    PumpGuard(const PumpGuard&) = delete;
+    PumpGuard& operator=(const PumpGuard&) = delete;
+    ~PumpGuard() {
+        channel_.pump_ = nullptr;
+        channel_.dozing_ = false;
+        channel_.doze_.unlink();
+    }
+
+  private:
+    MailboxChannel& channel_;
+};
+
+// Awaitable: until the time has come, or kick().
+class MailboxChannel::Doze {
+  public:
+    Doze(MailboxChannel& channel, Time until) : channel_(channel), until_(until) {}
+    bool await_ready() const noexcept { return false; }
+    void await_suspend(std::coroutine_handle<> h) const noexcept {
+        channel_.doze_.handle = h;
+        channel_.doze_.until = until_;
+        channel_.dozing_ = true;
+        channel_.engine_->add_timer(channel_.doze_);
+    }
+    void await_resume() const noexcept { channel_.dozing_ = false; }
+
+  private:
+    MailboxChannel& channel_;
+    Time until_;
+};
+
+void MailboxChannel::ensure_pump() {
+    if (pump_ != nullptr) return;
+    Task<Result<>> task = pump();
+    if (task) {
+        pump_ = task.address();
+        (void)mailboxes_->tasks_.start(std::move(task));
+        return;
+    }
+    const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = position_};
+    while (MailTurn* turn = queue_.front()) finish(static_cast<MailExchange&>(*turn), full);
+}
+
+void MailboxChannel::kick() {
+    if (dozing_) engine_->wake(doze_);
+}
+
+Task<Result<>> MailboxChannel::pump() {
+    PumpGuard guard(*this);
+    ArenaBuffer memory(arena());
+    Link& link = engine_->link();
+    for (Action action = next_action(); action != Action::stop; action = next_action()) {
+        const bool carries = action == Action::send || action == Action::fetch;
+        if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
+            trouble_ = Errc::capacity;  // others will give some back
+            co_await Doze(*this, now() + timing.longest_pause);
+        } else if (action == Action::send) {
+            if (!compose(memory.bytes())) continue;
+            Datagram write(link, wire::Command::FPWR, {address_, info_.out_start}, Bytes(memory.bytes()).first(info_.out_bytes),
+                           Repeat::no);
+            auto reply = co_await write;
+            sent(reply);
+        } else if (action == Action::fetch) {
+            Datagram read(link, wire::Command::FPRD, {address_, info_.in_start}, memory.bytes().first(info_.in_bytes), Repeat::no);
+            auto reply = co_await read;
+            fetched(reply, Bytes(memory.bytes()).first(info_.in_bytes));
+        } else if (action == Action::look) {
+            std::array<std::byte, kLookBytes> octets{};
+            Datagram look(link, wire::Command::FPRD, {address_, kInStatus}, MutableBytes(octets));
+            auto reply = co_await look;
+            looked(reply, octets);
+        } else if (action == Action::look_out) {
+            std::array<std::byte, 1> status{};
+            Datagram look(link, wire::Command::FPRD, {address_, kOutStatus}, MutableBytes(status));
+            auto reply = co_await look;
+            looked_out(reply, status[0]);
+        } else if (action == Action::ask_repeat) {
+            const std::array<std::byte, 1> activate{std::byte{activate_}};
+            Datagram ask(link, wire::Command::FPWR, {address_, kInActivate}, Bytes(activate));
+            co_await ask;
+            repeat_ = Repeated::requested;
+            repeat_until_ = now() + timing.repeat_patience;
+            ++statistics_.repeats;
+            look_soon();
+        } else {
+            co_await Doze(*this, doze_until());
+        }
+    }
+    co_return Result<>();
+}
+
+// ------------------------------------------------------------------ what to do
+
+MailboxChannel::Action MailboxChannel::next_action() {
+    const Time t = now();
+    if (repeat_ == Repeated::ready) return Action::ask_repeat;
+    if (full_ && repeat_ == Repeated::no) return Action::fetch;
+    if (unsure_ != nullptr && resend_) {
+        sending_ = unsure_;
+        return Action::send;
+    }
+    if (unsure_ != nullptr && t >= resend_at_) return Action::look_out;
+    if (!glance_ && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message()) return Action::send;
+    if (expecting()) return next_look();
+    return queue_.empty() && farewell_bytes_ == 0 ? Action::stop : Action::doze;
+}
+
+bool MailboxChannel::pick_message() {
+    sending_farewell_ = farewell_bytes_ != 0;
+    if (sending_farewell_) return true;
+    const Time t = now();
+    const auto allowed = [&](const MailTurn& turn) {
+        const auto& exchange = static_cast<const MailExchange&>(turn);
+        return exchange.options_.key == 0 || exchange.options_.key != owed_key_ || t >= owed_until_;
+    };
+    MailTurn* next = next_turn(queue_, allowed);
+    sending_ = static_cast<MailExchange*>(next);
+    return next != nullptr;
+}
+
+bool MailboxChannel::expecting() const {
+    const bool held_up = now() < send_at_ && (!queue_.empty() || farewell_bytes_ != 0);  // it may want to be rid of its own mail first
+    return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < owed_until_;
+}
+
+bool MailboxChannel::bit_is_trusted() const {
+    const Time cycle = engine_->link().last_cycle();
+    return status_octet_ != nullptr && !glance_ && repeat_ == Repeated::no && now() < real_look_at_ && cycle != Time::min() &&
+           now() - cycle < kCycleIsAlive;
+}
+
+MailboxChannel::Action MailboxChannel::next_look() {
+    if (now() < look_at_) return Action::doze;
+    if (!bit_is_trusted()) return Action::look;
+    // As of the last cycle: what was fetched since is still shown.
+    if (engine_->link().last_cycle() <= fetched_at_ || !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
+        look_at_ = now() + timing.first_pause;
+        return Action::doze;
+    }
+    full_ = true;
+    return Action::fetch;
+}
+
+Time MailboxChannel::doze_until() const {
+    Time until = kNever;
+    const auto also = [&](Time time) {
+        if (time > now()) until = std::min(until, time);
+    };
+    if (expecting()) until = look_at_;
+    if (unsure_ != nullptr) also(resend_at_);
+    if (!queue_.empty() || farewell_bytes_ != 0) also(send_at_);
+    also(owed_until_);
+    return until;
+}
+
+void MailboxChannel::look_soon() {
+    look_at_ = now();
+    pause_ = timing.first_pause;
+    looks_ = 0;
+    parked_ = false;
+}
+
+// ------------------------------------------------------------------ sending
+
+// False when the mailbox is too small for it.
+bool MailboxChannel::compose(MutableBytes buffer) {
+    const auto mailbox = buffer.first(info_.out_bytes);
+    const auto data = mailbox.subspan(wire::kMailboxHeaderBytes);
+    std::fill(mailbox.begin(), mailbox.end(), std::byte{0});
+    wire::MailboxHeader header;
+    if (sending_farewell_) {
+        header.length = farewell_bytes_;
+        header.type = farewell_type_;
+        std::copy_n(farewell_.begin(), std::min<std::size_t>(farewell_bytes_, data.size()), data.begin());
+    } else {
+        header.length = static_cast<std::uint16_t>(sending_->client_.compose(data));
+        header.type = sending_->type_;
+        header.priority = sending_->options_.patience.priority;
+        header.address = sending_->options_.address;
+        if (header.length == 0) {
+            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = position_});
+            return false;
+        }
+    }
+    trial_counter_ = resend_ ? out_counter_ : wire::next_mailbox_counter(out_counter_);
+    header.counter = trial_counter_;
+    wire::store_mailbox_header(mailbox, header);
+    return true;
+}
+
+// The slave has it.
+void MailboxChannel::left(MailExchange& exchange) {
+    const bool first = exchange.state_ == MailExchange::State::queued;
+    if (!exchange.options_.reply) return finish(exchange, {});
+    if (first) {
+        take_turn(queue_, exchange, [](const MailTurn&) { return true; });
+        awaiting_.push_back(exchange);
+    }
+    exchange.state_ = MailExchange::State::sent;
+    look_soon();
+}
+
+void MailboxChannel::not_taken(Errc why) {
+    trouble_ = why;
+    pause_ = std::clamp(pause_ * 2, timing.first_pause, timing.longest_pause);
+    send_at_ = now() + pause_;
+    look_at_ = std::min(look_at_, now());
+}
+
+void MailboxChannel::said_farewell(Reply reply) {
+    sending_farewell_ = false;
+    const bool taken = reply.ok() && reply.wkc == 1;
+    if (taken) {
+        out_counter_ = trial_counter_;
+        ++statistics_.sent;
+    }
+    const bool lost = reply.errc == Errc::no_frame;
+    if (lost) out_counter_ = trial_counter_;
+    if (taken || lost || now() >= farewell_until_) {
+        farewell_bytes_ = 0;
+    } else {
+        not_taken(Errc::mailbox_full);
+    }
+}
+
+void MailboxChannel::sent(Reply reply) {
+    if (sending_farewell_) return said_farewell(reply);
+    MailExchange* const exchange = std::exchange(sending_, nullptr);
+    const bool again = std::exchange(resend_, false);
+    if (reply.ok() && reply.wkc == 1) {
+        out_counter_ = trial_counter_;
+        ++(again ? statistics_.resent : statistics_.sent);
+        trouble_ = Errc::none;
+        unsure_ = nullptr;
+        if (exchange != nullptr) left(*exchange);
+    } else if (reply.errc == Errc::no_frame) {
+        // It may have arrived, or not: the slave's mailbox will tell, or its reply.
+        out_counter_ = trial_counter_;
+        trouble_ = Errc::no_frame;
+        if (exchange == nullptr) return;
+        unsure_ = exchange;
+        resend_at_ = now();
+        unsure_until_ = now() + timing.resend_after;
+        if (exchange->state_ != MailExchange::State::queued) return;
+        exchange->unlink();
+        awaiting_.push_back(*exchange);
+        exchange->state_ = MailExchange::State::sent;
+        look_soon();
+    } else {
+        not_taken(reply.ok() ? Errc::mailbox_full : reply.errc);
+        if (again) resend_at_ = send_at_;
+    }
+}
+
+void MailboxChannel::looked_out(Reply reply, std::byte status) {
+    if (unsure_ == nullptr) return;
+    if (!reply.ok() || reply.wkc != 1) {
+        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        resend_at_ = now() + timing.longest_pause;
+    } else if (has(status, wire::sm_status::kMailboxFull)) {
+        MailExchange& arrived = *std::exchange(unsure_, nullptr);
+        trouble_ = Errc::none;
+        ++statistics_.sent;
+        left(arrived);
+    } else if (now() >= unsure_until_) {
+        resend_ = true;
+    } else {
+        resend_at_ = unsure_until_;
+    }
+}
+
+// ------------------------------------------------------------------ receiving
+
+void MailboxChannel::looked(Reply reply, Bytes octets) {
+    real_look_at_ = now() + kRealLook;
+    if (!reply.ok() || reply.wkc != 1) {
+        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        look_at_ = now() + timing.longest_pause;
+        return;
+    }
+    if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
+    const bool full = has(octets[0], wire::sm_status::kMailboxFull);
+    if (repeat_ == Repeated::wanted) {
+        // One that does not count its replies could not be told from the one before: it is asked for only if it is gone.
+        const bool ask = counts_ || !full;
+        repeat_ = ask ? Repeated::ready : Repeated::no;
+        activate_ = static_cast<std::uint8_t>(std::to_integer<unsigned>(octets[1]) ^ wire::sm_activate::kRepeatRequest);
+        full_ = full && !ask;
+        return;
+    }
+    if (repeat_ == Repeated::requested) {
+        const bool acknowledged = has(octets[2], wire::sm_pdi_control::kRepeatAcknowledge) ==
+                                  ((activate_ & wire::sm_activate::kRepeatRequest) != 0);
+        if (!acknowledged && now() < repeat_until_) return nothing_there();
+        repeat_ = Repeated::no;
+        repeated_ = acknowledged;
+    }
+    full_ = full;
+    if (!full_) nothing_there();
+}
+
+void MailboxChannel::nothing_there() {
+    full_ = false;
+    if (repeat_ == Repeated::no) glance_ = false;
+    pause_ = std::clamp(pause_, timing.first_pause, timing.longest_pause);
+    look_at_ = on_grid(now() + pause_, pause_);
+    pause_ = std::min(pause_ * 2, timing.longest_pause);
+    if (++looks_ >= kLooksBeforeParking && repeat_ == Repeated::no && mailboxes_->park(*this)) look_at_ = now() + kRealLook;
+}
+
+void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
+    full_ = false;
+    fetched_at_ = now();
+    if (reply.errc == Errc::no_frame) {
+        repeat_ = Repeated::wanted;
+        look_soon();
+    } else if (!reply.ok()) {
+        trouble_ = reply.errc;
+        look_at_ = now() + timing.longest_pause;
+    } else if (reply.wkc != 1) {
+        nothing_there();
+    } else {
+        look_soon();
+        take_in(mailbox);
+    }
+}
+
+}  // namespace margay

@@ -1,0 +1,66 @@
+// What came, and whom it is for.
+#include "mailbox/channel.hpp"
+#include "mailbox/mailboxes.hpp"
+#include "mailbox/protocols.hpp"
+
+namespace margay {
+
+void MailboxChannel::take_in(Bytes mailbox) {
+    ++statistics_.received;
+    const auto header = wire::load_mailbox_header(mailbox);
+    counts_ = header.counter != 0;
+    const bool again = std::exchange(repeated_, false) && counts_ && header.counter == in_counter_;
+    in_counter_ = header.counter;
+    if (again) {
+        ++statistics_.duplicates;
+        return;
+    }
+    const auto mail = wire::load_mailbox_message(mailbox);
+    if (!mail || mail->data.empty()) return malformed(header);
+    dispatch(*mail);
+}
+
+void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
+    // Some slaves write their own address where the standard wants the master's, which is 0.
+    const std::uint16_t to = mail.header.address;
+    if (to != 0 && to != address_.value && mailboxes_->route(*this, mail)) {
+        ++statistics_.routed;
+        return;
+    }
+    if (mail.header.type == wire::MailboxType::error) return error_reply(mail.data);
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
+        auto& exchange = static_cast<MailExchange&>(*turn);
+        if (exchange.type_ != mail.header.type) continue;
+        const MailClient::Taken taken = exchange.client_.take(mail);
+        if (taken == MailClient::Taken::more) return prolong(exchange);
+        if (taken == MailClient::Taken::all) return finish(exchange, {});
+    }
+    const MailProtocol* protocol = find_protocol(mail.header.type);
+    if (protocol != nullptr && protocol->unasked(*this, mail)) return;
+    ++statistics_.unexpected;
+    owed_until_ = Time::min();  // most likely it was this
+}
+
+// Longer than the mailbox, or empty: whoever waits for mail of this type waits for this one.
+void MailboxChannel::malformed(const wire::MailboxHeader& header) {
+    ++statistics_.malformed;
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
+        auto& exchange = static_cast<MailExchange&>(*turn);
+        if (exchange.type_ != header.type) continue;
+        Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = position_};
+        error.expected = static_cast<std::uint32_t>(receive_room());
+        error.actual = header.length;
+        return finish(exchange, error);
+    }
+}
+
+// It says of no request what it is the answer to: the oldest that is not answered.
+void MailboxChannel::error_reply(Bytes data) {
+    ++statistics_.errors;
+    if (awaiting_.empty()) return;
+    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = position_};
+    if (data.size() >= wire::kMailboxErrorBytes) error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
+    finish(static_cast<MailExchange&>(*awaiting_.front()), error);
+}
+
+}  // namespace margay

@@ -1,0 +1,200 @@
+// Exchanges and sessions: waiting in turn, timing out, being given up.
+#include "mailbox/channel.hpp"
+#include "mailbox/mailboxes.hpp"
+#include "mailbox/turns.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+// ------------------------------------------------------------------ exchanges
+
+MailExchange::~MailExchange() {
+    if (state_ == State::queued || state_ == State::sent) channel_.forget(*this);
+}
+
+bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
+    if (!channel_.is_open()) {
+        state_ = State::over;
+        error_.code = Errc::wrong_state;
+        return false;
+    }
+    timer_.handle = h;
+    timer_.until = options_.patience.for_one(channel_.engine().now());
+    state_ = State::queued;
+    channel_.engine().add_timer(timer_);
+    channel_.enqueue(*this);
+    return true;
+}
+
+Error MailExchange::await_resume() noexcept {
+    if (state_ != State::over) {  // its time is over
+        error_ = channel_.overdue(*this);
+        channel_.forget(*this);
+        state_ = State::over;
+    }
+    return error_;
+}
+
+void MailboxChannel::enqueue(MailExchange& exchange) {
+    queue_.push_back(exchange);
+    ensure_pump();
+    kick();
+}
+
+// Part of the answer is there, and the slave has as long again for the next.
+void MailboxChannel::prolong(MailExchange& exchange) {
+    exchange.timer_.unlink();
+    exchange.timer_.until = exchange.options_.patience.for_one(now());
+    engine_->add_timer(exchange.timer_);
+}
+
+void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
+    exchange.unlink();
+    exchange.state_ = MailExchange::State::over;
+    exchange.error_ = error;
+    if (sending_ == &exchange) sending_ = nullptr;
+    if (unsure_ == &exchange) unsure_ = nullptr;
+    engine_->wake(exchange.timer_);
+}
+
+// Nobody waits for it any more. What it has set off at the slave goes on.
+void MailboxChannel::forget(MailExchange& exchange) {
+    exchange.unlink();
+    const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
+    if (sending_ == &exchange) sending_ = nullptr;
+    if (unsure_ == &exchange) unsure_ = nullptr;
+    if (out && exchange.options_.reply) {
+        owed_key_ = exchange.options_.key;
+        owed_until_ = now() + timing.owed_patience;
+    }
+    kick();
+}
+
+// Why nothing has come of it.
+Error MailboxChannel::overdue(const MailExchange& exchange) const {
+    const bool left = exchange.state_ == MailExchange::State::sent;
+    return {.code = trouble_ == Errc::none ? Errc::timeout : trouble_,
+            .step = left ? Step::mailbox_receive : Step::mailbox_send,
+            .slave = position_};
+}
+
+// ------------------------------------------------------------------ sessions
+
+MailSession::~MailSession() {
+    if (granted_) channel_.leave(*this);
+}
+
+bool MailSession::await_ready() noexcept {
+    if (!channel_.is_open()) {
+        error_.code = Errc::wrong_state;
+        return true;
+    }
+    return channel_.try_enter(*this);
+}
+
+void MailSession::await_suspend(std::coroutine_handle<> h) noexcept {
+    timer_.handle = h;
+    timer_.until = give_up_;
+    channel_.engine().add_timer(timer_);
+    channel_.wait_turn(*this);
+}
+
+Error MailSession::await_resume() noexcept {
+    unlink();
+    if (!granted_ && error_.code == Errc::none) error_.code = Errc::timeout;
+    return granted_ ? Error{} : error_;
+}
+
+namespace {
+constexpr std::uint16_t bit_of(wire::MailboxType type) { return static_cast<std::uint16_t>(1U << static_cast<unsigned>(type)); }
+}  // namespace
+
+bool MailboxChannel::try_enter(MailSession& session) {
+    if ((busy_types_ & bit_of(session.type_)) != 0) return false;
+    busy_types_ = static_cast<std::uint16_t>(busy_types_ | bit_of(session.type_));
+    session.granted_ = true;
+    session.epoch_ = epoch_;
+    return true;
+}
+
+void MailboxChannel::wait_turn(MailSession& session) { tickets_.push_back(session); }
+
+void MailboxChannel::leave(MailSession& session) {
+    session.granted_ = false;
+    if (session.epoch_ != epoch_) return;  // the channel was opened anew meanwhile
+    busy_types_ = static_cast<std::uint16_t>(busy_types_ & ~bit_of(session.type_));
+    const auto same = [&](const MailTurn& turn) { return static_cast<const MailSession&>(turn).type_ == session.type_; };
+    MailTurn* next = next_turn(tickets_, same);
+    if (next == nullptr) return;
+    take_turn(tickets_, *next, same);
+    auto& granted = static_cast<MailSession&>(*next);
+    (void)try_enter(granted);
+    engine_->wake(granted.timer_);
+}
+
+// ------------------------------------------------------------------ open and close
+
+void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info) {
+    close();
+    mailboxes_ = &mailboxes;
+    engine_ = &station.engine;
+    slave_ = &slave;
+    address_ = station.address;
+    position_ = station.position;
+    info_ = info;
+    open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
+    statistics_ = {};
+    emergencies_.clear();
+    no_complete_access = false;
+    status_octet_ = nullptr;
+    counts_ = true;
+    in_counter_ = out_counter_ = 0;
+    glance_ = true;  // what an earlier master has left is fetched before anything is sent
+    if (open_) ensure_pump();
+}
+
+void MailboxChannel::close() {
+    if (engine_ == nullptr) return;
+    open_ = false;
+    ++epoch_;
+    if (pump_ != nullptr) std::coroutine_handle<>::from_address(pump_).destroy();
+    const Error canceled{.code = Errc::canceled, .step = Step::mailbox_send, .slave = position_};
+    for (List<MailTurn>* list : {&queue_, &awaiting_})
+        while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), canceled);
+    while (MailTurn* turn = tickets_.pop_front()) {
+        auto& session = static_cast<MailSession&>(*turn);
+        session.error_ = canceled;
+        engine_->wake(session.timer_);
+    }
+    busy_types_ = 0;
+    sending_ = unsure_ = nullptr;
+    sending_farewell_ = resend_ = glance_ = full_ = parked_ = repeated_ = false;
+    resend_at_ = kNever;
+    send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
+    farewell_bytes_ = 0;
+    owed_key_ = 0;
+    repeat_ = Repeated::no;
+    trouble_ = Errc::none;
+}
+
+void MailboxChannel::farewell(wire::MailboxType type, Bytes data) {
+    if (!open_ || farewell_bytes_ != 0 || data.size() > farewell_.size()) return;
+    std::copy(data.begin(), data.end(), farewell_.begin());
+    farewell_bytes_ = static_cast<std::uint8_t>(data.size());
+    farewell_type_ = type;
+    farewell_until_ = now() + timing.owed_patience;
+    ensure_pump();
+    kick();
+}
+
+void MailboxChannel::glance() {
+    if (!open_) return;
+    glance_ = true;
+    look_at_ = now();
+    parked_ = false;
+    ensure_pump();
+    kick();
+}
+
+}  // namespace margay

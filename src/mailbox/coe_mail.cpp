@@ -1,0 +1,37 @@
+#include "mailbox/coe_mail.hpp"
+
+#include "mailbox/channel.hpp"
+#include "wire/coe.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+namespace coe = wire::coe;
+
+namespace {
+
+bool take_emergency(MailboxChannel& channel, Bytes data) {
+    if (data.size() < coe::kEmergencyBytes) return false;
+    Emergency emergency{.code = coe::EmergencyLayout::error_code::load(data),
+                        .error_register = coe::EmergencyLayout::error_register::load(data)};
+    std::ranges::copy(data.subspan(coe::EmergencyLayout::data, coe::kEmergencyDataBytes), emergency.data.begin());
+    emergency.at = channel.engine().now();
+    channel.emergencies().add(emergency);
+    return true;
+}
+
+}  // namespace
+
+bool coe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
+    if (mail.data.size() < coe::kHeaderBytes) return false;
+    const auto header = coe::load_header(mail.data);
+    if (header.service == coe::Service::emergency) return take_emergency(channel, mail.data);
+    const bool pdo = header.service == coe::Service::tx_pdo;
+    const auto& hooks = channel.slave().hooks;
+    if (!pdo || hooks.mailbox_pdo == nullptr) return false;
+    hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes), hooks.mailbox_pdo_user);
+    return true;
+}
+
+}  // namespace margay

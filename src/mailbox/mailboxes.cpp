@@ -1,0 +1,162 @@
+#include "mailbox/mailboxes.hpp"
+
+#include "mailbox/arena_buffer.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::uint16_t kInStatus = wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset;
+constexpr std::size_t kWorthSharing = 3;     // channels that wait, from which on one datagram looks for all
+constexpr std::size_t kSurveyAtOnce = 16;    // channels looked at for mail that nobody waits for
+constexpr Duration kTick = std::chrono::milliseconds(1);
+constexpr std::uint8_t kMostRouted = 8;      // messages between slaves under way
+constexpr Duration kRoutePatience = std::chrono::seconds(1);
+
+// A message that somebody else has composed.
+class Forwarded final : public MailClient {
+  public:
+    explicit Forwarded(Bytes message) : message_(message) {}
+    std::size_t compose(MutableBytes data) override {
+        const std::size_t bytes = std::min(message_.size(), data.size());
+        std::copy_n(message_.begin(), bytes, data.begin());
+        return bytes;
+    }
+    Taken take(const wire::MailboxMessage&) override { return Taken::no; }
+
+  private:
+    Bytes message_;
+};
+
+}  // namespace
+
+Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::span<Emergency> emergencies)
+    : engine_(engine), channels_(channels) {
+    const std::size_t each = channels.empty() ? 0 : emergencies.size() / channels.size();
+    for (std::size_t n = 0; n < channels.size(); ++n) channels[n].emergencies().use(emergencies.subspan(n * each, each));
+}
+
+void Mailboxes::close_all() {
+    if (watch_ != nullptr) std::coroutine_handle<>::from_address(watch_).destroy();
+    for (MailboxChannel& channel : channels_) channel.close();
+}
+
+// ------------------------------------------------------------------ looking for all at once
+
+class Mailboxes::WatchGuard {
+  public:
+    explicit WatchGuard(Mailboxes& mailboxes) : mailboxes_(mailboxes) {}
+    WatchGuard(const WatchGuard&) = delete;
+    WatchGuard& operator=(const WatchGuard&) = delete;
+    ~WatchGuard() { mailboxes_.watch_ = nullptr; }
+
+  private:
+    Mailboxes& mailboxes_;
+};
+
+void Mailboxes::watch(Duration every) {
+    every_ = std::max(every, Duration{0});
+    if (every_ != Duration{0}) ensure_watch();
+}
+
+void Mailboxes::ensure_watch() {
+    if (watch_ != nullptr) return;
+    Task<Result<>> task = watch_all();
+    if (!task) return;
+    watch_ = task.address();
+    (void)tasks_.start(std::move(task));
+}
+
+std::size_t Mailboxes::waiting() const {
+    return static_cast<std::size_t>(std::ranges::count_if(channels_, [](const MailboxChannel& c) { return c.parked_; }));
+}
+
+bool Mailboxes::park(MailboxChannel& channel) {
+    const auto looks = [](const MailboxChannel& c) { return c.pump_ != nullptr && c.expecting(); };
+    if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing) return false;
+    ensure_watch();
+    channel.parked_ = watch_ != nullptr;
+    return channel.parked_;
+}
+
+Task<Result<>> Mailboxes::watch_all() {
+    WatchGuard guard(*this);
+    while (waiting() > 0 || every_ != Duration{0}) {
+        const Duration pause = waiting() > 0 ? kTick : every_;
+        co_await engine_.sleep_for(pause);
+        by_status_bits();
+        std::array<std::byte, 1> status{};
+        Datagram look(engine_.link(), wire::Command::BRD, wire::DatagramAddress(std::uint16_t{0}, kInStatus), MutableBytes(status));
+        auto reply = co_await look;
+        const bool any = (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
+        if (!reply.ok() || any) somebody_has_mail(any);
+    }
+    co_return Result<>();
+}
+
+// Those that wait look for themselves; of the others a few in turn.
+void Mailboxes::somebody_has_mail(bool surely) {
+    for (MailboxChannel& channel : channels_)
+        if (channel.parked_) {
+            channel.parked_ = false;
+            channel.look_at_ = engine_.now();
+            channel.kick();
+        }
+    if (!surely || every_ == Duration{0}) return;
+    std::size_t at_once = kSurveyAtOnce;
+    for (std::size_t n = 0; n < channels_.size() && at_once > 0; ++n) {
+        MailboxChannel& channel = channels_[survey_];
+        survey_ = (survey_ + 1) % channels_.size();
+        if (!channel.is_open() || channel.pump_ != nullptr) continue;
+        channel.glance();
+        --at_once;
+    }
+}
+
+void Mailboxes::by_status_bits() {
+    for (MailboxChannel& channel : channels_) {
+        if (!channel.is_open() || channel.pump_ != nullptr || channel.status_octet_ == nullptr) continue;
+        if (((std::to_integer<unsigned>(*channel.status_octet_) >> channel.status_bit_) & 1U) != 0) channel.glance();
+    }
+}
+
+// ------------------------------------------------------------------ mail between slaves
+
+bool Mailboxes::route(MailboxChannel& from, const wire::MailboxMessage& mail) {
+    const auto is_addressed = [&](const MailboxChannel& c) { return c.is_open() && c.address_.value == mail.header.address; };
+    const auto to = std::ranges::find_if(channels_, is_addressed);
+    if (to == channels_.end()) return false;
+    const bool possible = routing_ < kMostRouted && mail.data.size() <= to->send_room();
+    if (!possible || !tasks_.start(hand_over(*to, from, mail))) ++from.statistics().undeliverable;
+    return true;
+}
+
+// The address of a message that the master hands on is that of its sender (ETG.1000.4 "Mailbox header").
+Task<Result<>> Mailboxes::hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxMessage mail) {
+    struct Count {
+        std::uint8_t& n;
+        explicit Count(std::uint8_t& count) : n(count) { ++n; }
+        Count(const Count&) = delete;
+        Count& operator=(const Count&) = delete;
+        ~Count() { --n; }
+    };
+    Count count(routing_);
+    ArenaBuffer copy(arena());
+    if (!copy.reserve(mail.data.size())) {
+        ++from.statistics().undeliverable;
+        co_return Result<>();
+    }
+    std::ranges::copy(mail.data, copy.bytes().begin());
+    Forwarded message(copy.bytes());
+    MailExchange exchange(to, mail.header.type, message,
+                          {.patience = {.give_up = engine_.now() + kRoutePatience, .priority = mail.header.priority},
+                           .address = from.station().address.value,
+                           .reply = false});
+    const Error failed = co_await exchange;
+    if (failed.code != Errc::none) ++from.statistics().undeliverable;
+    co_return Result<>();
+}
+
+}  // namespace margay
