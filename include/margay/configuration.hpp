@@ -30,6 +30,7 @@ struct ProcessSm {
 enum class ConfigurationSource : std::uint8_t {
     none,         // nobody yet: config_map() asks the slave
     sii,          // the slave's SII
+    coe,          // its object dictionary
     application,  // the application, whose word stands
 };
 

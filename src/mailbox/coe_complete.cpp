@@ -1,0 +1,106 @@
+#include "mailbox/coe_complete.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace margay {
+namespace {
+
+namespace coe = wire::coe;
+
+constexpr std::size_t kCountBytes = 2;  // what subindex 0 takes in a complete access
+
+bool is(const Error& error, coe::Abort code) { return error.code == Errc::sdo_abort && error.detail == static_cast<std::uint32_t>(code); }
+
+// Octets of each value of objects whose form the standard fixes; 0: not such an object.
+std::size_t element_bytes(std::uint16_t index) {
+    const bool mapping = (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
+    const bool assignment = index >= 0x1C10 && index < 0x1C30;
+    return mapping ? 4 : assignment ? 2 : 0;
+}
+
+Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc code, std::size_t expected, std::size_t actual) {
+    Error error = channel.station().error(code, step, object.index);
+    error.subindex = object.subindex;
+    error.expected = static_cast<std::uint32_t>(expected);
+    error.actual = static_cast<std::uint32_t>(actual);
+    return error;
+}
+
+Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, MailPatience patience) {
+    std::array<std::byte, 4> count{};  // some have it wider than the standard's octet
+    auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
+    if (!read) co_return read.error();
+    co_return std::to_integer<std::uint8_t>(count[0]);
+}
+
+// How many octets of `left` the value of this subindex takes; 0: there is no such subindex.
+Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object, std::size_t left, MailPatience patience) {
+    if (const std::size_t fixed = element_bytes(object.index); fixed != 0) co_return std::min(fixed, left);
+    std::array<std::byte, 8> now{};
+    auto read = co_await sdo_upload_once(channel, object, now, patience);
+    if (read) co_return *read;
+    if (read.error().code == Errc::capacity) co_return std::size_t{read.error().expected};
+    if (is(read.error(), coe::Abort::no_subindex)) co_return std::size_t{0};
+    co_return read.error();
+}
+
+Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes value, unsigned count, MailPatience patience) {
+    std::size_t at = 0;
+    for (unsigned n = 1; n <= count && at < value.size(); ++n) {
+        const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
+        auto bytes = co_await value_bytes(channel, one, value.size() - at, patience);
+        if (!bytes) co_return bytes.error();
+        if (*bytes > value.size() - at) co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, *bytes, value.size() - at);
+        if (*bytes == 0) continue;
+        auto written = co_await sdo_download_once(channel, one, value.subspan(at, *bytes), patience);
+        if (!written) co_return written;
+        at += *bytes;
+    }
+    if (at == value.size()) co_return Result<>();
+    co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, at, value.size());
+}
+
+Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::uint8_t count, MailPatience patience) {
+    const std::array<std::byte, 1> octet{std::byte{count}};
+    auto written = co_await sdo_download_once(channel, {.index = index}, octet, patience);
+    if (written || !is(written.error(), coe::Abort::read_only)) co_return written;
+    auto has = co_await read_count(channel, index, patience);
+    co_return has && *has == count ? Result<>() : written;
+}
+
+}  // namespace
+
+Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+    auto count = co_await read_count(channel, object.index, patience);
+    if (!count) co_return count.error();
+    std::size_t at = object.subindex == 0 ? kCountBytes : 0;
+    if (at > into.size()) co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at, into.size());
+    if (at != 0) store_le<std::uint16_t>(into, 0, *count);
+    for (unsigned n = 1; n <= *count; ++n) {
+        const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
+        auto read = co_await sdo_upload_once(channel, one, into.subspan(at), patience);
+        if (read) at += *read;
+        if (read || is(read.error(), coe::Abort::no_subindex)) continue;
+        if (read.error().code != Errc::capacity) co_return read;
+        co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at + read.error().expected, into.size());
+    }
+    co_return at;
+}
+
+Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+    const bool with_count = object.subindex == 0;
+    if (with_count && value.size() < kCountBytes)
+        co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, kCountBytes, value.size());
+    unsigned count = 255;
+    if (with_count) count = std::to_integer<std::uint8_t>(value[0]);
+    if (with_count && element_bytes(object.index) != 0) {
+        auto cleared = co_await write_count(channel, object.index, 0, patience);
+        if (!cleared) co_return cleared;
+    }
+    auto written = co_await write_values(channel, object, value.subspan(with_count ? kCountBytes : 0), count, patience);
+    if (!written || !with_count) co_return written;
+    co_return co_await write_count(channel, object.index, static_cast<std::uint8_t>(count), patience);
+}
+
+}  // namespace margay

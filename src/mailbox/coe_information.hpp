@@ -1,0 +1,108 @@
+// SDO information (ETG.1000.6 "SDO information services"): lists of objects, descriptions of objects and entries. What comes in fragments is
+// taken in as it comes; nothing grows with the dictionary.
+#pragma once
+
+#include "mailbox/coe_sdo.hpp"
+
+#include <margay/coe.hpp>
+
+namespace margay {
+
+// One request of the information service and all fragments of its answer, without a bus.
+class InfoQuery : public MailClient {
+  public:
+    std::size_t compose(MutableBytes data) final;
+    Taken take(const wire::MailboxMessage& mail) final;
+
+    // Whether the last fragment is in, or something went wrong.
+    [[nodiscard]] bool over() const { return over_; }
+    [[nodiscard]] const Error& error() const { return error_; }
+
+  protected:
+    InfoQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : request_(request), response_(response) {}
+    ~InfoQuery() = default;
+
+    // Behind the information header.
+    virtual std::size_t compose_request(MutableBytes data) const = 0;
+    // The payload of a fragment. False: the answer is to another request, of the same kind.
+    virtual bool take_fragment(Bytes payload, bool first, bool last) = 0;
+    void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
+
+  private:
+    [[nodiscard]] bool is_ours(Bytes data);
+
+    wire::coe::InfoOpcode request_;
+    wire::coe::InfoOpcode response_;
+    bool begun_ = false;
+    bool over_ = false;
+    Error error_;
+};
+
+class ObjectListQuery final : public InfoQuery {
+  public:
+    using Found = void (*)(std::span<const std::uint16_t> indices, void* user);
+    ObjectListQuery(ObjectList list, Found found, void* user)
+        : InfoQuery(wire::coe::InfoOpcode::list_request, wire::coe::InfoOpcode::list_response), list_(list), found_(found), user_(user) {}
+    [[nodiscard]] std::uint32_t count() const { return count_; }
+
+  private:
+    std::size_t compose_request(MutableBytes data) const override;
+    bool take_fragment(Bytes payload, bool first, bool last) override;
+
+    ObjectList list_;
+    Found found_;
+    void* user_;
+    std::uint32_t count_ = 0;
+};
+
+// Answers that are put together before they are read: longer names are cut.
+class DescriptionQuery : public InfoQuery {
+  protected:
+    DescriptionQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : InfoQuery(request, response) {}
+    ~DescriptionQuery() = default;
+    bool take_fragment(Bytes payload, bool first, bool last) final;
+    virtual bool matches(Bytes first) const = 0;
+    virtual void decode(Bytes all) = 0;
+
+  private:
+    static constexpr std::size_t kMost = 128;
+    std::array<std::byte, kMost> all_{};
+    std::size_t kept_ = 0;
+    std::size_t came_ = 0;
+};
+
+class ObjectQuery final : public DescriptionQuery {
+  public:
+    explicit ObjectQuery(std::uint16_t index)
+        : DescriptionQuery(wire::coe::InfoOpcode::object_request, wire::coe::InfoOpcode::object_response), index_(index) {}
+    ObjectDescription description;
+
+  private:
+    std::size_t compose_request(MutableBytes data) const override;
+    bool matches(Bytes first) const override;
+    void decode(Bytes all) override;
+    std::uint16_t index_;
+};
+
+class EntryQuery final : public DescriptionQuery {
+  public:
+    EntryQuery(std::uint16_t index, std::uint8_t subindex, bool with_values)
+        : DescriptionQuery(wire::coe::InfoOpcode::entry_request, wire::coe::InfoOpcode::entry_response),
+          index_(index),
+          subindex_(subindex),
+          with_values_(with_values) {}
+    EntryDescription description;
+
+  private:
+    std::size_t compose_request(MutableBytes data) const override;
+    bool matches(Bytes first) const override;
+    void decode(Bytes all) override;
+    std::uint16_t index_;
+    std::uint8_t subindex_;
+    bool with_values_;
+};
+
+// Carries a query out. `index` and `subindex` are for the error.
+[[nodiscard]] Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, MailPatience patience);
+
+}  // namespace margay

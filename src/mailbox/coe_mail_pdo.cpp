@@ -1,0 +1,86 @@
+#include "mailbox/coe_mail_pdo.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+namespace coe = wire::coe;
+
+namespace {
+
+class RxPdo final : public MailClient {
+  public:
+    RxPdo(std::uint16_t number, Bytes data) : number_(number), data_(data) {}
+    std::size_t compose(MutableBytes data) override {
+        coe::store_header(data, {number_, coe::Service::rx_pdo});
+        std::ranges::copy(data_, data.begin() + coe::kHeaderBytes);
+        return coe::kHeaderBytes + data_.size();
+    }
+    Taken take(const wire::MailboxMessage&) override { return Taken::no; }
+
+  private:
+    std::uint16_t number_;
+    Bytes data_;
+};
+
+class TxPdo final : public MailClient {
+  public:
+    TxPdo(std::uint16_t number, MutableBytes into) : number_(number), into_(into) {}
+    std::size_t compose(MutableBytes data) override {
+        coe::store_header(data, {number_, coe::Service::tx_pdo_remote_request});
+        return coe::kHeaderBytes;
+    }
+    Taken take(const wire::MailboxMessage& mail) override {
+        if (mail.data.size() < coe::kHeaderBytes) return Taken::no;
+        const auto header = coe::load_header(mail.data);
+        if (header.service != coe::Service::tx_pdo || header.number != number_) return Taken::no;
+        const auto pdo = mail.data.subspan(coe::kHeaderBytes);
+        bytes = pdo.size();
+        std::ranges::copy(pdo.first(std::min(pdo.size(), into_.size())), into_.begin());
+        return Taken::all;
+    }
+    std::size_t bytes = 0;
+
+  private:
+    std::uint16_t number_;
+    MutableBytes into_;
+};
+
+Error pdo_error(Error error, MailboxChannel& channel, std::uint16_t number) {
+    error.slave = channel.station().position;
+    error.index = number;
+    return error;
+}
+
+}  // namespace
+
+Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data, MailPatience patience) {
+    if (coe::kHeaderBytes + data.size() > channel.send_room()) {
+        Error error = channel.station().error(Errc::capacity, Step::mailbox_send, number);
+        error.expected = static_cast<std::uint32_t>(coe::kHeaderBytes + data.size());
+        error.actual = static_cast<std::uint32_t>(channel.send_room());
+        co_return error;
+    }
+    RxPdo pdo(number, data);
+    MailExchange exchange(channel, wire::MailboxType::coe, pdo, {.patience = patience, .reply = false});
+    const Error failed = co_await exchange;
+    if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);
+    co_return Result<>();
+}
+
+Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into, MailPatience patience) {
+    MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return pdo_error(refused, channel, number);
+    TxPdo pdo(number, into);
+    MailExchange exchange(channel, wire::MailboxType::coe, pdo, {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
+    const Error failed = co_await exchange;
+    if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);
+    if (pdo.bytes <= into.size()) co_return pdo.bytes;
+    Error error = channel.station().error(Errc::capacity, Step::mailbox_receive, number);
+    error.expected = static_cast<std::uint32_t>(pdo.bytes);
+    error.actual = static_cast<std::uint32_t>(into.size());
+    co_return error;
+}
+
+}  // namespace margay

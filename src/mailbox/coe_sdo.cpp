@@ -1,0 +1,115 @@
+#include "mailbox/coe_sdo.hpp"
+
+#include "mailbox/coe_complete.hpp"
+
+namespace margay {
+
+namespace coe = wire::coe;
+
+namespace {
+
+// A transfer that ends before its end is aborted at the slave, whatever the reason: an error, a timeout, or a request that was cancelled.
+class AbortGuard {
+  public:
+    AbortGuard(MailboxChannel& channel, const SdoTransfer& transfer) : channel_(channel), transfer_(transfer) {}
+    AbortGuard(const AbortGuard&) = delete;
+    AbortGuard& operator=(const AbortGuard&) = delete;
+    ~AbortGuard() {
+        if (transfer_.must_abort()) channel_.farewell(wire::MailboxType::coe, transfer_.abort_message());
+    }
+
+  private:
+    MailboxChannel& channel_;
+    const SdoTransfer& transfer_;
+};
+
+Error complete(Error error, const MailboxChannel& channel, const SdoObject& object, Step step) {
+    error.slave = channel.station().position;
+    error.step = step;
+    error.index = object.index;
+    error.subindex = object.subindex;
+    return error;
+}
+
+Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience patience, Step step) {
+    MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return complete(refused, channel, transfer.object(), step);
+    if (channel.send_room() < coe::kSdoBytes) co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
+    AbortGuard guard(channel, transfer);
+    while (!transfer.over()) {
+        MailExchange exchange(channel, wire::MailboxType::coe, transfer, {.patience = patience, .key = transfer.key()});
+        const Error failed = co_await exchange;
+        if (failed.code != Errc::none) co_return complete(failed, channel, transfer.object(), step);
+    }
+    if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, transfer.object(), step);
+    co_return Result<>();
+}
+
+coe::Abort abort_of(const Error& error) {
+    return error.code == Errc::sdo_abort ? static_cast<coe::Abort>(error.detail) : coe::Abort::none;
+}
+
+}  // namespace
+
+bool is_complete_access_refused(const Error& error) {
+    switch (abort_of(error)) {
+        case coe::Abort::unsupported_access:
+        case coe::Abort::complete_access_unsupported:
+        case coe::Abort::unknown_command: return true;
+        default: return false;
+    }
+}
+
+bool may_be_complete_access(const Error& error) {
+    switch (abort_of(error)) {
+        case coe::Abort::exceeds_mailbox:
+        case coe::Abort::no_subindex:
+        case coe::Abort::length_mismatch:
+        case coe::Abort::length_too_high:
+        case coe::Abort::length_too_low:
+        case coe::Abort::out_of_memory:
+        case coe::Abort::write_only:
+        case coe::Abort::general: return true;
+        default: return is_complete_access_refused(error);
+    }
+}
+
+Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+    SdoUploadTransfer transfer(object, into);
+    auto done = co_await run(channel, transfer, patience, Step::sdo_upload);
+    if (!done) co_return done.error();
+    co_return transfer.bytes();
+}
+
+Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+    SdoDownloadTransfer transfer(object, value);
+    co_return co_await run(channel, transfer, patience, Step::sdo_download);
+}
+
+Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+    Error first;
+    if (!object.complete || !channel.no_complete_access) {
+        auto done = co_await sdo_upload_once(channel, object, into, patience);
+        if (done || !object.complete || !may_be_complete_access(done.error())) co_return done;
+        first = done.error();
+    }
+    auto singly = co_await sdo_upload_singly(channel, object, into, patience);
+    if (singly && is_complete_access_refused(first)) channel.no_complete_access = true;
+    if (!singly && first.code != Errc::none && singly.error().code == Errc::sdo_abort) co_return first;
+    co_return singly;
+}
+
+Task<Result<>> sdo_download(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+    Error first;
+    if (!object.complete || !channel.no_complete_access) {
+        auto done = co_await sdo_download_once(channel, object, value, patience);
+        if (done || !object.complete || !is_complete_access_refused(done.error())) co_return done;
+        first = done.error();
+    }
+    auto singly = co_await sdo_download_singly(channel, object, value, patience);
+    if (singly && is_complete_access_refused(first)) channel.no_complete_access = true;
+    co_return singly;
+}
+
+}  // namespace margay

@@ -1,0 +1,195 @@
+#include "mailbox/coe_transfer.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+namespace coe = wire::coe;
+namespace sdo = wire::coe::sdo;
+using coe::Abort;
+using coe::SdoLayout;
+
+// ------------------------------------------------------------------ both ways
+
+void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort tell) {
+    error_.code = code;
+    error_.expected = static_cast<std::uint32_t>(expected);
+    error_.actual = static_cast<std::uint32_t>(actual);
+    tell_ = tell;
+    phase_ = Phase::over;
+}
+
+void SdoTransfer::finish() {
+    slave_open_ = false;
+    phase_ = Phase::over;
+}
+
+void SdoTransfer::write_initiate(MutableBytes data, std::uint8_t command) const {
+    coe::store_header(data, {0, coe::Service::sdo_request});
+    SdoLayout::command::store(data, command);
+    SdoLayout::index::store(data, object_.index);
+    SdoLayout::subindex::store(data, object_.subindex);
+}
+
+std::array<std::byte, SdoTransfer::kAbortBytes> SdoTransfer::abort_message() const {
+    std::array<std::byte, kAbortBytes> data{};
+    write_initiate(data, sdo::command(coe::kAbortSpecifier));
+    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(tell_));
+    return data;
+}
+
+// Some slaves leave the index out when they abort a segment.
+bool SdoTransfer::take_abort(Bytes data) {
+    if (data.size() < coe::kSdoBytes) {
+        fail(Errc::protocol, coe::kSdoBytes, data.size());
+        return true;
+    }
+    const bool ours = SdoLayout::index::load(data) == object_.index && SdoLayout::subindex::load(data) == object_.subindex;
+    if (!ours && phase_ == Phase::initiate) return false;
+    fail(Errc::sdo_abort);
+    error_.detail = SdoLayout::complete_size::load(data);
+    slave_open_ = false;
+    return true;
+}
+
+MailClient::Taken SdoTransfer::take(const wire::MailboxMessage& mail) { return is_ours(mail.data) ? Taken::all : Taken::no; }
+
+bool SdoTransfer::is_ours(Bytes data) {
+    if (phase_ == Phase::over || data.size() < coe::kHeaderBytes) return false;
+    const auto service = coe::load_header(data).service;
+    if (service != coe::Service::sdo_response && service != coe::Service::sdo_request) return false;
+    if (data.size() < coe::kSegmentHeaderBytes) {
+        fail(Errc::protocol, coe::kSdoBytes, data.size());
+        return true;
+    }
+    const auto command = SdoLayout::command::load(data);
+    const auto specifier = sdo::specifier(command);
+    if (specifier == coe::kAbortSpecifier) return take_abort(data);  // travels as a request with most slaves, as a response with some
+    if (service != coe::Service::sdo_response) return false;
+    if (phase_ == Phase::segments) {
+        if (specifier != segment_) return false;
+        if (((command & sdo::kToggle) != 0) != toggle_)
+            fail(Errc::protocol, toggle_ ? 1 : 0, toggle_ ? 0 : 1, Abort::toggle_not_changed);
+        else
+            take_segment(command, data);
+        return true;
+    }
+    if (specifier != initiated_) return false;
+    if (data.size() < coe::kSdoBytes) {
+        fail(Errc::protocol, coe::kSdoBytes, data.size());
+        return true;
+    }
+    if (SdoLayout::index::load(data) != object_.index || SdoLayout::subindex::load(data) != object_.subindex) return false;
+    take_initiated(command, data);
+    return true;
+}
+
+// ------------------------------------------------------------------ upload
+
+std::size_t SdoUploadTransfer::compose(MutableBytes data) {
+    if (data.size() < coe::kSdoBytes) return 0;
+    std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
+    if (phase_ == Phase::initiate) {
+        write_initiate(data, sdo::command(coe::request::kUpload, object_.complete ? sdo::kCompleteAccess : 0U));
+    } else {
+        coe::store_header(data, {0, coe::Service::sdo_request});
+        SdoLayout::command::store(data, sdo::command(coe::request::kUploadSegment, toggle_ ? sdo::kToggle : 0U));
+    }
+    return coe::kSdoBytes;
+}
+
+void SdoUploadTransfer::store(Bytes part) {
+    std::ranges::copy(part, into_.begin() + static_cast<std::ptrdiff_t>(done_));
+    done_ += part.size();
+}
+
+void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
+    if ((command & sdo::kExpedited) != 0) {
+        const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
+        const bool indicated = (command & sdo::kSizeIndicated) != 0;
+        // Where the size is not told the value is as long as whoever asks knows it to be.
+        const std::size_t size = indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, into_.size());
+        if (size > into_.size()) return fail(Errc::capacity, size, into_.size());
+        store(data.subspan(SdoLayout::expedited_data, size));
+        return finish();
+    }
+    size_ = SdoLayout::complete_size::load(data);
+    const auto first = data.subspan(SdoLayout::normal_data);
+    slave_open_ = first.size() < size_;
+    if (size_ > into_.size()) return fail(Errc::capacity, size_, into_.size(), Abort::out_of_memory);
+    store(first.first(std::min(first.size(), size_)));  // some fill up the mailbox
+    if (slave_open_)
+        phase_ = Phase::segments;
+    else
+        finish();
+}
+
+void SdoUploadTransfer::take_segment(std::uint8_t command, Bytes data) {
+    auto part = data.subspan(coe::kSegmentHeaderBytes);
+    const std::size_t unused = (command >> sdo::kSegmentUnusedShift) & 7U;
+    if (part.size() == coe::kMinSegmentDataBytes) part = part.first(part.size() - unused);
+    const bool last = (command & sdo::kLastSegment) != 0;
+    const std::size_t left = size_ - done_;
+    if (part.size() > left) return fail(Errc::protocol, size_, done_ + part.size(), Abort::length_too_high);
+    if (part.empty() && !last) return fail(Errc::protocol, size_, done_);  // it would never end
+    store(part);
+    toggle_ = !toggle_;
+    if (!last) return;
+    slave_open_ = false;
+    if (done_ < size_) return fail(Errc::protocol, size_, done_);
+    finish();
+}
+
+// ------------------------------------------------------------------ download
+
+std::size_t SdoDownloadTransfer::compose(MutableBytes data) {
+    if (data.size() < coe::kSdoBytes) return 0;
+    if (phase_ == Phase::segments) return compose_segment(data);
+    std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
+    const unsigned flags = sdo::kSizeIndicated | (object_.complete ? sdo::kCompleteAccess : 0U);
+    if (!value_.empty() && value_.size() <= coe::kExpeditedBytes) {
+        const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - value_.size());
+        write_initiate(data, sdo::command(coe::request::kDownload, flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
+        std::ranges::copy(value_, data.begin() + SdoLayout::expedited_data);
+        under_way_ = value_.size();
+        return coe::kSdoBytes;
+    }
+    write_initiate(data, sdo::command(coe::request::kDownload, flags));
+    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(value_.size()));
+    under_way_ = std::min(value_.size(), data.size() - SdoLayout::normal_data);
+    std::ranges::copy(value_.first(under_way_), data.begin() + SdoLayout::normal_data);
+    return SdoLayout::normal_data + under_way_;
+}
+
+std::size_t SdoDownloadTransfer::compose_segment(MutableBytes data) {
+    const std::size_t left = value_.size() - done_;
+    under_way_ = std::min(left, data.size() - coe::kSegmentHeaderBytes);
+    const std::size_t padded = std::max(under_way_, coe::kMinSegmentDataBytes);
+    const auto unused = static_cast<unsigned>(padded - under_way_);
+    coe::store_header(data, {0, coe::Service::sdo_request});
+    SdoLayout::command::store(data, sdo::command(coe::request::kDownloadSegment, (toggle_ ? sdo::kToggle : 0U) |
+                                                                                     (unused << sdo::kSegmentUnusedShift) |
+                                                                                     (under_way_ == left ? sdo::kLastSegment : 0U)));
+    const auto at = data.subspan(coe::kSegmentHeaderBytes, padded);
+    std::fill(std::ranges::copy(value_.subspan(done_, under_way_), at.begin()).out, at.end(), std::byte{0});
+    return coe::kSegmentHeaderBytes + padded;
+}
+
+void SdoDownloadTransfer::acknowledge() {
+    done_ += under_way_;
+    under_way_ = 0;
+    slave_open_ = done_ < value_.size();
+    if (!slave_open_) finish();
+}
+
+void SdoDownloadTransfer::take_initiated(std::uint8_t, Bytes) {
+    phase_ = Phase::segments;
+    acknowledge();
+}
+
+void SdoDownloadTransfer::take_segment(std::uint8_t, Bytes) {
+    toggle_ = !toggle_;
+    acknowledge();
+}
+
+}  // namespace margay
