@@ -1,6 +1,7 @@
 // The context: lays the parts of a master into the caller's memory.
 #include "context_access.hpp"
 #include "network/network.hpp"
+#include "request_queue.hpp"
 
 #include <margay/margay.hpp>
 
@@ -11,6 +12,7 @@
 namespace margay {
 
 static_assert(sizeof(Network) <= 8192, "context_bytes(): kFixedBytes");
+static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(ProcessGroup) <= 256, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) + ProcessTables::datagrams_for(1) *
@@ -100,10 +102,12 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     void* place = carver.raw(sizeof(Network), alignof(Network));
     const auto slaves = carver.take<Slave>(limits.slaves);
     const auto frames = carver.take<FrameSlot>(limits.frames);
-    if (place == nullptr || slaves.empty() || frames.empty()) return Error{.code = Errc::capacity, .step = Step::open_nic};
+    const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
+    const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
+    if (place == nullptr || slaves.empty() || frames.empty() || mailboxes.empty()) return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
-    ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks);
+    ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies);
     ContextAccess::network(ctx)->process = process;
     ContextAccess::osal(ctx) = &osal;
     return Result<>();
@@ -111,7 +115,9 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
 
 Time poll(Context& ctx, Time now) {
     Network* network = ContextAccess::network(ctx);
-    return network == nullptr ? kNever : network->engine.poll(now);
+    if (network == nullptr) return kNever;
+    start_queued(ctx);
+    return network->engine.poll(now);
 }
 
 }  // namespace margay

@@ -8,6 +8,7 @@ namespace margay {
 struct ContextAccess {
     static Network*& network(Context& ctx) { return ctx.network_; }
     static Osal*& osal(Context& ctx) { return ctx.osal_; }
+    static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
     static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
 };
 

@@ -1,7 +1,9 @@
 // An Error as a sentence.
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
+#include "wire/coe.hpp"
 #include "wire/esc.hpp"
+#include "wire/mailbox.hpp"
 
 #include <margay/al_state.hpp>
 #include <margay/error.hpp>
@@ -61,8 +63,15 @@ void write_cause(TextWriter& out, const Error& e) {
             (out << " (expected ").hex(e.expected, e.code == Errc::sii_verify ? 4 : 2);
             (out << ", got ").hex(e.actual, e.code == Errc::sii_verify ? 4 : 2) << ")";
             break;
-        case Errc::sdo_abort: (out << " (abort code ").hex(e.detail, 8) << ")"; break;
-        case Errc::mailbox_error: (out << " (detail ").hex(e.detail, 4) << ")"; break;
+        case Errc::sdo_abort:
+            (out << " (abort code ").hex(e.detail, 8) << ": " << wire::coe::to_text(static_cast<wire::coe::Abort>(e.detail)) << ")";
+            break;
+        case Errc::mailbox_error:
+            (out << " (detail ").hex(e.detail, 4) << ": " << wire::to_text(static_cast<wire::MailboxErrorCode>(e.detail)) << ")";
+            break;
+        case Errc::wrong_size:
+            out << " (expected " << e.expected << " octets, got " << e.actual << ")";
+            break;
         case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";

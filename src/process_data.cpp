@@ -2,6 +2,7 @@
 #include "context_access.hpp"
 #include "network/network.hpp"
 #include "osal/osal.hpp"
+#include "request_queue.hpp"
 
 #include <margay/margay.hpp>
 
@@ -43,6 +44,7 @@ Result<> send_processdata(Context& ctx, std::uint8_t group) {
     Network* network = ContextAccess::network(ctx);
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
+    note_cycle(ctx);
     return send_cycle(network->process.groups[group], group, network->engine.link(), ContextAccess::osal(ctx)->now());
 }
 

@@ -14,14 +14,23 @@ namespace margay {
 struct RequestAccess {
     static void begin(Request& r, void* coroutine) {
         r.coroutine_ = coroutine;
-        r.state_ = RequestState::busy;
         r.error_ = {};
+        r.state_.store(RequestState::busy, std::memory_order_release);
     }
     static void end(Request& r, const Error& error) {
         r.coroutine_ = nullptr;
-        r.state_ = error.code == Errc::none ? RequestState::success : RequestState::error;
         r.error_ = error;
+        r.state_.store(error.code == Errc::none ? RequestState::success : RequestState::error, std::memory_order_release);
     }
+    // Makes it busy; false when it is already. Of several threads one succeeds.
+    [[nodiscard]] static bool claim(Request& r) {
+        auto state = r.state_.load(std::memory_order_relaxed);
+        do {
+            if (state == RequestState::busy) return false;
+        } while (!r.state_.compare_exchange_weak(state, RequestState::busy, std::memory_order_acq_rel));
+        return true;
+    }
+    [[nodiscard]] static bool started(const Request& r) { return r.coroutine_ != nullptr; }
 };
 
 // Ends the request when its sequence is done, or when the context goes away under it.

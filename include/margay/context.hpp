@@ -1,6 +1,7 @@
 // The context: everything that one master knows, in memory that the caller gave.
 #pragma once
 
+#include <margay/emergency.hpp>
 #include <margay/error_log.hpp>
 #include <margay/group.hpp>
 #include <margay/limits.hpp>
@@ -26,7 +27,9 @@ struct Network;
     const std::size_t arena = (tasks + 4) * kTaskBytes;
     constexpr std::size_t kGroupBytes = 256;
     constexpr std::size_t kProcessFrameBytes = 2048;  // with its datagrams
-    return kFixedBytes + limits.slaves * sizeof(Slave) + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
+    constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
+    const std::size_t slave = sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+    return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
            limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 256;
 }
 
@@ -66,6 +69,7 @@ class Context {
     Network* network_ = nullptr;  // in memory_, once init() was called
     Osal* osal_ = nullptr;
     Slave none_;
+    EmergencyRing no_emergencies_;
     Group no_group_;
 };
 

@@ -14,6 +14,8 @@ struct Limits {
     // Groups of process data, 1 to 256, and the frames that all of them together are exchanged with in a cycle.
     std::uint16_t groups = 4;
     std::uint16_t process_frames = 8;
+    // Emergencies that are kept of each slave until they are read.
+    std::uint16_t emergencies = 8;
 };
 
 }  // namespace margay

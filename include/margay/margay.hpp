@@ -1,6 +1,7 @@
 // Margay: the functions. Each says whether it may be called from a running cycle; a function that waits says so.
 #pragma once
 
+#include <margay/coe.hpp>
 #include <margay/context.hpp>
 #include <margay/request.hpp>
 

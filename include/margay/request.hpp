@@ -7,6 +7,7 @@
 #include <margay/error.hpp>
 #include <margay/time.hpp>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -22,8 +23,9 @@ class Request {
     Request& operator=(const Request&) = delete;
     ~Request() { cancel(); }
 
-    [[nodiscard]] RequestState state() const { return state_; }
-    [[nodiscard]] bool busy() const { return state_ == RequestState::busy; }
+    // From any thread: once it is not busy, its results and its error are there to be read.
+    [[nodiscard]] RequestState state() const { return state_.load(std::memory_order_acquire); }
+    [[nodiscard]] bool busy() const { return state() == RequestState::busy; }
     // What went wrong; code none unless state() is error.
     [[nodiscard]] const Error& error() const { return error_; }
     // Ends it now. A request that was busy becomes an error with Errc::canceled.
@@ -32,8 +34,28 @@ class Request {
   private:
     friend struct RequestAccess;
     void* coroutine_ = nullptr;
-    RequestState state_ = RequestState::unused;
+    std::atomic<RequestState> state_{RequestState::unused};
     Error error_;
+};
+
+class Context;
+
+// A request that any thread may submit. cancel() and the destructor of a busy one are for the thread that polls.
+class QueuedRequest : public Request {
+  public:
+    QueuedRequest() = default;
+    ~QueuedRequest() { cancel(); }
+    void cancel();
+    // From any thread: has the next poll() cancel it, if it is still busy then.
+    void ask_cancel();
+
+  private:
+    friend struct QueueAccess;
+    using Start = void (*)(Context& ctx, QueuedRequest& request);
+    Context* ctx_ = nullptr;
+    Start start_ = nullptr;
+    QueuedRequest* next_ = nullptr;  // submitted but not begun, or running
+    std::atomic<bool> cancel_asked_{false};
 };
 
 // Finds all slaves, reads what they are and brings them to PREOP. See config_init().

@@ -1,5 +1,6 @@
 #include "network/configure.hpp"
 
+#include "mailbox/coe_pdo.hpp"
 #include "network/pdo_sii.hpp"
 #include "station/al_state.hpp"
 
@@ -70,6 +71,11 @@ Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout&
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     if (slave.config.source != ConfigurationSource::none || slave.config.sm_count != 0) co_return Result<>();
+    if (slave.mailbox.present() && network.has_mailbox(slave)) {
+        auto by_coe = co_await discover_pdos_from_coe(network.mailbox(slave), slave);
+        if (!by_coe) network.note(slave, by_coe.error());
+        if (by_coe && *by_coe) co_return Result<>();
+    }
     co_return co_await discover_pdos_from_sii(network.station(slave), slave);
 }
 

@@ -49,12 +49,24 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number) {
     co_return Result<>();
 }
 
+// Tells the mailbox channels where in the image they see that there is mail; nowhere while the group is not mapped.
+void use_status_bits(Network& network, std::uint8_t number) {
+    const ProcessGroup& group = network.process.groups[number];
+    for (const Slave& slave : network.slaves()) {
+        if (slave.config.group != number || !network.has_mailbox(slave)) continue;
+        const std::uint32_t bit = slave.image.mailbox_status_bit;
+        const bool mapped = group.mapped && bit != SlaveImage::kNone && bit / 8 < group.image.size();
+        network.mailbox(slave).use_status_bit(mapped ? &group.image[bit / 8] : nullptr, bit % 8);
+    }
+}
+
 }  // namespace
 
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
+    use_status_bits(network, number);
     auto discovered = co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
     if (!discovered) co_return discovered.error();
     std::ranges::fill(image, std::byte{0});
@@ -67,6 +79,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     }
     auto configured = co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
     if (!configured) co_return configured.error();
+    use_status_bits(network, number);
     co_return network.process.groups[number].image.size();
 }
 

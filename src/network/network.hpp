@@ -2,6 +2,7 @@
 #pragma once
 
 #include "link/engine.hpp"
+#include "mailbox/mailboxes.hpp"
 #include "network/process_data.hpp"
 #include "station/register_access.hpp"
 #include "util/task.hpp"
@@ -9,6 +10,7 @@
 #include <margay/error_log.hpp>
 #include <margay/slave.hpp>
 
+#include <atomic>
 #include <span>
 
 namespace margay {
@@ -19,10 +21,23 @@ struct ScanSettings {
     std::uint16_t first_station_address = 0x1001;
 };
 
+class QueuedRequest;
+
+// Requests that come from any thread, and who runs the cycle.
+struct RequestQueue {
+    std::atomic<QueuedRequest*> submitted{nullptr};  // newest first
+    std::atomic<bool> cancel_asked{false};
+    QueuedRequest* running = nullptr;
+    // When the last cycle began, in milliseconds and one more (0: there was none), how far cycles are apart, and whose thread it was.
+    std::atomic<std::uint32_t> cycle_ms{0};
+    std::atomic<std::uint32_t> cycle_gap_ms{0};
+    std::atomic<std::uintptr_t> cycle_thread{0};
+};
+
 struct Network {
     Network(Nic& nic, std::span<Slave> slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
-            std::size_t most_tasks)
-        : engine(nic, slots, arena_memory), table(slave_table), tasks(most_tasks) {}
+            std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {})
+        : engine(nic, slots, arena_memory), table(slave_table), tasks(most_tasks), mailboxes(engine, channels, emergencies) {}
 
     Engine engine;
     std::span<Slave> table;
@@ -31,6 +46,8 @@ struct Network {
     ScanSettings settings;
     ProcessTables process;
     ErrorLog errors;
+    Mailboxes mailboxes;
+    RequestQueue queue;
     Crew requests;            // those that are busy; last, so that they end first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
@@ -38,6 +55,9 @@ struct Network {
     // By position, 1 the first.
     [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
     [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
+
+    [[nodiscard]] bool has_mailbox(const Slave& slave) const { return slave.position >= 1 && slave.position <= mailboxes.count(); }
+    [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
 
     // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the others.
     void note(Slave& slave, const Error& error) {

@@ -208,6 +208,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
                                                default_al_timeout(AlState::preop));
     if (state) {
         slave.al = *state;
+        if (slave.mailbox.present() && network.has_mailbox(slave)) network.mailbox(slave).open(network.mailboxes, station, slave, slave.mailbox);
         co_return Result<>();
     }
     auto seen = co_await read_al_status(station);
@@ -216,6 +217,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
 }
 
 Task<Result<std::uint16_t>> scan(Network& network) {
+    network.mailboxes.close_all();
     network.count = 0;
     for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
     auto link = co_await wait_for_link(network);
