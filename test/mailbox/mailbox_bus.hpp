@@ -1,0 +1,130 @@
+// A master on a segment of stack slaves and scripted slaves, in virtual time, over a line that loses the frames that it is told to.
+#pragma once
+
+#include "mailbox/scripted_slave.hpp"
+#include "mailbox/stack_slave.hpp"
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace margay {
+
+using namespace std::chrono_literals;
+
+// Counts frames from 0, and loses those that are named: on their way out, or on their way back.
+class LossyNic final : public Nic {
+  public:
+    explicit LossyNic(Nic& nic) : nic_(nic) {}
+    std::set<std::uint64_t> lose_out;
+    std::set<std::uint64_t> lose_in;
+    std::uint64_t sent = 0;
+    std::uint64_t came = 0;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (lose_out.count(sent++) != 0) {
+            ++came;  // that reply will not be
+            return SendStatus::sent;
+        }
+        return nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        for (;;) {
+            const std::size_t length = nic_.receive(into);
+            if (length == 0 || lose_in.count(came++) == 0) return length;
+        }
+    }
+    LinkState link_state() noexcept override { return nic_.link_state(); }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  private:
+    Nic& nic_;
+};
+
+class MailboxBus {
+  public:
+    VirtualOsal osal;
+    sim::Segment segment;
+    std::unique_ptr<SimulatedNic> cable;
+    std::unique_ptr<LossyNic> nic;
+    std::unique_ptr<HostContext> ctx;
+
+    StackSlave& add_stack(std::uint16_t mailbox_bytes = 128, bool complete_access = true) {
+        auto firmware = std::make_unique<StackSlave>(mailbox_bytes, complete_access);
+        return add(std::move(firmware));
+    }
+    ScriptedSlave& add_scripted(std::uint16_t mailbox_bytes = 64, std::uint16_t protocols = 0x3F, std::uint8_t coe_details = 0x3F) {
+        return add(std::make_unique<ScriptedSlave>(mailbox_bytes, protocols, coe_details));
+    }
+
+    void start(Limits limits = {}) {
+        segment.power_up(osal.now());
+        cable = std::make_unique<SimulatedNic>(segment, osal);
+        nic = std::make_unique<LossyNic>(*cable);
+        limits.slaves = static_cast<std::uint16_t>(std::max<std::size_t>(segment.size(), limits.slaves == 64 ? 1 : limits.slaves));
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal));
+        const auto found = config_init(*ctx);
+        ASSERT_TRUE(found.ok()) << words(found.error());
+        ASSERT_EQ(*found, segment.size());
+        for (const Slave& slave : ctx->slaves()) {
+            ASSERT_EQ(slave.error.code, Errc::none) << words(slave.error);
+            ASSERT_EQ(slave.al.state, AlState::preop) << slave.position;
+        }
+    }
+
+    // Polls until it is over or `most` has passed.
+    void run(const Request& request, Duration most = 60s) {
+        const Time end = osal.now() + most;
+        while (request.busy() && osal.now() < end) step();
+        EXPECT_FALSE(request.busy()) << "still busy";
+    }
+    void step() {
+        const Time next = poll(*ctx, osal.now());
+        osal.wait(std::min(next, osal.now() + 1ms), -1);
+    }
+    void idle(Duration time) {
+        const Time end = osal.now() + time;
+        while (osal.now() < end) step();
+    }
+
+    static std::string words(const Error& error) {
+        std::array<char, 400> text{};
+        return std::string(describe(error, text));
+    }
+
+  private:
+    template <class F>
+    F& add(std::unique_ptr<F> firmware) {
+        F& it = *firmware;
+        auto esc = std::make_unique<sim::Esc>(F::chip(), it.sii());
+        esc->set_firmware(std::move(firmware));
+        const auto n = segment.add(std::move(esc));
+        EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
+        return it;
+    }
+};
+
+[[nodiscard]] inline std::string text_of(Bytes bytes) {
+    std::string text(bytes.size(), '\0');
+    std::memcpy(text.data(), bytes.data(), bytes.size());
+    return text;
+}
+
+// Octets that tell where they are.
+[[nodiscard]] inline std::vector<std::byte> pattern(std::size_t bytes) {
+    std::vector<std::byte> out(bytes);
+    for (std::size_t i = 0; i < bytes; ++i) out[i] = static_cast<std::byte>((i * 7 + i / 251 + 1) & 0xFF);
+    return out;
+}
+
+}  // namespace margay
