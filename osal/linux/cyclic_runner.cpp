@@ -1,0 +1,116 @@
+#include "osal/linux/cyclic_runner.hpp"
+
+#include <fcntl.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdint>
+
+namespace margay {
+namespace {
+
+// Of the share that real-time threads may take, what the work itself is left at the least: a fifth.
+constexpr int kSpinPercentOfShare = 80;
+
+// A number out of a file of /proc; `otherwise` when there is none.
+long read_number(const char* path, long otherwise) noexcept {
+    const int file = ::open(path, O_RDONLY | O_CLOEXEC);
+    if (file < 0) return otherwise;
+    std::array<char, 32> text{};
+    const auto length = ::read(file, text.data(), text.size());
+    ::close(file);
+    long number = otherwise;
+    if (length > 0) std::from_chars(text.data(), text.data() + length, number);
+    return number;
+}
+
+void pause_processor() noexcept {
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#elif defined(__aarch64__) || defined(__arm__)
+    __asm__ volatile("yield");
+#endif
+}
+
+}  // namespace
+
+CyclicRunner::CyclicRunner(const CyclicOptions& options) noexcept
+    : options_(options), schedule_(options.period, phase_off_the_tick(options.period)) {
+    options_.spin = std::clamp(options_.spin, Duration::zero(), options_.period);
+}
+
+CyclicRunner::~CyclicRunner() {
+    if (latency_ >= 0) ::close(latency_);
+}
+
+std::span<const CyclicRefusal> CyclicRunner::prepare() noexcept {
+    refused_ = 0;
+    if (options_.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
+        refuse("memory is not locked (mlockall; needs CAP_IPC_LOCK or a larger RLIMIT_MEMLOCK)", errno);
+    if (options_.cpu >= 0) stay_on_cpu();
+    if (options_.hold_latency) hold_latency();
+    if (options_.priority > 0) take_priority();
+    return std::span(refusals_).first(refused_);
+}
+
+void CyclicRunner::take_priority() noexcept {
+    const sched_param wanted{.sched_priority = options_.priority};
+    if (::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &wanted) != 0) {
+        refuse("no real-time policy (SCHED_FIFO; needs CAP_SYS_NICE or RLIMIT_RTPRIO)", errno);
+        return;
+    }
+    const long runtime_us = read_number("/proc/sys/kernel/sched_rt_runtime_us", 950'000);
+    const long period_us = read_number("/proc/sys/kernel/sched_rt_period_us", 1'000'000);
+    if (runtime_us < 0 || period_us <= 0) return;  // there is no limit
+    const Duration most = options_.period * runtime_us / period_us * kSpinPercentOfShare / 100;
+    options_.spin = std::min(options_.spin, most);
+}
+
+void CyclicRunner::stay_on_cpu() noexcept {
+    cpu_set_t only;
+    CPU_ZERO(&only);
+    if (options_.cpu >= CPU_SETSIZE) return refuse("not kept on its processor (there is none of that number)", EINVAL);
+    CPU_SET(options_.cpu, &only);
+    if (::sched_setaffinity(0, sizeof only, &only) != 0)
+        refuse("not kept on its processor (sched_setaffinity)", errno);
+}
+
+void CyclicRunner::hold_latency() noexcept {
+    if (latency_ >= 0) return;
+    latency_ = ::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+    const std::int32_t none_us = 0;
+    if (latency_ < 0 || ::write(latency_, &none_us, sizeof none_us) != sizeof none_us)
+        refuse("processors may go into deep sleep (/dev/cpu_dma_latency cannot be written)", errno);
+}
+
+void CyclicRunner::refuse(const char* what, int error) noexcept { refusals_[refused_++] = {what, error}; }
+
+Time CyclicRunner::now() noexcept {
+    timespec t{};
+    ::clock_gettime(CLOCK_MONOTONIC, &t);
+    return Time(std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec));
+}
+
+void CyclicRunner::start() noexcept { schedule_.start(now()); }
+
+CyclicTick CyclicRunner::wait() noexcept {
+    Time time = now();
+    const Time sleep_until = schedule_.deadline() - options_.spin;
+    if (time < sleep_until) {
+        const auto since = sleep_until.time_since_epoch();
+        const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since);
+        const timespec until{static_cast<time_t>(seconds.count()), static_cast<long>((since - seconds).count())};
+        while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+        }
+        time = now();
+    }
+    for (; time < schedule_.deadline(); time = now()) pause_processor();
+    return schedule_.wake(time);
+}
+
+}  // namespace margay
