@@ -150,8 +150,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     status_octet_ = nullptr;
     counts_ = true;
     in_counter_ = out_counter_ = 0;
-    glance_ = true;  // what an earlier master has left is fetched before anything is sent
-    if (open_) ensure_pump();
+    glance_ = true;  // before the first message is sent, what an earlier master has left is fetched
 }
 
 void MailboxChannel::close() {
