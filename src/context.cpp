@@ -11,7 +11,7 @@
 
 namespace margay {
 
-static_assert(sizeof(Network) <= 8192, "context_bytes(): kFixedBytes");
+static_assert(sizeof(Network) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(ProcessGroup) <= 256, "context_bytes(): kGroupBytes");
@@ -61,7 +61,10 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     tables.statuses = carver.take<DatagramStatus>(datagrams);
     tables.plans = carver.take<DatagramPlan>(datagrams);
     tables.scratch = carver.take<DatagramPlan>(datagrams);
-    for (std::uint32_t n = 0; n < tables.groups.size(); ++n) tables.groups[n].config.start.value = n * kGroupSpacing;
+    for (std::uint32_t n = 0; n < tables.groups.size(); ++n) {
+        tables.groups[n].config.start.value = n * kGroupSpacing;
+        tables.groups[n].number = static_cast<std::uint8_t>(n);
+    }
     return tables;
 }
 
@@ -80,6 +83,7 @@ Group& Context::group(std::size_t number) {
 }
 
 ErrorLog& Context::errors() { return network_->errors; }
+EventQueue& Context::events() { return network_->events; }
 const LinkStatistics& Context::statistics() const { return network_->engine.link().statistics(); }
 std::size_t Context::arena_peak_bytes() const { return network_->engine.arena().peak_bytes(); }
 std::size_t Context::arena_bytes() const { return network_->engine.arena().capacity_bytes(); }
@@ -109,6 +113,7 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
     ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies);
     ContextAccess::network(ctx)->process = process;
+    ContextAccess::network(ctx)->context = &ctx;
     ContextAccess::osal(ctx) = &osal;
     return Result<>();
 }

@@ -72,6 +72,11 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::wrong_size:
             out << " (expected " << e.expected << " octets, got " << e.actual << ")";
             break;
+        case Errc::other_slave:
+            (out << " (expected product ").hex(e.expected, 8);
+            (out << ", got ").hex(e.actual, 8);
+            (out << " of vendor ").hex(e.detail, 8) << ")";
+            break;
         case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";

@@ -64,7 +64,12 @@ static Task<Result<>> run(Network& network, MapRequest& request) {
     co_return mapped ? Result<>() : Result<>(mapped.error());
 }
 
-Result<> submit(Context& ctx, ScanRequest& request) { return start(ctx, request, check_init(ctx)); }
+// A scan begins anew with all slaves: not while somebody looks after them.
+Result<> submit(Context& ctx, ScanRequest& request) {
+    Error refused = check_init(ctx);
+    if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised) refused = {.code = Errc::busy, .step = Step::count_slaves};
+    return start(ctx, request, refused);
+}
 
 Result<> submit(Context& ctx, SiiReadRequest& request) {
     Error refused = check_init(ctx);

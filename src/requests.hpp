@@ -47,9 +47,16 @@ class RequestGuard {
     Error error_{.code = Errc::canceled};
 };
 
+// What holds while a request of this kind is busy; most need nothing.
+template <class R>
+struct RequestScope {
+    explicit RequestScope(Network&) {}
+};
+
 template <class R>
 Task<Result<>> drive(Network& network, R& request) {
     RequestGuard guard(request);
+    [[maybe_unused]] const RequestScope<R> scope(network);
     co_await network.engine.next_poll();
     auto result = co_await run(network, request);
     guard.done(result.error());

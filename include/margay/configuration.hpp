@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 
 namespace margay {
 
@@ -34,6 +35,21 @@ enum class ConfigurationSource : std::uint8_t {
     application,  // the application, whose word stands
 };
 
+// A change of state on the way up, by its initials in the standard.
+enum class Transition : std::uint8_t {
+    init_to_preop,    // IP
+    preop_to_safeop,  // PS: after the slave's SyncManagers and FMMUs are written
+    safeop_to_op,     // SO
+};
+
+// A register to be written before a transition is asked for.
+struct RegisterWrite {
+    Transition transition = Transition::preop_to_safeop;
+    std::uint16_t address = 0;
+    std::uint8_t length = 0;            // octets of value, 8 at most
+    std::array<std::byte, 8> value{};   // as they go onto the wire, little-endian
+};
+
 // Of one slave.
 struct SlaveConfiguration {
     static constexpr std::size_t kProcessSms = 8;
@@ -43,11 +59,14 @@ struct SlaveConfiguration {
     std::uint8_t group = 0;
     bool block_lrw = false;       // this slave cannot do LRW: its group exchanges by LRD and LWR
     bool mailbox_status = false;  // a bit of the image says whether the slave's mailbox has something to read
+    bool optional = false;        // may be missing: its group is right without it
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};  // the data lies in the image in this order
     // After how long without outputs the slave's watchdog bites, in steps of 100 µs, 6.5535 s at most; zero switches it off. Not
     // set: what the slave has of its own.
     std::optional<Duration> process_data_watchdog;
+    // Written in this order at each start-up, the first one and every one after. The caller's memory.
+    std::span<const RegisterWrite> startup_registers;
 
     // Appends a SyncManager. False when there are kProcessSms already.
     constexpr bool add(const ProcessSm& sm) {

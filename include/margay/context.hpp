@@ -3,6 +3,7 @@
 
 #include <margay/emergency.hpp>
 #include <margay/error_log.hpp>
+#include <margay/event.hpp>
 #include <margay/group.hpp>
 #include <margay/limits.hpp>
 #include <margay/result.hpp>
@@ -20,7 +21,7 @@ struct Network;
 
 // Octets of memory that a context with these limits needs.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    constexpr std::size_t kFixedBytes = 8192;   // the engine, the error log, one frame buffer
+    constexpr std::size_t kFixedBytes = 16384;  // the engine, errors and events, one frame buffer
     constexpr std::size_t kFrameBytes = 64;     // a frame in flight
     constexpr std::size_t kTaskBytes = 4096;    // the coroutine frames of one slave being worked on
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
@@ -49,6 +50,8 @@ class Context {
 
     // What has gone wrong, oldest first. May be read by one other thread.
     [[nodiscard]] ErrorLog& errors();
+    // What the supervision has seen, oldest first. May be read by one other thread.
+    [[nodiscard]] EventQueue& events();
     [[nodiscard]] const LinkStatistics& statistics() const;
     // Of the arena that running operations live in: most octets ever used, and how many there are.
     [[nodiscard]] std::size_t arena_peak_bytes() const;

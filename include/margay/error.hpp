@@ -36,6 +36,7 @@ enum class Errc : std::uint8_t {
     mailbox_error,      // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
     sdo_abort,          // SDO abort (code: the abort code)
     unsupported,        // the slave does not have it
+    other_slave,        // another slave than expected (expected, actual: product codes; detail: vendor that is there)
     unknown_group,      // no group with this number, or nothing is mapped in it (index: the group)
     image_too_large,    // the process image does not fit the buffer (expected, actual: octets)
     fmmu_shortage,      // the slave has too few FMMUs (expected, actual)
@@ -72,6 +73,8 @@ enum class Step : std::uint8_t {
     sdo_download,
     sdo_information,
     topology,
+    startup,
+    recover,
 };
 
 struct Error {

@@ -11,10 +11,15 @@ namespace margay {
 
 // What came of one datagram of process data in the last cycle.
 struct DatagramStatus {
-    std::uint16_t expected = 0;  // working counter when every slave takes part
+    std::uint16_t expected = 0;  // working counter when every slave takes part, except optional ones that are not there
     std::uint16_t got = 0;
+    std::uint16_t accepted = 0;  // when all those take part that are not known to be lost, or in need of their configuration
+    std::uint16_t full = 0;      // when every slave takes part, optional ones too
     bool came = false;           // its frame came back; otherwise `got` says nothing
-    [[nodiscard]] constexpr bool right() const { return came && got == expected; }
+    // All slaves took part.
+    [[nodiscard]] constexpr bool right() const { return came && (got == expected || got == full); }
+    // All took part that can: its inputs are in the image. Those of the others stay as they were last.
+    [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
 };
 
 struct Group {

@@ -4,6 +4,7 @@
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
 #include <margay/request.hpp>
+#include <margay/supervision.hpp>
 
 namespace margay {
 
@@ -26,6 +27,9 @@ Result<> submit(Context& ctx, MapRequest& request);
 Result<> submit(Context& ctx, ReadStateRequest& request);
 Result<> submit(Context& ctx, WriteStateRequest& request);
 Result<> submit(Context& ctx, StateCheckRequest& request);
+Result<> submit(Context& ctx, SuperviseRequest& request);
+Result<> submit(Context& ctx, ReconfigRequest& request);
+Result<> submit(Context& ctx, RecoverRequest& request);
 
 // Polls until a submitted request is not busy any more, and returns its error if it has one. Waits.
 Result<> wait(Context& ctx, Request& request);
@@ -52,6 +56,13 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);
+
+// Bringing slaves back by hand; a SuperviseRequest does both by itself. reconfig_slave() goes through the whole start-up of a slave that answers at its
+// station address, from INIT on: mailboxes, start-up lists, hook, process data; to SAFEOP, or PREOP where its group is not mapped. recover_slave() finds
+// slaves that are back without their station address, as after a loss of power, and gives it to them; with `slave` 0 it returns whether any was
+// found, else whether that one answers now: Errc::unknown_slave when it does not, other_slave when another one is in its place. Wait.
+Result<> reconfig_slave(Context& ctx, std::uint16_t slave);
+Result<> recover_slave(Context& ctx, std::uint16_t slave);
 
 // The cycle. send_processdata() sends the outputs of a group's image in the frames that config_map() has prepared, and queued datagrams in the space
 // that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits, does not allocate. Errors: unknown_group (nothing

@@ -33,6 +33,7 @@ SendStatus Link::send_prepared(PreparedFrame& frame, Time now) {
     if (slot == nullptr) return SendStatus::busy;
     for (PreparedDatagram& d : frame.datagrams) {
         frame.bytes[d.offset + 1U] = std::byte{slot->index};
+        if (frame.degraded) std::copy(d.input.begin(), d.input.end(), frame.bytes.begin() + d.offset + wire::kDatagramHeaderBytes + d.input_at);
         std::copy(d.output.begin(), d.output.end(), frame.bytes.begin() + d.offset + wire::kDatagramHeaderBytes);
     }
     const Bytes whole = frame.has_riders || !queue_.empty() ? add_riders(frame, *slot) : Bytes(frame.bytes).first(frame.size);
@@ -120,9 +121,12 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
         const std::size_t data_at = d.offset + wire::kDatagramHeaderBytes;
         d.status->got = load_le<std::uint16_t>(frame, data_at + d.bytes);
         d.status->came = true;
-        if (!d.status->right()) continue;
+        if (!d.status->usable()) continue;
         const auto input = frame.subspan(data_at + d.input_at, d.input.size());
-        std::copy(input.begin(), input.end(), d.input.begin());
+        if (sent.degraded && sent.take_inputs != nullptr && d.status->got != d.status->full)
+            sent.take_inputs(sent.group, sent, static_cast<std::size_t>(&d - sent.datagrams.data()), input);
+        else
+            std::copy(input.begin(), input.end(), d.input.begin());
     }
     sent.slot = nullptr;
     deliver(*slot, frame, now, ready);

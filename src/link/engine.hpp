@@ -46,6 +46,8 @@ class Engine {
         explicit NextPoll(Engine& e) : Sleep(e, Time::min()) {}
         bool await_ready() const noexcept { return false; }
     };
+    // Ends a sleep with the next poll().
+    void wake(Sleep::Timer& timer) { ready_.push_back(timer); }
     [[nodiscard]] NextPoll next_poll() { return NextPoll(*this); }
     [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
     [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, now_ + duration}; }

@@ -41,6 +41,8 @@ class Link {
     // the queue to them; without a budget it does not.
     void begin_cycle(Time now, std::size_t rider_budget_bytes);
     [[nodiscard]] Time last_cycle() const { return last_cycle_; }
+    // Cycles go on, and what is queued waits for the next one.
+    [[nodiscard]] bool cycling(Time now) const { return now < cycles_until_; }
     // A flight that is not over yet is given up. Anything but `sent`: the frame is not in flight.
     SendStatus send_prepared(PreparedFrame& frame, Time now);
     // What did not fit into the cycle's own frames, if the budget has anything left.

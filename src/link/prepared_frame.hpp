@@ -28,6 +28,11 @@ struct PreparedFrame {
     FrameSlot* slot = nullptr;               // while it is in flight
     std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
     bool has_riders = false;                 // in `bytes` as it was sent last
+    // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes back as it was.
+    bool degraded = false;
+    // Where inputs lie on top of outputs that does not do: takes over the inputs of those who take part; n counts `datagrams`.
+    void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
+    void* group = nullptr;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as it was sent last
 };
 

@@ -1,7 +1,9 @@
 #include "network/configure.hpp"
 
 #include "mailbox/coe_pdo.hpp"
+#include "network/members.hpp"
 #include "network/pdo_sii.hpp"
+#include "network/startup.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -29,15 +31,23 @@ Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm) {
     co_return Result<>();
 }
 
+using FmmuBytes = std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride>;
+
+std::size_t fmmu_count(const Slave& slave) { return std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost); }
+
+void store(FmmuBytes& bytes, const SlaveFmmus& fmmus) {
+    for (std::size_t n = 0; n < fmmus.at.size(); ++n)
+        wire::store_fmmu(MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride), fmmus.at[n]);
+}
+
 // All FMMUs that the ESC has, so that none is left of an older mapping.
-Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout) {
+Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout, bool active) {
     const auto fmmus = make_fmmus(slave, layout);
     if (!fmmus) co_return fmmus.error();
-    const std::size_t count = std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
+    const std::size_t count = fmmu_count(slave);
     if (count == 0) co_return Result<>();
-    std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride> bytes{};
-    for (std::size_t n = 0; n < count; ++n)
-        wire::store_fmmu(MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride), fmmus->at[n]);
+    FmmuBytes bytes{};
+    if (active) store(bytes, *fmmus);
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                        Bytes(bytes).first(count * reg::kFmmuStride));
     auto reply = co_await write_all;
@@ -56,15 +66,18 @@ Task<Result<>> write_watchdog(Station station, Duration time) {
     co_return written;
 }
 
-Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout) {
+Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
     for (std::size_t n = 0; n < slave.config.sm_count; ++n) {
         auto written = co_await write_sync_manager(station, slave.config.sms[n]);
         if (!written) co_return written;
     }
-    auto fmmus = co_await write_fmmus(station, slave, layout);
+    auto fmmus = co_await write_fmmus(station, slave, layout, !running);
     if (!fmmus) co_return fmmus;
-    if (!slave.config.process_data_watchdog) co_return Result<>();
-    co_return co_await write_watchdog(station, *slave.config.process_data_watchdog);
+    if (slave.config.process_data_watchdog) {
+        auto watchdog = co_await write_watchdog(station, *slave.config.process_data_watchdog);
+        if (!watchdog) co_return watchdog;
+    }
+    co_return co_await run_startup(station, slave, Transition::preop_to_safeop);
 }
 
 }  // namespace
@@ -79,7 +92,38 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     co_return co_await discover_pdos_from_sii(network.station(slave), slave);
 }
 
-Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout) {
+Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
+    const std::size_t count = fmmu_count(slave);
+    static constexpr FmmuBytes kNone{};
+    const Station station = network.station(slave);
+    Datagram clear(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
+                   Bytes(kNone).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride));
+    auto reply = co_await clear;
+    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    // A slave without any FMMU has nothing to clear.
+    if (error.code != Errc::none && count != 0) co_return error;
+    set_takes_part(network, slave, false);
+    co_return Result<>();
+}
+
+Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout) {
+    const auto wanted = make_fmmus(slave, layout);
+    if (!wanted) co_return wanted.error();
+    const std::size_t octets = fmmu_count(slave) * reg::kFmmuStride;
+    if (octets == 0) co_return true;
+    FmmuBytes there{};
+    const Station station = network.station(slave);
+    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase}, MutableBytes(there).first(octets));
+    auto reply = co_await look;
+    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    if (error.code != Errc::none) co_return error;
+    bool same = true;
+    for (std::size_t n = 0; n < fmmu_count(slave); ++n)
+        same &= wire::load_fmmu(Bytes(there).subspan(n * reg::kFmmuStride, reg::kFmmuStride)) == wanted->at[n];
+    co_return same;
+}
+
+Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
     const Station station = network.station(slave);
     auto before = co_await read_al_status(station);
     if (!before) {
@@ -90,12 +134,16 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         auto back = co_await change_al_state(station, AlState::preop, slave.device_emulation, default_al_timeout(AlState::preop));
         if (!back) co_return back.error();
     }
-    auto written = co_await write_all(station, slave, layout);
+    auto written = co_await write_all(station, slave, layout, running);
     if (!written) co_return written;
     auto state = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
     auto seen = co_await read_al_status(station);
     slave.al = seen ? *seen : AlStatus{};
-    co_return state ? Result<>() : Result<>(state.error());
+    if (!state) co_return state.error();
+    if (!running) co_return Result<>();
+    auto mapped = co_await write_fmmus(station, slave, layout, true);
+    if (mapped) set_takes_part(network, slave, true);
+    co_return mapped;
 }
 
 }  // namespace margay

@@ -1,6 +1,7 @@
 #include "network/groups.hpp"
 
 #include "network/configure.hpp"
+#include "network/members.hpp"
 
 #include <algorithm>
 
@@ -30,6 +31,9 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
     if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
+    group.slaves = network.slaves();
+    for (Slave& slave : network.slaves())
+        if (slave.config.group == number) slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     return prepare(tables, group, *count, network.engine.link().nic().source_mac());
@@ -43,9 +47,15 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
 }
 
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number) {
-    if (slave.config.group != number || slave.hooks.failed) co_return Result<>();
-    auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout);
-    if (!done) network.note(slave, done.error());
+    if (slave.config.group != number) co_return Result<>();
+    if (!slave.hooks.failed && slave.al.state != AlState::none) {
+        auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
+        if (done) co_return Result<>();
+        network.note(slave, done.error());
+        auto cleared = co_await clear_fmmus(network, slave);
+        (void)cleared;  // one that does not answer takes part in nothing
+    }
+    set_takes_part(network, slave, false);
     co_return Result<>();
 }
 
@@ -60,6 +70,18 @@ void use_status_bits(Network& network, std::uint8_t number) {
     }
 }
 
+// Tells the supervision to keep off, as long as it lives.
+class Mapping {
+  public:
+    explicit Mapping(ProcessGroup& group) : group_(group) { group_.mapping = true; }
+    Mapping(const Mapping&) = delete;
+    Mapping& operator=(const Mapping&) = delete;
+    ~Mapping() { group_.mapping = false; }
+
+  private:
+    ProcessGroup& group_;
+};
+
 }  // namespace
 
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
@@ -67,6 +89,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
     use_status_bits(network, number);
+    Mapping mapping(network.process.groups[number]);
     auto discovered = co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
     if (!discovered) co_return discovered.error();
     std::ranges::fill(image, std::byte{0});

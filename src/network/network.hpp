@@ -8,6 +8,7 @@
 #include "util/task.hpp"
 
 #include <margay/error_log.hpp>
+#include <margay/event.hpp>
 #include <margay/slave.hpp>
 
 #include <atomic>
@@ -48,6 +49,9 @@ struct Network {
     ErrorLog errors;
     Mailboxes mailboxes;
     RequestQueue queue;
+    EventQueue events;
+    Context* context = nullptr;  // for hooks
+    bool supervised = false;
     Crew requests;            // those that are busy; last, so that they end first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
@@ -58,6 +62,12 @@ struct Network {
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const { return slave.position >= 1 && slave.position <= mailboxes.count(); }
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
+
+    // Adds an event, with the time.
+    void tell(Event event) {
+        event.at = engine.now();
+        events.add(event);
+    }
 
     // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the others.
     void note(Slave& slave, const Error& error) {

@@ -33,6 +33,26 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::sp
     return 0;
 }
 
+// Takes over the inputs of those who take part, and no bit of the others.
+void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes inputs) {
+    const auto& group = *static_cast<const ProcessGroup*>(user);
+    const DatagramPlan& plan = group.plans[static_cast<std::size_t>(frame.datagrams[n].status - group.statuses.data())];
+    const std::uint64_t first = std::uint64_t{plan.image_input} * 8;
+    const std::uint64_t end = first + std::uint64_t{plan.input_bytes} * 8;
+    for (const Slave& slave : group.slaves) {
+        if (slave.config.group != group.number || !slave.takes_part) continue;
+        const ImagePart& part = slave.image.inputs;
+        const std::uint64_t to = std::min<std::uint64_t>(end, part.offset_bits + std::uint64_t{part.bits});
+        for (std::uint64_t bit = std::max<std::uint64_t>(first, part.offset_bits); bit < to;) {
+            const auto octet = static_cast<std::size_t>(bit / 8);
+            const std::uint64_t stop = std::min<std::uint64_t>(to, (bit / 8 + 1) * 8);
+            const auto mask = static_cast<std::byte>((0xFFU << (bit % 8)) & (0xFFU >> ((8 - stop % 8) % 8)));
+            group.image[octet] = (group.image[octet] & ~mask) | (inputs[octet - plan.image_input] & mask);
+            bit = stop;
+        }
+    }
+}
+
 Error cycle_error(Errc code, std::uint8_t group) {
     return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
@@ -42,8 +62,10 @@ Error cycle_error(Errc code, std::uint8_t group) {
 void unprepare(ProcessGroup& group, Link& link, Time now) {
     for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
     const GroupConfiguration config = group.config;
+    const std::uint8_t number = group.number;
     group = {};
     group.config = config;
+    group.number = number;
 }
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source) {
@@ -66,6 +88,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     const auto datagrams = tables.datagrams.subspan(datagrams_at, count);
     group.frames = static_cast<std::uint16_t>(frame_count);
     group.datagrams = statuses;
+    group.statuses = statuses;
     for (std::size_t n = 0, f = 0; f < frame_count; ++f) {
         PreparedFrame& frame = group.prepared[f];
         wire::FrameBuilder builder(frame.bytes, source);
@@ -73,7 +96,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
         for (; n < count && planned[n].frame == f + first; ++n) {
             const DatagramPlan& plan = planned[n];
             group.plans[n] = plan;
-            statuses[n] = {.expected = plan.expected_wkc};
+            statuses[n] = {.expected = plan.expected_wkc, .accepted = plan.expected_wkc, .full = plan.expected_wkc};
             group.expected_wkc += plan.expected_wkc;
             datagrams[n] = {.output = group.image.subspan(plan.image_output, plan.output_bytes),
                             .input = group.image.subspan(plan.image_input, plan.input_bytes),
@@ -87,6 +110,9 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
         frame.size = static_cast<std::uint16_t>(builder.finish().size());
         frame.slot = nullptr;
         frame.has_riders = false;
+        frame.degraded = false;
+        frame.take_inputs = group.layout.overlapped ? take_inputs : nullptr;
+        frame.group = &group;
     }
     group.mapped = true;
     return Result<>();
@@ -114,11 +140,17 @@ Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::s
     if (!group.mapped) return cycle_error(Errc::unknown_group, number);
     std::uint32_t got = 0;
     bool right = true;
+    bool usable = true;
     for (const DatagramStatus& d : group.datagrams) {
         if (d.came) got += d.got;
         right &= d.right();
+        usable &= d.usable() && (d.got == d.accepted);
     }
-    if (right) return got;
+    group.unexpected |= !usable;
+    if (right) {
+        group.cycles_lost = 0;
+        return got;
+    }
     Error error = cycle_error(Errc::working_counter, number);
     for (PreparedFrame& frame : group.prepared) {
         if (frame.datagrams.front().status->came) continue;
@@ -126,7 +158,11 @@ Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::s
         if (error.code != Errc::no_frame) error = cycle_error(Errc::no_frame, number);
         ++error.actual;
     }
-    if (error.code == Errc::no_frame) return error;
+    if (error.code == Errc::no_frame) {
+        if (group.cycles_lost < 0xFFFF) ++group.cycles_lost;
+        return error;
+    }
+    group.cycles_lost = 0;
     error.expected = group.expected_wkc;
     error.actual = got;
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)

@@ -15,6 +15,13 @@ struct ProcessGroup : Group {
     ImageLayout layout;
     std::span<PreparedFrame> prepared;
     std::span<DatagramPlan> plans;     // what each datagram is, in the order of `datagrams`
+    std::span<DatagramStatus> statuses;
+    std::span<const Slave> slaves;     // of the network
+    std::uint8_t number = 0;
+    bool mapping = false;              // config_map() is at it
+    bool told_short = false;           // the supervision has told so
+    bool unexpected = false;           // a cycle was not usable, or a slave is back: for the supervision
+    std::uint16_t cycles_lost = 0;     // of which frames did not come back, in a row
 };
 
 // What all groups share: frames and datagrams are handed out to them in runs. Those of one index belong together.

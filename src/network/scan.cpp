@@ -1,5 +1,6 @@
 #include "network/scan.hpp"
 
+#include "network/startup.hpp"
 #include "network/topology.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
@@ -196,6 +197,8 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
         if (!written) co_return written.error();
     }
+    auto listed = co_await run_startup(station, slave, Transition::init_to_preop);
+    if (!listed) co_return listed;
     auto assigned = co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kOfferedToPdi,
                                                  Step::read_sii);
     if (!assigned) co_return assigned.error();

@@ -1,5 +1,7 @@
 #include "network/states.hpp"
 
+#include "network/members.hpp"
+#include "network/startup.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -13,10 +15,18 @@ constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 Task<Result<>> read_state(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     slave.al = seen ? *seen : AlStatus{};
+    if (!seen && seen.error().code == Errc::working_counter) set_takes_part(network, slave, false);
     co_return Result<>();
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    if (state == AlState::op) {
+        auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
+        if (!listed) {
+            network.note(slave, listed.error());
+            co_return listed;
+        }
+    }
     const bool acknowledge = slave.al.error && !slave.device_emulation;
     const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written = co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);

@@ -33,6 +33,7 @@ std::string_view to_text(Errc code) {
         case Errc::mailbox_error: return "mailbox error reply";
         case Errc::sdo_abort: return "the slave aborted the transfer";
         case Errc::unsupported: return "not supported by the slave";
+        case Errc::other_slave: return "another slave than expected";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
@@ -72,6 +73,8 @@ std::string_view to_text(Step step) {
         case Step::sdo_upload: return "SDO upload";
         case Step::sdo_download: return "SDO download";
         case Step::sdo_information: return "SDO information";
+        case Step::startup: return "writing the start-up list";
+        case Step::recover: return "bringing it back";
         case Step::topology: return "finding the topology";
     }
     return "";

@@ -24,6 +24,7 @@ class Bus {
     sim::Segment segment;
     std::unique_ptr<SimulatedNic> nic;
     std::unique_ptr<HostContext> ctx;
+    Duration reply_timeout = std::chrono::microseconds(500);
 
     // Appends a slave to the line.
     void add(std::uint32_t output_bits, std::uint32_t input_bits) {
@@ -48,8 +49,7 @@ class Bus {
     Result<std::uint32_t> cycle(std::uint8_t group = 0) {
         osal.advance(std::chrono::milliseconds(1));
         const auto sent = send_processdata(*ctx, group);
-        if (!sent) return sent.error();
-        const auto wkc = receive_processdata(*ctx, std::chrono::microseconds(500), group);
+        const auto wkc = sent ? receive_processdata(*ctx, reply_timeout, group) : Result<std::uint32_t>(sent.error());
         (void)poll(*ctx, osal.now());
         return wkc;
     }

@@ -1,0 +1,93 @@
+// What happens to a segment while it runs: told by the supervision, as a queue that another thread may read and as a callback.
+#pragma once
+
+#include <margay/al_state.hpp>
+#include <margay/error.hpp>
+#include <margay/time.hpp>
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace margay {
+
+enum class EventKind : std::uint8_t {
+    state,            // a slave is in another state than it was: before, now
+    lost,             // a slave does not answer any more; slave 0: no frame comes back from the segment
+    found,            // a lost slave answers again; slave 0: frames come back again
+    other_slave,      // in the place of a lost slave there is another one (expected, actual: product codes; detail: the vendor that is there)
+    recovered,        // a slave is where it belongs again
+    recovery_failed,  // why is in `error`; it will be tried again
+    fell_short,       // the working counter of a group's cycle is short of that of the slaves that should take part (expected, actual)
+    right_again,      // and it is right again
+    slave_count,      // so many slaves answer now (expected: before, actual: now)
+    line_errors,      // frames were damaged on the way into a port: the cable between `slave` at `port` and `other` (actual: how many)
+    link_lost,        // that cable was interrupted (actual: how often)
+    emergency,        // a slave has sent a CoE emergency (detail: its code)
+};
+
+struct Event {
+    Time at{};
+    EventKind kind = EventKind::state;
+    std::uint8_t group = 0;
+    std::uint8_t port = 0;
+    std::uint16_t slave = 0;  // 1 is the first; 0 the segment, or the master's port
+    std::uint16_t other = 0;  // the slave at the other end of a cable; 0: nobody known
+    AlStatus before{};
+    AlStatus now{};
+    std::uint32_t expected = 0;
+    std::uint32_t actual = 0;
+    std::uint32_t detail = 0;
+    Error error{};
+};
+
+[[nodiscard]] std::string_view to_text(EventKind kind);
+
+// Writes one sentence into `out` (cut where it does not fit, no zero behind it) and returns the part that was written. No allocation; callable from
+// the cycle.
+std::string_view describe(const Event& event, std::span<char> out);
+
+// Oldest first: one thread writes (the one that polls), one reads, neither ever waits.
+class EventQueue {
+  public:
+    static constexpr std::uint32_t kCapacity = 64;
+
+    // Called for each event by the thread that polls, from within poll(): must neither wait nor poll. Set it from that thread.
+    void (*callback)(const Event& event, void* user) = nullptr;
+    void* user = nullptr;
+
+    // The oldest event not taken yet.
+    std::optional<Event> take() {
+        const auto at = taken_.load(std::memory_order_relaxed);
+        if (at == added_.load(std::memory_order_acquire)) return std::nullopt;
+        const Event event = ring_[at % kCapacity];
+        taken_.store(at + 1, std::memory_order_release);
+        return event;
+    }
+
+    // How many were dropped because nobody had taken the older ones. The callback has had them all the same.
+    [[nodiscard]] std::uint32_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
+
+    // For the library: adds one; when the ring is full it is counted and dropped.
+    void add(const Event& event) {
+        if (callback != nullptr) callback(event, user);
+        const auto at = added_.load(std::memory_order_relaxed);
+        if (at - taken_.load(std::memory_order_acquire) == kCapacity) {
+            dropped_.store(dropped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+            return;
+        }
+        ring_[at % kCapacity] = event;
+        added_.store(at + 1, std::memory_order_release);
+    }
+
+  private:
+    std::array<Event, kCapacity> ring_{};
+    std::atomic<std::uint32_t> added_{0};
+    std::atomic<std::uint32_t> taken_{0};
+    std::atomic<std::uint32_t> dropped_{0};
+};
+
+}  // namespace margay

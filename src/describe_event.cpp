@@ -1,0 +1,111 @@
+// An Event as a sentence.
+#include "util/text_writer.hpp"
+#include "wire/al_status_code.hpp"
+
+#include <margay/event.hpp>
+
+#include <array>
+
+namespace margay {
+namespace {
+
+void write_al(TextWriter& out, const AlStatus& al) {
+    out << to_text(al.state);
+    if (al.error) out << "+ERROR";
+    if (al.code != 0) (out << " (").hex(al.code, 4) << ": " << wire::al_status_text(al.code) << ")";
+}
+
+// "between slave 4 port 1 and slave 5".
+void write_cable(TextWriter& out, const Event& e) {
+    if (e.slave == 0)
+        out << "between the master and slave " << e.other;
+    else if (e.other == 0)
+        out << "at slave " << e.slave << " port " << e.port;
+    else
+        out << "between slave " << e.slave << " port " << e.port << " and slave " << e.other;
+}
+
+void write_slave(TextWriter& out, const Event& e) { out << "slave " << e.slave << ": "; }
+
+}  // namespace
+
+std::string_view to_text(EventKind kind) {
+    switch (kind) {
+        case EventKind::state: return "state changed";
+        case EventKind::lost: return "lost";
+        case EventKind::found: return "found again";
+        case EventKind::other_slave: return "another slave in its place";
+        case EventKind::recovered: return "recovered";
+        case EventKind::recovery_failed: return "recovery failed";
+        case EventKind::fell_short: return "working counter fell short";
+        case EventKind::right_again: return "working counter right again";
+        case EventKind::slave_count: return "number of slaves changed";
+        case EventKind::line_errors: return "CRC errors";
+        case EventKind::link_lost: return "link interrupted";
+        case EventKind::emergency: return "emergency";
+    }
+    return "unknown event";
+}
+
+std::string_view describe(const Event& e, std::span<char> buffer) {
+    TextWriter out(buffer);
+    switch (e.kind) {
+        case EventKind::state:
+            write_slave(out, e);
+            out << to_text(e.before.state) << " to ";
+            write_al(out, e.now);
+            break;
+        case EventKind::lost:
+            if (e.slave == 0) return (out << "no frame comes back from the segment").text();
+            write_slave(out, e);
+            out << "lost, it was in " << to_text(e.before.state);
+            break;
+        case EventKind::found:
+            if (e.slave == 0) return (out << "frames come back from the segment again").text();
+            write_slave(out, e);
+            out << "found again, in ";
+            write_al(out, e.now);
+            if (e.now.state == AlState::init) out << ", as after a loss of power";
+            break;
+        case EventKind::other_slave:
+            write_slave(out, e);
+            (out << "another slave in its place (expected product ").hex(e.expected, 8);
+            (out << ", got ").hex(e.actual, 8);
+            (out << " of vendor ").hex(e.detail, 8) << ")";
+            break;
+        case EventKind::recovered:
+            write_slave(out, e);
+            out << "recovered, in ";
+            write_al(out, e.now);
+            break;
+        case EventKind::recovery_failed: {
+            std::array<char, 256> text{};
+            out << "recovery failed: " << describe(e.error, text);
+            break;
+        }
+        case EventKind::fell_short:
+        case EventKind::right_again:
+            out << "group " << unsigned{e.group} << ": " << to_text(e.kind) << " (expected " << e.expected << ", got " << e.actual << ")";
+            break;
+        case EventKind::slave_count:
+            out << e.actual << (e.actual == 1 ? " slave answers" : " slaves answer") << ", it was " << e.expected;
+            break;
+        case EventKind::line_errors:
+            out << "CRC errors ";
+            write_cable(out, e);
+            out << ": " << e.actual;
+            break;
+        case EventKind::link_lost:
+            out << "link interrupted ";
+            write_cable(out, e);
+            out << ": " << e.actual << (e.actual == 1 ? " time" : " times");
+            break;
+        case EventKind::emergency:
+            write_slave(out, e);
+            (out << "emergency ").hex(e.detail, 4);
+            break;
+    }
+    return out.text();
+}
+
+}  // namespace margay

@@ -1,0 +1,242 @@
+#include "network/supervisor.hpp"
+
+#include "network/configure.hpp"
+#include "network/line_errors.hpp"
+#include "network/members.hpp"
+#include "network/recovery.hpp"
+#include "network/search.hpp"
+#include "station/al_state.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay {
+namespace {
+
+constexpr unsigned kLooksBeforeDoubt = 3;
+
+// What the supervision remembers between two rolls.
+struct Watch {
+    Network& network;
+    const SuperviseRequest& wanted;
+    Roll last{};
+    std::uint16_t told_count = 0;   // of slaves that answer, as it was told last
+    unsigned looks = 0;             // in a row that have not explained a short working counter
+    bool silent = false;            // no frame comes back
+    bool searching = false;
+    std::uint16_t strangers = 0;    // newcomers that are nobody we know
+    Time retry_at = Time::min();
+    Time search_at = Time::min();
+    Time lines_at = Time::min();
+
+    [[nodiscard]] Arena& arena() { return network.arena(); }
+};
+
+bool left_alone(const Network& network, const Slave& slave) {
+    return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
+}
+
+std::uint16_t answering(Network& network) {
+    const auto slaves = network.slaves();
+    return static_cast<std::uint16_t>(std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
+}
+
+// One slave that was lost answers at its address again: its registers are as they were, or it would not have one.
+Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
+    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    slave.al = now;
+    slave.attempts = 0;
+    if (slave.image.outputs.bits == 0 && slave.image.inputs.bits == 0) co_return Result<>();
+    auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
+    if (same && *same && now.state != AlState::init) set_takes_part(network, slave, true);
+    co_return Result<>();
+}
+
+// Asks one slave how it is.
+Task<Result<>> look_at(Network& network, Slave& slave) {
+    if (slave.recovering || left_alone(network, slave)) co_return Result<>();
+    auto seen = co_await read_al_status(network.station(slave));
+    if (!seen) {
+        if (seen.error().code != Errc::working_counter || slave.al.state == AlState::none) co_return Result<>();
+        network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
+        slave.al = {};
+        set_takes_part(network, slave, false);
+        co_return Result<>();
+    }
+    if (slave.al.state == AlState::none && seen->state != AlState::none) co_return co_await welcome_back(network, slave, *seen);
+    if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
+    note_state(network, slave, *seen);
+    co_return Result<>();
+}
+
+// All answer and claim to be well, and still the working counter is short: who has lost his configuration?
+Task<Result<>> doubt(Network& network, Slave& slave) {
+    if (slave.recovering || !slave.takes_part || left_alone(network, slave)) co_return Result<>();
+    auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
+    if (!same || *same) co_return Result<>();
+    set_takes_part(network, slave, false);
+    co_return Result<>();
+}
+
+bool needs_help(const Network& network, const Slave& slave, AlState target) {
+    if (slave.recovering || slave.al.state == AlState::none || left_alone(network, slave)) return false;
+    if (slave.al.error || slave.al.state != goal(network, slave, target)) return true;
+    return goal(network, slave, target) != AlState::preop && !slave.takes_part && (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
+}
+
+// Marks a slave as being worked on for as long as it lives.
+class Recovering {
+  public:
+    explicit Recovering(Slave& slave) : slave_(slave) { slave_.recovering = true; }
+    Recovering(const Recovering&) = delete;
+    Recovering& operator=(const Recovering&) = delete;
+    ~Recovering() { slave_.recovering = false; }
+
+  private:
+    Slave& slave_;
+};
+
+Task<Result<>> help(Watch& watch, Slave& slave) {
+    Network& network = watch.network;
+    const Recovering recovering(slave);
+    auto done = co_await bring_back(network, slave, watch.wanted.target);
+    if (done) {
+        slave.attempts = 0;
+        network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        co_return Result<>();
+    }
+    // That it is gone again the next look will tell.
+    if (done.error().code != Errc::working_counter) {
+        Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
+        event.error = done.error();
+        if (slave.attempts == 0) {
+            network.tell(event);
+            network.note(slave, done.error());
+        }
+    }
+    slave.attempts = static_cast<std::uint8_t>(std::min(slave.attempts + 1, 255));
+    watch.retry_at = network.engine.now() + watch.wanted.retry;
+    co_return Result<>();
+}
+
+Task<Result<>> search(Watch& watch) {
+    watch.searching = true;
+    auto found = co_await find_lost(watch.network);
+    watch.searching = false;
+    // Whoever is nobody we know stays that for a while.
+    watch.search_at = watch.network.engine.now() + (found && *found > 0 ? Duration{0} : watch.wanted.retry);
+    co_return Result<>();
+}
+
+void tell_count(Watch& watch, std::uint16_t count) {
+    if (count == watch.told_count) return;
+    watch.network.tell({.kind = EventKind::slave_count, .expected = watch.told_count, .actual = count});
+    watch.told_count = count;
+}
+
+// Working counters that fell short, and those that are right again.
+bool judge_groups(Watch& watch) {
+    bool unexpected = false;
+    for (ProcessGroup& group : watch.network.process.groups) {
+        if (!group.mapped || group.mapping) continue;
+        std::uint32_t got = 0;
+        bool right = true;
+        bool came = true;
+        for (const DatagramStatus& d : group.statuses) {
+            got += d.got;
+            right &= d.right();
+            came &= d.came;
+        }
+        unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
+        if (!came || right != group.told_short) continue;
+        group.told_short = !right;
+        watch.network.tell({.kind = right ? EventKind::right_again : EventKind::fell_short,
+                            .group = group.number,
+                            .expected = group.expected_wkc,
+                            .actual = got});
+    }
+    return unexpected;
+}
+
+void segment_silent(Watch& watch) {
+    if (!watch.silent) watch.network.tell({.kind = EventKind::lost});
+    watch.silent = true;
+}
+
+void start_helpers(Watch& watch, Crew& crew) {
+    const Time now = watch.network.engine.now();
+    const bool again = now >= watch.retry_at;
+    for (Slave& slave : watch.network.slaves()) {
+        if (crew.full()) return;
+        if (!needs_help(watch.network, slave, watch.wanted.target) || (slave.attempts > 0 && !again)) continue;
+        if (!crew.start(help(watch, slave))) return;
+    }
+}
+
+Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected) {
+    Network& network = watch.network;
+    auto looked = co_await for_each_slave(network, [&network](Slave& s) { return look_at(network, s); });
+    if (!looked) co_return looked;
+    watch.looks = unexpected ? watch.looks + 1 : 0;
+    if (watch.looks >= kLooksBeforeDoubt) {
+        watch.looks = 0;
+        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return doubt(network, s); });
+        if (!doubted) co_return doubted;
+    }
+    tell_count(watch, roll.count);
+    const bool newcomers = roll.count > answering(network);
+    if (newcomers && !watch.searching && network.engine.now() >= watch.search_at) (void)crew.start(search(watch));
+    co_return Result<>();
+}
+
+// One roll, and what follows from it.
+Task<Result<>> round(Watch& watch, Crew& crew) {
+    Network& network = watch.network;
+    auto roll = co_await call_roll(network);
+    if (!roll) {
+        segment_silent(watch);
+        co_return Result<>();
+    }
+    if (std::exchange(watch.silent, false)) {
+        network.tell({.kind = EventKind::found});
+        watch.last = {};
+    }
+    const bool unexpected = judge_groups(watch);
+    const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
+    const bool newcomers = roll->count > answering(network) && network.engine.now() >= watch.search_at && !watch.searching;
+    watch.last = *roll;
+    if (changed || unexpected || newcomers) {
+        auto looked = co_await look(watch, crew, *roll, unexpected);
+        if (!looked) co_return looked;
+    }
+    start_helpers(watch, crew);
+    co_return Result<>();
+}
+
+// Until the next cycle, or for the interval where there are none.
+Duration pause(const Watch& watch) {
+    const Time now = watch.network.engine.now();
+    return watch.network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
+}
+
+}  // namespace
+
+Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
+    Watch watch{network, wanted};
+    watch.told_count = answering(network);
+    for (Slave& slave : network.slaves()) slave.attempts = 0;
+    Crew crew(network.tasks);
+    for (;;) {
+        auto done = co_await round(watch, crew);
+        if (!done) co_return done;
+        const Time now = network.engine.now();
+        if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {
+            watch.lines_at = now + wanted.line_interval;
+            (void)crew.start(read_all_line_errors(network, wanted.line_errors));
+        }
+        const Duration rest = pause(watch);
+        if (rest > Duration{0}) co_await network.engine.sleep_for(rest);
+    }
+}
+
+}  // namespace margay

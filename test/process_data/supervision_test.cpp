@@ -1,0 +1,415 @@
+// Keeping a segment alive: what happens to it is noticed, told and put right, and the others go on.
+#include "process_data/bus.hpp"
+
+namespace margay {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+// A segment, its master and the supervision of it.
+struct Run {
+    Bus bus;
+    std::vector<std::byte> image = std::vector<std::byte>(8192);
+    SuperviseRequest supervision;
+    std::uint8_t counter = 0;
+
+    bool mapped = false;
+
+    Run() = default;
+    // Mapped and supervised: the supervision brings the slaves to OP by itself.
+    explicit Run(unsigned slaves, const Limits& limits = {.slaves = 64}) {
+        start(slaves, limits);
+        mapped = config_map(ctx(), image).ok() && submit(ctx(), supervision).ok();
+    }
+    HostContext& ctx() { return *bus.ctx; }
+    void start(unsigned slaves, const Limits& limits = {.slaves = 64}) {
+        for (unsigned n = 0; n < slaves; ++n) bus.add(16, 16);
+        bus.start(limits);
+    }
+    void to_op() {
+        ASSERT_TRUE(config_map(ctx(), image).ok());
+        ASSERT_EQ(bus.to_op().state, AlState::op);
+        ASSERT_TRUE(submit(ctx(), supervision).ok());
+        for (int i = 0; i < 5; ++i) (void)cycle();
+        EXPECT_EQ(events(), std::vector<std::string>());
+    }
+    // A cycle in which every device shows a new input, its number in the other octet. Whatever comes of it: the image has of each slave what it
+    // showed just now, or what it had before; and what it showed just now if the cycle is right.
+    Result<std::uint32_t> cycle() {
+        ++counter;
+        const std::size_t count = ctx().slaves().size();
+        before.resize(count + 1);
+        for (std::size_t n = 1; n <= count; ++n) {
+            before[n] = shown(n);
+            if (!bus.segment.powered(static_cast<std::uint32_t>(n - 1))) continue;
+            auto inputs = bus.device(n).inputs();
+            if (inputs.size() < 2) continue;
+            inputs[0] = static_cast<std::byte>(counter);
+            inputs[1] = static_cast<std::byte>(n);
+            bus.device(n).poke();
+        }
+        const auto wkc = bus.cycle();
+        for (std::size_t n = 1; n <= count; ++n) {
+            const auto now = shown(n);
+            const bool is_new = now == std::pair(static_cast<std::byte>(counter), static_cast<std::byte>(n));
+            if ((wkc.ok() && !is_new) || (!is_new && now != before[n])) ++wrong;
+        }
+        EXPECT_EQ(wrong, 0) << "cycle " << int{counter};
+        return wkc;
+    }
+    std::pair<std::byte, std::byte> shown(std::size_t n) {
+        const auto bytes = ctx().slave(n).image.inputs.bytes;
+        return {bytes[0], bytes[1]};
+    }
+    std::vector<std::pair<std::byte, std::byte>> before;
+    int wrong = 0;
+    bool fresh(std::size_t n) { return ctx().slave(n).image.inputs.bytes[0] == static_cast<std::byte>(counter); }
+    std::vector<std::string> events() {
+        std::vector<std::string> all;
+        while (const auto event = ctx().events().take()) {
+            std::array<char, 256> text{};
+            all.emplace_back(describe(*event, text));
+        }
+        return all;
+    }
+    static bool has(const std::vector<std::string>& all, const std::string& text) {
+        return std::ranges::any_of(all, [&](const std::string& one) { return one.find(text) != std::string::npos; });
+    }
+    static std::string joined(const std::vector<std::string>& all) {
+        std::string text;
+        for (const auto& one : all) text += one + "\n";
+        return text;
+    }
+    // Cycles until all are in OP and the cycle is right, or too many of them.
+    int cycles_until_right(int most = 5000) {
+        for (int n = 1; n <= most; ++n) {
+            const auto wkc = cycle();
+            const bool all = std::ranges::all_of(ctx().slaves(), [](const Slave& s) { return s.al.state == AlState::op && !s.al.error; });
+            if (wkc.ok() && all) return n;
+        }
+        return most + 1;
+    }
+};
+
+class SupervisionTest : public testing::Test, protected Run {
+  protected:
+    using Run = ::margay::Run;
+};
+
+TEST_F(SupervisionTest, LostPowerIsNoticedWithinTwoCyclesAndTheOthersGoOn) {
+    start(4);
+    to_op();
+    bus.segment.set_power(1, false, bus.osal.now());
+    // What hangs behind it is gone with it.
+    int stale = 0;
+    do {
+        EXPECT_FALSE(cycle().ok());
+        ++stale;
+    } while (stale < 10 && !fresh(1));
+    EXPECT_LE(stale, 3) << "two cycles without inputs of slave 1";
+    for (int n = 0; n < 20; ++n) {
+        EXPECT_FALSE(cycle().ok());
+        EXPECT_TRUE(fresh(1)) << n;
+    }
+    EXPECT_EQ(ctx().slave(1).al.state, AlState::op);
+    for (std::size_t n = 2; n <= 4; ++n) EXPECT_EQ(ctx().slave(n).al.state, AlState::none);
+    auto told = events();
+    EXPECT_TRUE(has(told, "group 0: working counter fell short (expected 12, got 3)")) << joined(told);
+    EXPECT_TRUE(has(told, "slave 2: lost, it was in OP")) << joined(told);
+    EXPECT_TRUE(has(told, "slave 4: lost, it was in OP")) << joined(told);
+    EXPECT_TRUE(has(told, "1 slave answers, it was 4")) << joined(told);
+
+    bus.segment.set_power(1, true, bus.osal.now());
+    EXPECT_LE(cycles_until_right(), 500);
+    told = events();
+    EXPECT_TRUE(has(told, "slave 2: found again, in INIT, as after a loss of power")) << joined(told);
+    EXPECT_TRUE(has(told, "slave 2: recovered, in OP")) << joined(told);
+    EXPECT_TRUE(has(told, "slave 4: found again, in OP")) << joined(told);
+    EXPECT_TRUE(has(told, "group 0: working counter right again")) << joined(told);
+    ASSERT_TRUE(cycle().ok());
+    for (std::size_t n = 1; n <= 4; ++n) EXPECT_TRUE(fresh(n)) << n;
+}
+
+// While one comes back the others do not lose a cycle, but for those in which it is found to be lost or to be there.
+TEST_F(SupervisionTest, AReturningSlaveTakesPartFromOneCycleToTheNext) {
+    start(3);
+    to_op();
+    bus.segment.set_power(2, false, bus.osal.now());
+    for (int n = 0; n < 50; ++n) (void)cycle();
+    bus.segment.set_power(2, true, bus.osal.now());
+    int stale = 0;
+    for (int n = 0; n < 1000 && !cycle().ok(); ++n)
+        if (!fresh(1) || !fresh(2)) ++stale;
+    EXPECT_EQ(stale, 0);
+    EXPECT_TRUE(fresh(3));
+}
+
+// Any slave, at any cycle of the bring-up and of operation.
+TEST_F(SupervisionTest, PowerLossOfAnySlaveAtAnyCycle) {
+    for (std::uint32_t slave = 0; slave < 4; ++slave) {
+        for (int at = 0; at < 60; ++at) {
+            SCOPED_TRACE("slave " + std::to_string(slave + 1) + " at " + std::to_string(at));
+            Run run(4);
+            ASSERT_TRUE(run.mapped);
+            // The supervision brings the slaves to OP by itself.
+            for (int n = 0; n < at; ++n) (void)run.cycle();
+            run.bus.segment.set_power(slave, false, run.bus.osal.now());
+            for (int n = 0; n < at % 17; ++n) (void)run.cycle();
+            run.bus.segment.set_power(slave, true, run.bus.osal.now());
+            ASSERT_LE(run.cycles_until_right(4000), 4000) << joined(run.events());
+            ASSERT_EQ(run.wrong, 0);
+        }
+    }
+}
+
+TEST_F(SupervisionTest, WireBreakAndHeal) {
+    start(6);
+    to_op();
+    for (int round = 0; round < 20; ++round) {
+        const auto at = static_cast<std::uint32_t>(1 + round % 5);
+        bus.segment.set_cable({at, 0}, false);
+        for (int n = 0; n < 5 + round * 20; ++n) (void)cycle();  // longer than their watchdogs, later on
+        if (round > 2) {
+            EXPECT_TRUE(fresh(1));
+        }
+        bus.segment.set_cable({at, 0}, true);
+        ASSERT_LE(cycles_until_right(), 2000) << round << "\n" << joined(events());
+        const auto told = events();
+        EXPECT_TRUE(has(told, "slave " + std::to_string(at + 1) + ": lost, it was in OP")) << joined(told);
+    }
+    EXPECT_TRUE(cycle().ok());
+}
+
+TEST_F(SupervisionTest, SegmentThatIsSilentIsToldOnce) {
+    start(2);
+    to_op();
+    bus.segment.set_cable({0, 0}, false);
+    for (int n = 0; n < 300; ++n) EXPECT_FALSE(cycle().ok());
+    auto told = events();
+    EXPECT_EQ(std::ranges::count(told, "no frame comes back from the segment"), 1) << joined(told);
+    bus.segment.set_cable({0, 0}, true);
+    for (int n = 0; n < 20; ++n) (void)cycle();
+    ASSERT_LE(cycles_until_right(), 2000) << joined(events());
+    told = events();
+    EXPECT_TRUE(has(told, "frames come back from the segment again")) << joined(told);
+}
+
+// A slave whose outputs have stopped for longer than its watchdog allows says so, and is asked to go on.
+TEST_F(SupervisionTest, SafeopWithErrorIsToldInWordsAcknowledgedAndLeft) {
+    start(3);
+    to_op();
+    bus.segment.set_cable({2, 0}, false);
+    for (int n = 0; n < 300; ++n) (void)cycle();
+    (void)events();
+    bus.segment.set_cable({2, 0}, true);
+    ASSERT_LE(cycles_until_right(), 500);
+    const auto told = events();
+    EXPECT_TRUE(has(told, "slave 3: found again, in SAFEOP+ERROR (0x001b: sync manager watchdog)")) << joined(told);
+    EXPECT_TRUE(has(told, "slave 3: recovered, in OP")) << joined(told);
+    EXPECT_FALSE(has(told, "INIT")) << "its configuration was there: no need to go through all of it\n" << joined(told);
+}
+
+TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
+    start(3);
+    to_op();
+    bus.segment.set_power(2, false, bus.osal.now());
+    for (int n = 0; n < 20; ++n) (void)cycle();
+    // The same plug, another device: its SII says so.
+    bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
+    bus.segment.set_power(2, true, bus.osal.now());
+    for (int n = 0; n < 2000; ++n) {
+        EXPECT_FALSE(cycle().ok());
+    }
+    EXPECT_TRUE(fresh(1) && fresh(2));
+    const auto told = events();
+    EXPECT_TRUE(has(told, "slave 3: another slave in its place (expected product 0x00000100, got 0x00000122 of vendor 0x00004d47)")) << joined(told);
+    EXPECT_FALSE(has(told, "slave 3: found")) << joined(told);
+    EXPECT_EQ(bus.segment.slave(2).station(), 0) << "it was given no address";
+    EXPECT_EQ(ctx().slave(3).al.state, AlState::none);
+    const auto recovered = recover_slave(ctx(), 3);
+    EXPECT_EQ(recovered.error().code, Errc::other_slave);
+    // And back again.
+    bus.segment.set_power(2, false, bus.osal.now());
+    bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
+    bus.segment.set_power(2, true, bus.osal.now());
+    EXPECT_LE(cycles_until_right(), 3000) << joined(events());
+}
+
+// Registers that are not what they were written with, though the slave says nothing of it.
+TEST_F(SupervisionTest, LostMappingIsFoundByDoubt) {
+    start(3);
+    to_op();
+    bus.segment.slave(1).registers().set<std::uint8_t>(0x060C, 0);
+    std::array<std::byte, 1> off{};
+    (void)bus.segment.slave(1).ecat_write(0x060C, off, bus.osal.now());
+    bus.segment.slave(1).frame_end({.at = bus.osal.now()});
+    bus.segment.reconsider();
+    EXPECT_FALSE(cycle().ok());
+    EXPECT_LE(cycles_until_right(), 500) << joined(events());
+}
+
+TEST_F(SupervisionTest, StartupListsAndTheHookAreReplayed) {
+    start(2);
+    static constexpr RegisterWrite kList[] = {
+        {Transition::init_to_preop, 0x0F80, 1, {std::byte{0x11}}},
+        {Transition::preop_to_safeop, 0x0F81, 2, {std::byte{0x22}, std::byte{0x33}}},
+        {Transition::safeop_to_op, 0x0F83, 1, {std::byte{0x44}}},
+    };
+    ctx().slave(2).config.startup_registers = kList;
+    int calls = 0;
+    ctx().slave(2).hooks.user = &calls;
+    ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void* user) -> Result<> {
+        if (++*static_cast<int*>(user) % 2 == 0) return Error{.code = Errc::busy, .slave = slave};
+        return Result<>();
+    };
+    to_op();
+    EXPECT_EQ(calls, 1);
+    EXPECT_EQ(bus.segment.slave(1).peek(0x0F81, 3), (std::vector{std::byte{0x22}, std::byte{0x33}, std::byte{0x44}}));
+    bus.segment.set_power(1, false, bus.osal.now());
+    for (int n = 0; n < 20; ++n) (void)cycle();
+    bus.segment.set_power(1, true, bus.osal.now());
+    const std::array<std::byte, 4> zeros{};
+    bus.segment.slave(1).write(0x0F80, zeros);
+    ASSERT_LE(cycles_until_right(), 1000) << joined(events());
+    EXPECT_EQ(bus.segment.slave(1).peek(0x0F80, 4), (std::vector{std::byte{0x11}, std::byte{0x22}, std::byte{0x33}, std::byte{0x44}}));
+    EXPECT_EQ(calls, 3) << "busy, then done";
+}
+
+// Damaged frames are counted by the port that they come in at, and the cable there is named.
+TEST_F(SupervisionTest, LineErrorsNameTheCable) {
+    start(6);
+    std::array<LineErrors, 6> lines{};
+    supervision.line_interval = 20ms;
+    supervision.line_errors = lines;
+    to_op();
+    for (int n = 0; n < 50; ++n) (void)cycle();
+    EXPECT_EQ(events(), std::vector<std::string>());
+    for (int n = 0; n < 3; ++n) {
+        bus.segment.corrupt_next({4, 0});
+        (void)cycle();
+        (void)cycle();
+    }
+    for (int n = 0; n < 100; ++n) (void)cycle();
+    const auto told = events();
+    EXPECT_TRUE(has(told, "CRC errors between slave 4 port 1 and slave 5: ")) << joined(told);
+    EXPECT_EQ(lines[4].ports[0].invalid_frames, 3U);
+    EXPECT_EQ(lines[3].ports[0].invalid_frames, 0U);
+    EXPECT_EQ(lines[5].ports[0].forwarded, 3U) << "the slave behind knows that somebody has seen it already";
+    // Counters do not stop at 255.
+    for (int n = 0; n < 600; ++n) {
+        bus.segment.corrupt_next({4, 0});
+        (void)cycle();
+        (void)cycle();
+    }
+    for (int n = 0; n < 100; ++n) (void)cycle();
+    EXPECT_EQ(lines[4].ports[0].invalid_frames, 603U);
+}
+
+// 1 % and 10 % of all frames lost on some cable, for 100 000 cycles.
+TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
+    for (const double share : {0.01, 0.10}) {
+        SCOPED_TRACE(share);
+        Run run(3);
+        ASSERT_TRUE(run.mapped);
+        ASSERT_LE(run.cycles_until_right(), 2000);
+        run.bus.segment.set_noise({.lost = share / 6, .corrupted = 0, .seed = 7});  // a frame passes six cable ends
+        unsigned good = 0;
+        for (int n = 0; n < 100'000; ++n)
+            if (run.cycle().ok()) ++good;
+        EXPECT_EQ(run.wrong, 0);
+        EXPECT_GT(good, 80'000U);
+        EXPECT_LT(good, 99'990U) << "frames were lost indeed";
+        run.bus.segment.set_noise({});
+        EXPECT_LE(run.cycles_until_right(), 2000) << joined(run.events());
+    }
+}
+
+TEST_F(SupervisionTest, AThousandSlaves) {
+    Run run(1000, {.slaves = 1000, .tasks = 100, .process_frames = 8});
+    ASSERT_TRUE(run.mapped);
+    run.bus.reply_timeout = 4ms;  // a frame is on its way for a millisecond
+    const int needed = run.cycles_until_right();
+    ASSERT_LE(needed, 500);
+    EXPECT_EQ(run.bus.ctx->group(0).expected_wkc, 3000U);
+    run.bus.segment.set_power(700, false, run.bus.osal.now());
+    for (int n = 0; n < 100; ++n) (void)run.cycle();
+    EXPECT_EQ(run.bus.ctx->slave(700).al.state, AlState::op);
+    EXPECT_EQ(run.bus.ctx->slave(701).al.state, AlState::none);
+    run.bus.segment.set_power(700, true, run.bus.osal.now());
+    ASSERT_LE(run.cycles_until_right(), 1000);
+    EXPECT_EQ(run.wrong, 0);
+}
+
+TEST_F(SupervisionTest, TwoRunsAreTheSame) {
+    const auto story = [] {
+        Run run(5);
+        std::string text;
+        run.bus.segment.set_noise({.lost = 0.01, .corrupted = 0.01, .seed = 11});
+        for (int n = 0; n < 3000; ++n) {
+            if (n % 500 == 100) run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), false, run.bus.osal.now());
+            if (n % 500 == 200) run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), true, run.bus.osal.now());
+            (void)run.cycle();
+            for (const auto& event : run.events()) text += std::to_string(n) + " " + event + "\n";
+        }
+        return text;
+    };
+    const auto first = story();
+    EXPECT_GT(first.size(), 1000U);
+    EXPECT_EQ(first, story());
+}
+
+TEST_F(SupervisionTest, CallbackHasEveryEventAndTheQueueCountsWhatItDrops) {
+    start(2);
+    to_op();
+    int calls = 0;
+    ctx().events().user = &calls;
+    ctx().events().callback = [](const Event&, void* user) { ++*static_cast<int*>(user); };
+    for (int round = 0; round < 20; ++round) {
+        bus.segment.set_power(1, false, bus.osal.now());
+        for (int n = 0; n < 20; ++n) (void)cycle();
+        bus.segment.set_power(1, true, bus.osal.now());
+        ASSERT_LE(cycles_until_right(), 1000);
+    }
+    const auto taken = static_cast<int>(events().size());
+    EXPECT_EQ(taken, static_cast<int>(EventQueue::kCapacity));
+    EXPECT_EQ(taken + static_cast<int>(ctx().events().dropped()), calls);
+}
+
+// Without the supervision: found, named and started again by hand.
+TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
+    start(3);
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    bus.segment.set_power(2, false, bus.osal.now());
+    EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    bus.segment.set_power(2, true, bus.osal.now());
+    EXPECT_TRUE(recover_slave(ctx(), 3).ok());
+    EXPECT_EQ(ctx().slave(3).al.state, AlState::init);
+    EXPECT_TRUE(reconfig_slave(ctx(), 3).ok());
+    EXPECT_EQ(ctx().slave(3).al.state, AlState::safeop);
+    EXPECT_EQ(bus.to_op().state, AlState::op);
+    EXPECT_TRUE(cycle().ok());
+}
+
+TEST_F(SupervisionTest, WrongCallsAreRefused) {
+    HostContext fresh;
+    EXPECT_EQ(submit(fresh, supervision).error().code, Errc::wrong_state);
+    EXPECT_EQ(reconfig_slave(fresh, 1).error().code, Errc::wrong_state);
+    EXPECT_EQ(recover_slave(fresh, 1).error().code, Errc::wrong_state);
+    start(2);
+    EXPECT_EQ(reconfig_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    supervision.target = AlState::boot;
+    EXPECT_EQ(submit(ctx(), supervision).error().code, Errc::invalid_argument);
+    supervision.target = AlState::op;
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    SuperviseRequest second;
+    EXPECT_EQ(submit(ctx(), second).error().code, Errc::busy);
+    EXPECT_EQ(config_init(ctx()).error().code, Errc::busy);
+    supervision.cancel();
+    EXPECT_EQ(*config_init(ctx()), 2U);
+}
+
+}  // namespace
+}  // namespace margay
