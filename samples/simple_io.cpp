@@ -1,5 +1,6 @@
 // simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. A slave that falls out of OP, or comes back, is told and asked to
 // go on.
+#include "common/cycle_pace.hpp"
 #include "common/slave_report.hpp"
 #include "common/source.hpp"
 
@@ -26,7 +27,7 @@ struct Options {
     std::string record;
     bool trace = false;
     unsigned cycles = 5000;
-    unsigned period_us = 1000;
+    samples::PaceOptions pace;
 };
 
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
@@ -52,10 +53,16 @@ class SimpleIo {
         }
         fmt::print("all slaves in OP\n");
         exchange();
-        fmt::print("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, no_frame_, short_);
+        const auto& figures = pace_.figures();
+        fmt::print("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,
+                   figures.wrong_wkc);
         print_inputs();
         (void)writestate(ctx_, 0, AlState::init);
-        return short_ + no_frame_ == 0 ? 0 : 1;
+        if (const auto failed = pace_.report(); !failed.empty()) {
+            fmt::print(stderr, "simple_io: {}\n", failed);
+            return 1;
+        }
+        return figures.wrong_wkc + figures.no_frame == 0 ? 0 : 1;
     }
 
   private:
@@ -73,27 +80,23 @@ class SimpleIo {
                 fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(), al_text(slave.al));
     }
 
-    // One cycle: send, receive, let everything else go on, sleep.
+    // One cycle: send, receive, and let everything else go on until the next one is due.
     Result<std::uint32_t> cycle() {
-        next_ += std::chrono::microseconds(options_.period_us);
+        const Time start = source_.osal().now();
         Result<std::uint32_t> got;
         const auto sent = send_processdata(ctx_);
         if (sent)
             got = receive_processdata(ctx_, kReplyTimeout);
         else
             got = sent.error();
-        Time now = source_.osal().now();
-        while (now < next_) {
-            const Time wake = poll(ctx_, now);
-            source_.osal().wait(std::min(wake, next_), source_.nic().wait_handle());
-            now = source_.osal().now();
-        }
+        round_trip_ = source_.osal().now() - start;
+        pace_.wait();
         return got;
     }
 
     // Process data runs before OP is asked for: the slaves' watchdogs want outputs.
     bool reach_op() {
-        next_ = source_.osal().now();
+        pace_.start();
         for (int n = 0; n < 10; ++n) (void)cycle();
         WriteStateRequest ask;
         ask.wanted = AlState::op;
@@ -111,11 +114,9 @@ class SimpleIo {
         for (cycles_ = 0; cycles_ < options_.cycles; ++cycles_) {
             for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n) image_[n] = static_cast<std::byte>(cycles_ >> 6);
             const auto got = cycle();
-            if (!got) {
-                ++(got.error().code == Errc::working_counter ? short_ : no_frame_);
-                if (last_.code != got.error().code || last_.slave != got.error().slave)
-                    fmt::print(stderr, "simple_io: cycle {}: {}\n", cycles_, sentence(got.error()));
-            }
+            pace_.count(round_trip_, got);
+            if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
+                fmt::print(stderr, "simple_io: cycle {}: {}\n", cycles_, sentence(got.error()));
             last_ = got.error();
             watch(got.ok());
         }
@@ -154,10 +155,9 @@ class SimpleIo {
     const Options& options_;
     HostContext ctx_{Limits{.slaves = 1024, .process_frames = 64}};
     std::array<std::byte, 65536> image_{};
-    Time next_{};
+    samples::CyclePace pace_{source_, ctx_, options_.pace};
+    Duration round_trip_{};
     unsigned cycles_ = 0;
-    unsigned no_frame_ = 0;
-    unsigned short_ = 0;
     Error last_;
     ReadStateRequest states_;
     WriteStateRequest ask_;
@@ -174,7 +174,7 @@ int main(int argc, char** argv) {
                    "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin) or recording (pcap:FILE)")
         ->required();
     app.add_option("--cycles", options.cycles, "how many cycles in OP");
-    app.add_option("--period", options.period_us, "of a cycle, in µs")->check(CLI::Range(50U, 1'000'000U));
+    samples::add_pace_options(app, options.pace);
     app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
     CLI11_PARSE(app, argc, argv);

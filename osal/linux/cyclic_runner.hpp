@@ -52,6 +52,7 @@ class CyclicRunner {
     // Sleeps until the next deadline, or not at all where it has passed. One system call, none when late.
     CyclicTick wait() noexcept;
 
+    [[nodiscard]] Time deadline() const { return schedule_.deadline(); }
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
     // As asked for, or less: a thread of SCHED_FIFO that used up its share of a second (sched_rt_runtime_us) would be
     // stopped until the second is over.

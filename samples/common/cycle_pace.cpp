@@ -1,0 +1,84 @@
+#include "common/cycle_pace.hpp"
+
+#include <margay/margay.hpp>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+
+namespace margay::samples {
+namespace {
+
+// Other work ends this long before the deadline, so that it cannot make the cycle late.
+constexpr Duration kQuietBefore = std::chrono::microseconds(100);
+
+CyclicOptions cyclic(const PaceOptions& options, bool real) {
+    return {.period = std::chrono::microseconds(options.period_us),
+            .spin = std::chrono::microseconds(options.spin_us),
+            .priority = options.priority,
+            .cpu = options.cpu,
+            .lock_memory = real && options.priority > 0,
+            .hold_latency = real && options.priority > 0};
+}
+
+}  // namespace
+
+void add_pace_options(CLI::App& app, PaceOptions& options) {
+    app.add_option("--period", options.period_us, "of a cycle, in µs")->check(CLI::Range(50U, 1'000'000U));
+    app.add_option("--spin", options.spin_us, "watch the clock this long before each cycle, in µs, in place of sleeping")
+        ->check(CLI::Range(0U, 1'000'000U));
+    app.add_option("--priority", options.priority, "real-time priority (SCHED_FIFO), with memory locked and no deep sleep")
+        ->check(CLI::Range(0, 99));
+    app.add_option("--cpu", options.cpu, "the processor to stay on")->check(CLI::Range(0, 1023));
+    app.add_option("--histogram", options.histogram, "print how punctual the cycles were, and draw it into this SVG file");
+}
+
+CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
+    : source_(source),
+      ctx_(ctx),
+      options_(options),
+      runner_(cyclic(options, !source.virtual_time())),
+      virtual_(std::chrono::microseconds(options.period_us), Duration::zero()) {}
+
+void CyclePace::start() {
+    if (source_.virtual_time()) {
+        virtual_.start(source_.osal().now());
+        return;
+    }
+    for (const auto& refusal : runner_.prepare())
+        fmt::print(stderr, "not granted: {}: {}\n", refusal.what, std::strerror(refusal.error));
+    runner_.start();
+}
+
+void CyclePace::wait() {
+    const bool real = !source_.virtual_time();
+    const Time until = real ? deadline() - runner_.spin() - kQuietBefore : deadline();
+    for (Time now = source_.osal().now(); now < until; now = source_.osal().now()) {
+        const Time wake = poll(ctx_, now);
+        source_.osal().wait(std::min(wake, until), source_.nic().wait_handle());
+    }
+    const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());
+    figures_.lateness.record(tick.lateness);
+    figures_.overruns += tick.skipped;
+}
+
+void CyclePace::count(Duration round_trip, const Result<std::uint32_t>& received) {
+    ++figures_.cycles;
+    if (received || received.error().code == Errc::working_counter) figures_.round_trip.record(round_trip);
+    if (!received) ++(received.error().code == Errc::working_counter ? figures_.wrong_wkc : figures_.no_frame);
+}
+
+std::string CyclePace::report() const {
+    if (options_.histogram.empty()) return {};
+    fmt::print("{}", cycle_text(figures_));
+    std::ofstream out(options_.histogram);
+    out << cycle_svg(figures_) << std::flush;
+    return out ? std::string() : fmt::format("{}: cannot be written: {}", options_.histogram, std::strerror(errno));
+}
+
+}  // namespace margay::samples

@@ -1,0 +1,131 @@
+#include "common/cycle_report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+#include <vector>
+
+namespace margay::samples {
+namespace {
+
+std::string time_text(Duration time) {
+    const auto ns = static_cast<double>(time.count());
+    if (ns < 1e3) return fmt::format("{:.0f} ns", ns);
+    if (ns < 1e6) return fmt::format("{:.3g} µs", ns / 1e3);
+    if (ns < 1e9) return fmt::format("{:.3g} ms", ns / 1e6);
+    return fmt::format("{:.3g} s", ns / 1e9);
+}
+
+// Buckets joined four to one, from the first with a count to the last.
+std::vector<DurationHistogram::Bucket> bars_of(const DurationHistogram& histogram) {
+    constexpr std::size_t kJoined = 4;
+    std::vector<DurationHistogram::Bucket> bars;
+    for (std::size_t i = 0; i < DurationHistogram::kBuckets; i += kJoined) {
+        auto bar = histogram.bucket(i);
+        for (std::size_t n = 1; n < kJoined; ++n) {
+            const auto next = histogram.bucket(i + n);
+            bar.to = next.to;
+            bar.count += next.count;
+        }
+        if (bar.count != 0 || !bars.empty()) bars.push_back(bar);
+    }
+    while (!bars.empty() && bars.back().count == 0) bars.pop_back();
+    return bars;
+}
+
+// 1 for a single one, so that outliers are seen beside thousands.
+double height(std::uint64_t count) { return count == 0 ? 0 : 1 + std::log10(static_cast<double>(count)); }
+
+std::uint64_t tallest(const std::vector<DurationHistogram::Bucket>& bars) {
+    std::uint64_t most = 1;
+    for (const auto& bar : bars) most = std::max(most, bar.count);
+    return most;
+}
+
+std::string quantiles(const DurationHistogram& h) {
+    return fmt::format("least {}, half {}, 99 % {}, 99.9 % {}, most {}", time_text(h.min()), time_text(h.quantile(0.5)),
+                       time_text(h.quantile(0.99)), time_text(h.quantile(0.999)), time_text(h.max()));
+}
+
+std::string counts(const CycleFigures& f) {
+    return fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles, f.overruns,
+                       f.no_frame, f.wrong_wkc);
+}
+
+std::string histogram_text(std::string_view name, const DurationHistogram& histogram) {
+    constexpr double kColumns = 50;
+    auto text = fmt::format("{}: {}\n", name, quantiles(histogram));
+    const auto bars = bars_of(histogram);
+    const double full = height(tallest(bars));
+    bool gap = false;
+    for (const auto& bar : bars) {
+        if (bar.count == 0) {
+            if (!gap) text += "  …\n";
+            gap = true;
+            continue;
+        }
+        gap = false;
+        const auto columns = static_cast<std::size_t>(std::lround(height(bar.count) / full * kColumns));
+        text += fmt::format("  from {:>8}  {:>10}  {}\n", time_text(bar.from), bar.count, std::string(columns, '#'));
+    }
+    return text;
+}
+
+constexpr double kWidth = 800;
+constexpr double kPanel = 240;
+constexpr double kLeft = 70;
+constexpr double kBars = 150;
+
+std::string panel_svg(std::string_view name, const DurationHistogram& histogram, double top) {
+    const auto bars = bars_of(histogram);
+    const double base = top + 40 + kBars;
+    auto svg = fmt::format("<text x=\"{}\" y=\"{}\" class=\"title\">{}</text>\n<text x=\"{}\" y=\"{}\">{}</text>\n", kLeft, top + 14,
+                           name, kLeft, top + 32, quantiles(histogram));
+    if (bars.empty()) return svg;
+    const auto scale = [](Duration time) { return std::log2(std::max(1.0, static_cast<double>(time.count()))); };
+    const double from = scale(bars.front().from);
+    const double per_unit = (kWidth - kLeft - 20) / std::max(0.25, scale(bars.back().to) - from);
+    const double full = height(tallest(bars));
+    for (const auto& bar : bars) {
+        if (bar.count == 0) continue;
+        const double x = kLeft + (scale(bar.from) - from) * per_unit;
+        const double high = height(bar.count) / full * kBars;
+        svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\"><title>{} to {}: {}</title></rect>\n", x,
+                           base - high, std::max(1.0, (scale(bar.to) - scale(bar.from)) * per_unit - 1), high, time_text(bar.from),
+                           time_text(bar.to), bar.count);
+    }
+    for (std::uint64_t count = 1; height(count) <= full; count *= 10) {
+        const double y = base - height(count) / full * kBars;
+        svg += fmt::format("<line x1=\"{}\" y1=\"{:.1f}\" x2=\"{}\" y2=\"{:.1f}\"/><text x=\"{}\" y=\"{:.1f}\" class=\"count\">{}</text>\n",
+                           kLeft, y, kWidth - 20, y, kLeft - 6, y + 4, count);
+    }
+    constexpr std::size_t kLabels = 8;
+    const std::size_t every = (bars.size() + kLabels - 1) / kLabels;
+    for (std::size_t i = 0; i < bars.size(); i += every)
+        svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", kLeft + (scale(bars[i].from) - from) * per_unit, base + 16,
+                           time_text(bars[i].from));
+    return svg;
+}
+
+}  // namespace
+
+std::string cycle_text(const CycleFigures& figures) {
+    return counts(figures) + "\n" + histogram_text("wake-up after the deadline", figures.lateness) +
+           histogram_text("round trip", figures.round_trip);
+}
+
+std::string cycle_svg(const CycleFigures& figures) {
+    auto svg = fmt::format(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\">\n"
+        "<style>text{{font:12px sans-serif;fill:#333}}.title{{font-weight:bold}}.count{{text-anchor:end}}"
+        "rect{{fill:#3a7ca5}}line{{stroke:#ccc}}</style>\n",
+        kWidth, 2 * kPanel + 40);
+    svg += panel_svg("Wake-up after the deadline", figures.lateness, 10);
+    svg += panel_svg("Round trip", figures.round_trip, 10 + kPanel);
+    svg += fmt::format("<text x=\"{}\" y=\"{}\">{}</text>\n</svg>\n", kLeft, 2 * kPanel + 25, counts(figures));
+    return svg;
+}
+
+}  // namespace margay::samples

@@ -1,0 +1,68 @@
+// Figures of a run as text and as SVG.
+#include "common/cycle_report.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+
+namespace margay::samples {
+namespace {
+
+using namespace std::chrono_literals;
+
+CycleFigures some() {
+    CycleFigures figures;
+    for (int n = 0; n < 1000; ++n) {
+        figures.lateness.record(Duration(1000 + n));
+        figures.round_trip.record(std::chrono::microseconds(80 + n % 20));
+    }
+    figures.lateness.record(3ms);
+    figures.cycles = 1001;
+    figures.overruns = 2;
+    figures.no_frame = 3;
+    figures.wrong_wkc = 4;
+    return figures;
+}
+
+std::size_t count_of(const std::string& in, const std::string& what) {
+    std::size_t count = 0;
+    for (auto at = in.find(what); at != std::string::npos; at = in.find(what, at + 1)) ++count;
+    return count;
+}
+
+TEST(CycleReport, TextTellsWhatWentWrongAndHowTheTimesSpread) {
+    const auto text = cycle_text(some());
+    EXPECT_NE(text.find("1001 cycles, 2 overruns, 3 without all frames, 4 with a wrong working counter"), std::string::npos);
+    EXPECT_NE(text.find("wake-up after the deadline: least 1 µs"), std::string::npos) << text;
+    EXPECT_NE(text.find("most 3 ms"), std::string::npos) << text;
+    EXPECT_GE(count_of(text, "#"), 60U) << "bars";
+}
+
+TEST(CycleReport, NothingYetIsNoError) {
+    EXPECT_NE(cycle_text({}).find("0 cycles"), std::string::npos);
+    EXPECT_NE(cycle_svg({}).find("</svg>"), std::string::npos);
+}
+
+TEST(CycleReport, PictureHasABarForWhatCameAndStaysInItsFrame) {
+    const auto svg = cycle_svg(some());
+    EXPECT_EQ(svg.substr(0, 5), "<svg ");
+    EXPECT_EQ(count_of(svg, "<rect "), count_of(svg, "</rect>"));
+    EXPECT_GE(count_of(svg, "<rect "), 6U);
+    for (auto at = svg.find("<rect "); at != std::string::npos; at = svg.find("<rect ", at + 1)) {
+        double x = 0;
+        double y = 0;
+        double width = 0;
+        double height = 0;
+        ASSERT_EQ(std::sscanf(svg.c_str() + at, "<rect x=\"%lf\" y=\"%lf\" width=\"%lf\" height=\"%lf\"", &x, &y, &width, &height), 4);
+        EXPECT_GE(x, 0);
+        EXPECT_LE(x + width, 801);
+        EXPECT_GE(y, 0);
+        EXPECT_GT(height, 0);
+        EXPECT_LE(y + height, 520);
+    }
+}
+
+}  // namespace
+}  // namespace margay::samples
