@@ -94,6 +94,11 @@ void DcClock::reset_loop(Time at) {
     registers_->set<std::uint32_t>(reg::kSystemTimeDifference.address, 0);
 }
 
+void DcClock::reset_difference() {
+    mean_ = 0;
+    registers_->set<std::uint32_t>(reg::kSystemTimeDifference.address, 0);
+}
+
 void DcClock::compare(std::uint32_t received, Time at) {
     const auto difference =
         static_cast<double>(static_cast<std::int32_t>(static_cast<std::uint32_t>(system(at)) - received));

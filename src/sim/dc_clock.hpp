@@ -33,6 +33,8 @@ class DcClock {
     // Offset, delay, speed counter start or filters were written.
     void reconfigure();
     void reset_loop(Time at);
+    // The filter of the difference was written, which starts the mean over.
+    void reset_difference();
     void set_drift(std::int32_t ppb, Time at);
 
   private:

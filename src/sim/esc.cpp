@@ -32,7 +32,11 @@ void Esc::power_up(Time now) {
     alias_enabled_ = false;
     irq_ = 0;
     link_bits_ = 0;
+    loops_end_ = kNever;
+    lasting_loops_ = 0;
     power_up_registers();
+    ++loops_written_;
+    ++configuration_;
     sync_managers_.power_up(registers_, description_.sync_managers, static_cast<std::uint32_t>(ram_.size()));
     (void)sii_.power_up(registers_, description_.sii);
     lay_out();
@@ -112,13 +116,15 @@ void Esc::count_lost_link(unsigned port) { count(reg::kLostLinkCounter.address +
 void Esc::count_processing_error() { count(reg::kProcessingUnitErrorCounter.address); }
 
 void Esc::schedule() {
-    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), reset_wanted_ ? now_ : kNever});
+    next_event_ =
+        std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, reset_wanted_ ? now_ : kNever});
 }
 
 void Esc::advance(Time now) {
     while (next_event_ <= now) {
         now_ = std::max(now_, next_event_);
         if (reset_wanted_) return power_up(now_);
+        end_temporary_loops();
         const auto expired = watchdogs_.settle(now_);
         if (expired.process_data) {
             set_al_events(wire::al_event::kWatchdog, now_);

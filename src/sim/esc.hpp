@@ -70,6 +70,9 @@ class Esc final : public subdevice::EscAccess {
     [[nodiscard]] std::uint16_t alias() const {
         return registers_.get<std::uint16_t>(wire::reg::kStationAlias.address);
     }
+    [[nodiscard]] std::uint16_t read_write_offset() const {
+        return registers_.get<std::uint16_t>(wire::reg::kPhysicalReadWriteOffset.address);
+    }
     [[nodiscard]] bool alias_enabled() const { return alias_enabled_; }
     // What it ORs into the IRQ field of every datagram.
     [[nodiscard]] std::uint16_t irq() const { return irq_; }
@@ -82,6 +85,8 @@ class Esc final : public subdevice::EscAccess {
     // --- Ports, seen by the segment ---
     void set_dl_status(std::uint16_t link_bits);
     void set_link(unsigned port, bool link) { mii_.set_link(port, link); }
+    // Counts up whenever loops are to be set anew: written, with the same value too, or reset.
+    [[nodiscard]] std::uint32_t loops_written() const { return loops_written_; }
     [[nodiscard]] std::uint32_t dl_control() const {
         return registers_.get<std::uint32_t>(wire::reg::kDlControl.address);
     }
@@ -126,13 +131,17 @@ class Esc final : public subdevice::EscAccess {
         std::uint16_t length = 0;
         std::uint16_t offset = 0;
     };
-    struct Mapping {  // an active FMMU, in bits
+    struct Mapping {  // what an active FMMU maps in one direction, in bits
         std::uint64_t logical = 0;
         std::uint64_t logical_end = 0;
         std::uint64_t physical = 0;
-        bool read = false;
-        bool write = false;
         bool octets = false;  // whole octets on both sides
+    };
+    // Of one direction, without overlaps: n FMMUs make 2n − 1 parts at most.
+    struct Mappings {
+        std::array<Mapping, 2 * kMaxFmmus> at{};
+        unsigned count = 0;
+        void add(Mapping mapping);
     };
 
     bool access(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at);
@@ -147,13 +156,16 @@ class Esc final : public subdevice::EscAccess {
     bool map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end,
                   std::uint32_t address, MutableBytes data, Time at);
     void before_write(std::uint32_t address, MutableBytes into) const;
-    void logical_reads(std::uint32_t address, MutableBytes data, Time at, bool& any);
+    bool map_all(const Mappings& mappings, bool write, std::uint32_t address, MutableBytes data, Time at);
 
     void refresh(std::uint32_t address, std::size_t length, Side side, Time at);
     void take_over(const Write& write, Time at);
     void written(std::uint32_t address, std::size_t length, bool from_pdi, Time at);
     void was_read(std::uint32_t address, std::size_t length, Side side);
     void al_control_written();
+    void temporary_loops(Time at);
+    void end_temporary_loops();
+    [[nodiscard]] bool sync_registers_are_pdis(std::uint32_t address) const;
     void reload_mappings();
     void handle(const SyncManagers::Events& events, Time at);
     void set_al_events(std::uint32_t bits, Time at);
@@ -182,11 +194,12 @@ class Esc final : public subdevice::EscAccess {
     SyncUnit sync_;
     std::unique_ptr<Firmware> firmware_;
 
-    std::array<Mapping, kMaxFmmus> mappings_{};
-    unsigned mapping_count_ = 0;
+    Mappings read_mappings_;
+    Mappings write_mappings_;
     std::uint32_t logical_first_ = 1;
     std::uint32_t logical_last_ = 0;
     std::uint32_t configuration_ = 0;
+    std::uint32_t loops_written_ = 0;
     std::uint16_t irq_ = 0;
     bool alias_enabled_ = false;
     bool al_control_unread_ = false;
@@ -209,6 +222,8 @@ class Esc final : public subdevice::EscAccess {
 
     Time now_{};
     Time firmware_due_ = kNever;
+    Time loops_end_ = kNever;  // of temporary loop settings
+    std::uint8_t lasting_loops_ = 0;
     Time next_event_ = kNever;
 };
 

@@ -1,4 +1,4 @@
-// Esc: how an access finds its memory, by address or by FMMU.
+// Esc: how an access finds its memory, by address.
 #include "sim/esc.hpp"
 
 #include <algorithm>
@@ -147,129 +147,14 @@ bool Esc::write_registers_pdi(std::uint32_t address, const std::byte* data, std:
         if ((flags & access::kPdiWrite) == 0) continue;
         const bool sii = a >= reg::kSiiControl.address && a < reg::kSiiData.end();
         if (sii && !sii_.accepts(true)) continue;
+        if (dc_on_ && a > reg::kCyclicUnitControl.address && a < reg::kLatch0Status.address && !sync_registers_are_pdis(a))
+            continue;
         registers_.bytes()[a] = data[i];
         any = true;
         effect |= (flags & access::kWriteEffect) != 0;
     }
     if (effect) written(address, length, true, at);
     return any;
-}
-
-// --- FMMUs: ETG.1000.4 "Fieldbus memory management unit" ---
-
-void Esc::reload_mappings() {
-    mapping_count_ = 0;
-    std::uint64_t first = UINT64_MAX;
-    std::uint64_t last = 0;
-    const bool bits = (description_.features & wire::features::kFmmuBitOperationNotSupported) == 0;
-    for (unsigned n = 0; n < description_.fmmus; ++n) {
-        auto f = wire::load_fmmu(Bytes(registers_.bytes()).subspan(reg::fmmu(n).address, reg::kFmmuStride));
-        if (!f.active || f.length_bytes == 0 || (!f.read && !f.write)) continue;
-        if (!bits) f.logical_start_bit = f.physical_start_bit = 0, f.logical_end_bit = 7;
-        const std::uint64_t start = std::uint64_t{f.logical_start.value} * 8 + f.logical_start_bit;
-        const std::uint64_t end =
-            (std::uint64_t{f.logical_start.value} + f.length_bytes - 1) * 8 + f.logical_end_bit + 1;
-        if (end <= start) continue;
-        mappings_[mapping_count_++] = {
-            start,  end,     std::uint64_t{f.physical_start} * 8 + f.physical_start_bit,
-            f.read, f.write, f.logical_start_bit == 0 && f.logical_end_bit == 7 && f.physical_start_bit == 0};
-        first = std::min(first, start / 8);
-        last = std::max(last, (end - 1) / 8);
-    }
-    logical_first_ = mapping_count_ == 0 ? 1 : static_cast<std::uint32_t>(first);
-    logical_last_ =
-        mapping_count_ == 0 ? 0 : static_cast<std::uint32_t>(std::min<std::uint64_t>(last, UINT32_MAX));
-    ++configuration_;
-}
-
-std::uint16_t Esc::ecat_logical(bool read, bool write, std::uint32_t address, MutableBytes data, Time at) {
-    bool any_read = false;
-    bool any_write = false;
-    if (read && write) {
-        if ((description_.features & wire::features::kLrwNotSupported) != 0) return 0;
-        // What goes into the slave is what came in, even where its own data goes out at the same place.
-        bool reads = false;
-        bool writes = false;
-        for (unsigned n = 0; n < mapping_count_; ++n)
-            reads |= mappings_[n].read, writes |= mappings_[n].write;
-        if (reads && writes) {
-            const auto end = std::min<std::uint64_t>(std::uint64_t{logical_last_} + 1,
-                                                     std::uint64_t{address} + data.size());
-            const std::uint64_t begin = std::max<std::uint64_t>(logical_first_, address);
-            if (begin >= end) return 0;
-            const auto window =
-                data.subspan(static_cast<std::size_t>(begin - address), static_cast<std::size_t>(end - begin));
-            std::array<std::byte, wire::kMaxFrameBytes> out;
-            std::copy(window.begin(), window.end(), out.begin());
-            const auto shadow = MutableBytes(out).first(window.size());
-            logical_reads(static_cast<std::uint32_t>(begin), shadow, at, any_read);
-            for (unsigned n = 0; n < mapping_count_; ++n)
-                if (mappings_[n].write) any_write |= map(mappings_[n], true, address, data, at);
-            std::copy(shadow.begin(), shadow.end(), window.begin());
-            return static_cast<std::uint16_t>((any_read ? 1 : 0) + (any_write ? 2 : 0));
-        }
-    }
-    if (write)
-        for (unsigned n = 0; n < mapping_count_; ++n)
-            if (mappings_[n].write) any_write |= map(mappings_[n], true, address, data, at);
-    if (read) logical_reads(address, data, at, any_read);
-    return static_cast<std::uint16_t>((any_read ? 1 : 0) + (!any_write ? 0 : read ? 2 : 1));
-}
-
-// Backwards, so that the lowest number has the last word where FMMUs overlap.
-void Esc::logical_reads(std::uint32_t address, MutableBytes data, Time at, bool& any) {
-    for (unsigned n = mapping_count_; n-- > 0;)
-        if (mappings_[n].read) any |= map(mappings_[n], false, address, data, at);
-}
-
-bool Esc::map(const Mapping& mapping, bool write, std::uint32_t address, MutableBytes data, Time at) {
-    const std::uint64_t first = std::max(mapping.logical, std::uint64_t{address} * 8);
-    const std::uint64_t end = std::min(mapping.logical_end, (std::uint64_t{address} + data.size()) * 8);
-    if (first >= end) return false;
-    if (!mapping.octets) return map_bits(mapping, write, first, end, address, data, at);
-    const auto physical = static_cast<std::uint32_t>((mapping.physical + (first - mapping.logical)) / 8);
-    return access(Side::ecat, write, physical, data.data() + (first / 8 - address),
-                  static_cast<std::size_t>((end - first) / 8), at);
-}
-
-// Bits that do not lie on octets. A write leaves the slave's other bits of an octet as they are.
-bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end,
-                   std::uint32_t address, MutableBytes data, Time at) {
-    const std::uint64_t physical = mapping.physical + (first - mapping.logical);
-    const std::uint64_t base = physical / 8;
-    const auto octets = static_cast<std::size_t>((physical + (end - first) + 7) / 8 - base);
-    std::array<std::byte, wire::kMaxFrameBytes + 1> memory{};
-    const auto test = [](const std::byte* from, std::uint64_t bit) {
-        return (std::to_integer<unsigned>(from[bit / 8]) >> (bit % 8) & 1) != 0;
-    };
-    const auto put = [](std::byte* to, std::uint64_t bit, bool value) {
-        const auto mask = static_cast<std::byte>(1u << (bit % 8));
-        to[bit / 8] = value ? to[bit / 8] | mask : to[bit / 8] & ~mask;
-    };
-    const std::uint64_t data_base = std::uint64_t{address} * 8;
-    const auto at_address = static_cast<std::uint32_t>(base);
-    if (!write) {
-        if (!access(Side::ecat, false, at_address, memory.data(), octets, at)) return false;
-        for (std::uint64_t i = 0; i < end - first; ++i)
-            put(data.data(), first + i - data_base, test(memory.data(), physical - base * 8 + i));
-        return true;
-    }
-    before_write(at_address, MutableBytes(memory).first(octets));
-    for (std::uint64_t i = 0; i < end - first; ++i)
-        put(memory.data(), physical - base * 8 + i, test(data.data(), first + i - data_base));
-    return access(Side::ecat, true, at_address, memory.data(), octets, at);
-}
-
-// What a write of these octets would overwrite.
-void Esc::before_write(std::uint32_t address, MutableBytes into) const {
-    for (std::size_t i = 0; i < into.size(); ++i) {
-        const auto a = static_cast<std::uint32_t>(address + i);
-        if (a < reg::kProcessRam) {
-            into[i] = registers_.bytes()[a];
-        } else if (const auto at = sync_managers_.write_address(a) - reg::kProcessRam; at < ram_.size()) {
-            into[i] = ram_[at];
-        }
-    }
 }
 
 std::vector<std::byte> Esc::peek(std::uint16_t address, std::size_t count) const {

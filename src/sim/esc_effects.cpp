@@ -80,6 +80,7 @@ void Esc::take_over(const Write& write, Time at) {
         }
         if (a >= reg::kSiiControl.address && a < reg::kSiiData.end() && !sii_free) continue;
         if (a >= reg::kAlControl.address && a < reg::kAlControl.end() && al_control_unread_) continue;
+        if (sync_registers_are_pdis(a)) continue;
         if (a >= reg::kSystemTime.address && a < reg::kSystemTime.end() && dc_on_) {  // compared, not stored
             if (a == reg::kSystemTime.address) compare_with_ = 0;
             if (a < reg::kSystemTime.address + 4u)
@@ -100,6 +101,8 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
     if (range.meets(reg::kStationAddress) || range.meets(reg::kStationAlias)) ++configuration_;
     if (range.meets(reg::kDlControl)) {
         alias_enabled_ = (registers_.get<std::uint32_t>(reg::kDlControl.address) & 0x01000000) != 0;
+        temporary_loops(at);
+        ++loops_written_;
         ++configuration_;
     }
     if (!from_pdi && range.covers(reg::kAlControl.address)) {
@@ -141,6 +144,37 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
         watchdogs_.set_fed(sync_managers_.feeds_watchdog(), at);
         schedule();
     }
+}
+
+// 0x0100 bit 1: the loop settings written with it are for about a second, then those before come back.
+void Esc::temporary_loops(Time at) {
+    const bool temporary = (registers_.get<std::uint8_t>(reg::kDlControl.address) & 0x02) != 0;
+    const auto loops = registers_.get<std::uint8_t>(reg::kDlControl.address + 1);
+    if (!temporary) {
+        loops_end_ = kNever;
+        lasting_loops_ = loops;
+    } else {
+        loops_end_ = at + std::chrono::seconds(1);
+    }
+    schedule();
+}
+
+void Esc::end_temporary_loops() {
+    if (loops_end_ > now_) return;
+    loops_end_ = kNever;
+    auto& control = registers_.bytes()[reg::kDlControl.address];
+    control &= ~std::byte{0x02};
+    registers_.set(reg::kDlControl.address + 1, lasting_loops_);
+    ++loops_written_;
+    ++configuration_;
+}
+
+// 0x0980 bit 0: the master or the PDI sets up SYNC; bits 4 and 5: latch inputs 0 and 1.
+bool Esc::sync_registers_are_pdis(std::uint32_t address) const {
+    if (!dc_on_ || address <= reg::kCyclicUnitControl.address || address >= reg::kLatch0Status.address) return false;
+    const auto control = registers_.get<std::uint8_t>(reg::kCyclicUnitControl.address);
+    const unsigned bit = address == reg::kLatch0Control.address ? 4 : address == reg::kLatch1Control.address ? 5 : 0;
+    return (control >> bit & 1) != 0;
 }
 
 // ETG.1000.4 "AL control": with device emulation the status follows by itself, otherwise the register is full
@@ -218,6 +252,7 @@ void Esc::written_dc(std::uint32_t address, std::size_t length, Time at) {
         clock_.reset_loop(at);
         sync_.clock_changed(at);
     }
+    if (range.meets(reg::kSystemTimeDifferenceFilter)) clock_.reset_difference();
     if (range.meets(reg::kSyncActivation)) sync_.written(address, length, at);
     schedule();
 }
@@ -229,9 +264,6 @@ void Esc::latch_receive_times(const FrameEnd& end) {
         if (end.ports[p] != kNever)
             registers_.set(static_cast<std::uint16_t>(reg::kPortReceiveTime.address + 4 * p),
                            static_cast<std::uint32_t>(clock_.local(end.ports[p])));
-        else if (description_.ports[p].kind >= wire::PortKind::ebus)
-            registers_.set<std::uint32_t>(static_cast<std::uint16_t>(reg::kPortReceiveTime.address + 4 * p),
-                                          0);
     if (!dc_on_) return;
     const auto received = clock_.local(end.ports[0] != kNever ? end.ports[0] : end.processing);
     registers_.set(reg::kProcessingUnitReceiveTime.address,

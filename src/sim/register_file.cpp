@@ -60,7 +60,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
     add(reg::kProcessDataWatchdogCounter, kActing);
     add(reg::kPdiWatchdogCounter, kActing);
     add(reg::kSiiConfig, kActing);
-    add(reg::kSiiPdiAccess, kRead | kPdiWrite | kEcatWrite | kWriteEffect);
+    add(reg::kSiiPdiAccess, kRead | kPdiWrite | kWriteEffect);
     add(reg::kSiiControl, kActing | kPdiWrite | kDynamic);
     add(reg::kSiiAddress, kActing | kPdiWrite | kDynamic);
     add(reg::kSiiData, kActing | kPdiWrite | kDynamic);
@@ -103,7 +103,7 @@ void RegisterFile::add_dc(const EscDescription& esc, bool enabled) {
     add(reg::kSpeedCounterDifference, kPlain);
     add(reg::kSystemTimeDifferenceFilter, kActing);
     add(reg::kSpeedCounterFilter, kActing);
-    add(reg::kCyclicUnitControl, kWritable);
+    add(reg::kCyclicUnitControl, kWritable);  // who of the two may write what follows
     add(reg::kSyncActivation, kActing | kPdiWrite);
     add(reg::kSyncPulseLength, kPlain);
     add(reg::kActivationStatus, kRead | kDynamic);

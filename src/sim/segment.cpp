@@ -104,7 +104,7 @@ void Segment::advance(Time now) {
         if (!node.powered) continue;
         if (node.esc->next_event() <= now) {
             node.esc->advance(now);
-            if (node.configuration != node.esc->configuration()) topology_ += 1;
+            if (node.configuration != node.esc->configuration()) note_change(n);
         }
         next_event_ = std::min(next_event_, node.esc->next_event());
     }

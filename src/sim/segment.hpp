@@ -105,7 +105,7 @@ class Segment {
         std::array<Cable, kMaxPorts> cables{};
         std::array<bool, kMaxPorts> link{};
         std::array<bool, kMaxPorts> open{};
-        std::uint32_t dl_control = 0;
+        std::uint32_t loops_written = 0;
         std::uint32_t configuration = 0;
         bool powered = false;
         bool touched = false;
@@ -126,6 +126,7 @@ class Segment {
         std::vector<Visit> visits;
         std::vector<Hop> hops;
         std::vector<std::array<Duration, kMaxPorts>> ports;  // by visit; negative: nothing came in there
+        std::vector<std::uint32_t> visit_of;                 // by slave
         std::vector<std::uint16_t> station;
         std::vector<std::uint32_t> alias;  // above 0xFFFF: not enabled
         std::vector<std::uint32_t> logical_first;
@@ -156,6 +157,7 @@ class Segment {
     void walk(Route& route, PortRef entry, Duration t);
     void note(Route& route, std::uint32_t visit);
     void topology_changed();
+    void note_change(std::uint32_t slave);
 
     // Frames (segment_frame.cpp)
     void run_datagrams(Frame& frame);

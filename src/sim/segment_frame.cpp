@@ -83,7 +83,7 @@ Segment::Passage Segment::process(MutableBytes bytes, Time now, unsigned master_
             if ((slave(visit.slave).dl_control() & 1) != 0) frame.destroyed = true;
     }
     passage.changed = frame.visits != 0;
-    if (passage.changed && bytes.size() > wire::kSourceMacOffset)
+    if (at != 0 && passage.changed && bytes.size() > wire::kSourceMacOffset)
         bytes[wire::kSourceMacOffset] |= wire::kPassedEscBit;
     if (frame.fault == FaultKind::corruption) count_errors(frame);
     passage.returned = way.returns && !frame.destroyed && frame.fault == FaultKind::none;
@@ -184,8 +184,10 @@ void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bo
             std::fill(own.begin(), own.end(), std::byte{0});
         else
             std::copy(data.begin(), data.end(), own.begin());
+        // 0x0108: how far behind what it reads an APRW or FPRW writes.
+        const auto behind = merge ? std::uint16_t{0} : esc.read_write_offset();
         const bool was_read = esc.ecat_read(ado, own, at);
-        const bool was_written = write && esc.ecat_write(ado, data, at);
+        const bool was_written = write && esc.ecat_write(static_cast<std::uint16_t>(ado + behind), data, at);
         if (was_read)
             for (std::size_t i = 0; i < length; ++i) data[i] = merge ? data[i] | own[i] : own[i];
         count = (was_read ? 1u : 0u) + (was_written ? 2u : 0u);
@@ -234,7 +236,6 @@ void Segment::touch(Frame& frame, std::uint32_t visit) {
 }
 
 void Segment::end_frame(Frame& frame) {
-    bool reroute = false;
     for (const auto v : touched_) {
         const auto& visit = frame.route.visits[v];
         auto& node = nodes_[visit.slave];
@@ -247,17 +248,9 @@ void Segment::end_frame(Frame& frame) {
         }
         node.esc->frame_end(end);
         schedule(visit.slave);
-        if (node.configuration == node.esc->configuration()) continue;
-        note(frame.route, v);
-        for (auto& other : routes_)
-            if (&other != &frame.route) other.built = 0;
-        if (node.esc->dl_control() != node.dl_control) {
-            update_ports(visit.slave, true);
-            reroute = true;
-        }
+        if (node.configuration != node.esc->configuration()) note_change(visit.slave);
     }
     touched_.clear();
-    if (reroute) topology_changed();
     if (!frame.well_formed)
         for (std::uint32_t v = 0; v < frame.visits; ++v)
             slave(frame.route.visits[v].slave).count_processing_error();

@@ -20,6 +20,19 @@ Loop loop_of(std::uint32_t dl_control, unsigned port) {
 
 void Segment::topology_changed() { ++topology_; }
 
+// What datagrams are matched against has changed in a slave, or its ports have.
+void Segment::note_change(std::uint32_t number) {
+    auto& node = nodes_[number];
+    node.configuration = node.esc->configuration();
+    if (node.loops_written != node.esc->loops_written()) {
+        update_ports(number, true);
+        return topology_changed();
+    }
+    for (auto& known : routes_)
+        if (known.built == topology_ && number < known.visit_of.size() && known.visit_of[number] != kNobody)
+            note(known, known.visit_of[number]);
+}
+
 bool Segment::linked(const Node& node, unsigned port) const {
     const auto& cable = node.cables[port];
     if (!node.powered || !cable.intact) return false;
@@ -29,12 +42,12 @@ bool Segment::linked(const Node& node, unsigned port) const {
 void Segment::update_ports(std::uint32_t number, bool control_written) {
     auto& node = nodes_[number];
     if (!node.powered) return;
-    node.dl_control = node.esc->dl_control();
+    node.loops_written = node.esc->loops_written();
     unsigned status = 0;
     for (unsigned p = 0; p < kMaxPorts; ++p) {
         const bool link = linked(node, p);
         if (node.link[p] && !link) node.esc->count_lost_link(p);
-        switch (loop_of(node.dl_control, p)) {
+        switch (loop_of(node.esc->dl_control(), p)) {
             case Loop::automatic: node.open[p] = link; break;
             // Once closed it stays so until the master writes the loop control again (or, as after power-up,
             // the link is new).
@@ -82,7 +95,8 @@ void Segment::build(Route& route, unsigned master_port) {
     std::array<Duration, kMaxPorts> nowhere;
     nowhere.fill(Duration(-1));
     route.ports.assign(count, nowhere);
-    std::vector<std::uint32_t> visit_of(size(), kNobody);
+    auto& visit_of = route.visit_of;
+    visit_of.assign(size(), kNobody);
     for (std::uint32_t v = 0; v < count; ++v) {
         visit_of[route.visits[v].slave] = v;
         note(route, v);
@@ -137,12 +151,17 @@ void Segment::note(Route& route, std::uint32_t visit) {
     auto& node = nodes_[route.visits[visit].slave];
     const auto& esc = *node.esc;
     node.configuration = esc.configuration();
+    const auto irq_before = route.irq[visit];
     route.station[visit] = esc.station();
     route.alias[visit] = esc.alias_enabled() ? esc.alias() : kNobody;
     route.logical_first[visit] = esc.logical_first();
     route.logical_last[visit] = esc.logical_last();
     route.irq[visit] = esc.irq();
     route.any_irq |= esc.irq();
+    if (irq_before != 0 && esc.irq() == 0) {
+        route.any_irq = 0;
+        for (const auto irq : route.irq) route.any_irq = static_cast<std::uint16_t>(route.any_irq | irq);
+    }
     route.aliases |= esc.alias_enabled();
 }
 

@@ -18,7 +18,7 @@ bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
     timing_ = timing;
     command_ = errors_ = write_data_ = 0;
     word_ = 0;
-    write_enable_ = busy_ = reloaded_ = false;
+    busy_ = reloaded_ = false;
     done_ = kNever;
     const bool good = load_configuration(true);
     show();
@@ -53,7 +53,7 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
     if (covers(reg::kSiiConfig.address) &&
         (registers_->get<std::uint8_t>(reg::kSiiConfig.address) & wire::sii_config::kForceEcat) != 0)
         registers_->set<std::uint8_t>(reg::kSiiPdiAccess.address, 0);
-    if (covers(reg::kSiiPdiAccess.address)) {
+    if (from_pdi && covers(reg::kSiiPdiAccess.address)) {
         const bool offered =
             (registers_->get<std::uint8_t>(reg::kSiiConfig.address) & wire::sii_config::kOfferedToPdi) != 0;
         auto taken = static_cast<std::uint8_t>(registers_->get<std::uint8_t>(reg::kSiiPdiAccess.address) & 1);
@@ -69,9 +69,9 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
             busy_ = false;
             command_ = 0;
         } else if (!busy_) {
-            if (covers(reg::kSiiControl.address)) write_enable_ = (value & control::kWriteEnable) != 0;
-            if (covers(reg::kSiiControl.address + 1u))
-                command(value & control::kCommandMask, write_enable_, at);
+            // The enable bit clears itself: it counts for a command that is written together with it.
+            const bool enabled = covers(reg::kSiiControl.address) && (value & control::kWriteEnable) != 0;
+            if (covers(reg::kSiiControl.address + 1u)) command(value & control::kCommandMask, enabled, at);
         }
     }
     show();
@@ -115,7 +115,6 @@ void SiiUnit::finish() {
     busy_ = false;
     done_ = kNever;
     const auto command = std::exchange(command_, std::uint16_t{0});
-    write_enable_ = false;
     if (nacks_ != 0) {
         --nacks_;
         errors_ |= control::kMissingAcknowledge;
@@ -145,7 +144,6 @@ void SiiUnit::show() {
     unsigned status = timing_.status_bits | errors_ | command_;
     if (timing_.reads_8_bytes) status |= control::kReads8Bytes;
     if (timing_.emulated) status |= control::kEmulation;
-    if (write_enable_) status |= control::kWriteEnable;
     if (busy_) status |= control::kBusy;
     registers_->set(reg::kSiiControl.address, static_cast<std::uint16_t>(status));
 }

@@ -56,7 +56,6 @@ class SiiUnit {
     std::uint16_t errors_ = 0;
     std::uint16_t write_data_ = 0;
     std::uint32_t word_ = 0;
-    bool write_enable_ = false;
     bool busy_ = false;
     bool reloaded_ = false;
     Time done_ = kNever;

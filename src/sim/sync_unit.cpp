@@ -105,8 +105,11 @@ void SyncUnit::refresh() {
 
 SyncUnit::Events SyncUnit::latch(unsigned input, bool rising, Time at) {
     const unsigned edge = rising ? 0 : 1;
+    constexpr unsigned kPinState = 0x04;
     const auto control = registers_->get<std::uint8_t>(kLatchControl[input]);
-    const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
+    const auto status = static_cast<std::uint8_t>((registers_->get<std::uint8_t>(kLatchStatus[input]) & ~kPinState) |
+                                                  (rising ? kPinState : 0u));
+    registers_->set(kLatchStatus[input], status);
     const bool single = ((control >> edge) & 1) != 0;
     const auto bit = static_cast<std::uint8_t>(1u << edge);
     if (single && (status & bit) != 0) return {};
@@ -124,8 +127,8 @@ std::uint32_t SyncUnit::was_read(std::uint32_t address, std::size_t length) {
                 const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
                 registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status & ~(1u << edge)));
             }
-    if (registers_->get<std::uint8_t>(kLatchStatus[0]) == 0 &&
-        registers_->get<std::uint8_t>(kLatchStatus[1]) == 0)
+    const auto waiting = registers_->get<std::uint8_t>(kLatchStatus[0]) | registers_->get<std::uint8_t>(kLatchStatus[1]);
+    if ((waiting & 0x03) == 0)
         cleared |= wire::al_event::kDcLatch;
     if (meets(address, length, reg::kSync0Status)) {
         registers_->set<std::uint8_t>(reg::kSync0Status.address, 0);

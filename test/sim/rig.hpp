@@ -38,6 +38,18 @@ inline constexpr std::uint16_t kEmulationWithDc = 0x0D00;  // PDI none, device e
 inline constexpr std::uint16_t kDigitalIo = 0x0104;        // PDI digital I/O, device emulation
 inline constexpr std::uint16_t kProcessor = 0x0005;        // PDI SPI: a processor must answer
 
+// A processor that does nothing on its own: the test is the program.
+class IdleFirmware final : public Firmware {
+  public:
+    void start(subdevice::EscAccess&, Time) override { ++starts; }
+    Time step(Time) override {
+        ++steps;
+        return kNever;
+    }
+    unsigned starts = 0;
+    unsigned steps = 0;
+};
+
 struct Reply {
     bool returned = false;
     Time at{};
@@ -66,6 +78,12 @@ class Rig {
         } else {
             EXPECT_TRUE(segment.connect({n - 1, 1}, {n, 0}));
         }
+        return n;
+    }
+    // An ESC whose processor is the test.
+    std::uint32_t add_with_processor(const EscDescription& description, std::vector<std::byte> sii = sii_image(kProcessor)) {
+        const auto n = add(description, std::move(sii));
+        slave(n).set_firmware(std::make_unique<IdleFirmware>());
         return n;
     }
     void on() { segment.power_up(now); }
@@ -114,6 +132,25 @@ class Rig {
         std::vector<std::byte> data(sizeof(T));
         store_le<T>(data, 0, value);
         return write(position, ado, std::move(data)).wkc;
+    }
+    // From the slave's side.
+    template <class T>
+    T pdi_get(std::uint32_t n, std::uint16_t address) {
+        std::array<std::byte, sizeof(T)> raw{};
+        slave(n).read(address, raw);
+        return load_le<T>(raw, 0);
+    }
+    template <class T>
+    void pdi_put(std::uint32_t n, std::uint16_t address, T value) {
+        std::array<std::byte, sizeof(T)> raw{};
+        store_le<T>(raw, 0, value);
+        slave(n).write(address, raw);
+        segment.reconsider();
+    }
+    // Lets time pass without a frame.
+    void pass(Duration time) {
+        now += time;
+        segment.advance(now);
     }
     template <class T>
     T get(std::uint16_t position, std::uint16_t ado) {
