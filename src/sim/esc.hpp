@@ -175,6 +175,7 @@ class Esc final : public subdevice::EscAccess {
     void count(std::uint32_t address);
     void power_up_registers();
     [[nodiscard]] bool dc_on() const { return dc_on_; }
+    void settle_sii(Time at);
     void written_dc(std::uint32_t address, std::size_t length, Time at);
     void written_watchdog(std::uint32_t address, std::size_t length, Time at);
     void latch_receive_times(const FrameEnd& end);

@@ -141,6 +141,7 @@ bool Esc::write_registers(std::uint32_t address, const std::byte* data, std::siz
 bool Esc::write_registers_pdi(std::uint32_t address, const std::byte* data, std::size_t length, Time at) {
     bool any = false;
     bool effect = false;
+    if (address < reg::kSiiData.end() && address + length > reg::kSiiConfig.address) settle_sii(at);
     for (std::size_t i = 0; i < length; ++i) {
         const auto a = static_cast<std::uint32_t>(address + i);
         const auto flags = registers_.flags(a);

@@ -69,6 +69,7 @@ void Esc::frame_end(const FrameEnd& end) {
 // One write out of the shadow buffer into the registers, octet by octet as far as each may be written.
 void Esc::take_over(const Write& write, Time at) {
     const Range range{write.address, static_cast<std::uint32_t>(write.address) + write.length};
+    if (range.meets(reg::kSiiConfig.address, reg::kSiiData.end())) settle_sii(at);
     const bool sii_free = sii_.accepts(false);
     bool effect = false;
     for (std::uint32_t a = range.begin; a < range.end; ++a) {
@@ -212,10 +213,7 @@ void Esc::was_read(std::uint32_t address, std::size_t length, Side side) {
 
 void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at) {
     const Range range{address, static_cast<std::uint32_t>(address + length)};
-    if (range.meets(reg::kSiiControl.address, reg::kSiiData.end())) {
-        (void)sii_.settle(at);
-        if (sii_.take_reloaded()) lay_out();
-    }
+    if (range.meets(reg::kSiiControl.address, reg::kSiiData.end())) settle_sii(at);
     if (range.meets(reg::kMiiControl.address, reg::kMiiPortStatus.end())) mii_.settle(at);
     if (range.meets(reg::kProcessDataWatchdogStatus)) {
         if (watchdogs_.settle(at).process_data) set_al_events(wire::al_event::kWatchdog, at);
@@ -228,6 +226,11 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
         registers_.set(reg::kSystemTime.address, time);
     }
     if (range.meets(reg::kSyncStartTime.address, reg::kNextSync1Pulse.end())) sync_.refresh();
+}
+
+void Esc::settle_sii(Time at) {
+    (void)sii_.settle(at);
+    if (sii_.take_reloaded()) lay_out();
 }
 
 void Esc::written_watchdog(std::uint32_t address, std::size_t length, Time at) {

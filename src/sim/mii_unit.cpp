@@ -46,6 +46,7 @@ void MiiUnit::written(std::uint32_t address, std::size_t length, bool from_pdi, 
     const auto covers = [&](std::uint32_t a) { return address <= a && a < address + length; };
     if (!covers(reg::kMiiControl.address) && !covers(reg::kMiiControl.address + 1u)) return;
     const auto value = registers_->get<std::uint16_t>(reg::kMiiControl.address);
+    if (done_ != kNever && done_ <= at) settle(at);
     if (done_ != kNever) return show(static_cast<std::uint16_t>(kBusy | command_));
     const bool with_pdi = (registers_->get<std::uint8_t>(reg::kMiiPdiAccess.address) & 1) != 0;
     if (with_pdi != from_pdi) return show(0);

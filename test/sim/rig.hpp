@@ -137,6 +137,7 @@ class Rig {
     template <class T>
     T pdi_get(std::uint32_t n, std::uint16_t address) {
         std::array<std::byte, sizeof(T)> raw{};
+        slave(n).advance(now);
         slave(n).read(address, raw);
         return load_le<T>(raw, 0);
     }
@@ -144,6 +145,7 @@ class Rig {
     void pdi_put(std::uint32_t n, std::uint16_t address, T value) {
         std::array<std::byte, sizeof(T)> raw{};
         store_le<T>(raw, 0, value);
+        slave(n).advance(now);
         slave(n).write(address, raw);
         segment.reconsider();
     }
