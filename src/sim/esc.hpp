@@ -178,6 +178,7 @@ class Esc final : public subdevice::EscAccess {
     void settle_sii(Time at);
     void written_dc(std::uint32_t address, std::size_t length, Time at);
     void written_watchdog(std::uint32_t address, std::size_t length, Time at);
+    void latches_read(unsigned edges);
     void latch_receive_times(const FrameEnd& end);
     void reset_written(bool from_pdi, Time at);
     void update_dl_status();

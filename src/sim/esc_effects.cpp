@@ -25,10 +25,14 @@ struct Range {
 enum Effect : std::uint16_t {
     kDlStatusRead = 1,
     kAlStatusRead = 2,
-    kLatchRead = 4,
-    kReceiveTimes = 8,
-    kCompare = 16
+    kReceiveTimes = 4,
+    kCompare = 8,
+    kLatchRead = 16  // and three more: the edges in the order of their registers
 };
+
+constexpr std::uint16_t latch_time(unsigned edge) {
+    return static_cast<std::uint16_t>(reg::kLatch0PositiveEdge.address + 8 * edge);
+}
 
 constexpr std::uint32_t kFmmuArea = reg::kFmmuBase;
 constexpr std::uint32_t kSyncManagerArea = reg::kSyncManagerBase;
@@ -46,10 +50,7 @@ void Esc::frame_end(const FrameEnd& end) {
     register_writes_enabled_ = esc_writes_enabled_ = false;
     if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
     if (good && (effects & kAlStatusRead) != 0) change_ecat_events(0, ecat_event::kAlStatus);
-    if (good && (effects & kLatchRead) != 0) {
-        clear_al_events(sync_.was_read(reg::kLatch0PositiveEdge.address, 32));
-        change_ecat_events(0, ecat_event::kLatch);
-    }
+    if (good && effects >= kLatchRead) latches_read(effects / kLatchRead);
     if (const auto wanted = std::exchange(effects_, std::uint16_t{0});
         wanted != 0) {  // by what was just taken over
         if ((wanted & kReceiveTimes) != 0) latch_receive_times(end);
@@ -64,6 +65,15 @@ void Esc::frame_end(const FrameEnd& end) {
         sync_managers_.frame_end(good, events);
         handle(events, at);
     }
+}
+
+// Reading the time of an edge makes room for the next one.
+void Esc::latches_read(unsigned edges) {
+    std::uint32_t cleared = 0;
+    for (unsigned edge = 0; edge < 4; ++edge)
+        if ((edges >> edge & 1) != 0) cleared = sync_.was_read(latch_time(edge), 8);
+    clear_al_events(cleared);
+    if ((cleared & wire::al_event::kDcLatch) != 0) change_ecat_events(0, ecat_event::kLatch);
 }
 
 // One write out of the shadow buffer into the registers, octet by octet as far as each may be written.
@@ -196,8 +206,8 @@ void Esc::was_read(std::uint32_t address, std::size_t length, Side side) {
     if (side == Side::ecat) {
         if (range.meets(reg::kDlStatus)) effects_ |= kDlStatusRead;
         if (range.meets(reg::kAlStatus)) effects_ |= kAlStatusRead;
-        if (range.meets(reg::kLatch0PositiveEdge.address, reg::kLatch1NegativeEdge.end()))
-            effects_ |= kLatchRead;
+        for (unsigned edge = 0; edge < 4; ++edge)
+            if (range.meets({latch_time(edge), 8})) effects_ = static_cast<std::uint16_t>(effects_ | kLatchRead << edge);
         return;
     }
     if (range.covers(reg::kAlControl.address)) {

@@ -125,7 +125,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                     return;  // marked before: destroyed
                 route.visits.push_back({entry.slave, t, marks});
                 t += chip.processing_delay;
-            } else {
+            } else if (chip.ports[port].kind != wire::PortKind::not_implemented) {
                 t += chip.forwarding_delay;
             }
             port = kNext[port];
