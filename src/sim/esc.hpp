@@ -159,7 +159,7 @@ class Esc final : public subdevice::EscAccess {
     bool map_all(const Mappings& mappings, bool write, std::uint32_t address, MutableBytes data, Time at);
 
     void refresh(std::uint32_t address, std::size_t length, Side side, Time at);
-    void take_over(const Write& write, Time at);
+    void take_over(const Write& write, const FrameEnd& end);
     void written(std::uint32_t address, std::size_t length, bool from_pdi, Time at);
     void was_read(std::uint32_t address, std::size_t length, Side side);
     void al_control_written();

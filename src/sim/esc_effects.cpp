@@ -45,7 +45,7 @@ void Esc::frame_end(const FrameEnd& end) {
     now_ = std::max(now_, at);
     const auto effects = std::exchange(effects_, std::uint16_t{0});
     if (good)
-        for (std::size_t i = 0; i < writes_; ++i) take_over(write_list_[i], at);
+        for (std::size_t i = 0; i < writes_; ++i) take_over(write_list_[i], end);
     writes_ = write_bytes_used_ = 0;
     register_writes_enabled_ = esc_writes_enabled_ = false;
     if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
@@ -77,9 +77,11 @@ void Esc::latches_read(unsigned edges) {
 }
 
 // One write out of the shadow buffer into the registers, octet by octet as far as each may be written.
-void Esc::take_over(const Write& write, Time at) {
+void Esc::take_over(const Write& write, const FrameEnd& end) {
+    const Time at = end.at;
     const Range range{write.address, static_cast<std::uint32_t>(write.address) + write.length};
-    if (range.meets(reg::kSiiConfig.address, reg::kSiiData.end())) settle_sii(at);
+    // Whether the EEPROM is busy is seen where the frame passes: what it reads there fits what it writes.
+    if (range.meets(reg::kSiiConfig.address, reg::kSiiData.end())) settle_sii(end.processing);
     const bool sii_free = sii_.accepts(false);
     bool effect = false;
     for (std::uint32_t a = range.begin; a < range.end; ++a) {
