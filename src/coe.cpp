@@ -11,12 +11,9 @@
 namespace margay {
 namespace {
 
-MailPatience patience_of(Network& network, const MailRequest& request) {
-    MailPatience patience;
-    patience.priority = std::min<std::uint8_t>(request.priority, 3);
-    if (request.timeout <= Duration{0}) return patience;
-    patience.give_up = network.engine.now() + request.timeout;
-    patience.each = request.timeout;
+MailPatience patience_of(MailRequest& request) {
+    MailPatience patience{.give_up = QueueAccess::deadline(request), .priority = std::min<std::uint8_t>(request.priority, 3)};
+    if (request.timeout > Duration{0}) patience.each = request.timeout;
     return patience;
 }
 
@@ -68,26 +65,26 @@ static Error check(Network& network, const MailPdoFetch& r) { return check_coe(n
 
 static Task<Result<>> run(Network& network, SdoUpload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
-    auto read = co_await sdo_upload(channel_of(network, request), object, request.data, patience_of(network, request));
+    auto read = co_await sdo_upload(channel_of(network, request), object, request.data, patience_of(request));
     request.bytes = read ? *read : std::size_t{0};
     co_return read ? Result<>() : Result<>(read.error());
 }
 
 static Task<Result<>> run(Network& network, SdoDownload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
-    co_return co_await sdo_download(channel_of(network, request), object, request.data, patience_of(network, request));
+    co_return co_await sdo_download(channel_of(network, request), object, request.data, patience_of(request));
 }
 
 static Task<Result<>> run(Network& network, ObjectListRequest& request) {
     ObjectListQuery query(request.list, request.found, request.user);
-    auto done = co_await ask_information(channel_of(network, request), query, {}, patience_of(network, request));
+    auto done = co_await ask_information(channel_of(network, request), query, {}, patience_of(request));
     request.count = query.count();
     co_return done;
 }
 
 static Task<Result<>> run(Network& network, ObjectDescriptionRequest& request) {
     ObjectQuery query(request.index);
-    auto done = co_await ask_information(channel_of(network, request), query, {.index = request.index}, patience_of(network, request));
+    auto done = co_await ask_information(channel_of(network, request), query, {.index = request.index}, patience_of(request));
     request.description = query.description;
     co_return done;
 }
@@ -95,17 +92,17 @@ static Task<Result<>> run(Network& network, ObjectDescriptionRequest& request) {
 static Task<Result<>> run(Network& network, EntryDescriptionRequest& request) {
     EntryQuery query(request.index, request.subindex, request.with_values);
     auto done = co_await ask_information(channel_of(network, request), query, {.index = request.index, .subindex = request.subindex},
-                                         patience_of(network, request));
+                                         patience_of(request));
     request.description = query.description;
     co_return done;
 }
 
 static Task<Result<>> run(Network& network, MailPdoSend& request) {
-    co_return co_await send_rx_pdo(channel_of(network, request), request.number, request.data, patience_of(network, request));
+    co_return co_await send_rx_pdo(channel_of(network, request), request.number, request.data, patience_of(request));
 }
 
 static Task<Result<>> run(Network& network, MailPdoFetch& request) {
-    auto read = co_await fetch_tx_pdo(channel_of(network, request), request.number, request.data, patience_of(network, request));
+    auto read = co_await fetch_tx_pdo(channel_of(network, request), request.number, request.data, patience_of(request));
     request.bytes = read ? *read : std::size_t{0};
     co_return read ? Result<>() : Result<>(read.error());
 }

@@ -121,7 +121,7 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
 Time poll(Context& ctx, Time now) {
     Network* network = ContextAccess::network(ctx);
     if (network == nullptr) return kNever;
-    start_queued(ctx);
+    start_queued(ctx, now);
     return network->engine.poll(now);
 }
 

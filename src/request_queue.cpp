@@ -16,69 +16,122 @@ std::uint32_t milliseconds(Time time) {
     return static_cast<std::uint32_t>(std::chrono::duration_cast<std::chrono::milliseconds>(time.time_since_epoch()).count());
 }
 
-// Takes all that was submitted, oldest first.
-QueuedRequest* take_submitted(RequestQueue& queue) {
-    QueuedRequest* newest = queue.submitted.exchange(nullptr, std::memory_order_acquire);
-    QueuedRequest* oldest = nullptr;
+// What a request needs to get on once it has begun, and the pump of its slave.
+constexpr std::size_t kHeadroomBytes = 8192;
+
+void append(MailRequest*& list, MailRequest& request) {
+    MailRequest** at = &list;
+    while (*at != nullptr) at = &QueueAccess::next(**at);
+    *at = &request;
+    QueueAccess::next(request) = nullptr;
+}
+
+// Moves what was submitted, oldest first, behind what waits.
+void take_submitted(RequestQueue& queue, Time now) {
+    MailRequest* newest = queue.submitted.exchange(nullptr, std::memory_order_acquire);
+    MailRequest* oldest = nullptr;
     while (newest != nullptr) {
-        QueuedRequest* const before = std::exchange(QueueAccess::next(*newest), oldest);
+        MailRequest* const before = std::exchange(QueueAccess::next(*newest), oldest);
         oldest = std::exchange(newest, before);
     }
-    return oldest;
+    while (oldest != nullptr) {
+        MailRequest& request = *std::exchange(oldest, QueueAccess::next(*oldest));
+        QueueAccess::deadline(request) = request.timeout > Duration{0} ? now + request.timeout : kNever;
+        append(queue.waiting, request);
+    }
 }
 
-void push(RequestQueue& queue, QueuedRequest& request) {
-    QueuedRequest* head = queue.submitted.load(std::memory_order_relaxed);
-    do {
-        QueueAccess::next(request) = head;
-    } while (!queue.submitted.compare_exchange_weak(head, &request, std::memory_order_release, std::memory_order_relaxed));
+bool remove(MailRequest*& list, MailRequest& request) {
+    for (MailRequest** at = &list; *at != nullptr; at = &QueueAccess::next(**at))
+        if (*at == &request) {
+            *at = QueueAccess::next(request);
+            return true;
+        }
+    return false;
 }
 
-void cancel_asked(RequestQueue& queue) {
-    if (!queue.cancel_asked.exchange(false, std::memory_order_acquire)) return;
-    for (QueuedRequest* request = queue.running; request != nullptr;) {
-        QueuedRequest* const next = QueueAccess::next(*request);
-        if (QueueAccess::cancel_asked(*request)) request->cancel();
+// The highest priority, of equals the oldest; but one that was passed over often.
+MailRequest* next_of(MailRequest* list) {
+    constexpr std::uint8_t kMostPassed = 8;
+    MailRequest* best = nullptr;
+    for (MailRequest* r = list; r != nullptr; r = QueueAccess::next(*r)) {
+        if (QueueAccess::passed(*r) >= kMostPassed) return r;
+        if (best == nullptr || r->priority > best->priority) best = r;
+    }
+    return best;
+}
+
+// Those whose time is over before they could begin, and those that shall not go on.
+template <class Ends>
+void end_some(MailRequest*& list, Errc code, Ends ends) {
+    for (MailRequest* request = list; request != nullptr;) {
+        MailRequest* const next = QueueAccess::next(*request);
+        if (ends(*request)) {
+            if (RequestAccess::started(*request)) {
+                request->cancel();
+            } else {
+                (void)remove(list, *request);
+                RequestAccess::end(*request, {.code = code, .slave = request->slave});
+            }
+        }
         request = next;
     }
 }
 
 }  // namespace
 
-void enqueue(Context& ctx, QueuedRequest& request, void (*start)(Context& ctx, QueuedRequest& request)) {
+void enqueue(Context& ctx, MailRequest& request, bool (*start)(Context& ctx, MailRequest& request)) {
     QueueAccess::prepare(request, ctx, start);
     RequestQueue& queue = ContextAccess::network(ctx)->queue;
-    push(queue, request);
+    MailRequest* head = queue.submitted.load(std::memory_order_relaxed);
+    do {
+        QueueAccess::next(request) = head;
+    } while (!queue.submitted.compare_exchange_weak(head, &request, std::memory_order_release, std::memory_order_relaxed));
     Osal& osal = *ContextAccess::osal(ctx);
     if (queue.cycle_thread.load(std::memory_order_relaxed) != osal.calling_thread()) osal.wake();
 }
 
-void start_queued(Context& ctx) {
-    RequestQueue& queue = ContextAccess::network(ctx)->queue;
-    if (queue.submitted.load(std::memory_order_relaxed) != nullptr) {
-        for (QueuedRequest* request = take_submitted(queue); request != nullptr;) {
-            QueuedRequest* const next = QueueAccess::next(*request);  // beginning it may end it
-            QueueAccess::start(*request);
-            request = next;
-        }
+void start_queued(Context& ctx, Time now) {
+    Network& network = *ContextAccess::network(ctx);
+    RequestQueue& queue = network.queue;
+    network.engine.set_now(now);
+    if (queue.submitted.load(std::memory_order_relaxed) != nullptr) take_submitted(queue, now);
+    if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
+        end_some(queue.waiting, Errc::canceled, QueueAccess::cancel_asked);
+        end_some(queue.running, Errc::canceled, QueueAccess::cancel_asked);
     }
-    cancel_asked(queue);
+    if (queue.waiting == nullptr) return;
+    const Arena& arena = network.arena();
+    while (MailRequest* request = next_of(queue.waiting)) {
+        const bool room = arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;
+        if (!room && queue.running != nullptr) break;
+        (void)remove(queue.waiting, *request);
+        // Older ones were passed over. Counted only when it begins: one that there is no room for stays where it is.
+        for (MailRequest* r = queue.waiting; r != nullptr; r = QueueAccess::next(*r))
+            if (r->priority < request->priority) ++QueueAccess::passed(*r);
+        if (QueueAccess::start(*request)) continue;
+        if (queue.running == nullptr) {  // nobody will make room
+            RequestAccess::end(*request, {.code = Errc::capacity, .slave = request->slave});
+            continue;
+        }
+        QueueAccess::next(*request) = queue.waiting;
+        queue.waiting = request;
+        break;
+    }
+    end_some(queue.waiting, Errc::timeout, [now](MailRequest& r) { return QueueAccess::deadline(r) <= now; });
 }
 
-// One that has not begun yet is picked out of the queue, the others go back in their order.
-void QueuedRequest::cancel() {
+// One that has not begun yet is taken off its list.
+void MailRequest::cancel() {
     if (RequestAccess::started(*this)) return Request::cancel();
     if (!busy()) return;
     RequestQueue& queue = ContextAccess::network(*ctx_)->queue;
-    for (QueuedRequest* request = take_submitted(queue); request != nullptr;) {
-        QueuedRequest* const next = request->next_;
-        if (request != this) push(queue, *request);
-        request = next;
-    }
+    take_submitted(queue, Time::min());
+    (void)remove(queue.waiting, *this);
     RequestAccess::end(*this, {.code = Errc::canceled});
 }
 
-void QueuedRequest::ask_cancel() {
+void MailRequest::ask_cancel() {
     if (!busy()) return;
     cancel_asked_.store(true, std::memory_order_release);
     ContextAccess::network(*ctx_)->queue.cancel_asked.store(true, std::memory_order_release);

@@ -6,21 +6,24 @@
 namespace margay {
 
 struct QueueAccess {
-    static void prepare(QueuedRequest& r, Context& ctx, QueuedRequest::Start start) {
+    static void prepare(MailRequest& r, Context& ctx, MailRequest::Start start) {
         r.ctx_ = &ctx;
         r.start_ = start;
+        r.passed_ = 0;
         r.cancel_asked_.store(false, std::memory_order_relaxed);
     }
-    static QueuedRequest*& next(QueuedRequest& r) { return r.next_; }
-    static void start(QueuedRequest& r) { r.start_(*r.ctx_, r); }
-    static bool cancel_asked(const QueuedRequest& r) { return r.cancel_asked_.load(std::memory_order_acquire); }
+    static MailRequest*& next(MailRequest& r) { return r.next_; }
+    static Time& deadline(MailRequest& r) { return r.deadline_; }
+    static std::uint8_t& passed(MailRequest& r) { return r.passed_; }
+    [[nodiscard]] static bool start(MailRequest& r) { return r.start_(*r.ctx_, r); }
+    [[nodiscard]] static bool cancel_asked(const MailRequest& r) { return r.cancel_asked_.load(std::memory_order_acquire); }
 };
 
 // Queues a request whose state is busy already.
-void enqueue(Context& ctx, QueuedRequest& request, void (*start)(Context& ctx, QueuedRequest& request));
+void enqueue(Context& ctx, MailRequest& request, bool (*start)(Context& ctx, MailRequest& request));
 
-// For poll(): begins what was queued, in the order in which it came, and cancels what shall be.
-void start_queued(Context& ctx);
+// For poll(): begins what was queued, and cancels what shall be. What there is no room for waits; the highest priority goes first.
+void start_queued(Context& ctx, Time now);
 
 // For send_processdata(): this thread runs the cycle.
 void note_cycle(Context& ctx);
@@ -30,52 +33,55 @@ void note_cycle(Context& ctx);
 // Whether that is this thread.
 [[nodiscard]] bool is_cycle_thread(Context& ctx);
 
-// The sequence of a queued request; takes it off the list of those that run.
+// Has the request in the list of those that run, as long as its sequence lives.
 class RunningGuard {
   public:
-    RunningGuard(RequestQueue& queue, QueuedRequest& request) : queue_(queue), request_(request) {
+    RunningGuard(RequestQueue& queue, MailRequest& request) : queue_(queue), request_(request) {
         QueueAccess::next(request) = queue.running;
         queue.running = &request;
     }
     RunningGuard(const RunningGuard&) = delete;
     RunningGuard& operator=(const RunningGuard&) = delete;
     ~RunningGuard() {
-        QueuedRequest** at = &queue_.running;
+        MailRequest** at = &queue_.running;
         while (*at != nullptr && *at != &request_) at = &QueueAccess::next(**at);
         if (*at != nullptr) *at = QueueAccess::next(request_);
     }
 
   private:
     RequestQueue& queue_;
-    QueuedRequest& request_;
+    MailRequest& request_;
 };
 
 template <class R>
 Task<Result<>> drive_queued(Network& network, R& request) {
     RequestGuard guard(request);
     RunningGuard running(network.queue, request);
-    co_await network.engine.next_poll();
     auto result = co_await run(network, request);
     guard.done(result.error());
     co_return Result<>();
 }
 
 template <class R>
-void begin_queued(Context& ctx, R& request) {
+bool begin_queued(Context& ctx, R& request) {
     Network& network = *ContextAccess::network(ctx);
     const Error refused = check(network, request);
-    if (refused.code != Errc::none) return RequestAccess::end(request, refused);
+    if (refused.code != Errc::none) {
+        RequestAccess::end(request, refused);
+        return true;
+    }
     Task<Result<>> task = drive_queued(network, request);
-    if (!task) return RequestAccess::end(request, {.code = Errc::capacity, .slave = request.slave});
+    if (!task) return false;
     RequestAccess::begin(request, task.address());
-    (void)network.requests.start(std::move(task));
+    (void)network.requests.start(std::move(task));  // takes what it needs of the arena before it waits for the first time
+    return true;
 }
 
 template <class R>
 Result<> submit_queued(Context& ctx, R& request) {
     if (const Error refused = check_init(ctx); refused.code != Errc::none) return refused;
     if (!RequestAccess::claim(request)) return Error{.code = Errc::busy, .slave = request.slave};
-    enqueue(ctx, request, [](Context& c, QueuedRequest& r) { begin_queued(c, static_cast<R&>(r)); });
+    enqueue(ctx, request, [](Context& c, MailRequest& r) { return begin_queued(c, static_cast<R&>(r)); });
     return Result<>();
 }
 

@@ -29,15 +29,6 @@ class Context;
 
 // ------------------------------------------------------------------ requests
 
-// A request to the mailbox of a slave. Any thread may submit it, look at state() and, once it is not busy, use its results and change it. Destroying it or
-// cancel() while it is busy is for the thread that polls; others call ask_cancel() and wait until it is not busy any more.
-struct MailRequest : QueuedRequest {
-    std::uint16_t slave = 0;
-    // For the whole: waiting for its turn and all messages. Zero: no limit for the whole, and 3 s for each answer of the slave.
-    Duration timeout{0};
-    std::uint8_t priority = 0;  // 0 to 3; of requests to one slave the highest goes first
-};
-
 // Reads an object, or with complete_access all subindices from subindex (0 or 1) on. What a slave refuses to give that way is read subindex by subindex, and
 // laid out as a complete access is: subindex 0 in two octets, the others one behind the other.
 struct SdoUpload : MailRequest {

@@ -40,21 +40,30 @@ class Request {
 
 class Context;
 
-// A request that any thread may submit. cancel() and the destructor of a busy one are for the thread that polls.
-class QueuedRequest : public Request {
+// A request to the mailbox of a slave. Any thread may submit it, look at state() and, once it is not busy, use its results and change it. cancel() and the
+// destructor of a busy one are for the thread that polls; others call ask_cancel() and wait until it is not busy any more.
+class MailRequest : public Request {
   public:
-    QueuedRequest() = default;
-    ~QueuedRequest() { cancel(); }
+    std::uint16_t slave = 0;
+    // For the whole: waiting for its turn and all messages. Zero: no limit for the whole, and 3 s for each answer of the slave.
+    Duration timeout{0};
+    std::uint8_t priority = 0;  // 0 to 3; of requests that wait the highest goes first
+
+    MailRequest() = default;
+    ~MailRequest() { cancel(); }
     void cancel();
     // From any thread: has the next poll() cancel it, if it is still busy then.
     void ask_cancel();
 
   private:
     friend struct QueueAccess;
-    using Start = void (*)(Context& ctx, QueuedRequest& request);
+    // False: there is no room for it now.
+    using Start = bool (*)(Context& ctx, MailRequest& request);
     Context* ctx_ = nullptr;
     Start start_ = nullptr;
-    QueuedRequest* next_ = nullptr;  // submitted but not begun, or running
+    MailRequest* next_ = nullptr;  // in one of the lists: submitted, waiting to begin, running
+    Time deadline_ = kNever;
+    std::uint8_t passed_ = 0;
     std::atomic<bool> cancel_asked_{false};
 };
 

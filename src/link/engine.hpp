@@ -23,8 +23,9 @@ class Engine {
 
     [[nodiscard]] Arena& arena() { return arena_; }
     [[nodiscard]] Link& link() { return link_; }
-    // The time of the current poll().
+    // The time of the current poll(), and for what is started just before one.
     [[nodiscard]] Time now() const { return now_; }
+    void set_now(Time now) { now_ = now; }
 
     // Awaitable: until `until` has come.
     struct Sleep {

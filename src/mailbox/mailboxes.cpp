@@ -12,7 +12,7 @@ constexpr std::uint16_t kInStatus = wire::reg::sync_manager(1).address + wire::S
 constexpr std::size_t kWorthSharing = 3;     // channels that wait, from which on one datagram looks for all
 constexpr std::size_t kSurveyAtOnce = 16;    // channels looked at for mail that nobody waits for
 constexpr Duration kTick = std::chrono::milliseconds(1);
-constexpr std::uint8_t kMostRouted = 8;      // messages between slaves under way
+constexpr std::uint8_t kMostRouted = 32;     // messages between slaves under way
 constexpr Duration kRoutePatience = std::chrono::seconds(1);
 
 // A message that somebody else has composed.

@@ -22,13 +22,14 @@ struct ScanSettings {
     std::uint16_t first_station_address = 0x1001;
 };
 
-class QueuedRequest;
+class MailRequest;
 
 // Requests that come from any thread, and who runs the cycle.
 struct RequestQueue {
-    std::atomic<QueuedRequest*> submitted{nullptr};  // newest first
+    std::atomic<MailRequest*> submitted{nullptr};  // newest first
     std::atomic<bool> cancel_asked{false};
-    QueuedRequest* running = nullptr;
+    MailRequest* waiting = nullptr;  // until there is room in the arena; oldest first
+    MailRequest* running = nullptr;
     // When the last cycle began, in milliseconds and one more (0: there was none), how far cycles are apart, and whose thread it was.
     std::atomic<std::uint32_t> cycle_ms{0};
     std::atomic<std::uint32_t> cycle_gap_ms{0};

@@ -20,12 +20,13 @@ namespace margay {
 
 using namespace std::chrono_literals;
 
-// Counts frames from 0, and loses those that are named: on their way out, or on their way back.
+// Counts frames from 0, and loses those that are named, on their way out or on their way back, or sends them twice.
 class LossyNic final : public Nic {
   public:
     explicit LossyNic(Nic& nic) : nic_(nic) {}
     std::set<std::uint64_t> lose_out;
     std::set<std::uint64_t> lose_in;
+    std::set<std::uint64_t> twice;
     std::uint64_t sent = 0;
     std::uint64_t came = 0;
 
@@ -34,6 +35,7 @@ class LossyNic final : public Nic {
             ++came;  // that reply will not be
             return SendStatus::sent;
         }
+        if (twice.count(sent - 1) != 0) (void)nic_.send(frame);
         return nic_.send(frame);
     }
     std::size_t receive(std::span<std::byte> into) noexcept override {
