@@ -1,5 +1,6 @@
 #include "sim/devices.hpp"
 
+#include "sim/library/library.hpp"
 #include "sim/sii_firmware.hpp"
 #include "wire/sii_writer.hpp"
 
@@ -202,6 +203,8 @@ Device device_from_sii(std::vector<std::byte> image) {
 }
 
 std::optional<Device> make_device(std::string_view name) {
+    for (const auto* blueprint : blueprints())
+        if (blueprint->name == name) return build(*blueprint);
     std::optional<Device> device;
     if (name == "coupler") {
         device = make_coupler(false);
@@ -219,7 +222,14 @@ std::optional<Device> make_device(std::string_view name) {
     return device;
 }
 
-std::span<const std::string_view> device_names() { return kNames; }
+std::span<const std::string_view> device_names() {
+    static const auto kAll = [] {
+        std::vector<std::string_view> names(kNames.begin(), kNames.end());
+        for (const auto* blueprint : blueprints()) names.push_back(blueprint->name);
+        return names;
+    }();
+    return kAll;
+}
 
 std::optional<EscDescription> chip_by_name(std::string_view name) {
     if (name == "et1100") return et1100();

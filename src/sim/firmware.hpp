@@ -1,6 +1,7 @@
 // The program of a simulated slave: steps in the segment's time, on the PDI side of its ESC.
 #pragma once
 
+#include "sim/library/quirk.hpp"
 #include "subdevice/esc_access.hpp"
 
 #include <margay/time.hpp>
@@ -20,6 +21,12 @@ class Firmware {
     // Called when the AL event request (0x0220) has got a new bit, when the master has handed a buffer over, as
     // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants to be called at the latest, kNever when only events matter.
     virtual Time step(Time now) = 0;
+
+    // Manners to show from the next start on. False: this firmware has none.
+    virtual bool set_quirks(Quirks quirks) {
+        (void)quirks;
+        return false;
+    }
 
     // The device's process data, where others may set and look at it; nullptr: it has none.
     [[nodiscard]] virtual ProcessDataFirmware* process_data() { return nullptr; }

@@ -13,10 +13,10 @@ class ProcessDataFirmware : public Firmware {
     // What the device measures and what it was told, all SyncManagers of a direction one behind the other.
     // Setting is seen by the master after poke(); both spans are as long as the master has configured, and
     // change with that.
-    [[nodiscard]] MutableBytes inputs() { return MutableBytes(inputs_).first(input_bytes_); }
-    [[nodiscard]] Bytes outputs() const { return Bytes(outputs_).first(output_bytes_); }
+    [[nodiscard]] virtual MutableBytes inputs() { return MutableBytes(inputs_).first(input_bytes_); }
+    [[nodiscard]] virtual Bytes outputs() { return Bytes(outputs_).first(output_bytes_); }
     // Puts the inputs where the master finds them.
-    void poke() { write_inputs(); }
+    virtual void poke() { write_inputs(); }
     [[nodiscard]] ProcessDataFirmware* process_data() override { return this; }
 
   protected:

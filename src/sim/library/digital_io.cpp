@@ -1,0 +1,113 @@
+// "digital_io_16": 16 inputs and 16 outputs behind a processor, with settings by CoE.
+#include "sim/library/library.hpp"
+
+namespace margay::sim {
+
+namespace {
+
+using namespace subdevice;
+using namespace std::chrono_literals;
+
+constexpr std::uint8_t kChannels = 16;
+
+struct Values {
+    static constexpr std::size_t inputs = 0;  // an octet a channel
+    static constexpr std::size_t outputs = kChannels;
+    using invert = Field<std::uint16_t, 2 * kChannels>;
+    using rx = Field<std::uint8_t, invert::end>;
+    static constexpr std::size_t bytes = rx::end;
+};
+
+constexpr DeviceDescription kDevice{
+    .vendor_id = kVendorId,
+    .product_code = 0x5016,
+    .revision = 1,
+    .name = "Digital I/O, 16 inputs, 16 outputs",
+    .order_code = "MG5016",
+    .group = "Digital",
+    .protocols = {.coe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256},
+                {.start = 0x1100, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256}},
+    .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 2, .watchdog = true},
+    .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 2},
+    .dc = {.supported = true},
+    .free_run_cycle = 1ms,
+};
+using Common = CommonObjects<kDevice, 0x00030191>;  // digital inputs and outputs of profile 401
+
+constexpr Entry channels(std::string_view name, std::uint16_t access, std::size_t offset) {
+    return Entry{.subindex = 1,
+                 .count = kChannels,
+                 .storage = Storage::image,
+                 .type = DataType::boolean,
+                 .access = access,
+                 .bits = 1,
+                 .offset = static_cast<std::uint32_t>(offset),
+                 .name = name};
+}
+constexpr auto pdo(std::uint16_t index) {
+    std::array<Entry, kChannels + 1> entries{};
+    entries[0] = entry_count(kChannels);
+    for (std::uint8_t n = 1; n <= kChannels; ++n) entries[n] = mapped(n, index, n, 1);
+    return entries;
+}
+
+constexpr Entry kInputs[] = {entry_count(kChannels), channels("Input", od::kRead | od::kTxMappable, Values::inputs)};
+constexpr Entry kOutputs[] = {entry_count(kChannels),
+                              channels("Output", od::kReadWrite | od::kRxMappable, Values::outputs)};
+constexpr auto kRxPdo = pdo(0x7000);
+constexpr auto kTxPdo = pdo(0x6000);
+constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
+constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
+constexpr Entry kSettings[] = {
+    entry_count(1), value<Values::invert>(1, "Invert inputs", od::kReadWrite | od::kBackup | od::kSettings)};
+
+constexpr Object kObjects[] = {
+    Common::device_type,
+    Common::error_history,
+    Common::device_name,
+    Common::hardware,
+    Common::software,
+    Common::identity,
+    Common::diagnosis,
+    record(0x1600, "Outputs", kRxPdo, nullptr, DataType::pdo_mapping),
+    record(0x1A00, "Inputs", kTxPdo, nullptr, DataType::pdo_mapping),
+    Common::sync_manager_types,
+    array(0x1C12, "RxPDO assignment", kRxAssignment),
+    array(0x1C13, "TxPDO assignment", kTxAssignment),
+    array(0x6000, "Inputs", kInputs),
+    array(0x7000, "Outputs", kOutputs),
+    record(0x8000, "Settings", kSettings),
+};
+#ifndef __SANITIZE_ADDRESS__
+static_assert(well_formed(kObjects, Values::bytes));
+#endif
+
+class DigitalIo final : public Model {
+  public:
+    [[nodiscard]] const DeviceDescription& description() const override { return kDevice; }
+    void start(const Surroundings& around, Time) override { image_ = around.dictionary->image(); }
+    void cycle(Time, bool) override {
+        const unsigned level = load_le<std::uint16_t>(pins_) ^ unsigned{Values::invert::load(image_)};
+        for (unsigned n = 0; n < kChannels; ++n)
+            image_[Values::inputs + n] = static_cast<std::byte>(level >> n & 1u);
+    }
+    // The levels at the input pins, bit by bit.
+    [[nodiscard]] MutableBytes measured() override { return pins_; }
+
+  private:
+    MutableBytes image_;
+    std::array<std::byte, 2> pins_{};
+};
+
+}  // namespace
+
+constexpr Blueprint kDigitalIo{.name = "digital_io_16",
+                               .chip = ip_core,
+                               .device = &kDevice,
+                               .board = {.pdi_control = kSpiWithDc},
+                               .objects = kObjects,
+                               .image_bytes = Values::bytes,
+                               .make = [] { return std::unique_ptr<Model>(std::make_unique<DigitalIo>()); }};
+
+}  // namespace margay::sim

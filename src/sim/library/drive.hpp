@@ -1,0 +1,69 @@
+// "drive": a servo drive of CiA 402 with a motor on it.
+#pragma once
+
+#include "sim/library/drive_motion.hpp"
+#include "sim/library/drive_states.hpp"
+#include "sim/library/model.hpp"
+
+namespace margay::sim {
+
+class Drive final : public Model {
+  public:
+    [[nodiscard]] const subdevice::DeviceDescription& description() const override;
+    void start(const Surroundings& around, Time now) override;
+    Time advance(Time now) override;
+    void cycle(Time now, bool outputs_valid) override;
+    void safe_outputs(Time now) override;
+    // Load torque in thousandths of the rated one, then an error code to be raised: 16 bits each.
+    [[nodiscard]] MutableBytes measured() override { return measured_; }
+
+    [[nodiscard]] const Motor& motor() const { return motor_; }
+
+  private:
+    enum class Mode : std::int8_t { none = 0, pp = 1, hm = 6, csp = 8, csv = 9, cst = 10 };
+
+    void world();
+    void one_step();
+    void operate();
+    void ramp_to(double speed, double change);
+    void ramp_down();
+    void watch(Time now);
+    void fault(std::uint16_t code, bool controlled, Time now);
+    void obey(Time now);
+    void enter_operation();
+    void take_mode();
+    void take_set_point(unsigned control, unsigned edges);
+    void profile_command(unsigned control, unsigned edges);
+    void homing_command(unsigned control, unsigned edges);
+    void show();
+    [[nodiscard]] unsigned mode_bits() const;
+    [[nodiscard]] double within_limits(double user);
+    [[nodiscard]] Profile::Shape shape() const;
+    [[nodiscard]] MotorLimits limits() const;
+    [[nodiscard]] Duration interpolation_period() const;
+    [[nodiscard]] double user_position() const { return motor_.position() - zero_; }
+
+    MutableBytes image_;
+    std::array<std::byte, 4> measured_{};
+    Motor motor_;
+    DriveStates states_;
+    Profile profile_;
+    Interpolation interpolation_;
+    Homing homing_;
+    Mode mode_ = Mode::none;
+    Time time_{};           // the motor is there
+    double zero_ = 0;       // of the user's positions, in positions of the motor
+    double ramp_ = 0;       // speed wanted while a ramp runs
+    double previous_ = 0;   // position of the motor one step before
+    double overload_s_ = 0; // heat of the motor
+    Duration behind_{};     // how long the following error has been too large
+    unsigned last_control_ = 0;
+    bool following_error_ = false;
+    bool limited_ = false;
+    bool acknowledged_ = false;  // pp: a set point was taken
+    bool buffered_ = false;      // pp: one waits
+    double next_target_ = 0;
+    bool error_requested_ = false;
+};
+
+}  // namespace margay::sim

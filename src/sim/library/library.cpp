@@ -1,0 +1,24 @@
+#include "sim/library/library.hpp"
+
+#include "sim/library/stack_firmware.hpp"
+
+namespace margay::sim {
+
+std::span<const Blueprint* const> blueprints() {
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo, &kEncoder, &kDrive};
+    return kAll;
+}
+
+Device build(const Blueprint& blueprint) {
+    Device device;
+    device.chip = blueprint.chip();
+    auto firmware = std::make_unique<StackFirmware>(blueprint);
+    device.sii.resize(2048);
+    const auto workspace = std::make_unique<subdevice::SiiWorkspace<32, 256>>();
+    [[maybe_unused]] const auto written = subdevice::write_sii(*blueprint.device, blueprint.board,
+                                                               firmware->dictionary(), *workspace, device.sii);
+    device.firmware = std::move(firmware);
+    return device;
+}
+
+}  // namespace margay::sim

@@ -1,0 +1,144 @@
+// What a device of the library does behind its slave stack, and what it is, as tables.
+#pragma once
+
+#include "sim/esc_description.hpp"
+#include "sim/library/quirk.hpp"
+#include "subdevice/device.hpp"
+#include "subdevice/diagnosis.hpp"
+#include "subdevice/emergency.hpp"
+#include "subdevice/foe_server.hpp"
+#include "subdevice/sii_image.hpp"
+
+#include <memory>
+
+namespace margay::sim {
+
+// What a model works with from one start of the firmware to the next.
+struct Surroundings {
+    subdevice::EscAccess* esc = nullptr;
+    subdevice::ObjectDictionary* dictionary = nullptr;
+    subdevice::Device* device = nullptr;
+};
+
+class Model : public subdevice::Application {
+  public:
+    virtual ~Model() = default;
+
+    // The firmware starts: every object has its initial value.
+    virtual void start(const Surroundings& around, Time now) { (void)around, (void)now; }
+    // What happens whether the master asks or not. Returns when it wants to be called at the latest.
+    virtual Time advance(Time now) {
+        (void)now;
+        return kNever;
+    }
+    // What the device measures, for others to set; empty: nothing.
+    [[nodiscard]] virtual MutableBytes measured() { return {}; }
+    [[nodiscard]] virtual subdevice::FoeStore* files() { return nullptr; }
+    // True when the firmware is to start anew (asked after each step); it is gone for so long then.
+    [[nodiscard]] virtual bool wants_restart() { return false; }
+    [[nodiscard]] virtual Duration restart_time() const { return std::chrono::milliseconds(200); }
+
+    [[nodiscard]] subdevice::Emergencies* emergencies() override { return &emergencies_; }
+    [[nodiscard]] subdevice::DiagnosisHistory* diagnosis() override { return &diagnosis_; }
+
+    void set_quirks(Quirks quirks) { quirks_ = quirks; }
+    [[nodiscard]] bool has(Quirk quirk) const { return quirks_.has(quirk); }
+
+    static constexpr std::uint8_t kErrorLines = 8;
+    static constexpr std::uint8_t kDiagnosisLines = 8;
+
+  protected:
+    // An emergency, and the same in the diagnosis history.
+    void report(std::uint16_t error_code, std::uint8_t error_register, Time now);
+
+  private:
+    std::array<subdevice::EmergencyMessage, 8> queue_{};
+    std::array<std::byte, 4 * kErrorLines> history_{};
+    std::array<std::byte, 32 * kDiagnosisLines> diagnosis_memory_{};
+    subdevice::Emergencies emergencies_{queue_, history_};
+    subdevice::DiagnosisHistory diagnosis_{diagnosis_memory_, kDiagnosisLines};
+    Quirks quirks_;
+};
+
+// A kind of device. Description and objects are constants; everything else is generated from them.
+struct Blueprint {
+    std::string_view name;  // make_device() knows it by
+    EscDescription (*chip)();
+    const subdevice::DeviceDescription* device;
+    subdevice::BoardDescription board;
+    std::span<const subdevice::Object> objects;
+    std::size_t image_bytes;  // of the objects' values
+    std::unique_ptr<Model> (*make)();
+};
+
+// PDI control words for the SII: a processor behind SPI, with SYNC and latch units or without.
+inline constexpr std::uint16_t kSpi = 0x0005;
+inline constexpr std::uint16_t kSpiWithDc = 0x0C05;
+
+// --- Objects that every device has ---
+
+template <const subdevice::DeviceDescription& Device, std::uint32_t Type>
+struct CommonObjects {
+    static constexpr std::array<subdevice::Entry, 1> kType{subdevice::constant<std::uint32_t>(0, "Device type", Type)};
+    static constexpr std::array<subdevice::Entry, 1> kName{subdevice::text(0, "Device name", Device.name)};
+    static constexpr std::array<subdevice::Entry, 1> kHardware{subdevice::text(0, "Hardware version", "1")};
+    static constexpr std::array<subdevice::Entry, 1> kSoftware{subdevice::text(0, "Software version", "1.0")};
+    static constexpr auto kIdentity = subdevice::identity_entries(Device);
+    static constexpr auto kSyncManagers = subdevice::sync_manager_type_entries(Device);
+    static constexpr auto kErrors = subdevice::kErrorHistoryEntries<Model::kErrorLines>;
+    static constexpr auto kDiagnosis = subdevice::kDiagnosisEntries<Model::kDiagnosisLines>;
+
+    static constexpr subdevice::Object device_type = subdevice::variable(0x1000, "Device type", kType);
+    static constexpr subdevice::Object error_history =
+        subdevice::array(0x1003, "Pre-defined error field", kErrors, &subdevice::kErrorHistoryHooks);
+    static constexpr subdevice::Object device_name = subdevice::variable(0x1008, "Device name", kName);
+    static constexpr subdevice::Object hardware = subdevice::variable(0x1009, "Hardware version", kHardware);
+    static constexpr subdevice::Object software = subdevice::variable(0x100A, "Software version", kSoftware);
+    static constexpr subdevice::Object identity =
+        subdevice::record(0x1018, "Identity", kIdentity, nullptr, subdevice::DataType::identity);
+    static constexpr subdevice::Object diagnosis =
+        subdevice::record(0x10F3, "Diagnosis history", kDiagnosis, &subdevice::kDiagnosisHooks);
+    static constexpr subdevice::Object sync_manager_types =
+        subdevice::array(0x1C00, "Sync manager types", kSyncManagers);
+};
+
+// Elements n = first… of an array of equal numbers that lie one behind the other, each with its own initial value.
+template <class T, std::size_t N>
+[[nodiscard]] constexpr std::array<subdevice::Entry, N> numbers(std::uint8_t first, std::string_view name,
+                                                                std::uint16_t access, std::size_t offset,
+                                                                const std::array<T, N>& initial) {
+    std::array<subdevice::Entry, N> entries{};
+    for (std::size_t i = 0; i < N; ++i)
+        entries[i] = {.subindex = static_cast<std::uint8_t>(first + i),
+                      .storage = subdevice::Storage::image,
+                      .type = subdevice::kTypeOf<T>,
+                      .access = access,
+                      .bits = sizeof(T) * 8,
+                      .offset = static_cast<std::uint32_t>(offset + i * sizeof(T)),
+                      .name = name,
+                      .initial = static_cast<std::uint64_t>(initial[i])};
+    return entries;
+}
+
+// A list that the master may change: the count, and the numbers behind it. `Offset` is where it lies in the image: the
+// count at first.
+template <class T, std::size_t N>
+[[nodiscard]] constexpr std::array<subdevice::Entry, N + 1> changeable_list(std::size_t offset, std::uint8_t used,
+                                                                            std::string_view name,
+                                                                            const std::array<T, N>& initial) {
+    std::array<subdevice::Entry, N + 1> entries{};
+    entries[0] = numbers<std::uint8_t, 1>(0, "SubIndex 000", subdevice::od::kReadWritePreop, offset, {used})[0].within(
+        0, static_cast<std::int64_t>(N));
+    const auto rest = numbers<T, N>(1, name, subdevice::od::kReadWritePreop, offset + 1, initial);
+    for (std::size_t i = 0; i < N; ++i) entries[i + 1] = rest[i];
+    return entries;
+}
+template <class T, std::size_t N>
+inline constexpr std::size_t kListBytes = 1 + sizeof(T) * N;
+
+// The word of a mapping entry.
+[[nodiscard]] constexpr std::uint32_t map(std::uint16_t index, std::uint8_t subindex, std::uint8_t bits) {
+    return subdevice::MappingEntry{index, subindex, bits}.word();
+}
+
+}  // namespace margay::sim

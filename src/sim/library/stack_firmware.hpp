@@ -1,0 +1,50 @@
+// The firmware of the library's devices: the whole slave stack over the simulated ESC, and a model behind it.
+#pragma once
+
+#include "sim/library/model.hpp"
+#include "sim/process_data.hpp"
+#include "subdevice/coe_server.hpp"
+
+#include <optional>
+#include <vector>
+
+namespace margay::sim {
+
+class StackFirmware final : public ProcessDataFirmware {
+  public:
+    explicit StackFirmware(const Blueprint& blueprint);
+    StackFirmware(const StackFirmware&) = delete;
+    StackFirmware& operator=(const StackFirmware&) = delete;
+
+    void start(subdevice::EscAccess& esc, Time now) override;
+    Time step(Time now) override;
+    bool set_quirks(Quirks quirks) override;
+
+    // What the model measures; what the master has sent.
+    [[nodiscard]] MutableBytes inputs() override { return model_->measured(); }
+    [[nodiscard]] Bytes outputs() override;
+    void poke() override;
+
+    [[nodiscard]] Model& model() { return *model_; }
+    [[nodiscard]] subdevice::ObjectDictionary& dictionary() { return dictionary_; }
+
+  private:
+    const Blueprint& blueprint_;
+    std::unique_ptr<Model> model_;
+    std::vector<std::byte> image_;
+    subdevice::ObjectDictionary dictionary_;
+    std::vector<std::byte> staging_ = std::vector<std::byte>(4096);
+    subdevice::CoeServer coe_;
+    std::optional<subdevice::FoeServer> foe_;
+    std::vector<subdevice::MailboxProtocol> protocols_;
+    std::vector<std::byte> receive_;
+    std::vector<std::byte> send_;
+    subdevice::ProcessDataMemory<1024, 1024, 64> process_memory_;
+    subdevice::EscAccess* esc_ = nullptr;
+    std::optional<subdevice::ProcessData> process_data_;
+    std::optional<subdevice::Mailbox> mailbox_;
+    std::optional<subdevice::Device> device_;
+    Time away_until_ = kNever;  // restarting
+};
+
+}  // namespace margay::sim

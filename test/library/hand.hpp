@@ -1,0 +1,80 @@
+// One device of the library on a segment of its own, and a master's hand that knows nothing but its SII: states, process
+// data, SDO, in virtual time.
+#pragma once
+
+#include "sim/devices.hpp"
+#include "sim/process_data.hpp"
+#include "sim/rig.hpp"
+#include "sim/sii_model.hpp"
+#include "wire/coe.hpp"
+#include "wire/mailbox.hpp"
+
+#include <margay/al_state.hpp>
+
+#include <optional>
+#include <string>
+
+namespace margay::sim::test {
+
+using namespace std::chrono_literals;
+using wire::coe::Abort;
+
+class Hand {
+  public:
+    Rig rig;
+    std::vector<std::byte> outputs;
+    std::vector<std::byte> inputs;
+
+    explicit Hand(std::string_view name) : Hand(make_device(name).value()) {}
+    explicit Hand(Device device);
+
+    Esc& esc() { return rig.slave(0); }
+    ProcessDataFirmware& device() { return *esc().process_data(); }
+    [[nodiscard]] AlStatus status();
+    // From where it is, state by state; process data run from SAFEOP on. The status at the end.
+    AlStatus to(AlState state);
+    AlStatus ask(AlState state, Duration patience = 1s, unsigned control_bits = 0);
+    void configure_mailboxes(bool boot = false);
+    void configure_process_data();
+    // A cycle of a millisecond: outputs out, inputs in.
+    void cycle(unsigned n = 1);
+    void wait(Duration how_long);
+
+    // Mailbox messages, without header; the reply's type must be the request's.
+    bool put(wire::MailboxType type, std::vector<std::byte> data);
+    struct Mail {
+        wire::MailboxHeader header;
+        std::vector<std::byte> data;
+    };
+    std::optional<Mail> take(Duration patience = 1s);
+    std::vector<std::byte> exchange(wire::MailboxType type, std::vector<std::byte> data);
+
+    // SDO, up to what one message carries, and segments for uploads.
+    std::vector<std::byte> upload(unsigned index, unsigned subindex = 0, bool complete = false);
+    std::int64_t number(unsigned index, unsigned subindex = 0);  // signed by its length
+    void download(unsigned index, unsigned subindex, std::int64_t value, std::size_t bytes);
+    Abort last_abort = Abort::none;
+
+    template <class T>
+    void out(std::size_t offset, T value) {
+        store_le<T>(outputs, offset, value);
+    }
+    template <class T>
+    T in(std::size_t offset) {
+        return load_le<T>(inputs, offset);
+    }
+
+    SiiModel model;
+    std::uint16_t mailbox_bytes = 0;
+    bool keep_cycling = false;  // process data run beside the mailbox
+
+  private:
+    void tick();
+    void set_sync_manager(unsigned n, std::uint16_t start, std::uint16_t bytes, std::uint8_t control);
+    std::uint16_t write_mailbox_ = 0;
+    std::uint16_t read_mailbox_ = 0;
+    std::uint16_t read_bytes_ = 0;
+    std::uint8_t counter_ = 0;
+};
+
+}  // namespace margay::sim::test
