@@ -181,6 +181,8 @@ TEST_F(EncoderTest, LatchesTheFirstIndexPulse) {
 }
 
 TEST_F(EncoderTest, LatchInputTellsThePositionAtTheEdge) {
+    constexpr std::uint8_t kLatch0IsThePdis = 0x10;
+    hand.rig.put<std::uint8_t>(0, reg::kCyclicUnitControl.address, kLatch0IsThePdis);
     turn(1'000'000);  // a count a microsecond
     hand.out<std::uint8_t>(0, 0x02);
     hand.cycle(5);

@@ -1,5 +1,5 @@
 // "encoder": an incremental encoder that turns at a speed others set. Its counter is latched by the index pulse of the
-// encoder and, to the nanosecond, by latch input 0 of the ESC.
+// encoder and, to the nanosecond, by latch input 0 of the ESC, which the master leaves to the device (0x0980 bit 4).
 #include "sim/library/library.hpp"
 
 #include "subdevice/esc_registers.hpp"
