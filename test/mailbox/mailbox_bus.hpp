@@ -93,6 +93,7 @@ class MailboxBus {
     void step() {
         const Time next = poll(*ctx, osal.now());
         osal.wait(std::min(next, osal.now() + 1ms), -1);
+        segment.advance(osal.now());
     }
     void idle(Duration time) {
         const Time end = osal.now() + time;
