@@ -5,7 +5,8 @@ set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
 
-need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev || exit 1
+need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
+    libncurses-dev || exit 1
 
 # A build folder that is there keeps its settings.
 [ -e build/CMakeCache.txt ] || cmake -S . -B build -DMARGAY_TESTS=OFF
@@ -22,6 +23,7 @@ That was a simulated segment. What to try next:
   build/bin/slaveinfo sim:demo --record demo.pcap     keep every frame, for Wireshark or for
   build/bin/slaveinfo pcap:demo.pcap                  … looking at it again without a segment
   build/bin/simple_io sim:demo                        to OP, outputs that count, inputs printed
+  build/bin/segment_monitor sim:demo                  a live view; q ends it
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
   sudo build/bin/slaveinfo eth0                       real slaves, on the interface they hang on
   sh test/run.sh --quick                              all tests

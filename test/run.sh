@@ -16,7 +16,7 @@ if [ "${1:-}" = --quick ]; then
 fi
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
-        libtomlplusplus-dev'
+        libtomlplusplus-dev libncurses-dev'
 useful='binutils iproute2 tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib'
 # shellcheck disable=SC2086  # lists of words
 if ! need_packages $needed $useful; then

@@ -39,6 +39,9 @@ class CyclePace {
     // Counts a cycle: how long it took from sending until all was back, or what was wrong.
     void count(Duration round_trip, const Result<std::uint32_t>& received);
 
+    // Begins counting anew.
+    void clear() { figures_ = {}; }
+
     [[nodiscard]] const CycleFigures& figures() const { return figures_; }
     // Prints the figures and writes the picture where asked for. Empty, or why it could not be written.
     [[nodiscard]] std::string report() const;

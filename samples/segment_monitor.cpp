@@ -1,0 +1,185 @@
+// segment_monitor: brings a segment to OP, keeps it there, and shows live how it is: states, working counters, how punctual the
+// cycle is, errors of the cables, and what happens. Keys: up and down scroll, r starts the figures anew, q ends.
+#include "common/cycle_pace.hpp"
+#include "common/monitor_view.hpp"
+#include "common/slave_report.hpp"
+#include "common/source.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <ncurses.h>
+
+#include <array>
+#include <clocale>
+#include <csignal>
+#include <memory>
+#include <thread>
+#include <vector>
+
+namespace {
+
+using namespace margay;
+
+struct Options {
+    std::string source;
+    unsigned cycles = 0;
+    bool plain = false;
+    samples::PaceOptions pace;
+};
+
+constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
+constexpr Duration kRefresh = std::chrono::milliseconds(100);
+constexpr std::size_t kEventsKept = 100;
+
+volatile std::sig_atomic_t stop_asked = 0;
+
+// Where the lines go.
+class Screen {
+  public:
+    virtual ~Screen() = default;
+    virtual void show(const samples::MonitorModel& model, std::size_t scroll) = 0;
+    virtual int key() { return ERR; }
+};
+
+class Terminal final : public Screen {
+  public:
+    Terminal() {
+        std::setlocale(LC_ALL, "");
+        (void)initscr();
+        (void)cbreak();
+        (void)noecho();
+        (void)curs_set(0);
+        (void)keypad(stdscr, TRUE);
+        (void)nodelay(stdscr, TRUE);
+    }
+    ~Terminal() override { (void)endwin(); }
+    void show(const samples::MonitorModel& model, std::size_t scroll) override {
+        const auto lines = samples::monitor_lines(model, static_cast<std::size_t>(COLS), static_cast<std::size_t>(LINES), scroll);
+        (void)erase();
+        for (int row = 0; row < static_cast<int>(lines.size()); ++row)
+            (void)mvaddstr(row, 0, lines[static_cast<std::size_t>(row)].c_str());
+        (void)refresh();
+    }
+    int key() override { return getch(); }
+};
+
+class Plain final : public Screen {
+  public:
+    void show(const samples::MonitorModel& model, std::size_t scroll) override {
+        for (const auto& line : samples::monitor_lines(model, 200, 11 + model.slaves.size(), scroll)) fmt::print("{}\n", line);
+        std::fflush(stdout);
+    }
+};
+
+class Monitor {
+  public:
+    Monitor(samples::Source& source, const Options& options) : source_(source), options_(options) {}
+
+    Result<> bring_up() {
+        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return ready.error();
+        if (const auto found = config_init(ctx_); !found) return found.error();
+        if (const auto bytes = config_map(ctx_, image_); !bytes) return bytes.error();
+        line_errors_.resize(ctx_.slaves().size());
+        supervise_.line_interval = std::chrono::milliseconds(100);
+        supervise_.line_errors = line_errors_;
+        return submit(ctx_, supervise_);
+    }
+
+    void run(Screen& screen) {
+        model_.source = options_.source;
+        model_.line_errors = line_errors_;
+        pace_.start();
+        Time next_show = source_.osal().now();
+        while (stop_asked == 0 && (options_.cycles == 0 || pace_.figures().cycles < options_.cycles)) {
+            cycle();
+            if (source_.osal().now() < next_show) continue;
+            next_show = source_.osal().now() + kRefresh;
+            if (source_.virtual_time() && !options_.plain) std::this_thread::sleep_for(kRefresh);  // for the eye
+            if (!options_.plain) show(screen);
+            if (!obey(screen.key())) break;
+        }
+        show(screen);
+        supervise_.cancel();
+        (void)writestate(ctx_, 0, AlState::init);
+    }
+
+    [[nodiscard]] std::string report() const { return pace_.report(); }
+
+  private:
+    void cycle() {
+        const Time start = source_.osal().now();
+        const auto sent = send_processdata(ctx_);
+        model_.last = sent ? receive_processdata(ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
+        pace_.count(source_.osal().now() - start, model_.last);
+        pace_.wait();
+        while (const auto event = ctx_.events().take()) {
+            std::array<char, 400> buffer{};
+            model_.events.push_back(fmt::format("cycle {}: {}", pace_.figures().cycles, describe(*event, buffer)));
+            if (model_.events.size() > kEventsKept) model_.events.pop_front();
+        }
+    }
+
+    void show(Screen& screen) {
+        model_.slaves = ctx_.slaves();
+        model_.expected_wkc = ctx_.group(0).expected_wkc;
+        model_.figures = pace_.figures();
+        screen.show(model_, scroll_);
+    }
+
+    // False: the user has had enough.
+    bool obey(int key) {
+        if (key == KEY_UP && scroll_ > 0) --scroll_;
+        if (key == KEY_DOWN && scroll_ + 1 < ctx_.slaves().size()) ++scroll_;
+        if (key == 'r') pace_.clear();
+        return key != 'q';
+    }
+
+    samples::Source& source_;
+    const Options& options_;
+    HostContext ctx_{Limits{.slaves = 1024, .process_frames = 64}};
+    std::array<std::byte, 65536> image_{};
+    std::vector<LineErrors> line_errors_;
+    SuperviseRequest supervise_;
+    samples::CyclePace pace_{source_, ctx_, options_.pace};
+    samples::MonitorModel model_;
+    std::size_t scroll_ = 0;
+};
+
+int fail(const std::string& sentence) {
+    fmt::print(stderr, "segment_monitor: {}\n", sentence);
+    return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    CLI::App app{"Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, r (figures anew), q (end)."};
+    app.add_option("source", options.source,
+                   "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin) or recording (pcap:FILE)")
+        ->required();
+    app.add_option("--cycles", options.cycles, "end after so many cycles; 0: when told to");
+    app.add_flag("--plain", options.plain, "print the last view as text at the end, in place of a live screen");
+    samples::add_pace_options(app, options.pace);
+    CLI11_PARSE(app, argc, argv);
+    auto source = samples::open_source(options.source, {});
+    if (!source) return fail(source.error());
+    const auto monitor = std::make_unique<Monitor>(*source, options);
+    if (const auto ready = monitor->bring_up(); !ready) return fail(samples::sentence(ready.error()));
+    (void)std::signal(SIGINT, [](int) { stop_asked = 1; });
+    (void)std::signal(SIGTERM, [](int) { stop_asked = 1; });
+    {
+        std::unique_ptr<Screen> screen;
+        if (options.plain)
+            screen = std::make_unique<Plain>();
+        else
+            screen = std::make_unique<Terminal>();
+        monitor->run(*screen);
+    }
+    if (const auto failed = monitor->report(); !failed.empty()) return fail(failed);
+    const std::string remark = source->finish();
+    return remark.empty() ? 0 : fail(remark);
+}

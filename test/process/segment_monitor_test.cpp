@@ -1,0 +1,71 @@
+// segment_monitor and simple_io, whole, on a simulated segment in virtual time.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace margay::process {
+namespace {
+
+const std::string kBin = MARGAY_BIN_DIR;
+
+struct Ran {
+    int status = -1;
+    std::string output;  // and errors
+};
+
+Ran run(const std::string& command) {
+    Ran ran;
+    std::FILE* pipe = ::popen((command + " 2>&1 </dev/null").c_str(), "r");
+    if (pipe == nullptr) return ran;
+    char buffer[4096];
+    while (const auto bytes = std::fread(buffer, 1, sizeof buffer, pipe)) ran.output.append(buffer, bytes);
+    const int status = ::pclose(pipe);
+    ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return ran;
+}
+
+bool contains(const std::string& text, const std::string& what) { return text.find(what) != std::string::npos; }
+
+TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
+    const auto ran = run(kBin + "/segment_monitor sim:demo --cycles 500 --plain");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in OP\n")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "cycle 500   working counter 6 of 6   short 0   no frame 0   overruns 0\n")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "    3  OP               8-channel digital output\n")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "recovered, in OP")) << ran.output;
+}
+
+TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
+    if (run("script -qec true /dev/null").status != 0) GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
+    const auto ran = run("TERM=xterm script -qec '" + kBin + "/segment_monitor sim:demo --cycles 150' /dev/null");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "5 in OP")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "8-channel digital output")) << ran.output;
+}
+
+TEST(SegmentMonitor, NamesWhatItCannotOpen) {
+    const auto ran = run(kBin + "/segment_monitor no-such-if --plain");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_TRUE(contains(ran.output, "segment_monitor: there is no interface \"no-such-if\"")) << ran.output;
+}
+
+TEST(SimpleIo, ReachesOpAndShowsHowPunctualItWas) {
+    const auto picture = std::filesystem::temp_directory_path() / ("margay-simple-io-" + std::to_string(::getpid()) + ".svg");
+    const auto ran = run(kBin + "/simple_io sim:demo --cycles 300 --histogram '" + picture.string() + "'");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "all slaves in OP\n300 cycles, 0 without all frames, 0 with a wrong working counter\n")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "round trip: least ")) << ran.output;
+    std::ifstream in(picture);
+    const std::string svg(std::istreambuf_iterator<char>(in), {});
+    EXPECT_EQ(svg.substr(0, 5), "<svg ");
+    std::filesystem::remove(picture);
+}
+
+}  // namespace
+}  // namespace margay::process
