@@ -25,6 +25,21 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     }
 }
 
+// Not all frames of the cycle are here yet.
+[[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Context& ctx, ProcessGroup& group, Duration timeout) {
+    Engine& engine = ContextAccess::network(ctx)->engine;
+    Osal& osal = *ContextAccess::osal(ctx);
+    Nic& nic = engine.link().nic();
+    Time now = osal.now();
+    const Time give_up = now + timeout;
+    while (now < give_up) {
+        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
+        now = osal.now();
+        if (engine.receive_cycle(group.prepared, now)) break;
+    }
+    return judge_cycle(group, engine.link(), now);
+}
+
 }  // namespace
 
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group) {
@@ -44,8 +59,10 @@ Result<> send_processdata(Context& ctx, std::uint8_t group) {
     Network* network = ContextAccess::network(ctx);
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
-    note_cycle(ctx);
-    return send_cycle(network->process.groups[group], group, network->engine.link(), ContextAccess::osal(ctx)->now());
+    Osal& osal = *ContextAccess::osal(ctx);
+    const Time now = osal.now();
+    note_cycle(network->queue, osal, now);
+    return send_cycle(network->process.groups[group], network->engine.link(), now);
 }
 
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group) {
@@ -54,19 +71,9 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     ProcessGroup& wanted = network->process.groups[group];
     Engine& engine = network->engine;
-    Osal& osal = *ContextAccess::osal(ctx);
-    Time now = engine.link().last_cycle();
-    Time give_up = kNever;
-    while (!cycle_complete(wanted)) {
-        if (engine.receive_one(now)) continue;
-        now = osal.now();
-        if (give_up == kNever) give_up = now + timeout;
-        if (now >= give_up) break;
-        Nic& nic = engine.link().nic();
-        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
-        now = osal.now();
-    }
-    return end_cycle(wanted, group, network->slaves(), engine.link(), now);
+    const Time sent = engine.link().last_cycle();
+    if (!engine.receive_cycle(wanted.prepared, sent)) return wait_for_cycle(ctx, wanted, timeout);
+    return end_cycle(wanted, engine.link(), sent);
 }
 
 }  // namespace margay

@@ -12,10 +12,6 @@ namespace {
 constexpr std::uint32_t kCycleAliveMs = 10;
 constexpr std::uint32_t kSlowestCycleMs = 1000;
 
-std::uint32_t milliseconds(Time time) {
-    return static_cast<std::uint32_t>(std::chrono::duration_cast<std::chrono::milliseconds>(time.time_since_epoch()).count());
-}
-
 // What a request needs to get on once it has begun, and the pump of its slave.
 constexpr std::size_t kHeadroomBytes = 8192;
 
@@ -138,20 +134,11 @@ void MailRequest::ask_cancel() {
     ContextAccess::osal(*ctx_)->wake();
 }
 
-void note_cycle(Context& ctx) {
-    RequestQueue& queue = ContextAccess::network(ctx)->queue;
-    Osal& osal = *ContextAccess::osal(ctx);
-    const std::uint32_t now = milliseconds(osal.now()) + 1;
-    const std::uint32_t before = queue.cycle_ms.exchange(now, std::memory_order_relaxed);
-    queue.cycle_gap_ms.store(before == 0 ? 0 : now - before, std::memory_order_relaxed);
-    queue.cycle_thread.store(osal.calling_thread(), std::memory_order_relaxed);
-}
-
 bool cycle_runs(Context& ctx) {
     const RequestQueue& queue = ContextAccess::network(ctx)->queue;
     const std::uint32_t last = queue.cycle_ms.load(std::memory_order_relaxed);
     const std::uint32_t gap = std::min(queue.cycle_gap_ms.load(std::memory_order_relaxed), kSlowestCycleMs);
-    const std::uint32_t now = milliseconds(ContextAccess::osal(ctx)->now()) + 1;
+    const std::uint32_t now = ticks(ContextAccess::osal(ctx)->now()) + 1;
     return last != 0 && now - last <= std::max(kCycleAliveMs, 2 * gap);
 }
 

@@ -1,6 +1,7 @@
 // Requests that come from any thread: queued without a lock, begun by poll().
 #pragma once
 
+#include "osal/osal.hpp"
 #include "requests.hpp"
 
 namespace margay {
@@ -25,8 +26,18 @@ void enqueue(Context& ctx, MailRequest& request, bool (*start)(Context& ctx, Mai
 // For poll(): begins what was queued, and cancels what shall be. What there is no room for waits; the highest priority goes first.
 void start_queued(Context& ctx, Time now);
 
-// For send_processdata(): this thread runs the cycle.
-void note_cycle(Context& ctx);
+// Time in milliseconds, nearly, and without a division: steps of 2^20 ns.
+[[nodiscard]] inline std::uint32_t ticks(Time time) { return static_cast<std::uint32_t>(time.time_since_epoch().count() >> 20); }
+
+// For send_processdata(): this thread runs the cycle. One thread writes, others read.
+inline void note_cycle(RequestQueue& queue, Osal& osal, Time now) {
+    const std::uint32_t tick = ticks(now) + 1;
+    const std::uint32_t before = queue.cycle_ms.load(std::memory_order_relaxed);
+    if (tick == before) return;
+    queue.cycle_ms.store(tick, std::memory_order_relaxed);
+    queue.cycle_gap_ms.store(before == 0 ? 0 : tick - before, std::memory_order_relaxed);
+    queue.cycle_thread.store(osal.calling_thread(), std::memory_order_relaxed);
+}
 
 // Whether some thread has sent process data so lately that it will again.
 [[nodiscard]] bool cycle_runs(Context& ctx);

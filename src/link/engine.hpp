@@ -1,7 +1,7 @@
 // The engine of a master: the link, the tasks that wait for it, and the time that poll() was last told.
 #pragma once
 
-#include "link/link.hpp"
+#include "link/cycle.hpp"
 #include "util/arena.hpp"
 
 #include <margay/time.hpp>
@@ -20,6 +20,8 @@ class Engine {
 
     // For the cycle: takes in one frame and resumes nobody before the next poll(). False when there is none.
     bool receive_one(Time now) { return link_.receive_one(now, ready_); }
+    // The same until all of these frames are back; false when some are not.
+    [[gnu::always_inline]] bool receive_cycle(std::span<PreparedFrame> frames, Time now) { return link_.receive_cycle(frames, now, ready_); }
 
     [[nodiscard]] Arena& arena() { return arena_; }
     [[nodiscard]] Link& link() { return link_; }

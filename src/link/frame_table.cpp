@@ -4,18 +4,10 @@ namespace margay {
 
 FrameSlot* FrameTable::open(Time now) {
     if (in_flight_ == slots_.size()) return nullptr;
-    if (now >= rest_until_) resting_.fill(0);
-    // Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that has
-    // rested longest is next in turn anyway.
-    std::uint8_t index = next_index_;
-    for (int tries = 0; tries < 256 && (slot_of_[index] != kNoSlot || resting(index)); ++tries) ++index;
-    while (slot_of_[index] != kNoSlot) ++index;
-    next_index_ = static_cast<std::uint8_t>(index + 1);
-
-    while (slots_[next_slot_].in_flight) next_slot_ = (next_slot_ + 1) % slots_.size();
+    while (slots_[next_slot_].in_flight) next_slot_ = next_slot_ + 1 == slots_.size() ? 0 : next_slot_ + 1;
     FrameSlot& slot = slots_[next_slot_];
-    slot_of_[index] = static_cast<std::uint8_t>(next_slot_);
-    slot.index = index;
+    if (!claim(slot, now)) return nullptr;
+    next_slot_ = next_slot_ + 1 == slots_.size() ? 0 : next_slot_ + 1;
     slot.in_flight = true;
     slot.refused = false;
     slot.length = 0;
@@ -25,18 +17,22 @@ FrameSlot* FrameTable::open(Time now) {
     return &slot;
 }
 
-FrameSlot* FrameTable::find(std::uint8_t index) {
-    return slot_of_[index] == kNoSlot ? nullptr : &slots_[slot_of_[index]];
+// Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that has rested longest is next in turn
+// anyway.
+bool FrameTable::search(std::uint8_t& index, Time now) {
+    if (any_resting_ && now >= rest_until_) {
+        resting_.fill(0);
+        any_resting_ = false;
+    }
+    for (int tries = 0; tries < 256 && (slot_of_[index] != nullptr || resting(index)); ++tries) ++index;
+    for (int tries = 0; tries < 256 && slot_of_[index] != nullptr; ++tries) ++index;
+    return slot_of_[index] == nullptr;
 }
 
-void FrameTable::close(FrameSlot& slot, bool lost, Time now) {
-    slot_of_[slot.index] = kNoSlot;
-    slot.in_flight = false;
-    --in_flight_;
-    if (lost) {
-        resting_[slot.index / 32] |= 1U << (slot.index % 32);
-        rest_until_ = now + kRest;
-    }
+void FrameTable::rest(std::uint8_t index, Time now) {
+    resting_[index / 32] |= 1U << (index % 32);
+    rest_until_ = now + kRest;
+    any_resting_ = true;
 }
 
 FrameSlot* FrameTable::expired(Time now) {

@@ -17,7 +17,7 @@ struct FrameSlot {
     Time deadline = kNever;
     std::uint16_t length = 0;  // of all datagrams with their headers
     std::uint8_t index = 0;
-    bool in_flight = false;
+    bool in_flight = false;  // of a table's slot
     bool refused = false;  // the NIC failed to send it: it waits for its deadline all the same
 };
 
@@ -26,33 +26,48 @@ class FrameTable {
     static constexpr std::size_t kMostSlots = 128;
 
     // `slots`: one for each frame that may be in flight at once, kMostSlots at most; their memory outlives the table.
-    explicit FrameTable(std::span<FrameSlot> slots) : slots_(slots) { slot_of_.fill(kNoSlot); }
+    explicit FrameTable(std::span<FrameSlot> slots) : slots_(slots) {}
 
     // A free slot with an index that no frame in flight has and that no frame lost lately had, or nullptr.
     [[nodiscard]] FrameSlot* open(Time now);
+    // The same for a slot that is not of the table, and that nobody but its owner gives up. False: all indices are taken.
+    [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
+        // Nearly always the next index is free.
+        std::uint8_t index = next_index_;
+        if ((any_resting_ || slot_of_[index] != nullptr) && !search(index, now)) return false;
+        slot_of_[index] = &slot;
+        next_index_ = static_cast<std::uint8_t>(index + 1);
+        slot.index = index;
+        return true;
+    }
     // The slot in flight under `index`, or nullptr.
-    [[nodiscard]] FrameSlot* find(std::uint8_t index);
+    [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index]; }
     // Ends a slot. A lost frame's index rests, so that a reply that comes late finds nobody.
-    void close(FrameSlot& slot, bool lost, Time now);
-    // A slot that must be given up at `now`, or nullptr.
+    void close(FrameSlot& slot, bool lost, Time now) {
+        slot_of_[slot.index] = nullptr;
+        if (slot.in_flight) --in_flight_;
+        slot.in_flight = false;
+        if (lost) rest(slot.index, now);
+    }
+    // A slot of the table that must be given up at `now`, or nullptr.
     [[nodiscard]] FrameSlot* expired(Time now);
     [[nodiscard]] Time next_deadline() const;
 
   private:
-    static constexpr std::uint8_t kNoSlot = 0xFF;
     static constexpr Duration kRest = std::chrono::milliseconds(200);
 
-    [[nodiscard]] bool resting(std::uint8_t index) const {
-        return ((resting_[index / 32] >> (index % 32)) & 1U) != 0;
-    }
+    [[nodiscard]] bool resting(std::uint8_t index) const { return ((resting_[index / 32] >> (index % 32)) & 1U) != 0; }
+    [[nodiscard]] bool search(std::uint8_t& index, Time now);
+    void rest(std::uint8_t index, Time now);
 
     std::span<FrameSlot> slots_;
-    std::array<std::uint8_t, 256> slot_of_{};
+    std::array<FrameSlot*, 256> slot_of_{};
     std::array<std::uint32_t, 8> resting_{};
     Time rest_until_ = Time::min();
-    std::size_t in_flight_ = 0;
+    std::size_t in_flight_ = 0;  // of slots_
     std::size_t next_slot_ = 0;
     std::uint8_t next_index_ = 0;
+    bool any_resting_ = false;
 };
 
 }  // namespace margay

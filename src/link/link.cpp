@@ -1,4 +1,4 @@
-#include "link/link.hpp"
+#include "link/cycle.hpp"
 
 #include <algorithm>
 
@@ -17,14 +17,6 @@ void Link::complete(Datagram& datagram, Errc errc, List<Waiter>& ready) {
     datagram.unlink();
     datagram.errc_ = errc;
     if (--datagram.waiter_->pending == 0) ready.push_back(*datagram.waiter_);
-}
-
-bool Link::receive_one(Time now, List<Waiter>& ready) {
-    const std::size_t length = nic_.receive(buffer_);
-    if (length == 0) return false;
-    const auto frame = Bytes(buffer_).first(length);
-    if (!take_prepared(frame, now, ready)) take(frame, now, ready);
-    return true;
 }
 
 void Link::receive(Time now, List<Waiter>& ready) {
@@ -72,6 +64,11 @@ void Link::take(Bytes frame, Time now, List<Waiter>& ready) {
 
 void Link::deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready) {
     ++statistics_.frames_received;
+    deliver_riders(slot, frame, ready);
+    frames_.close(slot, false, now);
+}
+
+void Link::deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready) {
     while (Datagram* d = slot.datagrams.front()) {
         const std::size_t data_at = d->offset_ + wire::kDatagramHeaderBytes;
         const auto data = frame.subspan(data_at, d->sent_data_.size());
@@ -79,7 +76,6 @@ void Link::deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready) 
         d->wkc_ = load_le<std::uint16_t>(frame, data_at + data.size());
         complete(*d, Errc::none, ready);
     }
-    frames_.close(slot, false, now);
 }
 
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {

@@ -36,17 +36,15 @@ class Link {
     // Packs and sends what is queued.
     void send(Time now);
 
-    // Cycle: begin_cycle(), then send_prepared() for each of its frames, then send_riders(). None waits or allocates. Queued datagrams travel
-    // with the cycle, `rider_budget_bytes` of them with their headers, or one if that is longer. While cycles go on send() leaves
-    // the queue to them; without a budget it does not.
-    void begin_cycle(Time now, std::size_t rider_budget_bytes);
+    // The cycle, in link/cycle.hpp. Sends the frames of a cycle. Does not wait or allocate. Queued datagrams travel with the cycle, `rider_budget_bytes` of them with their headers, or
+    // one if that is longer, in a frame of their own where these have no room left. While cycles go on send() leaves the queue to them; without a
+    // budget it does not. A flight that is not over yet is given up. Anything but `sent`: of the last frame that is not in flight.
+    [[nodiscard]] SendStatus send_cycle(std::span<PreparedFrame> frames, Time now, std::size_t rider_budget_bytes);
+    // Takes in what the NIC has until all of these frames are back. False when some are not.
+    [[nodiscard]] bool receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] Time last_cycle() const { return last_cycle_; }
     // Cycles go on, and what is queued waits for the next one.
     [[nodiscard]] bool cycling(Time now) const { return now < cycles_until_; }
-    // A flight that is not over yet is given up. Anything but `sent`: the frame is not in flight.
-    SendStatus send_prepared(PreparedFrame& frame, Time now);
-    // What did not fit into the cycle's own frames, if the budget has anything left.
-    void send_riders(Time now);
     // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
 
@@ -67,6 +65,15 @@ class Link {
     [[nodiscard]] bool send_one(FrameSlot& slot, Time now, std::size_t room = wire::kMaxFrameBytes);
     void unpack(FrameSlot& slot);
     void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
+    void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
+    static void take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs);
+    void not_sent(PreparedFrame& frame, Time now);
+    [[nodiscard]] static SendStatus no_index(PreparedFrame& frame);
+    void fill(PreparedFrame& frame, std::uint8_t index);
+    [[nodiscard]] SendStatus send_with_riders(PreparedFrame& frame, Time now);
+    void begin_cycle(Time now, std::size_t rider_budget_bytes);
+    [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
+    void send_riders(Time now);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
     [[nodiscard]] std::size_t rider_room();

@@ -2,7 +2,7 @@
 // what came. Datagrams that are queued at the link ride in the space behind their own.
 #pragma once
 
-#include "link/datagram.hpp"
+#include "link/frame_table.hpp"
 
 #include <margay/group.hpp>
 
@@ -10,8 +10,6 @@
 #include <span>
 
 namespace margay {
-
-struct FrameSlot;
 
 // One datagram that is always in its frame.
 struct PreparedDatagram {
@@ -25,14 +23,18 @@ struct PreparedDatagram {
 
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
-    FrameSlot* slot = nullptr;               // while it is in flight
+    FrameSlot* slot = nullptr;               // while it is in flight: `own`, or one of the link's when datagrams ride along
+    bool right = false;                      // it came back, and every slave took part in all of its datagrams
     std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
+    std::uint16_t wire_bytes = 0;            // that these are with padding and all
+    std::uint16_t datagram_count = 0;        // of `datagrams`
     bool has_riders = false;                 // in `bytes` as it was sent last
     // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes back as it was.
     bool degraded = false;
     // Where inputs lie on top of outputs that does not do: takes over the inputs of those who take part; n counts `datagrams`.
     void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
     void* group = nullptr;
+    FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as it was sent last
 };
 

@@ -108,7 +108,12 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
         }
         frame.datagrams = datagrams.subspan(begin, n - begin);
         frame.size = static_cast<std::uint16_t>(builder.finish().size());
+        frame.datagram_count = static_cast<std::uint16_t>(n - begin);
+        frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
         frame.slot = nullptr;
+        frame.own.prepared = &frame;
+        frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
+        frame.right = false;
         frame.has_riders = false;
         frame.degraded = false;
         frame.take_inputs = group.layout.overlapped ? take_inputs : nullptr;
@@ -118,44 +123,31 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     return Result<>();
 }
 
-Result<> send_cycle(ProcessGroup& group, std::uint8_t number, Link& link, Time now) {
-    if (!group.mapped) return cycle_error(Errc::unknown_group, number);
-    link.begin_cycle(now, group.config.acyclic_bytes);
-    bool refused = false;
-    for (PreparedFrame& frame : group.prepared) refused |= link.send_prepared(frame, now) != SendStatus::sent;
-    link.send_riders(now);
-    if (!refused) return Result<>();
-    Error error = cycle_error(Errc::nic, number);
+Error not_sent(const ProcessGroup& group, Link& link) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
+    Error error = cycle_error(Errc::nic, group.number);
     error.actual = static_cast<std::uint32_t>(link.nic().last_error());
     return error;
 }
 
-bool cycle_complete(const ProcessGroup& group) {
-    for (const PreparedFrame& frame : group.prepared)
-        if (frame.slot != nullptr) return false;
-    return true;
-}
-
-Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, Link& link, Time now) {
-    if (!group.mapped) return cycle_error(Errc::unknown_group, number);
+Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     std::uint32_t got = 0;
     bool right = true;
-    bool usable = true;
     for (const DatagramStatus& d : group.datagrams) {
         if (d.came) got += d.got;
         right &= d.right();
-        usable &= d.usable() && (d.got == d.accepted);
+        group.unexpected |= !d.came || d.got != d.accepted;
     }
-    group.unexpected |= !usable;
     if (right) {
         group.cycles_lost = 0;
         return got;
     }
-    Error error = cycle_error(Errc::working_counter, number);
+    Error error = cycle_error(Errc::working_counter, group.number);
     for (PreparedFrame& frame : group.prepared) {
         if (frame.datagrams.front().status->came) continue;
         link.give_up_prepared(frame, now);
-        if (error.code != Errc::no_frame) error = cycle_error(Errc::no_frame, number);
+        if (error.code != Errc::no_frame) error = cycle_error(Errc::no_frame, group.number);
         ++error.actual;
     }
     if (error.code == Errc::no_frame) {
@@ -166,7 +158,7 @@ Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::s
     error.expected = group.expected_wkc;
     error.actual = got;
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
-        if (!group.datagrams[n].right()) error.slave = lost_slave(group, number, slaves, group.plans[n]);
+        if (!group.datagrams[n].right()) error.slave = lost_slave(group, group.number, group.slaves, group.plans[n]);
     return error;
 }
 

@@ -1,7 +1,7 @@
 // Groups of process data as the network keeps them, and their cycle: no coroutine, no allocation, one send a frame.
 #pragma once
 
-#include "link/link.hpp"
+#include "link/cycle.hpp"
 #include "network/image_datagrams.hpp"
 
 #include <margay/group.hpp>
@@ -44,13 +44,21 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 [[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source);
 
 // Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group (not mapped).
-[[nodiscard]] Result<> send_cycle(ProcessGroup& group, std::uint8_t number, Link& link, Time now);
-
-// Whether all frames that were sent are back.
-[[nodiscard]] bool cycle_complete(const ProcessGroup& group);
+[[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
+[[nodiscard, gnu::always_inline]] inline Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {
+    if (group.mapped && link.send_cycle(group.prepared, now, group.config.acyclic_bytes) == SendStatus::sent) return Result<>();
+    return not_sent(group, link);
+}
 
 // Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame (actual: frames
 // missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short that is known to be lost).
-[[nodiscard]] Result<std::uint32_t> end_cycle(ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, Link& link, Time now);
+[[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now);
+[[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, Time now) {
+    // Nearly always all frames have come, and every slave took part in them.
+    bool right = group.mapped && group.cycles_lost == 0;
+    for (const PreparedFrame& frame : group.prepared) right &= frame.right;
+    if (right) return group.expected_wkc;
+    return judge_cycle(group, link, now);
+}
 
 }  // namespace margay

@@ -113,15 +113,16 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
     static std::array<std::byte, 1514> got{};
     const std::size_t allocated = allocations;
     std::uint64_t sum = 0;
+    const bool cycle = work == "cycle";
+    const bool bare = work == "bare";
     for (unsigned n = 0; n < cycles; ++n) {
-        if (work == "cycle") {
+        if (cycle) {
             if (!send_processdata(*bench.ctx)) return 1;
             const auto wkc = receive_processdata(*bench.ctx, std::chrono::milliseconds(1));
             if (!wkc) return 1;
             sum += *wkc;
             continue;
         }
-        const bool bare = work == "bare";
         if (!bare) sum += static_cast<std::uint64_t>(bench.osal.now().time_since_epoch().count() & 1);
         for (const DatagramStatus& d : group.datagrams) {
             const auto bytes = std::min<std::size_t>(group.image.size(), 1486);

@@ -38,14 +38,15 @@ class PreparedFrameTest : public testing::Test {
         group.layout = *lay_out(slaves, 0, group.config, image);
         group.image = image;
         const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
+        group.slaves = slaves;
         ASSERT_TRUE(prepare(tables, group, *count, nic.source_mac()).ok());
     }
     const LinkStatistics& counted() { return engine.link().statistics(); }
-    Result<> send(Duration later = 1ms) { return send_cycle(group, 0, engine.link(), now += later); }
+    Result<> send(Duration later = 1ms) { return send_cycle(group, engine.link(), now += later); }
     Result<std::uint32_t> end() {
         while (engine.receive_one(now)) {
         }
-        return end_cycle(group, 0, slaves, engine.link(), now);
+        return end_cycle(group, engine.link(), now);
     }
     // The reply to the frame sent last: the slave's two octets of input, and a working counter.
     Octets reply(std::uint16_t wkc, std::uint8_t value) {
