@@ -342,11 +342,11 @@ class ObjectDictionary {
 // Types of SM0 to SM3: mailbox out, mailbox in, process data out, process data in; 0 where the device has no
 // such direction.
 [[nodiscard]] constexpr std::array<Entry, 5> sync_manager_type_entries(const DeviceDescription& d) {
-    const auto type = [](std::uint8_t n, bool present, int value) {
-        return constant(n, "SubIndex 00x", static_cast<std::uint8_t>(present ? value : 0));
+    const auto type = [](std::uint8_t n, std::string_view name, bool present) {
+        return constant(n, name, static_cast<std::uint8_t>(present ? n : 0));
     };
-    return {entry_count(4), type(1, d.mailbox.present(), 1), type(2, d.mailbox.present(), 2),
-            type(3, d.outputs.present(), 3), type(4, d.inputs.present(), 4)};
+    return {entry_count(4), type(1, "SubIndex 001", d.mailbox.present()), type(2, "SubIndex 002", d.mailbox.present()),
+            type(3, "SubIndex 003", d.outputs.present()), type(4, "SubIndex 004", d.inputs.present())};
 }
 
 }  // namespace margay::subdevice
