@@ -8,7 +8,7 @@ function(margay_nested name)
   add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} "-DSOURCE=${NESTED_SOURCE}" "-DFOLDER=${PROJECT_BINARY_DIR}/nested/${folder}"
            "-DNEEDS=${NESTED_NEEDS}" "-DDEFINE=${NESTED_DEFINE}" "-DTARGETS=${NESTED_TARGETS}"
            -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/build.cmake)
-  set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 900)
+  set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 1800)
   if(NESTED_FIXTURE)
     set_tests_properties(${name} PROPERTIES FIXTURES_SETUP ${NESTED_FIXTURE})
   endif()
