@@ -13,7 +13,7 @@ constexpr std::uint32_t kCycleAliveMs = 10;
 constexpr std::uint32_t kSlowestCycleMs = 1000;
 
 // What a request needs to get on once it has begun, and the pump of its slave.
-constexpr std::size_t kHeadroomBytes = 8192;
+constexpr std::size_t kHeadroomBytes = 1024 * sizeof(void*);
 
 void append(MailRequest*& list, MailRequest& request) {
     MailRequest** at = &list;

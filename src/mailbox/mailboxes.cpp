@@ -76,6 +76,7 @@ std::size_t Mailboxes::waiting() const {
 bool Mailboxes::park(MailboxChannel& channel) {
     const auto looks = [](const MailboxChannel& c) { return c.pump_ != nullptr && c.expecting(); };
     if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing) return false;
+    channel.parked_ = true;  // before the watch begins, which ends when nobody waits
     ensure_watch();
     channel.parked_ = watch_ != nullptr;
     return channel.parked_;
