@@ -1,4 +1,5 @@
 // slaveinfo: what is on the segment.
+#include "common/dictionary_report.hpp"
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
 #include "common/slave_report.hpp"
@@ -24,11 +25,16 @@ struct Options {
     bool map = false;
     bool cstruct = false;
     bool packed = false;
+    bool sdo = false;
 };
 
 int print_error(const std::string& text) {
     fmt::print(stderr, "slaveinfo: {}\n", text);
     return 1;
+}
+
+bool has_coe(const margay::Slave& slave) {
+    return slave.mailbox.present() && (slave.mailbox.protocols & margay::mailbox_protocol::kCoE) != 0;
 }
 
 void print_segment(margay::Context& ctx, const Options& options, const margay::samples::ProcessMap* map) {
@@ -40,11 +46,18 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
     if (options.json) {
         auto segment = segment_json(ctx);
         if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
+        for (const margay::Slave& slave : ctx.slaves())
+            if (options.sdo && has_coe(slave))
+                segment["slaves"][slave.position - 1U]["dictionary"] = dictionary_json(read_dictionary(ctx, slave.position));
         fmt::print("{}\n", segment.dump(2));
         return;
     }
     fmt::print("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");
-    for (const margay::Slave& slave : ctx.slaves()) fmt::print("{}\n", slave_text(slave));
+    for (const margay::Slave& slave : ctx.slaves()) {
+        fmt::print("{}", slave_text(slave));
+        if (options.sdo && has_coe(slave)) fmt::print("{}", dictionary_text(read_dictionary(ctx, slave.position)));
+        fmt::print("\n");
+    }
     fmt::print("{}", topology_text(ctx));
     if (map != nullptr) fmt::print("\n{}", map_text(ctx, *map));
 }
@@ -100,6 +113,7 @@ int main(int argc, char** argv) {
     app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
     auto* map = app.add_flag("--map", options.map, "map the process data (slaves go to SAFEOP and back) and print what lies where in the image");
+    app.add_flag("--sdo", options.sdo, "read the object dictionary of every slave that has CoE, with values, and print it");
     app.add_flag("--cstruct", options.cstruct, "print the image as a header with a struct for C and C++")->needs(map);
     app.add_flag("--packed", options.packed, "lay out bits without gaps")->needs(map);
     CLI11_PARSE(app, argc, argv);
