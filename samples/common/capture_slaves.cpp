@@ -44,6 +44,11 @@ class Reader {
   private:
     SeenSlave* find(const DatagramPair& pair) {
         const auto adp = pair.request.address.adp();
+        // What all say says something of one only where there is but one; which ones there are others tell.
+        if (pair.request.command == Command::BRD && slaves_seen_ == 1) {
+            by_position_[0].position = 0;
+            return &by_position_[0];
+        }
         switch (pair.request.command) {
             case Command::APRD:
             case Command::APWR: {
@@ -62,6 +67,7 @@ class Reader {
 
     void look(const DatagramPair& pair) {
         if (pair.wkc == 0) return;
+        if (pair.request.command == Command::BRD) slaves_seen_ = std::max(slaves_seen_, pair.wkc);
         auto* slave = find(pair);
         if (slave == nullptr) return;
         const std::uint32_t ado = pair.request.address.ado();
@@ -130,6 +136,7 @@ class Reader {
                      sii::size_word(static_cast<std::uint32_t>(slave.sii.size())));
     }
 
+    std::uint16_t slaves_seen_ = 0;  // by the broadcasts
     std::map<std::uint16_t, SeenSlave> by_position_;
     std::map<std::uint16_t, SeenSlave> strangers_;
     std::map<std::uint16_t, std::uint16_t> stations_;

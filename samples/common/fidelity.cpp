@@ -1,5 +1,6 @@
 #include "common/fidelity.hpp"
 
+#include "wire/sync_manager.hpp"
 #include "wire/text.hpp"
 
 #include <fmt/format.h>
@@ -31,7 +32,9 @@ bool determined(std::uint32_t address) {
     if (within(address, 0x0900, 0x0920) || within(address, 0x092C, 0x0930) || within(address, 0x0932, 0x0934))
         return false;
     if (within(address, 0x0984, 0x09A0) || within(address, 0x09AE, 0x09D0)) return false;
-    return true;
+    // Whether a mailbox is full yet.
+    const bool sync_manager = within(address, reg::kSyncManagerBase, reg::kSyncManagerBase + 16u * reg::kSyncManagerStride);
+    return !sync_manager || address % reg::kSyncManagerStride != wire::SyncManagerLayout::status::offset;
 }
 
 // Bits that only tell whether the EEPROM has finished: the simulated one need not be as slow.
