@@ -15,7 +15,7 @@ constexpr std::uint8_t kPdiDigitalIo = 0x04;
 }  // namespace
 
 Esc::Esc(const EscDescription& description, std::vector<std::byte> sii)
-    : description_(description), ram_(std::size_t{description.ram_kib} * 1024), sii_(std::move(sii)) {
+    : ram_(std::size_t{description.ram_kib} * 1024), description_(description), sii_(std::move(sii)) {
     description_.fmmus = std::min<std::uint8_t>(description_.fmmus, kMaxFmmus);
     description_.sync_managers = std::min<std::uint8_t>(description_.sync_managers, kMaxSyncManagers);
     registers_.lay_out(description_, false);
@@ -26,11 +26,13 @@ void Esc::power_up(Time now) {
     std::fill(ram_.begin(), ram_.end(), std::byte{0});
     writes_ = write_bytes_used_ = 0;
     effects_ = 0;
+    end_expected_ = false;
     reset_step_ = {};
     reset_wanted_ = halted_ = false;
     al_control_unread_ = register_writes_enabled_ = esc_writes_enabled_ = false;
-    alias_enabled_ = false;
+    alias_enabled_ = protected_ = false;
     irq_ = 0;
+    al_events_ = 0;
     link_bits_ = 0;
     loops_end_ = kNever;
     lasting_loops_ = 0;
@@ -166,22 +168,18 @@ void Esc::set_drift(std::int32_t ppb, Time now) {
 }
 
 void Esc::set_al_events(std::uint32_t bits, Time at) {
-    const auto had = registers_.get<std::uint32_t>(reg::kAlEventRequest.address);
-    if ((had | bits) == had) return;
-    registers_.set(reg::kAlEventRequest.address, had | bits);
+    if ((al_events_ | bits) == al_events_) return;
+    al_events_ |= bits;
     wake_firmware(at);
 }
 
 void Esc::wake_firmware(Time at) {
     if (!firmware_ || halted_) return;
     firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
-    schedule();
+    next_event_ = std::min(next_event_, firmware_due_);
 }
 
-void Esc::clear_al_events(std::uint32_t bits) {
-    registers_.set(reg::kAlEventRequest.address,
-                   registers_.get<std::uint32_t>(reg::kAlEventRequest.address) & ~bits);
-}
+void Esc::clear_al_events(std::uint32_t bits) { al_events_ &= ~bits; }
 
 void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
     const auto request = static_cast<std::uint16_t>(
@@ -194,10 +192,10 @@ void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
     ++configuration_;
 }
 
-void Esc::handle(const SyncManagers::Events& events, Time at) {
-    if (events.watchdog) {
+void Esc::carry_out(const SyncManagers::Events& events, Time at) {
+    if (events.watchdog) {  // an event that is due too early only looks and finds nothing
         watchdogs_.feed_process_data(at);
-        schedule();
+        next_event_ = std::min(next_event_, watchdogs_.next());
     }
     if (events.al_clear != 0) clear_al_events(events.al_clear);
     if (events.al_set != 0) set_al_events(events.al_set, at);

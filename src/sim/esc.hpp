@@ -60,6 +60,22 @@ class Esc final : public subdevice::EscAccess {
     std::uint16_t ecat_logical(bool read, bool write, std::uint32_t address, MutableBytes data, Time at);
     // The end of a frame in which the ESC was touched: takes over what was written, unless the frame was bad.
     void frame_end(const FrameEnd& end);
+    // The same, once a frame.
+    [[nodiscard]] bool newly_pending() { return !end_expected_ && (end_expected_ = frame_pending()); }
+    // Asks the processor's cache for what ecat_logical() will need: the ESC itself, then what it points to.
+    void fetch_state() const {
+        for (std::size_t line = 0; line < 8; ++line)
+            __builtin_prefetch(reinterpret_cast<const std::byte*>(&now_) + 64 * line);
+        __builtin_prefetch(&read_mappings_.at[0]);
+        __builtin_prefetch(&write_mappings_.at[0]);
+        __builtin_prefetch(&watchdogs_);
+    }
+    void fetch_buffers() const {
+        for (const auto* mappings : {&read_mappings_, &write_mappings_})
+            if (mappings->count != 0 && mappings->at[0].physical / 8 >= wire::reg::kProcessRam)
+                __builtin_prefetch(ram_.data() + (mappings->at[0].physical / 8 - wire::reg::kProcessRam));
+    }
+    [[nodiscard]] bool register_writes_pending() const { return writes_ != 0; }
     [[nodiscard]] bool frame_pending() const {
         return writes_ != 0 || effects_ != 0 || sync_managers_.frame_pending();
     }
@@ -135,12 +151,13 @@ class Esc final : public subdevice::EscAccess {
         std::uint64_t logical = 0;
         std::uint64_t logical_end = 0;
         std::uint64_t physical = 0;
-        bool octets = false;  // whole octets on both sides
+        bool octets = false;        // whole octets on both sides
+        std::int8_t channel = -1;   // the SyncManager whose buffer it maps, the whole of it and nothing else
     };
     // Of one direction, without overlaps: n FMMUs make 2n − 1 parts at most.
     struct Mappings {
-        std::array<Mapping, 2 * kMaxFmmus> at{};
         unsigned count = 0;
+        std::array<Mapping, 2 * kMaxFmmus> at{};
         void add(Mapping mapping);
     };
 
@@ -156,6 +173,9 @@ class Esc final : public subdevice::EscAccess {
     bool map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end,
                   std::uint32_t address, MutableBytes data, Time at);
     void before_write(std::uint32_t address, MutableBytes into) const;
+    std::uint16_t ecat_exchange(std::uint32_t address, MutableBytes data, Time at);
+    void link_mappings();
+    bool map_buffer(const Mapping& mapping, bool write, std::byte* data, Time at);
     bool map_all(const Mappings& mappings, bool write, std::uint32_t address, MutableBytes data, Time at);
 
     void refresh(std::uint32_t address, std::size_t length, Side side, Time at);
@@ -167,7 +187,10 @@ class Esc final : public subdevice::EscAccess {
     void end_temporary_loops();
     [[nodiscard]] bool sync_registers_are_pdis(std::uint32_t address) const;
     void reload_mappings();
-    void handle(const SyncManagers::Events& events, Time at);
+    void handle(const SyncManagers::Events& events, Time at) {
+        if (events.any()) carry_out(events, at);
+    }
+    void carry_out(const SyncManagers::Events& events, Time at);
     void set_al_events(std::uint32_t bits, Time at);
     void wake_firmware(Time at);
     void clear_al_events(std::uint32_t bits);
@@ -185,48 +208,51 @@ class Esc final : public subdevice::EscAccess {
     void lay_out();
     void schedule();
 
-    EscDescription description_;
-    RegisterFile registers_;
-    std::vector<std::byte> ram_;
-    SyncManagers sync_managers_;
-    SiiUnit sii_;
-    MiiUnit mii_;
-    Watchdogs watchdogs_;
-    DcClock clock_;
-    SyncUnit sync_;
+    // What every frame looks at comes first: a thousand ESCs do not fit into a cache with all they have.
+    Time now_{};
+    Time firmware_due_ = kNever;
+    Time next_event_ = kNever;
     std::unique_ptr<Firmware> firmware_;
-
-    Mappings read_mappings_;
-    Mappings write_mappings_;
     std::uint32_t logical_first_ = 1;
     std::uint32_t logical_last_ = 0;
     std::uint32_t configuration_ = 0;
     std::uint32_t loops_written_ = 0;
+    std::uint32_t al_events_ = 0;  // AL event request, 0x0220
+    std::size_t writes_ = 0;
+    std::size_t write_bytes_used_ = 0;
+    std::uint16_t effects_ = 0;  // bits of Effect: registers read that do something at the end of the frame
     std::uint16_t irq_ = 0;
     bool alias_enabled_ = false;
     bool al_control_unread_ = false;
     bool register_writes_enabled_ = false;  // by 0x0020 in this frame
     bool esc_writes_enabled_ = false;       // by 0x0030 in this frame
+    bool protected_ = false;                // 0x0021 or 0x0031
+    bool halted_ = false;
+    bool dc_on_ = false;
+    bool end_expected_ = false;             // of the frame now passing
+    bool exchanges_ = false;  // a logical octet is read and written
+    std::vector<std::byte> ram_;
+    SyncManagers sync_managers_;
+    Mappings read_mappings_;
+    Mappings write_mappings_;
+    Watchdogs watchdogs_;
+    EscDescription description_;
+    RegisterFile registers_;
+    SiiUnit sii_;
+    MiiUnit mii_;
+    DcClock clock_;
+    SyncUnit sync_;
 
     // What the frame now passing has written into registers, and read with an effect.
     static constexpr std::size_t kMaxWrites = 128;
     std::array<Write, kMaxWrites> write_list_{};
     std::array<std::byte, 1536> write_bytes_{};
-    std::size_t writes_ = 0;
-    std::size_t write_bytes_used_ = 0;
     std::array<std::uint8_t, 2> reset_step_{};  // of the magic word in 0x0040 and 0x0041
     bool reset_wanted_ = false;
-    bool halted_ = false;
-    bool dc_on_ = false;
-    std::uint32_t compare_with_ = 0;  // low half of what was written to the system time
-    std::uint16_t link_bits_ = 0;
-    std::uint16_t effects_ = 0;  // bits of Effect: registers read that do something at the end of the frame
-
-    Time now_{};
-    Time firmware_due_ = kNever;
-    Time loops_end_ = kNever;  // of temporary loop settings
     std::uint8_t lasting_loops_ = 0;
-    Time next_event_ = kNever;
+    std::uint16_t link_bits_ = 0;
+    std::uint32_t compare_with_ = 0;  // low half of what was written to the system time
+    Time loops_end_ = kNever;         // of temporary loop settings
 };
 
 }  // namespace margay::sim

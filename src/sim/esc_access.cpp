@@ -37,7 +37,9 @@ bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, 
             any |= access_plain(side, write, address, data, count, at);
         } else {
             const auto n = static_cast<unsigned>(part.channel);
-            if (const auto shift = sync_managers_.open(n, side, write, address, part.stop, events)) {
+            const bool allowed = !write || side == Side::pdi || writable(address);
+            if (const auto shift = allowed ? sync_managers_.open(n, side, write, address, part.stop, events)
+                                           : std::nullopt) {
                 const bool done = address < reg::kProcessRam
                                       ? access_plain(side, write, address, data, count, at)
                                       : access_ram(write, address + *shift, data, count);
@@ -94,6 +96,7 @@ bool Esc::read_registers(Side side, std::uint32_t address, std::byte* data, std:
 
 // May the master write here at all? ESC data sheets, "Write protection".
 bool Esc::writable(std::uint32_t address) const {
+    if (!protected_) return true;
     const auto protects = [this](wire::Register r) {
         return (registers_.get<std::uint8_t>(r.address) & 1) != 0;
     };
@@ -159,6 +162,7 @@ bool Esc::write_registers_pdi(std::uint32_t address, const std::byte* data, std:
 }
 
 std::vector<std::byte> Esc::peek(std::uint16_t address, std::size_t count) const {
+    sync_managers_.settle();
     std::vector<std::byte> octets(count);
     for (std::size_t i = 0; i < count; ++i) {
         const auto a = address + i;

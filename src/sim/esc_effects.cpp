@@ -43,6 +43,7 @@ void Esc::frame_end(const FrameEnd& end) {
     const bool good = end.good;
     const Time at = end.at;
     now_ = std::max(now_, at);
+    end_expected_ = false;
     const auto effects = std::exchange(effects_, std::uint16_t{0});
     if (good)
         for (std::size_t i = 0; i < writes_; ++i) take_over(write_list_[i], end);
@@ -112,6 +113,10 @@ void Esc::take_over(const Write& write, const FrameEnd& end) {
 void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time at) {
     const Range range{address, static_cast<std::uint32_t>(address + length)};
     if (range.meets(reg::kStationAddress) || range.meets(reg::kStationAlias)) ++configuration_;
+    if (range.meets(reg::kWriteRegisterProtection) || range.meets(reg::kEscWriteProtection))
+        protected_ = ((registers_.get<std::uint8_t>(reg::kWriteRegisterProtection.address) |
+                       registers_.get<std::uint8_t>(reg::kEscWriteProtection.address)) &
+                      1) != 0;
     if (range.meets(reg::kDlControl)) {
         alias_enabled_ = (registers_.get<std::uint32_t>(reg::kDlControl.address) & 0x01000000) != 0;
         temporary_loops(at);
@@ -154,6 +159,7 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
             if (!from_pdi && range.covers(channel.address + wire::SyncManagerLayout::activate::offset))
                 set_al_events(wire::al_event::kSmActivation, at);
         }
+        link_mappings();
         watchdogs_.set_fed(sync_managers_.feeds_watchdog(), at);
         schedule();
     }
@@ -231,6 +237,9 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
         if (watchdogs_.settle(at).process_data) set_al_events(wire::al_event::kWatchdog, at);
         schedule();
     }
+    if (range.meets(reg::kAlEventRequest)) registers_.set(reg::kAlEventRequest.address, al_events_);
+    if (range.meets(kSyncManagerArea, kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride))
+        sync_managers_.settle();
     if (!dc_on_) return;
     if (range.meets(reg::kSystemTime)) {
         // The master reads what the copy was when the frame passed the reference clock, the PDI what it is.

@@ -55,17 +55,41 @@ void Esc::reload_mappings() {
     const bool none = read_mappings_.count + write_mappings_.count == 0;
     logical_first_ = none ? 1 : static_cast<std::uint32_t>(first);
     logical_last_ = none ? 0 : static_cast<std::uint32_t>(std::min<std::uint64_t>(last, UINT32_MAX));
+    exchanges_ = false;
+    for (unsigned r = 0; r < read_mappings_.count; ++r)
+        for (unsigned w = 0; w < write_mappings_.count; ++w)
+            exchanges_ |= read_mappings_.at[r].logical / 8 <= (write_mappings_.at[w].logical_end - 1) / 8 &&
+                          write_mappings_.at[w].logical / 8 <= (read_mappings_.at[r].logical_end - 1) / 8;
+    link_mappings();
     ++configuration_;
 }
 
-// What goes into the slave is what came in, even where its own data goes out at the same place: it is written before
-// it is overwritten, from a window where both may happen.
+// The usual case, found once: an FMMU over one SyncManager's buffer.
+void Esc::link_mappings() {
+    for (auto* mappings : {&read_mappings_, &write_mappings_})
+        for (unsigned n = 0; n < mappings->count; ++n) {
+            auto& mapping = mappings->at[n];
+            const auto start = mapping.physical / 8;
+            const auto stop = start + (mapping.logical_end - mapping.logical) / 8;
+            mapping.channel = static_cast<std::int8_t>(
+                mapping.octets && stop <= 0xFFFF
+                    ? sync_managers_.exactly_at(static_cast<std::uint32_t>(start), static_cast<std::uint32_t>(stop))
+                    : -1);
+        }
+}
+
 std::uint16_t Esc::ecat_logical(bool read, bool write, std::uint32_t address, MutableBytes data, Time at) {
     if (!read) return map_all(write_mappings_, true, address, data, at) ? 1 : 0;
     if (!write) return map_all(read_mappings_, false, address, data, at) ? 1 : 0;
     if ((description_.features & wire::features::kLrwNotSupported) != 0) return 0;
-    if (write_mappings_.count == 0) return map_all(read_mappings_, false, address, data, at) ? 1 : 0;
-    if (read_mappings_.count == 0) return map_all(write_mappings_, true, address, data, at) ? 2 : 0;
+    if (exchanges_) return ecat_exchange(address, data, at);
+    const bool was_read = map_all(read_mappings_, false, address, data, at);
+    const bool was_written = map_all(write_mappings_, true, address, data, at);
+    return static_cast<std::uint16_t>((was_read ? 1 : 0) + (was_written ? 2 : 0));
+}
+
+// What goes into the slave is what came in, though its own data goes out at the same place: what is read waits aside.
+std::uint16_t Esc::ecat_exchange(std::uint32_t address, MutableBytes data, Time at) {
     const auto end =
         std::min<std::uint64_t>(std::uint64_t{logical_last_} + 1, std::uint64_t{address} + data.size());
     const std::uint64_t begin = std::max<std::uint64_t>(logical_first_, address);
@@ -91,10 +115,27 @@ bool Esc::map(const Mapping& mapping, bool write, std::uint32_t address, Mutable
     const std::uint64_t first = std::max(mapping.logical, std::uint64_t{address} * 8);
     const std::uint64_t end = std::min(mapping.logical_end, (std::uint64_t{address} + data.size()) * 8);
     if (first >= end) return false;
+    if (mapping.channel >= 0 && first == mapping.logical && end == mapping.logical_end)
+        return map_buffer(mapping, write, data.data() + (first / 8 - address), at);
     if (!mapping.octets) return map_bits(mapping, write, first, end, address, data, at);
     const auto physical = static_cast<std::uint32_t>((mapping.physical + (first - mapping.logical)) / 8);
     return access(Side::ecat, write, physical, data.data() + (first / 8 - address),
                   static_cast<std::size_t>((end - first) / 8), at);
+}
+
+bool Esc::map_buffer(const Mapping& mapping, bool write, std::byte* data, Time at) {
+    const auto n = static_cast<unsigned>(mapping.channel);
+    const auto start = static_cast<std::uint32_t>(mapping.physical / 8);
+    const auto length = static_cast<std::size_t>((mapping.logical_end - mapping.logical) / 8);
+    const auto stop = static_cast<std::uint32_t>(start + length);
+    if (write && !writable(start)) return false;
+    SyncManagers::Events events;
+    const auto shift = sync_managers_.open(n, Side::ecat, write, start, stop, events);
+    if (!shift) return false;
+    const bool done = access_ram(write, start + *shift, data, length);
+    if (done) sync_managers_.touched(n, Side::ecat, stop, events);
+    handle(events, at);
+    return done;
 }
 
 // Bits that do not lie on octets. A write leaves the slave's other bits of an octet as they are.

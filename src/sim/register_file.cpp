@@ -46,7 +46,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
     add(reg::kEcatEventMask, kActing);
     add(reg::kAlEventMask, kRead | kPdiWrite);
     add(reg::kEcatEventRequest, kPlain);
-    add(reg::kAlEventRequest, kPlain);
+    add(reg::kAlEventRequest, kRead | kDynamic);
     add(reg::kRxErrorCounter, kActing);
     add(reg::kForwardedRxErrorCounter, kActing);
     add(reg::kProcessingUnitErrorCounter, kActing);
@@ -76,7 +76,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
     for (unsigned n = 0; n < esc.sync_managers; ++n) {
         const auto at = reg::sync_manager(n).address;
         add({at, 5}, kActing);
-        add({static_cast<std::uint16_t>(at + 5), 1}, kPlain);
+        add({static_cast<std::uint16_t>(at + 5), 1}, kRead | kDynamic);
         add({static_cast<std::uint16_t>(at + 6), 1}, kActing | kReadEffect);
         add({static_cast<std::uint16_t>(at + 7), 1}, kRead | kPdiWrite | kWriteEffect);
     }

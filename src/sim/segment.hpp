@@ -102,13 +102,12 @@ class Segment {
     };
     struct Node {
         std::unique_ptr<Esc> esc;
-        std::array<Cable, kMaxPorts> cables{};
-        std::array<bool, kMaxPorts> link{};
-        std::array<bool, kMaxPorts> open{};
         std::uint32_t loops_written = 0;
         std::uint32_t configuration = 0;
         bool powered = false;
-        bool touched = false;
+        std::array<bool, kMaxPorts> link{};
+        std::array<bool, kMaxPorts> open{};
+        std::array<Cable, kMaxPorts> cables{};
     };
     struct Visit {  // a processing unit on the way
         std::uint32_t slave = 0;
@@ -127,6 +126,8 @@ class Segment {
         std::vector<Hop> hops;
         std::vector<std::array<Duration, kMaxPorts>> ports;  // by visit; negative: nothing came in there
         std::vector<std::uint32_t> visit_of;                 // by slave
+        std::vector<Esc*> esc;
+        std::vector<std::uint32_t> configuration;
         std::vector<std::uint16_t> station;
         std::vector<std::uint32_t> alias;  // above 0xFFFF: not enabled
         std::vector<std::uint32_t> logical_first;

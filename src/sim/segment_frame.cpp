@@ -168,7 +168,7 @@ void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bo
     const auto ado = load_le<std::uint16_t>(bytes, offset + 4);
     const std::size_t length = load_le<std::uint16_t>(bytes, offset + 6) & 0x07FF;
     const auto data = bytes.subspan(offset + wire::kDatagramHeaderBytes, length);
-    auto& esc = slave(frame.route.visits[visit].slave);
+    auto& esc = *frame.route.esc[visit];
     const Time at = frame.start + frame.route.visits[visit].offset;
     if (read && write && (esc.description().features & wire::features::kReadWriteNotSupported) != 0) return;
 
@@ -206,12 +206,16 @@ void Segment::logical(Frame& frame, std::size_t offset, bool read, bool write) {
         static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{address} + length - 1, UINT32_MAX));
     const auto* firsts = frame.route.logical_first.data();
     const auto* lasts = frame.route.logical_last.data();
+    const auto meant = [&](std::uint32_t v) {
+        return lasts[v] >= address && firsts[v] <= last && firsts[v] <= lasts[v];
+    };
+    constexpr std::uint32_t kAhead = 3;  // so far the memory of those to come is fetched before it is needed
     for (std::uint32_t v = 0; v < frame.visits; ++v) {
-        if (lasts[v] < address || firsts[v] > last) continue;
-        if (firsts[v] > lasts[v]) continue;
-        const auto& visit = frame.route.visits[v];
-        const auto count =
-            slave(visit.slave).ecat_logical(read, write, address, data, frame.start + visit.offset);
+        if (v + 2 * kAhead < frame.visits && meant(v + 2 * kAhead)) frame.route.esc[v + 2 * kAhead]->fetch_state();
+        if (v + kAhead < frame.visits && meant(v + kAhead)) frame.route.esc[v + kAhead]->fetch_buffers();
+        if (!meant(v)) continue;
+        const auto count = frame.route.esc[v]->ecat_logical(read, write, address, data,
+                                                            frame.start + frame.route.visits[v].offset);
         if (count != 0) add_wkc(bytes, offset + wire::kDatagramHeaderBytes + length, count);
         touch(frame, v);
     }
@@ -229,26 +233,21 @@ void Segment::multiple_write(Frame& frame, std::size_t offset, bool by_position)
 }
 
 void Segment::touch(Frame& frame, std::uint32_t visit) {
-    auto& node = nodes_[frame.route.visits[visit].slave];
-    if (node.touched || !node.esc->frame_pending()) return;
-    node.touched = true;
-    touched_.push_back(visit);
+    if (frame.route.esc[visit]->newly_pending()) touched_.push_back(visit);
 }
 
 void Segment::end_frame(Frame& frame) {
     for (const auto v : touched_) {
-        const auto& visit = frame.route.visits[v];
-        auto& node = nodes_[visit.slave];
-        node.touched = false;
-        FrameEnd end{
-            frame.well_formed, frame.start + visit.offset + frame.duration, frame.start + visit.offset, {}};
-        for (unsigned p = 0; p < kMaxPorts; ++p) {
+        auto& esc = *frame.route.esc[v];
+        const Time passed = frame.start + frame.route.visits[v].offset;
+        FrameEnd end{frame.well_formed, passed + frame.duration, passed, {}};
+        for (unsigned p = 0; p < kMaxPorts && esc.register_writes_pending(); ++p) {  // who may latch them
             const auto offset = frame.route.ports[v][p];
             end.ports[p] = offset < Duration::zero() ? kNever : frame.start + offset;
         }
-        node.esc->frame_end(end);
-        schedule(visit.slave);
-        if (node.configuration != node.esc->configuration()) note_change(visit.slave);
+        esc.frame_end(end);
+        next_event_ = std::min(next_event_, esc.next_event());
+        if (frame.route.configuration[v] != esc.configuration()) note_change(frame.route.visits[v].slave);
     }
     touched_.clear();
     if (!frame.well_formed)

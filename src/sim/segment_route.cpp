@@ -87,6 +87,8 @@ void Segment::build(Route& route, unsigned master_port) {
     if (master_link(master_port)) walk(route, cable.to, cable.delay);
 
     const auto count = route.visits.size();
+    route.esc.assign(count, nullptr);
+    route.configuration.assign(count, 0);
     route.station.assign(count, 0);
     route.alias.assign(count, kNobody);
     route.logical_first.assign(count, 1);
@@ -152,6 +154,8 @@ void Segment::note(Route& route, std::uint32_t visit) {
     const auto& esc = *node.esc;
     node.configuration = esc.configuration();
     const auto irq_before = route.irq[visit];
+    route.esc[visit] = node.esc.get();
+    route.configuration[visit] = esc.configuration();
     route.station[visit] = esc.station();
     route.alias[visit] = esc.alias_enabled() ? esc.alias() : kNobody;
     route.logical_first[visit] = esc.logical_first();

@@ -45,6 +45,7 @@ Time SiiFirmware::step(Time now) {
         clear_outputs();
     }
     Time next = kNever;
+    const auto before = esm_ ? esm_->state() : AlState::none;
     if (esm_) {
         next = esm_->step(now, events);
         if ((events & al_event::kWatchdog) != 0) {
@@ -54,15 +55,14 @@ Time SiiFirmware::step(Time now) {
                 esm_->fall_back(AlState::safeop, subdevice::AlStatusCode::sync_manager_watchdog, now);
         }
         if (mail_) next = std::min(next, serve_mail(now, events));
-    } else {
+    } else if ((events & al_event::kSmActivation) != 0) {
         // Reading the activate octets is what clears the event.
         std::array<std::byte, reg::kSyncManagerStride> raw{};
         esc_->read(reg::sync_manager(0).address, raw);
     }
-    if (esm_ || (events & (al_event::kSmActivation | kSyncManagerEvents)) != 0) {
-        configure();
-        write_inputs();
-    }
+    const bool changed = (events & al_event::kSmActivation) != 0 || (esm_ && esm_->state() != before);
+    if (changed) configure();
+    if (changed || (events & kSyncManagerEvents) != 0) write_inputs();
     return next;
 }
 

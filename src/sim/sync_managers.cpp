@@ -34,7 +34,7 @@ void SyncManagers::power_up(RegisterFile& registers, unsigned count, std::uint32
     count_ = count;
     ram_end_ = reg::kProcessRam + ram_bytes;
     channels_.fill({});
-    enabled_ = closing_ = 0;
+    enabled_ = closing_ = stale_ = 0;
 }
 
 void SyncManagers::reconfigure(unsigned n) {
@@ -99,7 +99,7 @@ std::optional<std::uint32_t> SyncManagers::open(unsigned n, Side side, bool writ
             ~(write ? wire::sm_status::kInterruptRead : wire::sm_status::kInterruptWrite));
         if (side == Side::pdi)
             events.al_clear |= wire::al_event::sync_manager(n);
-        else
+        else if ((channel.control & wire::sm_control::kEcatInterrupt) != 0)
             events.ecat_clear |= ecat_event::sync_manager(n);
         show(n);
     } else if (!channel.opened[me]) {
@@ -115,6 +115,13 @@ void SyncManagers::touched(unsigned n, Side side, std::uint32_t stop, Events& ev
         closing_ |= 1u << n;
     else
         hand_over(n, side, events);
+}
+
+int SyncManagers::exactly_at(std::uint32_t start, std::uint32_t stop) const {
+    const auto part = part_at(start, stop);
+    if (part.channel < 0 || part.stop != stop || start < reg::kProcessRam) return -1;
+    const auto& channel = channels_[static_cast<std::size_t>(part.channel)];
+    return channel.start == start && channel.stop() == stop ? part.channel : -1;
 }
 
 bool SyncManagers::feeds_watchdog() const {
@@ -175,7 +182,7 @@ std::uint32_t SyncManagers::write_address(std::uint32_t address) const {
 }
 
 // ETG.1000.4 table "Sync manager channel", status octet.
-void SyncManagers::show(unsigned n) {
+std::uint8_t SyncManagers::status(unsigned n) const {
     const auto& channel = channels_[n];
     unsigned status = 0;
     if (channel.enabled && !channel.locked_by_pdi) {
@@ -192,7 +199,14 @@ void SyncManagers::show(unsigned n) {
             if (channel.opened[writer]) status |= wire::sm_status::kWriteBufferInUse;
         }
     }
-    registers_->set(field(n, Layout::status::offset), static_cast<std::uint8_t>(status));
+    return static_cast<std::uint8_t>(status);
+}
+
+void SyncManagers::settle() const {
+    for (auto left = std::exchange(stale_, 0u); left != 0; left &= left - 1) {
+        const auto n = static_cast<unsigned>(std::countr_zero(left));
+        registers_->set(field(n, Layout::status::offset), status(n));
+    }
 }
 
 }  // namespace margay::sim

@@ -21,9 +21,15 @@ class SyncManagers {
         std::uint16_t ecat_clear = 0;
         bool watchdog = false;  // process data came in on a channel that feeds the watchdog
         bool arrived = false;   // the master has handed a buffer over, with an event or without
+        [[nodiscard]] bool any() const {
+            return (al_set | al_clear | ecat_set | ecat_clear) != 0 || watchdog || arrived;
+        }
     };
 
     void power_up(RegisterFile& registers, unsigned count, std::uint32_t ram_bytes);
+
+    // Brings the status octets in the registers up to date.
+    void settle() const;
 
     // Channel n's registers have been written: takes them over.
     void reconfigure(unsigned n);
@@ -45,6 +51,9 @@ class SyncManagers {
                                                     std::uint32_t stop, Events& events);
     // The access has taken place. From ECAT the hand-over waits for the end of the frame.
     void touched(unsigned n, Side side, std::uint32_t stop, Events& events);
+
+    // The channel whose buffer is exactly [start, stop), as ECAT reaches it in the process RAM; −1: none.
+    [[nodiscard]] int exactly_at(std::uint32_t start, std::uint32_t stop) const;
 
     // Whether one that the master writes feeds the watchdog.
     [[nodiscard]] bool feeds_watchdog() const;
@@ -90,14 +99,16 @@ class SyncManagers {
     };
 
     void hand_over(unsigned n, Side side, Events& events);
-    void show(unsigned n);
+    void show(unsigned n) { stale_ |= 1u << n; }
+    [[nodiscard]] std::uint8_t status(unsigned n) const;
 
     RegisterFile* registers_ = nullptr;
-    std::array<Channel, kMaxSyncManagers> channels_{};
     std::uint32_t ram_end_ = 0;
     unsigned count_ = 0;
     std::uint32_t enabled_ = 0;  // channels in charge of their memory, the locked ones too
     std::uint32_t closing_ = 0;  // last octet touched in this frame
+    mutable std::uint32_t stale_ = 0;  // status octets that do not show yet what has happened
+    std::array<Channel, kMaxSyncManagers> channels_{};
 };
 
 }  // namespace margay::sim

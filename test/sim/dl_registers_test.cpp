@@ -87,6 +87,14 @@ TEST(WriteProtection, OfTheWholeEscCoversItsMemory) {
               1);
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x1000), 0x66);
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x1000, 0x77), 0);
+    // A SyncManager's buffer is part of it, by its address and by an FMMU.
+    (void)rig.frame({{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})},
+                     {Command::APWR, {RingPosition{0}, 0x0800}, bytes({0x00, 0x11, 2, 0, 0x24, 0, 1, 0})},
+                     {Command::APWR, {RingPosition{0}, 0x0600}, bytes({0, 0, 0, 0, 2, 0, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0})}});
+    const wire::DatagramAddress logical{LogicalAddress{0}};
+    EXPECT_EQ(rig.put<std::uint16_t>(0, 0x1100, 0x7777), 0);
+    EXPECT_EQ(rig.send(Command::LWR, logical, bytes({1, 2})).wkc, 0);
+    EXPECT_EQ(rig.frame({{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})}, {Command::LWR, logical, bytes({1, 2})}}).at(1).wkc, 1);
 }
 
 // ET1100 data sheet II, table "Register ESC Reset ECAT (0x0040)": R, E, S in consecutive frames; reading shows how far.
