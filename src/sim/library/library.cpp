@@ -5,7 +5,7 @@
 namespace margay::sim {
 
 std::span<const Blueprint* const> blueprints() {
-    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo, &kEncoder, &kDrive};
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo, &kEncoder, &kDrive, &kBootloader};
     return kAll;
 }
 

@@ -14,6 +14,7 @@ extern const Blueprint kDigitalIo;
 extern const Blueprint kAnalogIo;
 extern const Blueprint kEncoder;
 extern const Blueprint kDrive;
+extern const Blueprint kBootloader;
 
 // A device of that kind: its SII image generated from description and dictionary, its firmware ready to start.
 [[nodiscard]] Device build(const Blueprint& blueprint);
