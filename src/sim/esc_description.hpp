@@ -33,6 +33,7 @@ struct SiiTiming {
     Duration write = std::chrono::milliseconds(5);   // one word
     Duration reload = std::chrono::microseconds(700);
     bool reads_8_bytes = true;
+    unsigned nacks = 0;             // commands after power-up that the EEPROM does not acknowledge
     bool emulated = false;          // the firmware answers the commands (EEPROM emulation)
     std::uint16_t status_bits = 0;  // further bits that 0x0502 always shows (bit 4 of some chips)
 };

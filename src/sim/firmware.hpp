@@ -6,6 +6,8 @@
 
 #include <margay/time.hpp>
 
+#include <vector>
+
 namespace margay::sim {
 
 class ProcessDataFirmware;
@@ -22,9 +24,9 @@ class Firmware {
     // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants to be called at the latest, kNever when only events matter.
     virtual Time step(Time now) = 0;
 
-    // Manners to show from the next start on. False: this firmware has none.
-    virtual bool set_quirks(Quirks quirks) {
-        (void)quirks;
+    // A manner to show from the next start on; `sii` is the device's image. False: this firmware has none.
+    virtual bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
+        (void)quirk, (void)sii;
         return false;
     }
 

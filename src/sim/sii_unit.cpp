@@ -20,6 +20,7 @@ bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
     word_ = 0;
     busy_ = reloaded_ = false;
     done_ = kNever;
+    if (timing.nacks != 0) nacks_ = timing.nacks;
     const bool good = load_configuration(true);
     show();
     return good;

@@ -122,7 +122,7 @@ void Bootloader::cycle(Time now, bool) {
     Values::uptime::store(image_, static_cast<std::uint16_t>((now - started_) / 1s));
 }
 
-Verdict Bootloader::before(subdevice::Transition transition, Time) {
+Verdict Bootloader::may(subdevice::Transition transition, Time) {
     if (transition == subdevice::Transition{AlState::init, AlState::preop} && !valid_)
         return Verdict::refuse(AlStatusCode::no_valid_firmware);
     return Verdict::go();

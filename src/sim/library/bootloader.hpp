@@ -31,7 +31,7 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     [[nodiscard]] const subdevice::DeviceDescription& description() const override;
     void start(const Surroundings& around, Time now) override;
     void cycle(Time now, bool outputs_valid) override;
-    subdevice::Verdict before(subdevice::Transition transition, Time now) override;
+    [[nodiscard]] subdevice::Verdict may(subdevice::Transition transition, Time now) override;
     void after(subdevice::Transition transition, Time now) override;
     [[nodiscard]] subdevice::FoeStore* files() override { return this; }
     [[nodiscard]] bool wants_restart() override;

@@ -15,6 +15,10 @@ extern const Blueprint kAnalogIo;
 extern const Blueprint kEncoder;
 extern const Blueprint kDrive;
 extern const Blueprint kBootloader;
+extern const Blueprint kOddDevice;
+
+// The SII image of a kind, with PDO assignment as `dictionary` has it now.
+[[nodiscard]] std::vector<std::byte> sii_of(const Blueprint& blueprint, const subdevice::ObjectDictionary& dictionary);
 
 // A device of that kind: its SII image generated from description and dictionary, its firmware ready to start.
 [[nodiscard]] Device build(const Blueprint& blueprint);

@@ -24,6 +24,15 @@ class Model : public subdevice::Application {
   public:
     virtual ~Model() = default;
 
+    void begin(const Surroundings& around, Time now);
+    // May the transition happen? What Application::before() asks, once the quirks have nothing against it.
+    [[nodiscard]] virtual subdevice::Verdict may(subdevice::Transition transition, Time now) {
+        (void)transition, (void)now;
+        return subdevice::Verdict::go();
+    }
+    subdevice::Verdict before(subdevice::Transition transition, Time now) final;
+    void dropped(subdevice::Transition) override { slow_until_ = kNever; }
+
     // The firmware starts: every object has its initial value.
     virtual void start(const Surroundings& around, Time now) { (void)around, (void)now; }
     // What happens whether the master asks or not. Returns when it wants to be called at the latest.
@@ -42,7 +51,6 @@ class Model : public subdevice::Application {
     [[nodiscard]] subdevice::DiagnosisHistory* diagnosis() override { return &diagnosis_; }
 
     void set_quirks(Quirks quirks) { quirks_ = quirks; }
-    [[nodiscard]] bool has(Quirk quirk) const { return quirks_.has(quirk); }
 
     static constexpr std::uint8_t kErrorLines = 8;
     static constexpr std::uint8_t kDiagnosisLines = 8;
@@ -57,7 +65,12 @@ class Model : public subdevice::Application {
     std::array<std::byte, 32 * kDiagnosisLines> diagnosis_memory_{};
     subdevice::Emergencies emergencies_{queue_, history_};
     subdevice::DiagnosisHistory diagnosis_{diagnosis_memory_, kDiagnosisLines};
+    [[nodiscard]] subdevice::AlStatusCode objection(subdevice::Transition transition);
+
     Quirks quirks_;
+    subdevice::EscAccess* pdi_ = nullptr;
+    Time slow_until_ = kNever;
+    bool op_refused_ = false;
 };
 
 // A kind of device. Description and objects are constants; everything else is generated from them.

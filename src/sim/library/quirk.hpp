@@ -42,6 +42,7 @@ enum class Quirk : std::uint8_t {
     toggle_stuck,
     no_assignment,
     few_mapping_entries,
+    coe_disagrees,
     other_pdos,
 };
 

@@ -1,5 +1,6 @@
 #include "sim/library/stack_firmware.hpp"
 
+#include "sim/library/library.hpp"
 #include "subdevice/esm_checks.hpp"
 
 #include <algorithm>
@@ -38,10 +39,14 @@ void StackFirmware::start(subdevice::EscAccess& esc, Time now) {
     away_until_ = kNever;
     dictionary_.restore_defaults();
     dictionary_.block_downloads(nullptr);
-    process_data_.emplace(esc, *model_, dictionary_, process_memory_);
-    mailbox_.emplace(esc, MutableBytes(receive_), MutableBytes(send_), protocols_);
-    device_.emplace(esc, *model_, *process_data_, &*mailbox_);
-    model_->start({&esc, &dictionary_, &*device_}, now);
+    if (quirks_.has(Quirk::other_pdos) || quirks_.has(Quirk::coe_disagrees)) assign_other_pdos();
+    odd_pdi_.attach(esc, quirks_);
+    const bool odd = quirks_.any();
+    auto& pdi = odd ? static_cast<subdevice::EscAccess&>(odd_pdi_) : esc;
+    process_data_.emplace(pdi, *model_, dictionary_, process_memory_);
+    mailbox_.emplace(pdi, MutableBytes(receive_), MutableBytes(send_), odd ? odd_protocols_ : protocols_);
+    device_.emplace(pdi, *model_, *process_data_, &*mailbox_);
+    model_->begin({&esc, &dictionary_, &*device_}, now);
     device_->start(now);
 }
 
@@ -51,15 +56,40 @@ Time StackFirmware::step(Time now) {
         start(*esc_, now);
     }
     const auto beside = model_->advance(now);
-    const auto next = std::min(beside, device_->step(now));
+    const auto next = std::min({beside, device_->step(now), odd_pdi_.next()});
     if (!model_->wants_restart()) return next;
     away_until_ = now + model_->restart_time();
     return away_until_;
 }
 
-bool StackFirmware::set_quirks(Quirks quirks) {
-    model_->set_quirks(quirks);
+bool StackFirmware::add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
+    quirks_.add(quirk);
+    model_->set_quirks(quirks_);
+    if (odd_protocols_.empty()) {
+        odd_protocols_.push_back(
+            {wire::MailboxType::coe, &odd_coe_.emplace(coe_, wire::MailboxType::coe, receive_.size())});
+        if (foe_)
+            odd_protocols_.push_back(
+                {wire::MailboxType::foe, &odd_foe_.emplace(*foe_, wire::MailboxType::foe, receive_.size()), true});
+    }
+    odd_coe_->set_quirks(quirks_);
+    if (odd_foe_) odd_foe_->set_quirks(quirks_);
+    if (quirk == Quirk::other_pdos) {
+        assign_other_pdos();
+        sii = sii_of(blueprint_, dictionary_);
+    }
     return true;
+}
+
+// The second PDO of each direction where there are two and the first one is assigned.
+void StackFirmware::assign_other_pdos() {
+    for (const std::uint16_t index : {subdevice::kOutputAssignment, subdevice::kInputAssignment}) {
+        const auto* const assignment = dictionary_.find(index);
+        if (assignment == nullptr || assignment->entry(1) == nullptr) continue;
+        const auto other = static_cast<std::uint16_t>(dictionary_.number(index, 1) + 1);
+        const auto memory = dictionary_.in_image(*assignment->entry(1), 1);
+        if (memory.size() == 2 && dictionary_.find(other) != nullptr) store_le<std::uint16_t>(memory, 0, other);
+    }
 }
 
 Bytes StackFirmware::outputs() {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include "sim/library/model.hpp"
+#include "sim/library/odd_mail.hpp"
+#include "sim/library/odd_pdi.hpp"
 #include "sim/process_data.hpp"
 #include "subdevice/coe_server.hpp"
 
@@ -18,7 +20,7 @@ class StackFirmware final : public ProcessDataFirmware {
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
-    bool set_quirks(Quirks quirks) override;
+    bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) override;
 
     // What the model measures; what the master has sent.
     [[nodiscard]] MutableBytes inputs() override { return model_->measured(); }
@@ -29,6 +31,8 @@ class StackFirmware final : public ProcessDataFirmware {
     [[nodiscard]] subdevice::ObjectDictionary& dictionary() { return dictionary_; }
 
   private:
+    void assign_other_pdos();
+
     const Blueprint& blueprint_;
     std::unique_ptr<Model> model_;
     std::vector<std::byte> image_;
@@ -37,6 +41,11 @@ class StackFirmware final : public ProcessDataFirmware {
     subdevice::CoeServer coe_;
     std::optional<subdevice::FoeServer> foe_;
     std::vector<subdevice::MailboxProtocol> protocols_;
+    std::vector<subdevice::MailboxProtocol> odd_protocols_;  // the same behind manners
+    std::optional<OddMail> odd_coe_;
+    std::optional<OddMail> odd_foe_;
+    OddPdi odd_pdi_;
+    Quirks quirks_;
     std::vector<std::byte> receive_;
     std::vector<std::byte> send_;
     subdevice::ProcessDataMemory<1024, 1024, 64> process_memory_;
