@@ -3,6 +3,7 @@
 #include "common/segment_chip.hpp"
 
 #include "sim/devices.hpp"
+#include "sim/library/quirks.hpp"
 #include "wire/sii.hpp"
 
 #include <fmt/format.h>
@@ -137,7 +138,7 @@ class Builder : private DescriptionReader {
             "dc",           "features",        "type",        "revision",      "build",
             "sii_read_us",  "sii_write_us",    "sii_8_bytes", "sii_status",    "power",
             "cable_broken", "emulated_eeprom", "station",     "preset",        "ports",
-            "firmware_us",  "count"};
+            "firmware_us",  "count",           "quirks"};
         if (const auto fault = check_keys(table, kKnown, "a slave")) return fault;
         std::int64_t count = 1;
         if (const auto fault = optional_integer(table, "count", 1, 65535, count)) return fault;
@@ -154,6 +155,7 @@ class Builder : private DescriptionReader {
     Fault one_of(const toml::table& table, std::int64_t n, std::int64_t count) {
         sim::Device device;
         if (const auto fault = make(table, device)) return fault;
+        if (const auto fault = quirks(table, device)) return fault;
         if (const auto fault = adjust_image(*this, table, device.sii)) return fault;
         if (const auto fault = adjust_chip(*this, table, device.chip)) return fault;
 
@@ -240,6 +242,26 @@ class Builder : private DescriptionReader {
             return at(*by_name, fmt::format("there is no device '{}' in the library; there are: {}", what,
                                             fmt::join(sim::device_names(), ", ")));
         device = std::move(*made);
+        return {};
+    }
+
+    // quirks = ["replies_twice", …]
+    Fault quirks(const toml::table& table, sim::Device& device) const {
+        const auto* node = table.get("quirks");
+        if (node == nullptr) return {};
+        const auto* list = node->as_array();
+        if (list == nullptr) return at(*node, "'quirks' is a list of names: [\"replies_twice\", …]");
+        for (const auto& entry : *list) {
+            std::string name;
+            if (const auto fault = text(entry, "quirks", name)) return fault;
+            if (sim::add_quirk(device, name)) continue;
+            const auto all = sim::quirks();
+            if (std::any_of(all.begin(), all.end(), [&](const auto& q) { return q.name == name; }))
+                return at(entry, fmt::format("'{}' is a manner of the slave stack, which this device does not run", name));
+            std::string names;
+            for (const auto& quirk : all) names += fmt::format("{}{}", names.empty() ? "" : ", ", quirk.name);
+            return at(entry, fmt::format("there is no quirk '{}'; there are: {}", name, names));
+        }
         return {};
     }
 

@@ -25,6 +25,8 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
         {kCoupler + "colour = 3\n", "plant.toml: line 4: 'colour' is nothing that a slave has; it has: name, device"},
         {"[[slave]]\nname = \"a\"\n", "plant.toml: line 1: a slave is made by either 'device' or 'sii'"},
         {kCoupler + "sii = \"x.bin\"\n", "plant.toml: line 1: a slave is made by either 'device' or 'sii'"},
+        {"[[slave]]\ndevice = \"odd_device\"\nquirks = [\"polite\"]\n", "plant.toml: line 3: there is no quirk 'polite'; there are: sii_blank"},
+        {"[[slave]]\ndevice = \"coupler\"\nquirks = [\"replies_twice\"]\n", "plant.toml: line 3: 'replies_twice' is a manner of the slave stack, which this device does not run"},
         {"[[slave]]\ndevice = \"toaster\"\n", "plant.toml: line 2: there is no device 'toaster' in the library; there are: coupler"},
         {"[[slave]]\nsii = \"gone.bin\"\n", "plant.toml: line 2: cannot read the SII image '/nowhere/gone.bin'"},
         // Loops, double ports, missing parents.
