@@ -100,7 +100,7 @@ TEST(SiiQuirks, ShowInTheImage) {
     for (const auto& area : off.areas) EXPECT_EQ(area.info.length_bytes, 0);
     EXPECT_EQ(plain.name, "Device of odd manners");
     EXPECT_NE(read_sii_model(odd({"sii_null_strings"}).sii).name, plain.name);
-    EXPECT_NO_FATAL_FAILURE(read_sii_model(odd({"sii_endless"}).sii));
+    EXPECT_LE(read_sii_model(odd({"sii_endless"}).sii).areas.size(), 2u);
     EXPECT_NE(odd({"sii_endless"}).sii, odd({}).sii);
 }
 

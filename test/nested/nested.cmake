@@ -26,10 +26,16 @@ add_test(NAME install/consumer_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install
 set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer)
 
 # What an embedder builds.
-margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++
+margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
               DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
                      CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
               TARGETS margay_wire margay margay_subdevice)
+
+# What a device with CoE and FoE takes on a microcontroller.
+add_test(NAME embedded/footprint
+         COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"
+                 "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
+set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The other compiler.
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16

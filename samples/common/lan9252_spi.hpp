@@ -1,0 +1,187 @@
+// The slave stack's ESC access over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and 12 "EtherCAT"):
+// registers of the ESC by the CSR pair, process memory by the two FIFOs. No heap, no exceptions, nothing but the SPI below it.
+#pragma once
+
+#include "subdevice/esc_access.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace margay::samples {
+
+// What the board gives: one SPI transfer with chip select held, in both directions at once, and a clock.
+class SpiBus {
+  public:
+    virtual void transfer(MutableBytes in_and_out) noexcept = 0;
+    [[nodiscard]] virtual Time now() noexcept = 0;
+
+  protected:
+    ~SpiBus() = default;
+};
+
+class Lan9252 final : public subdevice::EscAccess {
+  public:
+    explicit Lan9252(SpiBus& spi) : spi_(spi) {}
+
+    // After reset: waits until the chip tells its byte order and that it is ready. False: it did not within `tries` reads.
+    [[nodiscard]] bool begin(unsigned tries = 100'000) noexcept {
+        for (; tries > 0; --tries)
+            if (load(kByteTest) == kByteTestValue && (load(kHardwareConfig) & kReady) != 0) return true;
+        return false;
+    }
+    // The IRQ pin (push-pull, active high) follows the AL event request under its mask (0x0204).
+    void enable_interrupt() noexcept {
+        store(kInterruptConfig, kIrqEnable | kIrqActiveHigh | kIrqPushPull);
+        store(kInterruptEnable, kEtherCatEvent);
+    }
+    // An access that the chip has never completed; what was read then is zero.
+    [[nodiscard]] bool failed() const noexcept { return failed_; }
+
+    void read(std::uint16_t address, MutableBytes into) noexcept override {
+        while (!into.empty()) {
+            const auto bytes = address < kProcessRam ? csr_bytes(address, into.size())
+                                                     : std::min(into.size(), kBlockBytes);
+            const auto part = into.first(bytes);
+            if (address < kProcessRam) {
+                read_csr(address, part);
+            } else {
+                read_fifo(address, part);
+            }
+            address = static_cast<std::uint16_t>(address + bytes);
+            into = into.subspan(bytes);
+        }
+    }
+    void write(std::uint16_t address, Bytes data) noexcept override {
+        while (!data.empty()) {
+            const auto bytes = address < kProcessRam ? csr_bytes(address, data.size())
+                                                     : std::min(data.size(), kBlockBytes);
+            const auto part = data.first(bytes);
+            if (address < kProcessRam) {
+                write_csr(address, part);
+            } else {
+                write_fifo(address, part);
+            }
+            address = static_cast<std::uint16_t>(address + bytes);
+            data = data.subspan(bytes);
+        }
+    }
+    [[nodiscard]] Time now() noexcept override { return spi_.now(); }
+
+  private:
+    static constexpr std::uint16_t kProcessRam = 0x1000;
+    // System registers.
+    static constexpr std::uint16_t kReadFifo = 0x000;
+    static constexpr std::uint16_t kWriteFifo = 0x020;
+    static constexpr std::uint16_t kInterruptConfig = 0x054;
+    static constexpr std::uint16_t kInterruptEnable = 0x05C;
+    static constexpr std::uint16_t kByteTest = 0x064;
+    static constexpr std::uint16_t kHardwareConfig = 0x074;
+    static constexpr std::uint16_t kCsrData = 0x300;
+    static constexpr std::uint16_t kCsrCommand = 0x304;
+    static constexpr std::uint16_t kReadAddress = 0x308;
+    static constexpr std::uint16_t kReadCommand = 0x30C;
+    static constexpr std::uint16_t kWriteAddress = 0x310;
+    static constexpr std::uint16_t kWriteCommand = 0x314;
+    // Their bits.
+    static constexpr std::uint32_t kByteTestValue = 0x87654321;
+    static constexpr std::uint32_t kReady = 1u << 27;
+    static constexpr std::uint32_t kIrqEnable = 1u << 8;
+    static constexpr std::uint32_t kIrqActiveHigh = 1u << 4;
+    static constexpr std::uint32_t kIrqPushPull = 1u << 0;
+    static constexpr std::uint32_t kEtherCatEvent = 1u << 0;
+    static constexpr std::uint32_t kBusy = 1u << 31;  // of all three commands
+    static constexpr std::uint32_t kCsrRead = 1u << 30;
+    static constexpr std::uint32_t kAbort = 1u << 30;  // of the FIFOs
+    static constexpr unsigned kCountShift = 8;         // of the FIFOs: double words there, or free
+    static constexpr std::uint32_t kCountMask = 0x1F;
+
+    static constexpr std::byte kSpiRead{0x03};
+    static constexpr std::byte kSpiWrite{0x02};
+    static constexpr std::size_t kSpiHead = 3;
+    static constexpr std::size_t kBlockBytes = 64 - 4;  // 16 double words, the first of which may begin late
+    static constexpr unsigned kPatience = 1000;         // reads of a busy bit
+
+    // The address of a transfer stays the same for all its double words: that is how the FIFOs are meant.
+    void transfer(std::byte instruction, std::uint16_t address, std::size_t bytes) noexcept {
+        buffer_[0] = instruction;
+        buffer_[1] = static_cast<std::byte>(address >> 8);
+        buffer_[2] = static_cast<std::byte>(address & 0xFF);
+        spi_.transfer(MutableBytes(buffer_).first(kSpiHead + bytes));
+    }
+    [[nodiscard]] std::uint32_t load(std::uint16_t address) noexcept {
+        transfer(kSpiRead, address, 4);
+        return load_le<std::uint32_t>(buffer_, kSpiHead);
+    }
+    void store(std::uint16_t address, std::uint32_t value) noexcept {
+        store_le<std::uint32_t>(buffer_, kSpiHead, value);
+        transfer(kSpiWrite, address, 4);
+    }
+    // Until the busy bit has gone; then the register as it is.
+    std::uint32_t settle(std::uint16_t command) noexcept {
+        for (unsigned n = 0; n < kPatience; ++n)
+            if (const auto value = load(command); (value & kBusy) == 0) return value;
+        failed_ = true;
+        return 0;
+    }
+    // Until the FIFO counts so many double words.
+    bool wait_for(std::uint16_t command, std::size_t words) noexcept {
+        for (unsigned n = 0; n < kPatience; ++n)
+            if ((load(command) >> kCountShift & kCountMask) >= words) return true;
+        failed_ = true;
+        return false;
+    }
+
+    // CSR accesses are of 1, 2 or 4 octets that lie on their own size.
+    static std::size_t csr_bytes(std::uint16_t address, std::size_t left) noexcept {
+        if (address % 4 == 0 && left >= 4) return 4;
+        return address % 2 == 0 && left >= 2 ? 2 : 1;
+    }
+    void read_csr(std::uint16_t address, MutableBytes into) noexcept {
+        store(kCsrCommand, kBusy | kCsrRead | static_cast<std::uint32_t>(into.size() << 16) | address);
+        (void)settle(kCsrCommand);
+        const auto value = load(kCsrData);
+        for (std::size_t i = 0; i < into.size(); ++i) into[i] = static_cast<std::byte>(value >> (8 * i));
+    }
+    void write_csr(std::uint16_t address, Bytes data) noexcept {
+        std::uint32_t value = 0;
+        for (std::size_t i = 0; i < data.size(); ++i) value |= std::to_integer<std::uint32_t>(data[i]) << (8 * i);
+        store(kCsrData, value);
+        store(kCsrCommand, kBusy | static_cast<std::uint32_t>(data.size() << 16) | address);
+        (void)settle(kCsrCommand);
+    }
+
+    // The first double word holds what lies at the address modulo four.
+    void read_fifo(std::uint16_t address, MutableBytes into) noexcept {
+        const std::size_t skipped = address % 4;
+        const auto words = (skipped + into.size() + 3) / 4;
+        store(kReadCommand, kAbort);
+        (void)settle(kReadCommand);
+        store(kReadAddress, static_cast<std::uint32_t>(into.size() << 16) | address);
+        store(kReadCommand, kBusy);
+        if (!wait_for(kReadCommand, words)) {
+            std::fill(into.begin(), into.end(), std::byte{0});
+            return;
+        }
+        transfer(kSpiRead, kReadFifo, 4 * words);
+        std::copy_n(buffer_.begin() + static_cast<std::ptrdiff_t>(kSpiHead + skipped), into.size(), into.begin());
+        (void)settle(kReadCommand);
+    }
+    void write_fifo(std::uint16_t address, Bytes data) noexcept {
+        const std::size_t skipped = address % 4;
+        const auto words = (skipped + data.size() + 3) / 4;
+        store(kWriteCommand, kAbort);
+        (void)settle(kWriteCommand);
+        store(kWriteAddress, static_cast<std::uint32_t>(data.size() << 16) | address);
+        store(kWriteCommand, kBusy);
+        if (!wait_for(kWriteCommand, words)) return;
+        std::copy(data.begin(), data.end(), buffer_.begin() + static_cast<std::ptrdiff_t>(kSpiHead + skipped));
+        transfer(kSpiWrite, kWriteFifo, 4 * words);
+        (void)settle(kWriteCommand);
+    }
+
+    SpiBus& spi_;
+    bool failed_ = false;
+    std::array<std::byte, kSpiHead + 64> buffer_{};
+};
+
+}  // namespace margay::samples
