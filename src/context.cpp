@@ -89,6 +89,7 @@ std::size_t Context::arena_peak_bytes() const { return network_->engine.arena().
 std::size_t Context::arena_bytes() const { return network_->engine.arena().capacity_bytes(); }
 
 void Context::close() {
+    if (network_ != nullptr) cancel_queued(*network_);
     if (network_ != nullptr) std::destroy_at(network_);
     network_ = nullptr;
 }

@@ -117,6 +117,11 @@ void start_queued(Context& ctx, Time now) {
     end_some(queue.waiting, Errc::timeout, [now](MailRequest& r) { return QueueAccess::deadline(r) <= now; });
 }
 
+void cancel_queued(Network& network) {
+    take_submitted(network.queue, Time::min());
+    end_some(network.queue.waiting, Errc::canceled, [](MailRequest&) { return true; });
+}
+
 // One that has not begun yet is taken off its list.
 void MailRequest::cancel() {
     if (RequestAccess::started(*this)) return Request::cancel();

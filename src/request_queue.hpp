@@ -29,6 +29,9 @@ void start_queued(Context& ctx, Time now);
 // Time in milliseconds, nearly, and without a division: steps of 2^20 ns.
 [[nodiscard]] inline std::uint32_t ticks(Time time) { return static_cast<std::uint32_t>(time.time_since_epoch().count() >> 20); }
 
+// When the context goes away: ends those that have not begun.
+void cancel_queued(Network& network);
+
 // For send_processdata(): this thread runs the cycle. One thread writes, others read.
 inline void note_cycle(RequestQueue& queue, Osal& osal, Time now) {
     const std::uint32_t tick = ticks(now) + 1;

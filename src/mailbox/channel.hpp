@@ -39,8 +39,10 @@ class MailboxChannel {
 
     // The slave's SyncManagers have been set up for `info`: nothing is known of what they hold, so it is looked at first.
     void open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info);
-    // Ends all that waits with Errc::canceled.
+    // Ends all that waits with Errc::canceled. What the slave has reported can still be read.
     void close();
+    // Another slave may be there from now on.
+    void forget();
     [[nodiscard]] bool is_open() const { return open_; }
 
     // Sends the message when its turn comes, without anybody waiting for it: the abort of a transfer that was given up. One at a time, the

@@ -144,13 +144,17 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     position_ = station.position;
     info_ = info;
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
+    counts_ = true;
+    in_counter_ = out_counter_ = 0;
+    glance_ = true;  // before the first message is sent, what an earlier master has left is fetched
+}
+
+void MailboxChannel::forget() {
+    close();
     statistics_ = {};
     emergencies_.clear();
     no_complete_access = false;
     status_octet_ = nullptr;
-    counts_ = true;
-    in_counter_ = out_counter_ = 0;
-    glance_ = true;  // before the first message is sent, what an earlier master has left is fetched
 }
 
 void MailboxChannel::close() {

@@ -43,6 +43,10 @@ void Mailboxes::close_all() {
     for (MailboxChannel& channel : channels_) channel.close();
 }
 
+void Mailboxes::forget_all() {
+    for (MailboxChannel& channel : channels_) channel.forget();
+}
+
 // ------------------------------------------------------------------ looking for all at once
 
 class Mailboxes::WatchGuard {

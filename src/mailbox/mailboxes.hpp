@@ -22,6 +22,7 @@ class Mailboxes {
     [[nodiscard]] Arena& arena() { return engine_.arena(); }
 
     void close_all();
+    void forget_all();
 
     // Looks every so often, with one datagram for all slaves, whether any has mail that nobody waits for. Zero: does not.
     void watch(Duration every);

@@ -220,7 +220,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
 }
 
 Task<Result<std::uint16_t>> scan(Network& network) {
-    network.mailboxes.close_all();
+    network.mailboxes.forget_all();
     network.count = 0;
     for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
     auto link = co_await wait_for_link(network);

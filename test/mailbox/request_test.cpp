@@ -92,6 +92,33 @@ TEST_F(RequestTest, DestroyedOrCanceledAtAnyTime) {
     EXPECT_LE(bus.ctx->arena_peak_bytes(), quiet);
 }
 
+TEST_F(RequestTest, OutlivesItsContextAndARescan) {
+    std::vector<SdoUpload> requests(40);
+    const auto submit_all = [&] {
+        for (auto& request : requests) {
+            request.slave = 1;
+            request.index = 0x1008;
+            request.data = memory;
+            ASSERT_TRUE(submit(*bus.ctx, request).ok());
+        }
+    };
+    submit_all();
+    bus.step();
+    // A scan starts all over: what was under way is canceled, the rest goes on with the slave that is found.
+    ASSERT_TRUE(config_init(*bus.ctx).ok());
+    for (const auto& request : requests) bus.run(request);
+    EXPECT_EQ(requests.front().error().code, Errc::canceled);
+    submit_all();
+    SdoUpload never_seen;
+    never_seen.slave = 1;
+    never_seen.data = memory;
+    bus.step();
+    ASSERT_TRUE(submit(*bus.ctx, never_seen).ok());
+    bus.ctx.reset();
+    for (const auto& request : requests) EXPECT_EQ(request.error().code, Errc::canceled);
+    EXPECT_EQ(never_seen.error().code, Errc::canceled);
+}
+
 TEST_F(RequestTest, DozensToOneSlaveWaitInTurnInLittleMemory) {
     std::vector<SdoUpload> requests(300);
     std::vector<std::array<std::byte, 8>> values(requests.size());

@@ -1,0 +1,51 @@
+// How much of the arena the sequences of a mailbox take; see test/engine/frame_sizes_test.cpp.
+#include "mailbox/coe_complete.hpp"
+#include "mailbox/coe_information.hpp"
+#include "mailbox/coe_mail_pdo.hpp"
+#include "mailbox/coe_pdo.hpp"
+#include "mailbox/mailbox_bus.hpp"
+#include "network/network.hpp"
+#include "context_access.hpp"
+
+namespace margay {
+namespace {
+
+TEST(MailboxFrameSizes, OfEachSequence) {
+#if defined(__SANITIZE_ADDRESS__) || !defined(__OPTIMIZE__)
+    GTEST_SKIP() << "sizes are those of an optimized build";
+#endif
+    MailboxBus bus;
+    bus.add_stack(128);
+    bus.start();
+    Network& network = *ContextAccess::network(*bus.ctx);
+    MailboxChannel& channel = network.mailboxes.channel(1);
+    const auto expect = [&](const char* name, std::size_t bytes, auto task) {
+        EXPECT_TRUE(static_cast<bool>(task));
+        EXPECT_EQ(network.arena().used_bytes(), bytes) << name;
+        task.reset();
+        EXPECT_EQ(network.arena().used_bytes(), 0U) << name;
+    };
+    std::array<std::byte, 4> memory{};
+    ObjectQuery query(0x1000);
+    expect("sdo_upload", 512, sdo_upload(channel, {}, memory, {}));
+    expect("sdo_upload_once", 512, sdo_upload_once(channel, {}, memory, {}));
+    expect("sdo_download", 512, sdo_download(channel, {}, memory, {}));
+    expect("sdo_upload_singly", 512, sdo_upload_singly(channel, {}, memory, {}));
+    expect("ask_information", 512, ask_information(channel, query, {}, {}));
+    expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
+    expect("discover_pdos_from_coe", 512, discover_pdos_from_coe(channel, bus.ctx->slave(1)));
+    // One read, begun: its sequences, the pump and the mailbox.
+    SdoUpload request;
+    request.slave = 1;
+    request.index = 0x1000;
+    request.data = memory;
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    bus.step();
+    EXPECT_LE(network.arena().used_bytes(), 4096U);
+    bus.run(request);
+    bus.idle(1ms);
+    EXPECT_EQ(network.arena().used_bytes(), 0U);
+}
+
+}  // namespace
+}  // namespace margay
