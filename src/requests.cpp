@@ -17,19 +17,24 @@ static Task<Result<>> run(Network& network, ScanRequest& request) {
     co_return count ? Result<>() : Result<>(count.error());
 }
 
+// Afterwards the EEPROM is the slave's again: without it some refuse PREOP (AL status code 0x0050).
 static Task<Result<>> run(Network& network, SiiReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
     if (!assigned) co_return assigned;
     SiiReader reader(station);
-    co_return co_await reader.read(request.word, request.data);
+    auto read = co_await reader.read(request.word, request.data);
+    auto given_back = co_await sii_assign(station, true);
+    co_return read ? given_back : read;
 }
 
 static Task<Result<>> run(Network& network, SiiWriteRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
     if (!assigned) co_return assigned;
-    co_return co_await sii_write(station, request.word, request.data);
+    auto written = co_await sii_write(station, request.word, request.data);
+    auto given_back = co_await sii_assign(station, true);
+    co_return written ? given_back : written;
 }
 
 static Task<Result<>> run(Network& network, StateRequest& request) {
