@@ -21,10 +21,11 @@ void MailboxChannel::take_in(Bytes mailbox) {
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
-    // Some slaves write their own address where the standard wants the master's, which is 0.
+    // Some slaves write their own address where the standard wants the master's, which is 0. Any other is that of a slave; mail to one that is not there
+    // is nobody's, not the reply that somebody waits for.
     const std::uint16_t to = mail.header.address;
-    if (to != 0 && to != address_.value && mailboxes_->route(*this, mail)) {
-        ++statistics_.routed;
+    if (to != 0 && to != address_.value) {
+        ++(mailboxes_->route(*this, mail) ? statistics_.routed : statistics_.unexpected);
         return;
     }
     if (mail.header.type == wire::MailboxType::error) return error_reply(mail.data);
