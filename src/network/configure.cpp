@@ -5,6 +5,7 @@
 #include "network/pdo_sii.hpp"
 #include "network/startup.hpp"
 #include "station/al_state.hpp"
+#include "wire/al_status_code.hpp"
 
 #include <algorithm>
 
@@ -14,12 +15,22 @@ namespace {
 namespace reg = wire::reg;
 constexpr Step kStep = Step::configure_process_data;
 
+// What feeds the slave's watchdog: what the control octets say, or all outputs.
+enum class Fed : std::uint8_t { as_described, by_all_outputs };
+
+// A watchdog that was asked for must be fed, and some SIIs leave the trigger out of the control octets of their outputs.
+Fed fed(const Slave& slave) {
+    return slave.config.process_data_watchdog.value_or(Duration{0}) > Duration{0} ? Fed::by_all_outputs : Fed::as_described;
+}
+
 // An ESC takes the place and length of a SyncManager only while it is off.
-Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm) {
+Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed) {
     const wire::Register place = reg::sync_manager(sm.number);
     std::array<std::byte, 1> off{};
     std::array<std::byte, reg::kSyncManagerStride> bytes{};
-    wire::store_sync_manager(bytes, make_sync_manager(sm));
+    wire::SyncManager wanted = make_sync_manager(sm);
+    if (fed == Fed::by_all_outputs && sm.direction == Direction::outputs) wanted.control |= wire::sm_control::kWatchdogTrigger;
+    wire::store_sync_manager(bytes, wanted);
     const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
     Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
@@ -66,11 +77,17 @@ Task<Result<>> write_watchdog(Station station, Duration time) {
     co_return written;
 }
 
-Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
+Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
     for (std::size_t n = 0; n < slave.config.sm_count; ++n) {
-        auto written = co_await write_sync_manager(station, slave.config.sms[n]);
+        auto written = co_await write_sync_manager(station, slave.config.sms[n], fed);
         if (!written) co_return written;
     }
+    co_return Result<>();
+}
+
+Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
+    auto sms = co_await write_sync_managers(station, slave, fed(slave));
+    if (!sms) co_return sms;
     auto fmmus = co_await write_fmmus(station, slave, layout, !running);
     if (!fmmus) co_return fmmus;
     if (slave.config.process_data_watchdog) {
@@ -78,6 +95,18 @@ Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout&
         if (!watchdog) co_return watchdog;
     }
     co_return co_await run_startup(station, slave, Transition::preop_to_safeop);
+}
+
+// A slave that insists on a watchdog refuses when nothing feeds it; then it is told that all its outputs do.
+Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
+    auto first = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    if (first || first.error().code != Errc::al_status || fed(slave) == Fed::by_all_outputs ||
+        first.error().detail != static_cast<std::uint32_t>(wire::AlStatusCode::invalid_watchdog_configuration))
+        co_return first;
+    auto written = co_await write_sync_managers(station, slave, Fed::by_all_outputs);
+    if (!written) co_return written.error();
+    auto second = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    co_return second;
 }
 
 }  // namespace
@@ -136,7 +165,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     }
     auto written = co_await write_all(station, slave, layout, running);
     if (!written) co_return written;
-    auto state = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
     slave.al = seen ? *seen : AlStatus{};
     if (!state) co_return state.error();
