@@ -1,0 +1,106 @@
+// A master and devices with the manners of real ones (sim/library/quirks.hpp), in virtual time: what the tests of the field notes share.
+#pragma once
+
+#include "segment/bench.hpp"
+#include "sim/library/quirks.hpp"
+#include "sim/process_data.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+#include <initializer_list>
+
+namespace margay {
+
+class FieldNotes : public SegmentTest {
+  protected:
+    using Names = std::initializer_list<std::string_view>;
+    std::vector<std::byte> image = std::vector<std::byte>(4096);
+
+    // A device of the library with these manners, behind the last one.
+    sim::Esc& plug_odd(Names manners, std::string_view device = "odd_device") {
+        auto made = sim::make_device(device).value();
+        for (const auto name : manners) EXPECT_TRUE(sim::add_quirk(made, name)) << name;
+        return plug(std::move(made));
+    }
+    void start() {
+        switch_on();
+        const auto found = bring_up();
+        ASSERT_TRUE(found) << words(found.error());
+    }
+    std::string told(std::size_t n) { return words(ctx.slave(n).error); }
+    void map() {
+        const auto bytes = config_map(ctx, image);
+        ASSERT_TRUE(bytes) << words(bytes.error());
+    }
+
+    // One cycle of a millisecond.
+    Result<std::uint32_t> cycle() {
+        osal.advance(std::chrono::milliseconds(1));
+        const auto sent = send_processdata(ctx);
+        const auto wkc = sent ? receive_processdata(ctx, std::chrono::microseconds(500)) : Result<std::uint32_t>(sent.error());
+        (void)poll(ctx, osal.now());
+        return wkc;
+    }
+    void cycles(int count) {
+        for (int n = 0; n < count; ++n) (void)cycle();
+    }
+    // All to a state, with cycles beside; what was reached.
+    AlStatus to(AlState state, int most = 2000) {
+        EXPECT_TRUE(writestate(ctx, 0, state));
+        AlStatus now;
+        for (int n = 0; n < most; ++n) {
+            (void)cycle();
+            now = *statecheck(ctx, 0, state, Duration{0});
+            if (now.state == state || now.error) break;
+        }
+        return now;
+    }
+    // Mapped, and in OP.
+    AlStatus to_op() {
+        map();
+        cycles(5);
+        return to(AlState::op);
+    }
+    // The odd device gives back its first two words of outputs as inputs, from one cycle to the next.
+    bool exchanges(std::size_t n) {
+        auto out = ctx.slave(n).image.outputs.bytes;
+        const auto in = ctx.slave(n).image.inputs.bytes;
+        if (out.size() < 4 || in.size() < 4) return false;
+        static constexpr std::array kValue{std::byte{0x12}, std::byte{0x34}, std::byte{0x56}, std::byte{0x78}};
+        std::copy(kValue.begin(), kValue.end(), out.begin());
+        cycles(5);
+        return std::equal(kValue.begin(), kValue.end(), in.begin());
+    }
+    // An object, read beside the cycle.
+    std::uint32_t beside_the_cycle(std::uint16_t slave, std::uint16_t index, std::uint8_t subindex) {
+        std::array<std::byte, 4> value{};
+        SdoUpload request;
+        request.slave = slave;
+        request.index = index;
+        request.subindex = subindex;
+        request.data = value;
+        EXPECT_TRUE(submit(ctx, request));
+        for (int n = 0; n < 1000 && request.busy(); ++n) {
+            const auto wkc = cycle();
+            EXPECT_TRUE(wkc) << words(wkc.error());
+        }
+        EXPECT_EQ(request.state(), RequestState::success) << words(request.error());
+        return load_le<std::uint32_t>(value);
+    }
+    // 0x1018:2 of the odd device.
+    Result<std::uint32_t> product(std::size_t n) {
+        return SDOread<std::uint32_t>(ctx, static_cast<std::uint16_t>(n), 0x1018, 2, std::chrono::seconds(1));
+    }
+    static constexpr std::uint32_t kProduct = 0x0DD0;
+
+    bool full(std::uint32_t number, unsigned sync_manager) {
+        const auto place = wire::reg::sync_manager(sync_manager).address + wire::SyncManagerLayout::status::offset;
+        return (at<std::uint8_t>(number, static_cast<std::uint16_t>(place)) & wire::sm_status::kMailboxFull) != 0;
+    }
+    template <class T>
+    T at(std::uint32_t number, std::uint16_t address) {
+        return segment.slave(number).registers().get<T>(address);
+    }
+};
+
+}  // namespace margay

@@ -1,0 +1,147 @@
+// Slaves with odd mailboxes and dictionaries: the value comes all the same, or an error that names what was wrong, and the next request is not harmed.
+// test/README.md says which note each test is of.
+#include "segment/field_notes.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+class FieldNotesMail : public FieldNotes {
+  protected:
+    // The 1024 octets of 0x2000 as the device has them.
+    bool reads_block(std::size_t n) {
+        std::vector<std::byte> block(1024);
+        const auto read = SDOread(ctx, static_cast<std::uint16_t>(n), 0x2000, 0, false, block, 2s);
+        EXPECT_TRUE(read) << words(read.error());
+        for (std::size_t i = 0; i < block.size(); ++i)
+            if (block[i] != static_cast<std::byte>(i)) return false;
+        return read && *read == block.size();
+    }
+    Error block_error(std::size_t n) {
+        std::vector<std::byte> block(1024);
+        return SDOread(ctx, static_cast<std::uint16_t>(n), 0x2000, 0, false, block, 500ms).error();
+    }
+    bool reads_identity_whole(std::size_t n) {
+        std::array<std::byte, 32> whole{};
+        const auto read = SDOread(ctx, static_cast<std::uint16_t>(n), 0x1018, 0, true, whole, 2s);
+        EXPECT_TRUE(read) << words(read.error());
+        return read && *read == 18 && load_le<std::uint16_t>(whole) == 4 && load_le<std::uint32_t>(whole, 6) == kProduct;
+    }
+};
+
+// What does not harm: values, long ones too, complete access, and process data by the dictionary.
+TEST_F(FieldNotesMail, TheValueComesWhateverComesBeforeIt) {
+    const std::string_view manners[] = {"old_mail",          "counter_zero",    "replies_twice",  "emergency_first",
+                                        "ethernet_first",    "mail_for_others", "foreign_replies", "mailbox_full",
+                                        "slow_replies",      "no_size_indicated", "never_expedited", "segments_only",
+                                        "small_segments",    "refuses_complete_access", "slow_firmware"};
+    for (const auto name : manners) plug_odd({name});
+    start();
+    for (std::size_t n = 1; n <= std::size(manners); ++n) {
+        SCOPED_TRACE(manners[n - 1]);
+        for (int round = 0; round < 9; ++round) {  // more than counters have values
+            const auto value = product(n);
+            ASSERT_TRUE(value) << words(value.error());
+            ASSERT_EQ(*value, kProduct);
+        }
+        EXPECT_TRUE(reads_identity_whole(n));
+        const bool long_ones = manners[n - 1] != "slow_replies" && manners[n - 1] != "replies_twice";
+        EXPECT_TRUE(!long_ones || reads_block(n));
+        EXPECT_EQ(mailbox_statistics(ctx, static_cast<std::uint16_t>(n)).resent, 0U) << "nothing is written twice";
+    }
+    EXPECT_GE(emergencies(ctx, 4).count(), 9U);
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    for (std::size_t n = 1; n <= std::size(manners); ++n) {
+        EXPECT_EQ(ctx.slave(n).config.source, ConfigurationSource::coe) << manners[n - 1] << ": " << told(n);
+        EXPECT_TRUE(exchanges(n)) << manners[n - 1];
+    }
+}
+
+TEST_F(FieldNotesMail, WhatIsWrongIsNamedInBoundedTime) {
+    struct Case {
+        std::string_view manner;
+        Errc code;
+        std::string_view says;
+    };
+    const Case cases[] = {
+        {"never_replies", Errc::timeout, "0x2000"},        {"error_replies", Errc::mailbox_error, "mailbox error reply"},
+        {"overlong_replies", Errc::protocol, "0x2000"},    {"empty_replies", Errc::protocol, "0x2000"},
+        {"short_replies", Errc::protocol, "0x2000"},       {"empty_segments", Errc::protocol, "0x2000"},
+        {"aborts_midway", Errc::sdo_abort, "abort code"},  {"toggle_stuck", Errc::protocol, "0x2000"},
+    };
+    for (const auto& c : cases) plug_odd({c.manner});
+    plug_odd({});
+    start();
+    for (std::size_t n = 1; n <= std::size(cases); ++n) {
+        const auto& c = cases[n - 1];
+        const Time before = osal.now();
+        const Error error = block_error(n);
+        EXPECT_EQ(error.code, c.code) << c.manner << ": " << words(error);
+        EXPECT_EQ(error.slave, n) << c.manner;
+        EXPECT_NE(words(error).find(c.says), std::string::npos) << words(error);
+        EXPECT_LE(osal.now() - before, 600ms) << c.manner;
+    }
+    // Those that only fail at long values still give short ones.
+    for (const std::size_t n : {6U, 7U, 8U}) EXPECT_EQ(*product(n), kProduct) << cases[n - 1].manner;
+    EXPECT_TRUE(reads_block(std::size(cases) + 1));
+}
+
+TEST_F(FieldNotesMail, TheDictionarysPdosCountAndTheSiisWhereItHasNone) {
+    plug_odd({"coe_disagrees"});
+    plug_odd({"no_assignment"});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1) << told(2);
+    EXPECT_EQ(ctx.slave(1).config.source, ConfigurationSource::coe);
+    EXPECT_EQ(ctx.slave(1).image.outputs.bits, 128U) << "0x1601, not the 64 bits of the SII";
+    EXPECT_EQ(ctx.slave(2).config.source, ConfigurationSource::sii);
+    EXPECT_EQ(ctx.slave(2).image.outputs.bits, 64U);
+    EXPECT_EQ(ctx.slave(2).error.code, Errc::none) << told(2);
+    EXPECT_TRUE(exchanges(2));
+}
+
+// Ten entries into a PDO of which the device takes eight: the ninth is refused, by its index and subindex, in words.
+TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
+    plug_odd({"few_mapping_entries", "refuses_complete_access"});
+    start();
+    std::array<std::byte, 2 + 10 * 4> mapping{std::byte{10}};
+    for (std::size_t n = 0; n < 10; ++n)
+        store_le<std::uint32_t>(mapping, 2 + n * 4, static_cast<std::uint32_t>(0x70000110 + (n << 8)));
+    const auto refused = SDOwrite(ctx, 1, 0x1600, 0, true, mapping, 1s);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, Errc::sdo_abort) << words(refused.error());
+    EXPECT_EQ(refused.error().index, 0x1600);
+    EXPECT_EQ(refused.error().detail, 0x06040042U) << words(refused.error());
+    mapping[0] = std::byte{8};
+    const auto taken = SDOwrite(ctx, 1, 0x1600, 0, true, std::span(mapping).first(2 + 8 * 4), 1s);
+    EXPECT_TRUE(taken) << words(taken.error());
+    EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1600, 0), 8);
+    EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, 0x1600, 8), 0x70000810U);
+}
+
+// An ESC without LRW says so, or the application does.
+TEST_F(FieldNotesMail, AnEscWithoutLrwIsExchangedByLrdAndLwr) {
+    plug_odd({});
+    plug_odd({"no_lrw"});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(2);
+    EXPECT_EQ(ctx.group(0).datagrams.size(), 2U);
+    EXPECT_EQ(*cycle(), 4U);
+    EXPECT_TRUE(exchanges(1));
+    EXPECT_TRUE(exchanges(2));
+    // One that cannot, but does not say it: LRW falls short, and with the flag it is well.
+    segment.slave(1).registers().set<std::uint16_t>(wire::reg::kFeatures.address, 0x00FC);
+    ASSERT_TRUE(config_init(ctx));
+    map();
+    cycles(2);
+    const auto short_one = cycle();
+    ASSERT_FALSE(short_one);
+    EXPECT_EQ(short_one.error().expected, 6U);
+    ASSERT_TRUE(config_init(ctx));
+    ctx.slave(2).config.block_lrw = true;
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(2);
+    EXPECT_TRUE(exchanges(2));
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,256 @@
+// What real slaves and their users do to a master while slaves are brought up, changed in state and lost. test/README.md says which note each test is of.
+#include "segment/field_notes.hpp"
+
+#include "wire/fmmu.hpp"
+#include "wire/sync_manager.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+namespace reg = wire::reg;
+
+// ------------------------------------------------------------------ states
+
+TEST_F(FieldNotes, OpNeedsProcessDataFromSafeopOn) {
+    plug_odd({});
+    start();
+    map();
+    // Nobody cycles: the slave waits for outputs, and says so.
+    ASSERT_TRUE(writestate(ctx, 1, AlState::op));
+    const auto refused = statecheck(ctx, 1, AlState::op, 2s);
+    ASSERT_TRUE(refused);
+    EXPECT_EQ(refused->state, AlState::safeop);
+    EXPECT_TRUE(refused->error);
+    EXPECT_NE(refused->code, 0);
+    // With cycles from SAFEOP on it comes, and stays.
+    cycles(5);
+    EXPECT_EQ(to(AlState::op), (AlStatus{AlState::op, false, 0}));
+    for (int n = 0; n < 1000; ++n) ASSERT_TRUE(cycle());
+    EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));
+    // They stop: the watchdog of the outputs has its own code.
+    osal.advance(500ms);
+    EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::safeop, true, 0x001B}));
+}
+
+TEST_F(FieldNotes, StatecheckOfOneRefreshesAll) {
+    plug_odd({});
+    plug_odd({});
+    plug_odd({});
+    start();
+    ASSERT_TRUE(writestate(ctx, 2, AlState::op));  // from PREOP: refused
+    osal.advance(10ms);
+    segment.set_power(2, false, osal.now());
+    const auto first = statecheck(ctx, 1, AlState::preop, 100ms);
+    EXPECT_EQ(*first, (AlStatus{AlState::preop, false, 0}));
+    EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::preop, true, 0x0011}));
+    EXPECT_EQ(ctx.slave(3).al.state, AlState::none) << "lost, not its last state";
+    EXPECT_EQ(readstate(ctx)->state, AlState::none);
+}
+
+TEST_F(FieldNotes, TheErrorBitIsSeenAndNotWaitedAway) {
+    plug_odd({});
+    start();
+    ASSERT_TRUE(writestate(ctx, 1, AlState::op));
+    osal.advance(10ms);
+    const Time before = osal.now();
+    const auto now = statecheck(ctx, 1, AlState::preop, 20ms);
+    EXPECT_EQ(*now, (AlStatus{AlState::preop, true, 0x0011})) << "in PREOP, but not well";
+    EXPECT_GE(osal.now() - before, 20ms);
+}
+
+TEST_F(FieldNotes, AcknowledgeWithoutAnErrorIsHarmless) {
+    plug_odd({});
+    plug("coupler");
+    start();
+    map();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    // The request of a master that thinks of an error that has gone already.
+    ctx.slave(1).al.error = true;
+    ASSERT_TRUE(writestate(ctx, 1, AlState::op));
+    cycles(10);
+    EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));
+    EXPECT_TRUE(cycle());
+}
+
+TEST_F(FieldNotes, AnErrorThatOnlyInitClearsIsLeftByInit) {
+    plug_odd({});
+    plug_odd({"ignores_acknowledge"});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(5);
+    segment.set_cable({1, 0}, false);
+    cycles(300);  // longer than its watchdog
+    segment.set_cable({1, 0}, true);
+    bool right = false;
+    for (int n = 0; n < 3000 && !right; ++n) right = cycle().ok() && ctx.slave(2).al == AlStatus{AlState::op, false, 0};
+    EXPECT_TRUE(right) << told(2);
+    EXPECT_TRUE(exchanges(2));
+}
+
+TEST_F(FieldNotes, SlowAndReluctantSlavesReachOp) {
+    plug_odd({"slow_state_changes"});
+    plug_odd({"refuses_op_once"});
+    plug_odd({"slow_firmware"});
+    start();
+    map();
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    bool right = false;
+    for (int n = 0; n < 5000 && !right; ++n)
+        right = cycle().ok() && std::ranges::all_of(ctx.slaves(), [](const Slave& s) { return s.al == AlStatus{AlState::op, false, 0}; });
+    EXPECT_TRUE(right) << told(1) << "\n" << told(2) << "\n" << told(3);
+}
+
+// ------------------------------------------------------------------ bring-up
+
+// A master that ends in the middle of everything, and another one on the same segment, without power having been off.
+TEST_F(FieldNotes, AnotherMasterTakesOverARunningSegment) {
+    plug_odd({});
+    plug_odd({"old_mail"});
+    plug("digital_out_8");
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    segment.slave(0).registers().set<std::uint8_t>(reg::kSyncActivation.address, 3);
+    {
+        // The reply to a question of the first master stays in the mailbox.
+        std::array<std::byte, 4> into{};
+        SdoUpload left;
+        left.slave = 1;
+        left.index = 0x1000;
+        left.data = into;
+        ASSERT_TRUE(submit(ctx, left));
+        for (int n = 0; n < 200 && !full(0, 1); ++n) {
+            (void)poll(ctx, osal.now());
+            osal.advance(5us);
+            segment.advance(osal.now());
+        }
+    }
+    ASSERT_TRUE(full(0, 1)) << "there is something to find";
+    HostContext other{Limits{.slaves = 8}};
+    ASSERT_TRUE(init(other, wire, osal));
+    const auto found = config_init(other);
+    ASSERT_TRUE(found) << words(found.error());
+    ASSERT_EQ(*found, 3);
+    EXPECT_EQ(at<std::uint8_t>(0, reg::kSyncActivation.address), 0);
+    for (std::uint32_t n = 0; n < 3; ++n) {
+        EXPECT_EQ(other.slave(n + 1).al, (AlStatus{AlState::preop, false, 0})) << words(other.slave(n + 1).error);
+        for (std::uint16_t fmmu = 0; fmmu < 3; ++fmmu) EXPECT_EQ(at<std::uint8_t>(n, static_cast<std::uint16_t>(0x060C + fmmu * 16)), 0);
+    }
+    for (const std::uint16_t activate : std::initializer_list<std::uint16_t>{0x0816, 0x081E}) EXPECT_EQ(at<std::uint8_t>(0, activate), 0);
+    for (const std::uint16_t slave : std::initializer_list<std::uint16_t>{1, 2}) {
+        const auto value = SDOread<std::uint32_t>(other, slave, 0x1018, 2);
+        ASSERT_TRUE(value) << words(value.error());
+        EXPECT_EQ(*value, kProduct) << "and not what somebody else has asked for";
+        std::array<char, 64> name{};
+        EXPECT_EQ(*SDOread_text(other, slave, 0x1008, 0, name), "Device of odd manners");
+    }
+}
+
+// The EEPROM is the slave's from PREOP on, however often the master reads it in between.
+TEST_F(FieldNotes, TheEepromIsGivenBackToTheSlave) {
+    plug_odd({"needs_eeprom"});
+    plug_odd({"needs_eeprom"});
+    start();
+    expect_all_in(AlState::preop);
+    std::array<std::byte, 8> identity{};
+    ASSERT_TRUE(eeprom_read(ctx, 1, 0x08, identity));
+    ASSERT_TRUE(eeprom_write(ctx, 2, 0x20, identity));
+    for (const AlState state : {AlState::init, AlState::preop}) {
+        ASSERT_TRUE(writestate(ctx, 0, state));
+        EXPECT_EQ(*statecheck(ctx, 0, state, 1s), (AlStatus{state, false, 0}));
+    }
+    ASSERT_TRUE(config_init(ctx));
+    expect_all_in(AlState::preop);
+    EXPECT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+}
+
+TEST_F(FieldNotes, BrothersOfOneIdentityMayHaveOtherPdos) {
+    plug_odd({});
+    plug_odd({"other_pdos"});
+    plug_odd({});
+    start();
+    ASSERT_EQ(ctx.slave(1).identity, ctx.slave(2).identity);
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(ctx.slave(1).image.outputs.bits, 64U);
+    EXPECT_EQ(ctx.slave(2).image.outputs.bits, 128U);
+    EXPECT_EQ(ctx.slave(3).image.outputs.bits, 64U);
+    EXPECT_TRUE(cycle());
+}
+
+// ETG.1000.4, tables of the logical commands: LRD 1, LWR 1, LRW 1 for reading and 2 for writing, of each slave that takes part.
+TEST_F(FieldNotes, WorkingCountersAreCountedBySlaveAndDatagram) {
+    plug_line({"coupler", "digital_in_8", "digital_out_8", "digital_in_8", "coupler"});
+    plug_odd({});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    ASSERT_EQ(ctx.group(0).datagrams.size(), 1U);
+    EXPECT_EQ(ctx.group(0).datagrams[0].expected, 1U + 2U + 1U + 3U);
+    EXPECT_EQ(*cycle(), 7U) << "couplers add nothing";
+    ctx.group(0).config.block_lrw = true;
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
+    ASSERT_EQ(ctx.group(0).datagrams.size(), 2U);
+    for (const auto& datagram : ctx.group(0).datagrams) {
+        const bool writes = datagram.expected == 2;
+        EXPECT_TRUE(writes || datagram.expected == 3U) << datagram.expected;
+        EXPECT_TRUE(datagram.right());
+    }
+    EXPECT_EQ(*cycle(), 2U + 3U);
+}
+
+// ------------------------------------------------------------------ hot connect
+
+// A hook asks for a mapping by SDO; after a loss of power it is asked for again, beside the cycle of the others.
+TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
+    plug_odd({});
+    plug_odd({});
+    start();
+    struct Choice {
+        SdoDownload request;
+        std::array<std::byte, 6> assignment{std::byte{1}, std::byte{0}, std::byte{1}, std::byte{0x16}};
+        int done = 0;
+        bool under_way = false;
+    } choice;
+    choice.request.slave = 2;
+    choice.request.index = 0x1C12;
+    choice.request.complete_access = true;
+    choice.request.data = std::span(choice.assignment).first(4);
+    ctx.slave(2).hooks.user = &choice;
+    ctx.slave(2).hooks.preop_to_safeop = [](Context& c, std::uint16_t slave, void* user) -> Result<> {
+        auto& my = *static_cast<Choice*>(user);
+        if (my.done == 0) {  // called by config_map(): it may wait
+            ++my.done;
+            return SDOwrite(c, slave, 0x1C12, 0, true, my.request.data);
+        }
+        if (!my.under_way) {
+            my.under_way = true;
+            const auto submitted = submit(c, my.request);
+            if (!submitted) return submitted;
+        }
+        if (my.request.busy()) return Error{.code = Errc::busy, .slave = slave};
+        my.under_way = false;
+        ++my.done;
+        return my.request.state() == RequestState::success ? Result<>() : Result<>(my.request.error());
+    };
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(2);
+    ASSERT_EQ(ctx.slave(2).image.outputs.bits, 128U) << "0x1601 has eight words";
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(5);
+    const auto sent = mailbox_statistics(ctx, 2).sent;
+    segment.set_power(1, false, osal.now());
+    cycles(100);
+    segment.set_power(1, true, osal.now());
+    bool right = false;
+    for (int n = 0; n < 3000 && !right; ++n) right = cycle().ok() && ctx.slave(2).al == AlStatus{AlState::op, false, 0};
+    EXPECT_TRUE(right) << told(2);
+    EXPECT_EQ(choice.done, 2);
+    EXPECT_EQ(mailbox_statistics(ctx, 2).sent, sent + 1) << "the replay's";
+    EXPECT_EQ(beside_the_cycle(1, 0x1C12, 1), 0x1600U) << "nobody else was asked";
+    EXPECT_EQ(beside_the_cycle(2, 0x1C12, 1), 0x1601U);
+}
+
+}  // namespace
+}  // namespace margay
