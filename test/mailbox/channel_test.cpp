@@ -257,6 +257,44 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     EXPECT_EQ(statistics().resent, 0U);
 }
 
+// At every frame of an exchange, a slave that does not count its messages: its replies cannot be told apart, and still none is lost or taken twice.
+TEST_F(ChannelTest, ASlaveThatDoesNotCountLosesNothingEither) {
+    start();
+    slave.counts = false;
+    unsigned answers = 0;
+    slave.on_mail = [&](const Mail& mail) {
+        slave.reply(two_octets(std::to_integer<unsigned>(mail[9]), 0x20, 0x00, std::to_integer<unsigned>(mail[9]), 0));
+        ++answers;
+    };
+    EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
+    for (unsigned at = 0; at < 3; ++at) {
+        for (auto* lost : {&bus.nic->lose_in, &bus.nic->lose_out}) {
+            lost->insert(bus.nic->sent + at);
+            for (const unsigned index : {0x11U, 0x22U, 0x33U}) {
+                const auto value = SDOread<std::uint16_t>(*bus.ctx, 1, static_cast<std::uint16_t>(0x2000 + index), 0);
+                ASSERT_TRUE(value.ok()) << at << ": " << bus.words(value.error());
+                EXPECT_EQ(*value, index);
+            }
+        }
+    }
+    EXPECT_GE(slave.repeat_requests, 1U);
+}
+
+TEST_F(ChannelTest, AFloodOfOtherMailEndsInATimeoutAndBoundedMemory) {
+    start();
+    slave.on_mail = [&](const Mail&) {
+        for (unsigned n = 0; n < 5000; ++n) slave.reply({0x00, 0x10, 0x10, 0x23, 0x01, 0, 0, 0, 0, 0});
+    };
+    const Time begin = bus.osal.now();
+    submit_upload(0x2000, 200ms);
+    bus.run(request);
+    EXPECT_EQ(request.error().code, Errc::timeout);
+    EXPECT_LE(bus.osal.now() - begin, 205ms);
+    auto& ring = emergencies(*bus.ctx, 1);
+    EXPECT_GT(ring.count(), 100U);
+    EXPECT_EQ(ring.overruns(), ring.count() - Limits{}.emergencies);
+}
+
 TEST_F(ChannelTest, ASlaveThatCannotRepeatEndsInATimeout) {
     start();
     slave.repeats = false;
