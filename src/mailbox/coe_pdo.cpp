@@ -22,11 +22,11 @@ class SdoList {
         const bool whole = !channel_.no_complete_access && (channel_.slave().coe_details & coe_detail::kCompleteAccess) != 0;
         if (whole) {
             auto read = co_await sdo_upload_once(channel_, {.index = index_, .complete = true}, cache_, kPatience);
-            if (read && *read >= kHead) {
+            if (read && is_list(*read)) {
                 kept_ = static_cast<std::uint8_t>((*read - kHead) / sizeof(T));
                 co_return std::to_integer<std::uint8_t>(cache_[0]);
             }
-            if (is_complete_access_refused(read.error())) channel_.no_complete_access = true;
+            if (read || is_complete_access_refused(read.error())) channel_.no_complete_access = true;
         }
         std::array<std::byte, 4> count{};
         auto read = co_await sdo_upload_once(channel_, {.index = index_}, count, kPatience);
@@ -44,6 +44,12 @@ class SdoList {
     }
 
   private:
+    // Subindex 0 takes two octets there. Some slaves give it one: what they say is read singly.
+    [[nodiscard]] bool is_list(std::size_t bytes) const {
+        const std::size_t count = std::to_integer<std::size_t>(cache_[0]);
+        return bytes >= kHead + std::min(count, kMostKept) * sizeof(T) && (bytes - kHead) % sizeof(T) == 0;
+    }
+
     static constexpr std::size_t kHead = 2;
     static constexpr std::size_t kMostKept = 32;
     MailboxChannel& channel_;
