@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <regex>
+#include <set>
 
 namespace margay::layers {
 namespace {
@@ -35,15 +36,16 @@ bool there(const std::string& name, const std::vector<std::string>& tests, const
 
 }  // namespace
 
-Faults matrix_faults(const std::string& readme, const SourceTree& tree) {
+Faults matrix_faults(const std::string& text, const SourceTree& tree, const std::string& file) {
     static const std::regex quoted("`((?:bench_|[a-z_]+/)[^`]*)`");
     const auto tests = tests_of(tree);
     Faults faults;
-    for (const auto view : lines_of(readme)) {
+    for (const auto view : lines_of(text)) {
         const std::string line(view);
         const auto status = line.find("| works |");
         if (line.rfind("| ", 0) != 0 ||
-            (status == std::string::npos && line.find("| partly |") == std::string::npos))
+            (status == std::string::npos && line.find("| partly |") == std::string::npos &&
+             line.find("| planned |") == std::string::npos))
             continue;
         const auto proof = line.substr(line.find("|", line.find(" |") + 2));
         std::size_t named = 0;
@@ -51,10 +53,26 @@ Faults matrix_faults(const std::string& readme, const SourceTree& tree) {
             auto name = match->str(1);
             if (const auto open = name.find("…"); open != std::string::npos) name.resize(open);
             ++named;
-            if (!there(name, tests, tree)) faults.push_back("README.md: no such test: " + match->str(1));
+            if (!there(name, tests, tree)) faults.push_back(file + ": no such test: " + match->str(1));
         }
         if (status != std::string::npos && named == 0)
-            faults.push_back("README.md: works, but by which test? " + line);
+            faults.push_back(file + ": works, but by which test? " + line);
+    }
+    return faults;
+}
+
+Faults thread_faults(const std::string& text, const std::string& file) {
+    static const std::regex thread("`([A-Z]#[0-9]+)`");
+    static const std::regex status(R"(\| (works|partly|planned) \|)");
+    std::set<std::string> seen;
+    Faults faults;
+    for (const auto view : lines_of(text)) {
+        const std::string line(view);
+        if (line.rfind("| ", 0) != 0) continue;
+        for (std::sregex_iterator match(line.begin(), line.end(), thread), end; match != end; ++match) {
+            if (!seen.insert(match->str(1)).second) faults.push_back(file + ": named twice: " + match->str(1));
+            if (!std::regex_search(line, status)) faults.push_back(file + ": no status: " + match->str(1));
+        }
     }
     return faults;
 }

@@ -1,4 +1,4 @@
-// README.md claims nothing that no test proves.
+// README.md and test/README.md claim nothing that no test proves.
 #include "layers/matrix_check.hpp"
 
 #include <gtest/gtest.h>
@@ -9,11 +9,25 @@
 namespace margay::layers {
 namespace {
 
+std::string text_of(const std::string& file) {
+    std::ifstream in(MARGAY_SOURCE_DIR "/" + file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
 TEST(Matrix, ClaimsWhatTestsProve) {
-    std::ifstream in(MARGAY_SOURCE_DIR "/README.md", std::ios::binary);
-    const std::string readme{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-    ASSERT_NE(readme.find("| works |"), std::string::npos);
-    const auto faults = matrix_faults(readme, load_tree(MARGAY_SOURCE_DIR));
+    const auto tree = load_tree(MARGAY_SOURCE_DIR);
+    for (const std::string file : {"README.md", "test/README.md"}) {
+        const auto text = text_of(file);
+        ASSERT_NE(text.find("| works |"), std::string::npos) << file;
+        const auto faults = matrix_faults(text, tree, file);
+        EXPECT_TRUE(faults.empty()) << joined(faults);
+    }
+}
+
+TEST(Matrix, EachThreadOfTheFieldNotesHasOnePlaceAndAStatus) {
+    const auto text = text_of("test/README.md");
+    ASSERT_NE(text.find("| `S#725`, `S#741` | works |"), std::string::npos);
+    const auto faults = thread_faults(text, "test/README.md");
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 
@@ -32,6 +46,19 @@ TEST(Matrix, CatchesEmptyClaims) {
     EXPECT_EQ(faults_of("| scan | works | `bench_cycle` |"), 1U);
     EXPECT_EQ(faults_of("| scan | partly | `wire/Gone` |"), 1U);
     EXPECT_EQ(faults_of("| scan | works | `fuzz/gone` |"), 1U);
+    EXPECT_EQ(faults_of("| scan | planned | `wire/Gone` |"), 1U);
+    EXPECT_EQ(faults_of("| scan | `S#1` | works | `wire/SiiCheck` |"), 0U);
+    EXPECT_EQ(faults_of("| scan | `S#1` | works | |"), 1U);
+    EXPECT_EQ(faults_of("| scan | `S#1` | partly | `wire/SiiCheck.Loses…` |"), 1U);
+    EXPECT_EQ(matrix_faults("| scan | works | |", tree, "test/README.md")[0].rfind("test/README.md: ", 0), 0U);
+}
+
+TEST(Matrix, CatchesThreadsWithoutAPlaceOfTheirOwn) {
+    const auto faults_of = [](const std::string& text) { return thread_faults(text, "x").size(); };
+    EXPECT_EQ(faults_of("| scan | `S#1`, `S#2` | works | |\n| map | `O#1` | planned | |\n"), 0U);
+    EXPECT_EQ(faults_of("| scan | `S#1`, `S#1` | works | |\n"), 1U);
+    EXPECT_EQ(faults_of("| scan | `S#1` | works | |\n| map | `S#1` | partly | |\n"), 1U);
+    EXPECT_EQ(faults_of("| scan | `S#1` | surely | |\n"), 1U);
 }
 
 }  // namespace

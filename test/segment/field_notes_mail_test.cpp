@@ -90,14 +90,17 @@ TEST_F(FieldNotesMail, WhatIsWrongIsNamedInBoundedTime) {
 TEST_F(FieldNotesMail, TheDictionarysPdosCountAndTheSiisWhereItHasNone) {
     plug_odd({"coe_disagrees"});
     plug_odd({"no_assignment"});
+    plug_odd({"unpadded_complete_access"});
     start();
-    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1) << told(2);
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1) << told(2) << told(3);
     EXPECT_EQ(ctx.slave(1).config.source, ConfigurationSource::coe);
     EXPECT_EQ(ctx.slave(1).image.outputs.bits, 128U) << "0x1601, not the 64 bits of the SII";
     EXPECT_EQ(ctx.slave(2).config.source, ConfigurationSource::sii);
     EXPECT_EQ(ctx.slave(2).image.outputs.bits, 64U);
     EXPECT_EQ(ctx.slave(2).error.code, Errc::none) << told(2);
     EXPECT_TRUE(exchanges(2));
+    EXPECT_EQ(ctx.slave(3).config.source, ConfigurationSource::coe);
+    EXPECT_TRUE(exchanges(3));
 }
 
 // Ten entries into a PDO of which the device takes eight: the ninth is refused, by its index and subindex, in words.
@@ -117,6 +120,45 @@ TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     EXPECT_TRUE(taken) << words(taken.error());
     EXPECT_EQ(*SDOread<std::uint8_t>(ctx, 1, 0x1600, 0), 8);
     EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, 0x1600, 8), 0x70000810U);
+}
+
+// In INIT nothing takes mail: that is told, and is over with PREOP.
+TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
+    plug_odd({});
+    start();
+    ASSERT_TRUE(writestate(ctx, 1, AlState::init));
+    ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
+    const Time before = osal.now();
+    const auto refused = SDOread<std::uint32_t>(ctx, 1, 0x1018, 2, 200ms);
+    EXPECT_EQ(refused.error().code, Errc::mailbox_full) << words(refused.error());
+    EXPECT_NE(words(refused.error()).find("off in this state"), std::string::npos) << words(refused.error());
+    EXPECT_LE(osal.now() - before, 250ms);
+    ASSERT_TRUE(writestate(ctx, 1, AlState::preop));
+    ASSERT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);
+    EXPECT_EQ(*product(1), kProduct);
+}
+
+// An entry of index 0 is a gap: it takes its bits in the image.
+TEST_F(FieldNotesMail, GapsOfAMappingTakeTheirBits) {
+    plug_odd({});
+    start();
+    std::array<std::byte, 2 + 3 * 4> mapping{std::byte{3}};
+    store_le<std::uint32_t>(mapping, 2, 0x70000110);
+    store_le<std::uint32_t>(mapping, 6, 0x00000008);
+    store_le<std::uint32_t>(mapping, 10, 0x70000210);
+    ASSERT_TRUE(SDOwrite(ctx, 1, 0x1600, 0, std::uint8_t{0}));
+    const auto written = SDOwrite(ctx, 1, 0x1600, 0, true, mapping, 1s);
+    ASSERT_TRUE(written) << words(written.error());
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1);
+    EXPECT_EQ(ctx.slave(1).config.sms[0].bits, 40U);
+    const auto out = ctx.slave(1).image.outputs.bytes;
+    ASSERT_EQ(out.size(), 5U);
+    out[0] = std::byte{0x11};
+    out[2] = std::byte{0xEE};
+    out[3] = std::byte{0x22};
+    cycles(5);
+    EXPECT_EQ(ctx.slave(1).image.inputs.bytes[0], std::byte{0x11});
+    EXPECT_EQ(ctx.slave(1).image.inputs.bytes[2], std::byte{0x22}) << "the second word, behind the gap";
 }
 
 // An ESC without LRW says so, or the application does.

@@ -200,6 +200,37 @@ TEST_F(FieldNotes, WorkingCountersAreCountedBySlaveAndDatagram) {
     EXPECT_EQ(*cycle(), 2U + 3U);
 }
 
+// One group every millisecond, the other one every fourth.
+TEST_F(FieldNotes, GroupsRunAtRatesOfTheirOwn) {
+    plug_odd({});
+    plug_odd({});
+    start();
+    ctx.slave(2).config.group = 1;
+    std::array<std::byte, 64> slow_image{};
+    map();
+    ASSERT_TRUE(config_map(ctx, slow_image, 1));
+    const auto run = [&](int count) {
+        int wrong = 0;
+        for (int n = 0; n < count; ++n) {
+            wrong += cycle() ? 0 : 1;
+            if (n % 4 != 0) continue;
+            const auto sent = send_processdata(ctx, 1);
+            const auto wkc = receive_processdata(ctx, 500us, 1);
+            wrong += sent && wkc && *wkc == 3 ? 0 : 1;
+        }
+        return wrong;
+    };
+    EXPECT_EQ(run(8), 0);
+    ASSERT_TRUE(writestate(ctx, 0, AlState::op));
+    EXPECT_EQ(run(200), 0);
+    const auto frames = ctx.statistics().frames_sent;
+    ctx.slave(2).image.outputs.bytes[0] = std::byte{0x5A};
+    EXPECT_EQ(run(1000), 0);
+    EXPECT_EQ(ctx.statistics().frames_sent - frames, 1250U);
+    EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));
+    EXPECT_EQ(slow_image[8], std::byte{0x5A}) << "given back by the device";
+}
+
 // ------------------------------------------------------------------ hot connect
 
 // A hook asks for a mapping by SDO; after a loss of power it is asked for again, beside the cycle of the others.
