@@ -1,5 +1,5 @@
-// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. A slave that falls out of OP, or comes back, is told and asked to
-// go on.
+// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. What happens to slaves meanwhile is told, and put right while the
+// others go on.
 #include "common/cycle_pace.hpp"
 #include "common/slave_report.hpp"
 #include "common/source.hpp"
@@ -57,6 +57,7 @@ class SimpleIo {
         fmt::print("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,
                    figures.wrong_wkc);
         print_inputs();
+        supervise_.cancel();
         (void)writestate(ctx_, 0, AlState::init);
         if (const auto failed = pace_.report(); !failed.empty()) {
             fmt::print(stderr, "simple_io: {}\n", failed);
@@ -94,20 +95,20 @@ class SimpleIo {
         return got;
     }
 
-    // Process data runs before OP is asked for: the slaves' watchdogs want outputs.
+    // The supervision brings the slaves to OP, and back there whatever happens. Process data runs before: their watchdogs want outputs.
     bool reach_op() {
+        constexpr unsigned kMostCycles = 10'000;
         pace_.start();
         for (int n = 0; n < 10; ++n) (void)cycle();
-        WriteStateRequest ask;
-        ask.wanted = AlState::op;
-        StateCheckRequest look;
-        look.wanted = AlState::op;
-        look.timeout = std::chrono::seconds(5);
-        if (!submit(ctx_, ask)) return false;
-        while (ask.busy()) (void)cycle();
-        if (!submit(ctx_, look)) return false;
-        while (look.busy()) (void)cycle();
-        return look.state() == RequestState::success && look.reached.state == AlState::op && !look.reached.error;
+        if (!submit(ctx_, supervise_)) return false;
+        const auto in_op = [](const Slave& slave) { return slave.al.state == AlState::op && !slave.al.error; };
+        for (unsigned n = 0; n < kMostCycles; ++n) {
+            (void)cycle();
+            if (std::ranges::all_of(ctx_.slaves(), in_op)) break;
+        }
+        while (ctx_.events().take()) {
+        }
+        return std::ranges::all_of(ctx_.slaves(), in_op);
     }
 
     void exchange() {
@@ -118,27 +119,15 @@ class SimpleIo {
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
                 fmt::print(stderr, "simple_io: cycle {}: {}\n", cycles_, sentence(got.error()));
             last_ = got.error();
-            watch(got.ok());
+            tell_events();
         }
     }
 
-    // Beside the cycle: reads the states when something is wrong, and asks those that fell out of OP to go on.
-    void watch(bool right) {
-        if (states_.busy() || ask_.busy()) return;
-        if (states_.state() == RequestState::success && !reported_) {
-            reported_ = true;
-            for (const Slave& slave : ctx_.slaves()) {
-                if (slave.al.state == AlState::op && !slave.al.error) continue;
-                fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(), al_text(slave.al));
-                if (slave.al.state != AlState::safeop) continue;  // lost, or in need of its whole configuration
-                ask_.slave = slave.position;
-                ask_.wanted = slave.al.error ? AlState::safeop : AlState::op;
-                (void)submit(ctx_, ask_);
-                break;
-            }
-        } else if (!right && cycles_ >= look_again_) {
-            look_again_ = cycles_ + 100;
-            reported_ = !submit(ctx_, states_).ok();
+    // Beside the cycle the supervision works; here is what it has to tell.
+    void tell_events() {
+        while (const auto event = ctx_.events().take()) {
+            std::array<char, 400> text{};
+            fmt::print("cycle {}: {}\n", cycles_, describe(*event, text));
         }
     }
 
@@ -159,10 +148,7 @@ class SimpleIo {
     Duration round_trip_{};
     unsigned cycles_ = 0;
     Error last_;
-    ReadStateRequest states_;
-    WriteStateRequest ask_;
-    unsigned look_again_ = 0;
-    bool reported_ = true;
+    SuperviseRequest supervise_;
 };
 
 }  // namespace
@@ -178,6 +164,7 @@ int main(int argc, char** argv) {
     app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
     CLI11_PARSE(app, argc, argv);
+    std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what happens is to be seen when it happens, in a log too
     auto source = margay::samples::open_source(options.source, {.record = options.record, .trace = options.trace});
     if (!source) {
         fmt::print(stderr, "simple_io: {}\n", source.error());
