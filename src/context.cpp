@@ -119,6 +119,17 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     return Result<>();
 }
 
+Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves) {
+    if (ContextAccess::network(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = Step::identify};
+    for (const ExpectedSlave& slave : slaves) {
+        Error error{.code = Errc::invalid_argument, .step = Step::identify};
+        error.actual = static_cast<std::uint32_t>(&slave - slaves.data() + 1);
+        if (slave.position == 0 && !slave.alias) return error;
+    }
+    ContextAccess::network(ctx)->expected = slaves;
+    return Result<>();
+}
+
 Time poll(Context& ctx, Time now) {
     Network* network = ContextAccess::network(ctx);
     if (network == nullptr) return kNever;

@@ -8,6 +8,8 @@
 #include <margay/al_state.hpp>
 #include <margay/error.hpp>
 
+#include <iterator>
+
 namespace margay {
 namespace {
 
@@ -72,10 +74,16 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::wrong_size:
             out << " (expected " << e.expected << " octets, got " << e.actual << ")";
             break;
-        case Errc::other_slave:
-            (out << " (expected product ").hex(e.expected, 8);
-            (out << ", got ").hex(e.actual, 8);
-            (out << " of vendor ").hex(e.detail, 8) << ")";
+        case Errc::other_slave: {
+            static constexpr std::string_view kFields[] = {"product", "vendor", "revision", "serial number", "alias"};
+            out << " (expected " << (e.subindex < std::size(kFields) ? kFields[e.subindex] : "identity") << " ";
+            out.hex(e.expected, 8) << ", got ";
+            out.hex(e.actual, 8) << " of vendor ";
+            out.hex(e.detail, 8) << ")";
+            break;
+        }
+        case Errc::missing_slave:
+            if (e.slave == 0) (out << " (alias ").hex(e.actual, 4) << ")";
             break;
         case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
         case Errc::nic:

@@ -82,6 +82,18 @@ enum class Packing : std::uint8_t {
     bits,   // what has less than 8 bits follows without a gap; what has more begins on an octet
 };
 
+// Some bits of one slave's inputs become another one's outputs, in each cycle: those that the last cycle has brought go out with the next. Slaves of one
+// group; bits count from the start of the slave's data in the image.
+struct SlaveToSlave {
+    std::uint16_t from_slave = 0;
+    std::uint16_t to_slave = 0;
+    std::uint32_t from_bit = 0;
+    std::uint32_t to_bit = 0;
+    std::uint32_t bits = 0;
+};
+
+class SharedImage;
+
 // Of one group: slaves that share an image and are exchanged together.
 struct GroupConfiguration {
     LogicalAddress start;                // of the image in the logical address space
@@ -92,6 +104,8 @@ struct GroupConfiguration {
     // Octets of other datagrams (mailboxes, states …), with their headers, that may travel with a cycle: in the space its frames have
     // left, and in a frame of their own beyond that. One datagram always may. Zero: they do not wait for cycles, each poll() sends them.
     std::uint16_t acyclic_bytes = 1498;
+    std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
+    SharedImage* shared = nullptr;         // for another thread: see shared_image.hpp
 };
 
 }  // namespace margay

@@ -36,7 +36,9 @@ enum class Errc : std::uint8_t {
     mailbox_error,      // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
     sdo_abort,          // SDO abort (code: the abort code)
     unsupported,        // the slave does not have it
-    other_slave,        // another slave than expected (expected, actual: product codes; detail: vendor that is there)
+    other_slave,        // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail: vendor that is there)
+    missing_slave,      // an expected slave is not there (slave: its position, or 0 and actual: its alias)
+    unexpected_slave,   // a slave that nobody expects
     unknown_group,      // no group with this number, or nothing is mapped in it (index: the group)
     image_too_large,    // the process image does not fit the buffer (expected, actual: octets)
     fmmu_shortage,      // the slave has too few FMMUs (expected, actual)
@@ -75,6 +77,7 @@ enum class Step : std::uint8_t {
     topology,
     startup,
     recover,
+    identify,
 };
 
 struct Error {
@@ -89,6 +92,9 @@ struct Error {
 
     friend constexpr bool operator==(const Error&, const Error&) = default;
 };
+
+// Errc::other_slave: what about it is not as expected.
+enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias };
 
 // The kind and the step in words. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(Errc code);

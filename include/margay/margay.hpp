@@ -3,7 +3,9 @@
 
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
+#include <margay/expected.hpp>
 #include <margay/request.hpp>
+#include <margay/shared_image.hpp>
 #include <margay/supervision.hpp>
 
 namespace margay {
@@ -39,6 +41,11 @@ Result<> wait(Context& ctx, Request& request);
 // with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: link_down, no_frame, no_slaves,
 // unstable, capacity (more slaves than limits().slaves; expected says how many).
 Result<std::uint16_t> config_init(Context& ctx);
+
+// Says which slaves the next config_init() shall find, and with what each shall be configured; an empty list: whatever is there. What is not as expected is
+// an error of that slave (other_slave, unexpected_slave), what is missing one in errors() (missing_slave); the others go on. `slaves` is the caller's
+// memory and must live as long as the context uses it. Errors: wrong_state before init(), invalid_argument (neither position nor alias; actual: which).
+Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 
 // Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config: by its object dictionary, else its SII, unless the application has
 // set it), lays it into `image` (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns

@@ -119,6 +119,7 @@ struct Slave {
     std::uint16_t dl_status = 0;
     AlStatus al;                    // as last read
     bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
+    bool expected = false;          // by the list of expect()
     bool takes_part = false;        // its process data is configured and, as far as known, exchanged
     bool recovering = false;        // the supervision is bringing it back
     std::uint8_t attempts = 0;      // of the supervision since it was last where it belongs

@@ -3,6 +3,8 @@
 #include "network/configure.hpp"
 #include "network/members.hpp"
 
+#include <margay/shared_image.hpp>
+
 #include <algorithm>
 
 namespace margay {
@@ -21,6 +23,28 @@ bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
     });
 }
 
+// What is done in each cycle besides: the slaves are there, and what is copied is inside of their data.
+Result<> check_extras(ProcessGroup& group) {
+    group.extras = !group.config.copies.empty() || group.config.shared != nullptr;
+    for (const SlaveToSlave& copy : group.config.copies) {
+        for (const bool out : {false, true}) {
+            const std::uint16_t position = out ? copy.to_slave : copy.from_slave;
+            Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = position};
+            error.expected = static_cast<std::uint32_t>(group.slaves.size());
+            if (position < 1 || position > group.slaves.size()) return error;
+            const Slave& slave = group.slaves[position - 1U];
+            const std::uint64_t end = std::uint64_t{out ? copy.to_bit : copy.from_bit} + copy.bits;
+            const bool inside = end <= (out ? slave.image.outputs : slave.image.inputs).bits;
+            if (slave.config.group != group.number || !inside)
+                return Error{.code = Errc::invalid_argument, .step = Step::map_process_data, .slave = position};
+        }
+    }
+    if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes)) return Result<>();
+    Error error = fault(Errc::capacity, 0);
+    error.expected = static_cast<std::uint32_t>(SharedImage::memory_bytes(group.output_bytes, group.input_bytes));
+    return error;
+}
+
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
@@ -32,6 +56,8 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.input_bytes = layout->input_bytes;
     if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
     group.slaves = network.slaves();
+    const auto extras = check_extras(group);
+    if (!extras) return extras;
     for (Slave& slave : network.slaves())
         if (slave.config.group == number) slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);

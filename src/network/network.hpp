@@ -9,6 +9,7 @@
 
 #include <margay/error_log.hpp>
 #include <margay/event.hpp>
+#include <margay/expected.hpp>
 #include <margay/slave.hpp>
 
 #include <atomic>
@@ -51,6 +52,7 @@ struct Network {
     Mailboxes mailboxes;
     RequestQueue queue;
     EventQueue events;
+    std::span<const ExpectedSlave> expected;
     Context* context = nullptr;  // for hooks
     bool supervised = false;
     Crew requests;            // those that are busy; last, so that they end first

@@ -1,5 +1,9 @@
 #include "network/process_data.hpp"
 
+#include "util/bits.hpp"
+
+#include <margay/shared_image.hpp>
+
 #include <algorithm>
 
 namespace margay {
@@ -123,6 +127,20 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     return Result<>();
 }
 
+void set_outputs(ProcessGroup& group) {
+    if (!group.mapped) return;
+    if (group.config.shared != nullptr) group.config.shared->take_outputs(group.image.first(group.output_bytes));
+    for (const SlaveToSlave& copy : group.config.copies) {
+        const ImagePart& from = group.slaves[copy.from_slave - 1U].image.inputs;
+        const ImagePart& to = group.slaves[copy.to_slave - 1U].image.outputs;
+        copy_bits(group.image, std::uint64_t{to.offset_bits} + copy.to_bit, group.image, std::uint64_t{from.offset_bits} + copy.from_bit, copy.bits);
+    }
+}
+
+void give_inputs(ProcessGroup& group) {
+    if (group.config.shared != nullptr) group.config.shared->give_inputs(group.image.subspan(group.output_bytes));
+}
+
 Error not_sent(const ProcessGroup& group, Link& link) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     Error error = cycle_error(Errc::nic, group.number);
@@ -141,6 +159,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
     }
     if (right) {
         group.cycles_lost = 0;
+        give_inputs(group);
         return got;
     }
     Error error = cycle_error(Errc::working_counter, group.number);

@@ -18,6 +18,7 @@ struct ProcessGroup : Group {
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;     // of the network
     std::uint8_t number = 0;
+    bool extras = false;               // copies from slave to slave, or a shared image
     bool mapping = false;              // config_map() is at it
     bool told_short = false;           // the supervision has told so
     bool unexpected = false;           // a cycle was not usable, or a slave is back: for the supervision
@@ -45,19 +46,25 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 
 // Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
+void set_outputs(ProcessGroup& group);
 [[nodiscard, gnu::always_inline]] inline Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {
+    if (group.extras) [[unlikely]] set_outputs(group);
     if (group.mapped && link.send_cycle(group.prepared, now, group.config.acyclic_bytes) == SendStatus::sent) return Result<>();
     return not_sent(group, link);
 }
 
 // Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame (actual: frames
 // missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short that is known to be lost).
+void give_inputs(ProcessGroup& group);
 [[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now);
 [[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, Time now) {
     // Nearly always all frames have come, and every slave took part in them.
     bool right = group.mapped && group.cycles_lost == 0;
     for (const PreparedFrame& frame : group.prepared) right &= frame.right;
-    if (right) return group.expected_wkc;
+    if (right) {
+        if (group.extras) [[unlikely]] give_inputs(group);
+        return group.expected_wkc;
+    }
     return judge_cycle(group, link, now);
 }
 

@@ -1,5 +1,6 @@
 #include "network/scan.hpp"
 
+#include "network/expectation.hpp"
 #include "network/startup.hpp"
 #include "network/topology.hpp"
 #include "station/al_state.hpp"
@@ -252,6 +253,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);
     const auto topology = find_topology(network.slaves());
     if (!topology) network.errors.add(topology.error());
+    compare_with_expected(network);
     auto started =
         co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
     if (!started) co_return started.error();

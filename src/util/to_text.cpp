@@ -34,6 +34,8 @@ std::string_view to_text(Errc code) {
         case Errc::sdo_abort: return "the slave aborted the transfer";
         case Errc::unsupported: return "not supported by the slave";
         case Errc::other_slave: return "another slave than expected";
+        case Errc::missing_slave: return "an expected slave is missing";
+        case Errc::unexpected_slave: return "nobody expects this slave";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
@@ -75,6 +77,7 @@ std::string_view to_text(Step step) {
         case Step::sdo_information: return "SDO information";
         case Step::startup: return "writing the start-up list";
         case Step::recover: return "bringing it back";
+        case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
     }
     return "";
