@@ -1,0 +1,8 @@
+// The CoE server on any sequence of CoE messages.
+#include "mail_device.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    using namespace margay;
+    subdevice::fuzzing::run_protocol(wire::MailboxType::coe, {data, size}, false);
+    return 0;
+}

@@ -1,0 +1,290 @@
+// A device with CoE and FoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes, each reply is
+// a mailbox message that fits, and afterwards a proper request gets its proper reply.
+#pragma once
+
+#include "subdevice/plain_esc.hpp"
+
+#include "subdevice/coe_server.hpp"
+#include "subdevice/device.hpp"
+#include "subdevice/diagnosis.hpp"
+#include "subdevice/foe_server.hpp"
+
+#include <cstdlib>
+
+namespace margay::subdevice::fuzzing {
+
+using namespace std::chrono_literals;
+
+inline void require(bool holds) {
+    if (!holds) std::abort();
+}
+
+inline constexpr DeviceDescription kDevice{
+    .vendor_id = 1,
+    .product_code = 2,
+    .revision = 3,
+    .serial = 4,
+    .name = "Fuzzed",
+    .protocols = {.coe = true, .foe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
+                {.start = 0x1100, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256}},
+    .boot_mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
+                     {.start = 0x1100, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256}},
+    .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 8},
+    .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 8},
+};
+
+HookAnswer slow(const ObjectAccess& access);
+HookAnswer slow_write(const ObjectAccess& access, Bytes data);
+MutableBytes vast(const ObjectAccess& access);
+
+inline constexpr ObjectHooks kSlow{.before_read = slow, .before_write = slow_write};
+inline constexpr ObjectHooks kVast{.memory = vast, .in_pieces = true};
+
+struct Values {
+    using word = Field<std::uint16_t, 0>;
+    using dword = Field<std::uint32_t, 2>;
+    using bit = Field<std::uint8_t, 6>;
+    using rx_count = Field<std::uint8_t, 7>;
+    using rx = Field<std::uint32_t, 8>;
+    using assign_count = Field<std::uint8_t, 24>;
+    using assign = Field<std::uint16_t, 25>;
+    static constexpr std::size_t text = 29;
+    static constexpr std::size_t bytes = text + 100;
+};
+inline constexpr Entry kType[] = {constant<std::uint32_t>(0, "Device type", 0x5A5A1234)};
+inline constexpr auto kErrors = kErrorHistoryEntries<3>;
+inline constexpr auto kDiagnosis = kDiagnosisEntries<2>;
+inline constexpr auto kIdentity = identity_entries(kDevice);
+inline constexpr Entry kRx[] = {
+    value<Values::rx_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 4),
+    value<Values::rx>(1, "Mapping", od::kReadWritePreop, 0x20000010),
+    octets(2, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::rx::offset + 4, 4).times(3)};
+inline constexpr Entry kAssign[] = {
+    value<Values::assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 2),
+    value<Values::assign>(1, "PDO", od::kReadWritePreop, 0x1600),
+    octets(2, "PDO", DataType::unsigned16, od::kReadWritePreop, Values::assign::offset + 2, 2)};
+inline constexpr Entry kWord[] = {value<Values::word>(0, "Word", od::kReadWrite | od::kRxMappable, 7).within(0, 1000)};
+inline constexpr Entry kText[] = {octets(0, "Text", DataType::visible_string, od::kReadWrite, Values::text, 100, "abc")};
+inline constexpr Entry kMixed[] = {entry_count(4), flag<Values::bit>(1, "Bit", od::kReadWrite), padding(2, 7),
+                                   value<Values::dword>(3, "Number", od::kReadWrite),
+                                   constant<std::uint16_t>(4, "Fixed", 0xBEEF)};
+inline constexpr Entry kSlowEntry[] = {value<Values::dword>(0, "Slow", od::kReadWrite)};
+inline constexpr Entry kVastEntry[] = {provided(0, "Vast", DataType::domain, 0, od::kReadWrite)};
+inline constexpr Object kObjects[] = {
+    variable(0x1000, "Device type", kType),
+    array(0x1003, "Errors", kErrors, &kErrorHistoryHooks),
+    record(0x1018, "Identity", kIdentity, nullptr, DataType::identity),
+    record(0x10F3, "Diagnosis", kDiagnosis, &kDiagnosisHooks),
+    record(0x1600, "RxPDO", kRx, &kPdoMappingHooks, DataType::pdo_mapping),
+    array(0x1C12, "Assignment", kAssign, &kPdoAssignmentHooks),
+    variable(0x2000, "Word", kWord),
+    variable(0x2001, "Text", kText),
+    record(0x2002, "Mixed", kMixed),
+    variable(0x2003, "Slow", kSlowEntry, &kSlow),
+    variable(0x2004, "Vast", kVastEntry, &kVast),
+};
+
+class Store final : public FoeStore {
+  public:
+    FoeAnswer open_to_read(const FoeFile& file, Time) override { return open(file); }
+    FoeAnswer open_to_write(const FoeFile& file, Time) override {
+        size_ = 0;
+        return open(file);
+    }
+    FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes, Time) override {
+        require(offset <= size_);
+        bytes = std::min(into.size(), size_ - offset);
+        std::copy_n(content_.begin() + static_cast<std::ptrdiff_t>(offset), bytes, into.begin());
+        return ++calls_ % 5 == 0 ? FoeAnswer::busy(1, 2, "slow") : FoeAnswer::go();
+    }
+    FoeAnswer write(std::size_t offset, Bytes data, Time) override {
+        require(offset == size_);
+        if (++calls_ % 4 == 0) return FoeAnswer::busy(1, 2);
+        if (offset + data.size() > content_.size()) return FoeAnswer::error(FoeError::disk_full);
+        std::copy(data.begin(), data.end(), content_.begin() + static_cast<std::ptrdiff_t>(offset));
+        size_ += data.size();
+        return FoeAnswer::go();
+    }
+    FoeAnswer finish_write(std::size_t bytes, Time) override {
+        require(bytes == size_);
+        return ++calls_ % 3 == 0 ? FoeAnswer::busy(0, 0) : FoeAnswer::go();
+    }
+    void give_up() override {}
+
+  private:
+    static FoeAnswer open(const FoeFile& file) {
+        require(file.name.size() <= 64);
+        if (file.name.size() == 1) return FoeAnswer::busy(3, 4);
+        return file.name.empty() ? FoeAnswer::error(FoeError::not_found, "a file has a name") : FoeAnswer::go();
+    }
+    std::array<std::byte, 700> content_{};
+    std::size_t size_ = 300;
+    unsigned calls_ = 0;
+};
+
+class Author final : public Application {
+  public:
+    const DeviceDescription& description() const override { return kDevice; }
+    Emergencies* emergencies() override { return &emergencies_; }
+    DiagnosisHistory* diagnosis() override { return &diagnosis_; }
+    std::array<std::byte, 600> vast{};
+
+  private:
+    std::array<EmergencyMessage, 2> queue_{};
+    std::array<std::byte, 12> history_{};
+    std::array<std::byte, 64> messages_{};
+    Emergencies emergencies_{queue_, history_};
+    DiagnosisHistory diagnosis_{messages_, 2};
+};
+inline HookAnswer slow(const ObjectAccess& access) {
+    // Every other moment is the wrong one.
+    return (access.now.time_since_epoch().count() / 1'000'000) % 2 == 0 ? HookAnswer::later(access.now + 1ms)
+                                                                        : HookAnswer(Abort::none);
+}
+inline HookAnswer slow_write(const ObjectAccess& access, Bytes) { return slow(access); }
+inline MutableBytes vast(const ObjectAccess& access) { return static_cast<Author*>(access.application)->vast; }
+
+// The input, octet by octet.
+class Input {
+  public:
+    Input(const std::uint8_t* data, std::size_t size) : left_(std::as_bytes(std::span(data, size))) {}
+    [[nodiscard]] bool done() const { return left_.empty(); }
+    std::uint8_t octet() {
+        if (left_.empty()) return 0;
+        const auto first = std::to_integer<std::uint8_t>(left_[0]);
+        left_ = left_.subspan(1);
+        return first;
+    }
+    Bytes take(std::size_t most) {
+        const auto taken = left_.first(std::min(most, left_.size()));
+        left_ = left_.subspan(taken.size());
+        return taken;
+    }
+
+  private:
+    Bytes left_;
+};
+
+class MailDevice {
+  public:
+    // `size` of both mailboxes is made out of an octet: 16 to 256.
+    MailDevice(std::uint8_t size, bool boot) : bytes_(static_cast<std::uint16_t>(std::max(16, (size & 0x3F) * 4 + 4))) {
+        device_.start(esc.time);
+        bring_up(boot);
+    }
+    void bring_up(bool boot) {
+        esc.al_control(0x11);
+        step();
+        esc.configure(0, {0x1000, bytes_, 0x26, 1});
+        esc.configure(1, {0x1100, bytes_, 0x22, 1});
+        step();
+        esc.al_control(boot ? 3 : 2);
+        step();
+        require(esc.al_status() == AlStatus{boot ? AlState::boot : AlState::preop, false, 0});
+    }
+    void step() {
+        (void)device_.step(esc.time);
+        esc.time += 1ms;
+    }
+    // Into the receive mailbox as is, as far as it goes.
+    bool put(Bytes message) {
+        std::array<std::byte, 256> whole{};
+        std::copy_n(message.begin(), std::min<std::size_t>(message.size(), bytes_), whole.begin());
+        return esc.ecat_write(0x1000, Bytes(whole).first(bytes_));
+    }
+    bool send(wire::MailboxType type, Bytes data) {
+        std::array<std::byte, 256> whole{};
+        const auto bytes = std::min<std::size_t>(data.size(), bytes_ - wire::kMailboxHeaderBytes);
+        counter_ = wire::next_mailbox_counter(counter_);
+        wire::store_mailbox_header(
+            whole, {.length = static_cast<std::uint16_t>(bytes), .type = type, .counter = counter_});
+        std::copy_n(data.begin(), bytes, whole.begin() + wire::kMailboxHeaderBytes);
+        return esc.ecat_write(0x1000, Bytes(whole).first(bytes_));
+    }
+    // What is in the send mailbox, which must make sense; empty: nothing.
+    Bytes fetch() {
+        const auto whole = MutableBytes(reply_).first(bytes_);
+        if (!esc.ecat_read(0x1100, whole)) return {};
+        const auto message = wire::load_mailbox_message(whole);
+        require(message.has_value());
+        require(message->header.counter >= 1 && message->header.counter <= 7);
+        if (message->header.type == wire::MailboxType::error) {
+            require(message->data.size() == wire::kMailboxErrorBytes);
+            const auto detail = static_cast<unsigned>(wire::MailboxErrorLayout::detail::load(message->data));
+            require(detail >= 1 && detail <= 9);
+        } else {
+            require(message->header.type == wire::MailboxType::coe || message->header.type == wire::MailboxType::foe);
+            require(message->data.size() >= wire::coe::kHeaderBytes);
+        }
+        step();
+        return message->data;
+    }
+    // Nothing that came before keeps a proper request from its reply, without a change of state in between.
+    void must_still_work() {
+        const bool boot = esc.al_status().state == AlState::boot;
+        for (int idle = 0, steps = 0; idle < 4; ++steps) {
+            require(steps < 1000);
+            step();
+            idle = fetch().empty() ? idle + 1 : 0;
+        }
+        // Reads of the type of the device, or of a file that there is not: whichever protocol the state has.
+        std::array<std::byte, 10> request{};
+        if (boot) {
+            request[0] = std::byte{1};
+        } else {
+            wire::coe::store_header(request, {0, wire::coe::Service::sdo_request});
+            request[2] = std::byte{0x40};
+            wire::coe::SdoLayout::index::store(request, 0x1000);
+        }
+        counter_ = 0;  // as a master that begins afresh would
+        std::array<std::byte, 256> whole{};
+        const std::size_t bytes = boot ? 6 : 10;
+        wire::store_mailbox_header(whole, {.length = static_cast<std::uint16_t>(bytes),
+                                           .type = boot ? wire::MailboxType::foe : wire::MailboxType::coe});
+        std::copy_n(request.begin(), bytes, whole.begin() + wire::kMailboxHeaderBytes);
+        require(esc.ecat_write(0x1000, Bytes(whole).first(bytes_)));
+        step();
+        const auto reply = fetch();
+        if (boot) {
+            require(!reply.empty() && reply[0] == std::byte{5});
+        } else {
+            require(reply.size() == 10 && reply[2] == std::byte{0x43} && load_le<std::uint32_t>(reply, 6) == 0x5A5A1234);
+        }
+    }
+
+    testing::PlainEsc esc;
+
+  private:
+    std::uint16_t bytes_;
+    Author author_;
+    std::array<std::byte, Values::bytes> image_{};
+    ObjectDictionary dictionary_{kObjects, image_, &author_};
+    std::array<std::byte, 160> staging_{};
+    CoeServer coe_{dictionary_, staging_, true, author_.emergencies()};
+    Store store_;
+    FoeServer foe_{store_};
+    std::array<MailboxProtocol, 2> protocols_{
+        {{wire::MailboxType::coe, &coe_}, {wire::MailboxType::foe, &foe_, true}}};
+    MailboxMemory<256, 3> memory_;
+    ProcessDataMemory<8, 8, 8> process_memory_;
+    ProcessData process_data_{esc, author_, dictionary_, process_memory_};
+    Mailbox mailbox_{esc, memory_, protocols_};
+    Device device_{esc, author_, process_data_, &mailbox_};
+    std::array<std::byte, 256> reply_{};
+    std::uint8_t counter_ = 0;
+};
+
+// Messages of one protocol, each behind its length in an octet; bit 7 of it: a reply is fetched first.
+inline void run_protocol(wire::MailboxType type, Input input, bool boot) {
+    MailDevice device(input.octet(), boot);
+    while (!input.done()) {
+        const auto head = input.octet();
+        if ((head & 0x80) != 0) (void)device.fetch();
+        (void)device.send(type, input.take(head & 0x7F));
+        device.step();
+    }
+    device.must_still_work();
+}
+
+}  // namespace margay::subdevice::fuzzing
