@@ -80,7 +80,9 @@ constexpr Object kObjects[] = {
     variable(0x6000, "Switches", kSwitches),
     variable(0x7000, "Lamps", kLamps),
 };
+#ifndef __SANITIZE_ADDRESS__  // GCC 12 takes no address for a constant under the sanitizers
 static_assert(well_formed(kObjects, Values::bytes));
+#endif
 
 // ------------------------------------------------------------------ what it does
 
