@@ -19,6 +19,13 @@ constexpr std::uint16_t kLatchStatus[] = {reg::kLatch0Status.address, reg::kLatc
 constexpr wire::Register kEdges[2][2] = {{reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge},
                                          {reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge}};
 
+// Pulses quicker than a microsecond, which no program could serve, come in bundles of about that length: a cycle time of
+// 1 ns must not stop the simulation.
+std::uint32_t bundle_of(std::uint32_t cycle_ns) {
+    constexpr std::uint32_t kLeast = 1000;
+    return cycle_ns == 0 || cycle_ns >= kLeast ? 1 : (kLeast + cycle_ns - 1) / cycle_ns;
+}
+
 }  // namespace
 
 void SyncUnit::power_up(RegisterFile& registers, const DcClock& clock) {
@@ -70,8 +77,9 @@ std::uint32_t SyncUnit::settle(Time now) {
     while (next() <= now) {
         const unsigned signal = next_[1] < next_[0] ? 1 : 0;
         const Time at = next_[signal];
+        const std::uint32_t bundle = bundle_of(cycle0_);
         if (on_[signal]) {
-            ++pulses_[signal];
+            pulses_[signal] += signal == 0 ? bundle : 1;
             events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
             if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) ==
                 0)  // held until acknowledged
@@ -90,7 +98,7 @@ std::uint32_t SyncUnit::settle(Time now) {
         } else {
             --countdown1_;
         }
-        due_[0] += cycle0_;
+        due_[0] += std::uint64_t{cycle0_} * bundle;
         next_[0] = cycle0_ == 0 ? kNever : std::max(at + Duration(1), clock_->moment_of(due_[0], at));
     }
     return events;

@@ -121,6 +121,13 @@ TEST_F(SyncUnitTest, Sync1MayBeSlowerThanSync0) {
     EXPECT_EQ(pulses(1), 10u);
 }
 
+// A hostile cycle time does not stop the simulation.
+TEST_F(SyncUnitTest, PulsesOfANanosecondAreCountedInBundles) {
+    start(copy() + 1'000'000, 1, 0, 0x03);
+    rig.pass(11ms);
+    EXPECT_NEAR(static_cast<double>(pulses(0)), 10'000'000.0, 100'000.0);
+}
+
 // SYNC is in system time: offset and control loop move it.
 TEST_F(SyncUnitTest, FollowsTheSystemTime) {
     EXPECT_EQ(rig.put<std::uint64_t>(0, 0x0920, 1'000'000'000'000), 1);
