@@ -5,6 +5,7 @@
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/process_data.hpp"
+#include "wire/sync_manager.hpp"
 
 #include <gtest/gtest.h>
 #include <margay/host_context.hpp>
@@ -98,6 +99,20 @@ bool same_bits(const ImagePart& part, Bytes device) {
     return true;
 }
 
+// What stands in the input buffers of an ESC: for devices whose own measured values are of another form than their inputs.
+std::vector<std::byte> input_buffers(const sim::Esc& esc) {
+    std::vector<std::byte> all;
+    for (unsigned n = 0; n < esc.sync_managers().count(); ++n) {
+        const auto raw = esc.peek(wire::reg::sync_manager(n).address, wire::reg::kSyncManagerStride);
+        const auto sm = wire::load_sync_manager(raw);
+        const auto at = esc.sync_managers().last_written(n);
+        if (sm.mailbox() || sm.ecat_writes() || !at) continue;
+        const auto data = esc.peek(static_cast<std::uint16_t>(*at), sm.length_bytes);
+        all.insert(all.end(), data.begin(), data.end());
+    }
+    return all;
+}
+
 // Brings it to OP and exchanges data that changes, in both directions as far as it has them.
 void reach_op_and_exchange(Plant& plant) {
     ASSERT_TRUE(plant.good()) << plant.error();
@@ -139,7 +154,9 @@ void reach_op_and_exchange(Plant& plant) {
             if (outputs.bits + inputs.bits == 0) continue;
             ASSERT_NE(device, nullptr) << slave.position;
             EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.position;
-            EXPECT_TRUE(same_bits(inputs, device->inputs())) << slave.name() << slave.position;
+            const bool plain = device->inputs().size() * 8 >= inputs.bits;
+            const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.position - 1u)));
+            EXPECT_TRUE(same_bits(inputs, plain ? Bytes(device->inputs()) : Bytes(buffers))) << slave.name() << slave.position;
             compared += outputs.bits + inputs.bits;
         }
         compared_bits = compared;
