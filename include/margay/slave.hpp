@@ -103,6 +103,9 @@ struct SlaveHooks {
     // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait nor call the library. `data` is
     // valid until it returns.
     void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data, void* user) = nullptr;
+    // The slave asks for an RxPDO (CoE service RxPDO remote request): a MailPdoSend, submitted once poll() has returned, answers it. Called
+    // as mailbox_pdo is, with the same user.
+    void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
     void* mailbox_pdo_user = nullptr;
 };
 

@@ -27,11 +27,16 @@ bool coe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
     if (mail.data.size() < coe::kHeaderBytes) return false;
     const auto header = coe::load_header(mail.data);
     if (header.service == coe::Service::emergency) return take_emergency(channel, mail.data);
-    const bool pdo = header.service == coe::Service::tx_pdo;
     const auto& hooks = channel.slave().hooks;
-    if (!pdo || hooks.mailbox_pdo == nullptr) return false;
-    hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes), hooks.mailbox_pdo_user);
-    return true;
+    if (header.service == coe::Service::tx_pdo && hooks.mailbox_pdo != nullptr) {
+        hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes), hooks.mailbox_pdo_user);
+        return true;
+    }
+    if (header.service == coe::Service::rx_pdo_remote_request && hooks.mailbox_pdo_wanted != nullptr) {
+        hooks.mailbox_pdo_wanted(channel.slave().position, header.number, hooks.mailbox_pdo_user);
+        return true;
+    }
+    return false;
 }
 
 }  // namespace margay

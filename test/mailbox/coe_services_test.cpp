@@ -212,6 +212,44 @@ TEST(MailPdo, SentAndAskedFor) {
     EXPECT_EQ(send.error().code, Errc::capacity);
 }
 
+// A slave that wants its outputs by mailbox asks for them; the application answers by a request.
+TEST(MailPdo, AskedForByTheSlave) {
+    MailboxBus bus;
+    auto& slave = bus.add_scripted(64);
+    bus.start();
+    slave.on_mail = [&](const Mail& mail) {
+        if (mail[7] != std::byte{0x60}) return;
+        slave.reply({0x33, 0x70});  // RxPDO remote request of PDO 0x33
+        slave.reply({0x05, 0x40, 1});
+    };
+    std::vector<unsigned> wanted;
+    auto& hooks = bus.ctx->slave(1).hooks;
+    hooks.mailbox_pdo_user = &wanted;
+    hooks.mailbox_pdo_wanted = [](std::uint16_t, std::uint16_t number, void* user) {
+        static_cast<std::vector<unsigned>*>(user)->push_back(number);
+    };
+    MailPdoFetch fetch;
+    std::array<std::byte, 8> into{};
+    fetch.slave = 1;
+    fetch.number = 5;
+    fetch.data = into;
+    ASSERT_TRUE(submit(*bus.ctx, fetch).ok());
+    bus.run(fetch);
+    EXPECT_EQ(fetch.state(), RequestState::success) << bus.words(fetch.error());
+    ASSERT_EQ(wanted, std::vector<unsigned>{0x33});
+
+    MailPdoSend answer;
+    const Mail outputs = mail_bytes({7, 8});
+    answer.slave = 1;
+    answer.number = static_cast<std::uint16_t>(wanted[0]);
+    answer.data = outputs;
+    ASSERT_TRUE(submit(*bus.ctx, answer).ok());
+    bus.run(answer);
+    bus.idle(1ms);
+    ASSERT_EQ(slave.received.size(), 2U);
+    EXPECT_EQ(Mail(slave.received[1].begin() + 6, slave.received[1].end()), mail_bytes({0x33, 0x50, 7, 8}));
+}
+
 // ------------------------------------------------------------------ SDO information
 
 void collect(std::span<const std::uint16_t> some, void* user) {
