@@ -109,7 +109,7 @@ void DcClock::compare(std::uint32_t received, Time at) {
     registers_->set(reg::kSystemTimeDifference.address, shown | (mean_ < 0 && shown != 0 ? 0x80000000u : 0u));
 
     const double start = registers_->get<std::uint16_t>(reg::kSpeedCounterStart.address);
-    const double limit = std::max(start - 0x7F, 0.0);
+    const double limit = std::clamp(start - 0x7F, 0.0, 32767.0);  // the difference is signed
     const double seconds =
         compared_ == kNever ? 0.0 : std::min(static_cast<double>((at - compared_).count()) * 1e-9, 0.02);
     compared_ = at;
