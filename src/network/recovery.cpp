@@ -5,6 +5,7 @@
 #include "network/scan.hpp"
 #include "network/startup.hpp"
 #include "station/al_state.hpp"
+#include "station/sii_access.hpp"
 
 namespace margay {
 namespace {
@@ -73,6 +74,8 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
     auto init = co_await back_to_init(network, slave);
     if (!init) co_return init;
     const AlStatus before = slave.al;
+    auto offered = co_await sii_assign(network.station(slave), true);
+    if (!offered) co_return offered;
     auto preop = co_await bring_to_preop(network, slave);
     const AlStatus after = slave.al;
     slave.al = before;

@@ -200,9 +200,6 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     }
     auto listed = co_await run_startup(station, slave, Transition::init_to_preop);
     if (!listed) co_return listed;
-    auto assigned = co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kOfferedToPdi,
-                                                 Step::read_sii);
-    if (!assigned) co_return assigned.error();
     if (slave.al.state == AlState::none) {
         auto now = co_await read_al_status(station);
         if (!now) co_return now.error();
@@ -248,6 +245,9 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     if (!addressed) co_return addressed.error();
     auto identified = co_await for_each_slave(network, [&network](Slave& s) { return identify(network, s); });
     if (!identified) co_return identified.error();
+    constexpr std::byte kOffered{wire::sii_config::kOfferedToPdi};
+    auto offered = co_await broadcast_write(network, reg::kSiiConfig.address, std::array{kOffered});
+    if (!offered) co_return offered.error();
     auto again = co_await count_slaves(network);
     if (!again) co_return again;
     if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);

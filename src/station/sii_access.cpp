@@ -79,21 +79,24 @@ std::uint32_t SiiReader::block_after(std::uint32_t word, std::uint32_t end, std:
 void SiiReader::note_busy(Time sent) {
     known_busy_ = std::max(known_busy_, sent - ordered_at_);
     sure_ = false;
-    wait_ = known_ready_ == Duration::max() ? 2 * known_busy_ : Duration{0};
+    wait_ = known_ready_ == Duration::max() ? known_busy_ * 7 / 4 : between();
 }
 
-// A visit came late enough. When there is a wide gap between "too early" and "late enough", the middle of it
-// is tried next: this finds the EEPROM's time in a few steps. What is known of "too early" fades, so that one
-// slow answer is not waited for forever.
+// A visit came late enough. What is known of "too early" fades, so that one slow answer is not waited for forever.
 void SiiReader::note_ready(Time sent) {
     constexpr int kFading = 512;
-    constexpr int kNarrow = 5;
     known_ready_ = std::min(known_ready_, sent - ordered_at_);
     known_busy_ = std::min(known_busy_ - known_busy_ / kFading, known_ready_);
-    const Duration gap = known_ready_ - known_busy_;
-    const bool never_busy = known_busy_ == Duration{0};
-    wait_ = never_busy ? Duration{0} : gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
+    wait_ = known_busy_ == Duration{0} ? Duration{0} : between();
     sure_ = true;
+}
+
+// When there is a wide gap between "too early" and "late enough", the middle of it is tried next: this finds the EEPROM's
+// time in a few steps.
+Duration SiiReader::between() const {
+    constexpr int kNarrow = 5;
+    const Duration gap = known_ready_ - known_busy_;
+    return gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
 }
 
 // Takes the data of a visit that found the interface ready. False when it is not the block that was asked

@@ -43,6 +43,7 @@ class SiiReader {
     [[nodiscard]] bool accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent);
     void note_busy(Time sent);
     void note_ready(Time sent);
+    [[nodiscard]] Duration between() const;
     [[nodiscard]] Error failure(Errc code, std::uint32_t word) const {
         return station_.error(code, Step::read_sii, static_cast<std::uint16_t>(word));
     }
