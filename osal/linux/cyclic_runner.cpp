@@ -1,5 +1,7 @@
 #include "osal/linux/cyclic_runner.hpp"
 
+#include "osal/linux/monotonic_clock.hpp"
+
 #include <fcntl.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -90,11 +92,7 @@ void CyclicRunner::hold_latency() noexcept {
 
 void CyclicRunner::refuse(const char* what, int error) noexcept { refusals_[refused_++] = {what, error}; }
 
-Time CyclicRunner::now() noexcept {
-    timespec t{};
-    ::clock_gettime(CLOCK_MONOTONIC, &t);
-    return Time(std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec));
-}
+Time CyclicRunner::now() noexcept { return monotonic_now(); }
 
 void CyclicRunner::start() noexcept { schedule_.start(now()); }
 

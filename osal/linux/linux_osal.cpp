@@ -1,8 +1,9 @@
 #include "osal/linux/linux_osal.hpp"
 
+#include "osal/linux/monotonic_clock.hpp"
+
 #include <poll.h>
 #include <sys/eventfd.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <cstdint>
@@ -15,11 +16,7 @@ LinuxOsal::~LinuxOsal() {
     if (event_ >= 0) ::close(event_);
 }
 
-Time LinuxOsal::now() noexcept {
-    timespec t{};
-    ::clock_gettime(CLOCK_MONOTONIC, &t);
-    return Time(std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec));
-}
+Time LinuxOsal::now() noexcept { return monotonic_now(); }
 
 void LinuxOsal::wait(Time until, int nic_handle) noexcept {
     constexpr Duration kWithoutEvent = std::chrono::milliseconds(1);

@@ -15,7 +15,6 @@ namespace od = subdevice::od;
 
 namespace {
 
-constexpr std::uint16_t kAssignments = 0x1C10;
 constexpr std::size_t kEntryRoom = 32;  // entries of a mapping that may be rewritten
 
 // What the SII says of an entry's type may not fit its length; then the length decides.

@@ -15,6 +15,8 @@ namespace margay::sim {
 
 class SiiDictionary {
   public:
+    static constexpr std::uint16_t kAssignments = 0x1C10;  // and the SyncManager's number
+
     // The image is not needed afterwards. What it says amiss (objects in reserved places, two objects in one) is
     // left out.
     SiiDictionary(Bytes sii, const SiiModel& model);

@@ -8,7 +8,6 @@ namespace {
 
 constexpr std::size_t kReplySlots = 4;
 constexpr std::uint16_t kMaxProcessData = 8192;  // the chip's memory decides, not the rules for PDOs
-constexpr std::uint16_t kAssignments = 0x1C10;
 
 std::size_t mailbox_bytes(const subdevice::DeviceDescription& device) {
     std::size_t most = 0;
@@ -40,7 +39,7 @@ void SiiMailbox::power_up(subdevice::EscAccess& esc) {
 }
 
 bool SiiMailbox::build(std::uint8_t sync_manager) {
-    const auto index = static_cast<std::uint16_t>(kAssignments + sync_manager);
+    const auto index = static_cast<std::uint16_t>(SiiDictionary::kAssignments + sync_manager);
     return dictionary_.find(index) != nullptr &&
            mapping_.build(dictionary_, index, kMaxProcessData) == subdevice::Abort::none;
 }
