@@ -58,10 +58,12 @@ void CyclePace::start() {
 void CyclePace::wait() {
     const bool real = !source_.virtual_time();
     const Time until = real ? deadline() - runner_.spin() - kQuietBefore : deadline();
-    for (Time now = source_.osal().now(); now < until; now = source_.osal().now()) {
+    Time now = source_.osal().now();
+    do {  // once in any case: a cycle that leaves no time must not bring the other work to a stop
         const Time wake = poll(ctx_, now);
-        source_.osal().wait(std::min(wake, until), source_.nic().wait_handle());
-    }
+        if (now < until) source_.osal().wait(std::min(wake, until), source_.nic().wait_handle());
+        now = source_.osal().now();
+    } while (now < until);
     const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());
     figures_.lateness.record(tick.lateness);
     figures_.overruns += tick.skipped;
