@@ -1,8 +1,7 @@
 // CoE by the public API: requests and the calls that wait for them.
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_mail_pdo.hpp"
-#include "osal/osal.hpp"
-#include "request_queue.hpp"
+#include "mail_requests.hpp"
 
 #include <margay/margay.hpp>
 
@@ -11,30 +10,8 @@
 namespace margay {
 namespace {
 
-MailPatience patience_of(MailRequest& request) {
-    MailPatience patience{.give_up = QueueAccess::deadline(request), .priority = std::min<std::uint8_t>(request.priority, 3)};
-    if (request.timeout > Duration{0}) patience.each = request.timeout;
-    return patience;
-}
-
-MailboxChannel& channel_of(Network& network, const MailRequest& request) { return network.mailboxes.channel(request.slave); }
-
-Error check_coe(Network& network, std::uint16_t number, Step step, std::uint16_t index, std::uint8_t subindex) {
-    Error refused = check_slave(network, number, step);
-    if (refused.code == Errc::none) {
-        const Slave& slave = network.slave(number);
-        const bool coe = slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
-        if (!coe)
-            refused.code = Errc::unsupported;
-        else if (!network.mailbox(slave).is_open())
-            refused.code = Errc::wrong_state;  // never reached PREOP
-        if (refused.code == Errc::none) return refused;
-    }
-    refused.step = step;
-    refused.slave = number;
-    refused.index = index;
-    refused.subindex = subindex;
-    return refused;
+Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
+    return check_mailbox(network, mailbox_protocol::kCoE, {.step = step, .slave = slave, .index = index, .subindex = subindex});
 }
 
 // Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
@@ -116,32 +93,6 @@ Result<> submit(Context& ctx, MailPdoSend& request) { return submit_queued(ctx, 
 Result<> submit(Context& ctx, MailPdoFetch& request) { return submit_queued(ctx, request); }
 
 // ------------------------------------------------------------------ calls that wait
-
-namespace {
-
-// The thread of a cycle must not wait. Another one leaves the work to it, and does it itself as soon as there is no cycle any more.
-template <class R>
-Result<> do_and_wait(Context& ctx, R& request, Step step, std::uint16_t index, std::uint8_t subindex) {
-    Osal* const osal = ContextAccess::osal(ctx);
-    if (osal == nullptr) return Error{.code = Errc::wrong_state, .step = step};
-    if (cycle_runs(ctx) && is_cycle_thread(ctx))
-        return Error{.code = Errc::cycle_running, .step = step, .slave = request.slave, .index = index, .subindex = subindex};
-    const auto submitted = submit(ctx, request);
-    if (!submitted) return submitted;
-    constexpr Duration kLookAgain = std::chrono::milliseconds(1);
-    const int handle = ContextAccess::network(ctx)->engine.link().nic().wait_handle();
-    while (request.busy()) {
-        if (cycle_runs(ctx)) {
-            osal->wait(osal->now() + kLookAgain, -1);
-            continue;
-        }
-        const Time next = poll(ctx, osal->now());
-        if (request.busy()) osal->wait(next, handle);
-    }
-    return request.state() == RequestState::success ? Result<>() : Result<>(request.error());
-}
-
-}  // namespace
 
 Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
                             std::span<std::byte> into, Duration timeout) {

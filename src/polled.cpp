@@ -1,17 +1,21 @@
 // The blocking forms: submit, poll and wait, in this one place.
-#include "context_access.hpp"
-#include "network/network.hpp"
-#include "osal/osal.hpp"
+#include "request_queue.hpp"
 
 #include <margay/margay.hpp>
 
 namespace margay {
 
+// While another thread runs the cycle the work is left to it, and done here as soon as there is no cycle any more.
 Result<> wait(Context& ctx, Request& request) {
+    constexpr Duration kLookAgain = std::chrono::milliseconds(1);
     Osal* osal = ContextAccess::osal(ctx);
     if (osal == nullptr) return Error{.code = Errc::wrong_state};
     const int handle = ContextAccess::network(ctx)->engine.link().nic().wait_handle();
     while (request.busy()) {
+        if (cycle_runs(ctx) && !is_cycle_thread(ctx)) {
+            osal->wait(osal->now() + kLookAgain, -1);
+            continue;
+        }
         const Time next = poll(ctx, osal->now());
         if (request.busy()) osal->wait(next, handle);
     }

@@ -33,7 +33,8 @@ Result<> submit(Context& ctx, SuperviseRequest& request);
 Result<> submit(Context& ctx, ReconfigRequest& request);
 Result<> submit(Context& ctx, RecoverRequest& request);
 
-// Polls until a submitted request is not busy any more, and returns its error if it has one. Waits.
+// Polls until a submitted request is not busy any more, and returns its error if it has one. While another thread runs a cycle that one polls, and this one
+// only looks. Waits.
 Result<> wait(Context& ctx, Request& request);
 
 // Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say, finds the
