@@ -81,6 +81,7 @@ TEST(SoeHeader, EveryHeaderComesBackAsItWasStoredAndAsTsharkReadsIt) {
         EXPECT_EQ(value(seen[n][10]), h.elements == soe_element::kDataState ? 1U : 0U) << n;
         EXPECT_EQ(seen[n][8], "") << n;
         if (h.error && h.incomplete) continue;                           // no such message
+        if (h.opcode == Opcode::slave_info) continue;                    // tshark shows no more of it
         EXPECT_EQ(value(seen[n][h.incomplete ? 6 : 5]), h.number) << n;  // fragments left, or the IDN
         if (h.error) {
             EXPECT_NE(seen[n][7].find("Error 7005"), std::string::npos) << seen[n][7];
