@@ -17,7 +17,7 @@ fi
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
         libtomlplusplus-dev libncurses-dev'
-useful='binutils iproute2 tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib'
+useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib'
 # shellcheck disable=SC2086  # lists of words
 if ! need_packages $needed $useful; then
     [ -z "$(missing_packages $needed)" ] || exit 1

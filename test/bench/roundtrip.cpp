@@ -1,0 +1,178 @@
+// What the master adds to a cycle on a real interface: send_processdata() + receive_processdata() beside a bare send() + recv() of the same frame through
+// the same socket, measured in turns in one run; and the system calls of a cycle, counted. The far end of the cable gives frames back at once.
+//
+//   bench_roundtrip           prints medians and ratios
+//   bench_roundtrip check     fails when a cycle needs more than two system calls; measures no time
+#include "common/far_end.hpp"
+#include "common/mapped_bus.hpp"
+#include "oshw/linux/packet_nic.hpp"
+
+#include <poll.h>
+#include <sys/ptrace.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+#include <string>
+
+namespace {
+
+using namespace margay;
+using namespace margay::bench;
+
+struct Load {
+    std::uint32_t slaves;
+    std::uint32_t bytes;  // each way, of each
+};
+
+// A bus with one frame a cycle on the near end of the cable.
+struct Near {
+    MappedBus bus;
+    PacketNic nic;
+    std::unique_ptr<FarEnd> far;
+
+    [[nodiscard]] bool open(const Load& load, std::string& why) {
+        if (!bus.build(load.slaves, load.bytes, load.bytes)) why = "the segment could not be mapped";
+        if (why.empty() && !nic.open(kNear)) why = nic.problem();
+        if (!why.empty()) return false;
+        const DatagramStatus& datagram = bus.ctx->group(0).datagrams[0];
+        const Answer answer{bus.nic.last.size(), 14 + 2 + 10 + 2UL * load.bytes * load.slaves, datagram.expected};
+        far = echo_by_xdp(answer, why);
+        if (far == nullptr) far = echo_by_thread(answer, why);
+        bus.plug_over(nic);
+        return far != nullptr && cycle();
+    }
+    [[nodiscard]] bool cycle() {
+        return send_processdata(*bus.ctx).ok() && receive_processdata(*bus.ctx, std::chrono::milliseconds(20)).ok();
+    }
+    // The same without a master.
+    [[nodiscard]] bool bare() {
+        static std::array<std::byte, 1518> got;
+        const int socket = nic.wait_handle();
+        const auto& frame = bus.nic.last;
+        if (::send(socket, frame.data(), frame.size(), MSG_DONTWAIT) < 0) return false;
+        while (::recv(socket, got.data(), got.size(), MSG_DONTWAIT) <= 0) {
+            pollfd waiting{socket, POLLIN, 0};
+            if (::poll(&waiting, 1, 20) <= 0) return false;
+        }
+        return true;
+    }
+};
+
+double median(std::vector<double>& all) {
+    std::ranges::nth_element(all, all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2));
+    return all[all.size() / 2];
+}
+
+// `count` times, each measured.
+template <class What>
+bool measure(unsigned count, std::vector<double>& into, Osal& osal, What what) {
+    for (unsigned n = 0; n < count; ++n) {
+        const Time begin = osal.now();
+        if (!what()) return false;
+        into.push_back(std::chrono::duration<double, std::micro>(osal.now() - begin).count());
+    }
+    return true;
+}
+
+bool compare(const Load& load, std::string& why) {
+    constexpr unsigned kTurns = 300;
+    constexpr unsigned kOfEach = 100;
+    Near near;
+    if (!near.open(load, why)) return false;
+    std::vector<double> ours;
+    std::vector<double> bare;
+    for (unsigned turn = 0; turn < kTurns; ++turn) {
+        const bool good = measure(kOfEach, ours, near.bus.osal, [&] { return near.cycle(); }) &&
+                          measure(kOfEach, bare, near.bus.osal, [&] { return near.bare(); });
+        if (!good) {
+            why = "a frame did not come back";
+            return false;
+        }
+    }
+    const double a = median(ours);
+    const double b = median(bare);
+    std::printf("%3u x %3u + %3u octets  %8.2f us %8.2f us %8.3f    (%s)\n", load.slaves, load.bytes, load.bytes, a, b, a / b,
+                near.far->name().c_str());
+    return true;
+}
+
+// System calls that a child makes between two stops of its own.
+std::optional<long> calls_between_stops(pid_t child) {
+    int status = 0;
+    if (::waitpid(child, &status, 0) != child || !WIFSTOPPED(status)) return std::nullopt;
+    (void)::ptrace(PTRACE_SETOPTIONS, child, nullptr, PTRACE_O_TRACESYSGOOD);
+    long stops = 0;
+    for (;;) {
+        if (::ptrace(PTRACE_SYSCALL, child, nullptr, nullptr) != 0) return std::nullopt;
+        if (::waitpid(child, &status, 0) != child || WIFEXITED(status)) return std::nullopt;
+        if (!WIFSTOPPED(status)) continue;
+        if (WSTOPSIG(status) == SIGSTOP) return stops / 2;  // on its way into each and out again
+        if (WSTOPSIG(status) == (SIGTRAP | 0x80)) ++stops;
+    }
+}
+
+// So many cycles in a child that is watched; negative when that is not possible.
+long count_calls(const Load& load, unsigned cycles) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        std::string why;
+        Near near;
+        if (!near.open(load, why) || ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(1);
+        (void)::raise(SIGSTOP);
+        for (unsigned n = 0; n < cycles; ++n)
+            if (!near.cycle()) ::_exit(1);
+        (void)::raise(SIGSTOP);
+        near.far.reset();
+        ::_exit(0);
+    }
+    const auto calls = calls_between_stops(child);
+    (void)::kill(child, SIGKILL);
+    (void)::waitpid(child, nullptr, 0);
+    return calls.value_or(-1);
+}
+
+// The difference of two runs; negative when nothing could be counted.
+double calls_per_cycle(const Load& load) {
+    constexpr unsigned kCycles = 500;
+    const long once = count_calls(load, kCycles);
+    const long twice = count_calls(load, 2 * kCycles);
+    return once < 0 || twice < 0 ? -1 : static_cast<double>(twice - once) / kCycles;
+}
+
+constexpr Load kSmall{1, 16};
+constexpr Load kLoads[] = {kSmall, {1, 743}, {10, 32}};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    constexpr int kSkipped = 77;
+    std::string why;
+    if (!make_cable(why)) {
+        std::printf("nothing was measured: %s\n", why.c_str());
+        return kSkipped;
+    }
+    const double calls = calls_per_cycle(kSmall);
+    if (argc == 2 && std::strcmp(argv[1], "check") == 0) {
+        if (calls < 0) {
+            std::printf("nothing was counted: no cable, or no permission to watch a process\n");
+            return kSkipped;
+        }
+        std::printf("%.3f system calls a cycle, 2 at most\n", calls);
+        return calls <= 2.0 ? 0 : 1;
+    }
+    std::printf("%-22s %11s %11s %8s\n", "", "margay", "bare", "ratio");
+    bool good = true;
+    for (const Load& load : kLoads) {
+        why.clear();
+        if (compare(load, why)) continue;
+        std::printf("%u x %u octets: %s\n", load.slaves, load.bytes, why.c_str());
+        good = false;
+    }
+    std::printf("system calls a cycle: %.3f\n", calls);
+    return good ? 0 : 1;
+}
