@@ -4,10 +4,12 @@
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
 #include "wire/mailbox.hpp"
+#include "wire/soe.hpp"
 
 #include <margay/al_state.hpp>
 #include <margay/error.hpp>
 
+#include <array>
 #include <iterator>
 
 namespace margay {
@@ -22,6 +24,13 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::sdo_upload:
         case Step::sdo_download:
         case Step::sdo_information: (out << " of ").hex(e.index, 4) << ":" << e.subindex; break;
+        case Step::soe_read:
+        case Step::soe_write:
+        case Step::soe_command: {
+            std::array<char, 8> idn{};
+            out << " of " << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
+            break;
+        }
         case Step::topology: out << " at port " << e.index; break;
         case Step::map_process_data:
         case Step::exchange_process_data:
@@ -68,6 +77,11 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::sdo_abort:
             (out << " (abort code ").hex(e.detail, 8) << ": " << wire::coe::to_text(static_cast<wire::coe::Abort>(e.detail)) << ")";
             break;
+        case Errc::soe_error:
+            (out << " (error code ").hex(e.detail, 4) << ": "
+                << wire::soe::to_text(static_cast<wire::soe::ErrorCode>(e.detail)) << ")";
+            break;
+        case Errc::command_failed: (out << " (data state ").hex(e.detail, 4) << ")"; break;
         case Errc::mailbox_error:
             (out << " (detail ").hex(e.detail, 4) << ": " << wire::to_text(static_cast<wire::MailboxErrorCode>(e.detail)) << ")";
             break;

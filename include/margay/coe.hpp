@@ -16,6 +16,7 @@
 #include <margay/result.hpp>
 #include <margay/statistics.hpp>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>
@@ -151,6 +152,22 @@ Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, st
 template <class T>
 concept SdoValue = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
+// As they travel: least significant octet first.
+template <SdoValue T>
+[[nodiscard]] std::array<std::byte, sizeof(T)> octets_of(T value) {
+    std::array<std::byte, sizeof(T)> octets{};
+    std::memcpy(octets.data(), &value, sizeof(T));
+    if (std::endian::native == std::endian::big) std::reverse(octets.begin(), octets.end());
+    return octets;
+}
+template <SdoValue T>
+[[nodiscard]] T value_from_octets(std::array<std::byte, sizeof(T)> octets) {
+    if (std::endian::native == std::endian::big) std::reverse(octets.begin(), octets.end());
+    T value{};
+    std::memcpy(&value, octets.data(), sizeof(T));
+    return value;
+}
+
 // Reads a value of exactly that size: Errc::wrong_size, or capacity, when the slave's has another one.
 //
 //     const auto speed = margay::SDOread<std::int32_t>(ctx, 2, 0x606C, 0);
@@ -165,19 +182,12 @@ Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
         error.actual = static_cast<std::uint32_t>(*read);
         return error;
     }
-    if (std::endian::native == std::endian::big)
-        for (std::size_t i = 0; i < sizeof(T) / 2; ++i) std::swap(octets[i], octets[sizeof(T) - 1 - i]);
-    T value{};
-    std::memcpy(&value, octets.data(), sizeof(T));
-    return value;
+    return value_from_octets<T>(octets);
 }
 
 template <SdoValue T>
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, T value, Duration timeout = Duration{0}) {
-    std::array<std::byte, sizeof(T)> octets{};
-    std::memcpy(octets.data(), &value, sizeof(T));
-    if (std::endian::native == std::endian::big)
-        for (std::size_t i = 0; i < sizeof(T) / 2; ++i) std::swap(octets[i], octets[sizeof(T) - 1 - i]);
+    const auto octets = octets_of(value);
     return SDOwrite(ctx, slave, index, subindex, false, std::span<const std::byte>(octets), timeout);
 }
 

@@ -35,6 +35,8 @@ enum class Errc : std::uint8_t {
     protocol,           // a reply that the standard does not allow
     mailbox_error,      // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
     sdo_abort,          // SDO abort (code: the abort code)
+    soe_error,          // error reply of a drive (code: the SoE error code)
+    command_failed,     // a procedure command of a drive ended with an error (code: its data state)
     unsupported,        // the slave does not have it
     other_slave,        // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail: vendor that is there)
     missing_slave,      // an expected slave is not there (slave: its position, or 0 and actual: its alias)
@@ -74,6 +76,9 @@ enum class Step : std::uint8_t {
     sdo_upload,
     sdo_download,
     sdo_information,
+    soe_read,
+    soe_write,
+    soe_command,
     topology,
     startup,
     recover,
@@ -84,9 +89,9 @@ struct Error {
     Errc code = Errc::none;
     Step step = Step::none;
     std::uint16_t slave = 0;     // 1 is the first slave, 0 the segment as a whole
-    std::uint16_t index = 0;     // register address, SII word address or object index, as the step has it
-    std::uint8_t subindex = 0;
-    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail
+    std::uint16_t index = 0;     // register address, SII word address, object index or IDN, as the step has it
+    std::uint8_t subindex = 0;   // or the number of the drive
+    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 

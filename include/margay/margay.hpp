@@ -6,6 +6,7 @@
 #include <margay/expected.hpp>
 #include <margay/request.hpp>
 #include <margay/shared_image.hpp>
+#include <margay/soe.hpp>
 #include <margay/supervision.hpp>
 
 namespace margay {

@@ -6,6 +6,7 @@
 #include <margay/al_state.hpp>
 #include <margay/configuration.hpp>
 #include <margay/error.hpp>
+#include <margay/idn.hpp>
 #include <margay/process_data.hpp>
 #include <margay/result.hpp>
 
@@ -92,6 +93,15 @@ inline constexpr std::uint8_t kCompleteAccess = 0x20;
 
 class Context;
 
+// What a drive tells by SoE without being asked: that a procedure command has been executed, or an emergency.
+struct SoeNotification {
+    bool emergency = false;
+    std::uint8_t drive = 0;
+    std::uint8_t elements = 0;  // soe_element bits
+    Idn idn;                    // of the command
+    std::span<const std::byte> data;
+};
+
 // Functions of the application that are called on the way of one slave. `user` is what stands in the same place.
 struct SlaveHooks {
     // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. Called by config_map() itself,
@@ -107,6 +117,10 @@ struct SlaveHooks {
     // as mailbox_pdo is, with the same user.
     void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
     void* mailbox_pdo_user = nullptr;
+
+    // A notification has come by SoE. Called as mailbox_pdo is; what it is told is valid until it returns.
+    void (*soe_notification)(std::uint16_t slave, const SoeNotification& told, void* user) = nullptr;
+    void* soe_notification_user = nullptr;
 };
 
 struct Slave {

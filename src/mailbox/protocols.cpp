@@ -1,12 +1,14 @@
 #include "mailbox/protocols.hpp"
 
 #include "mailbox/coe_mail.hpp"
+#include "mailbox/soe.hpp"
 
 namespace margay {
 namespace {
 
 constexpr MailProtocol kProtocols[] = {
     {wire::MailboxType::coe, coe_unasked},
+    {wire::MailboxType::soe, soe_unasked},
 };
 
 }  // namespace

@@ -32,6 +32,8 @@ std::string_view to_text(Errc code) {
         case Errc::protocol: return "a reply that the standard does not allow";
         case Errc::mailbox_error: return "mailbox error reply";
         case Errc::sdo_abort: return "the slave aborted the transfer";
+        case Errc::soe_error: return "the drive refused";
+        case Errc::command_failed: return "the command could not be executed";
         case Errc::unsupported: return "not supported by the slave";
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";
@@ -75,6 +77,9 @@ std::string_view to_text(Step step) {
         case Step::sdo_upload: return "SDO upload";
         case Step::sdo_download: return "SDO download";
         case Step::sdo_information: return "SDO information";
+        case Step::soe_read: return "SoE read";
+        case Step::soe_write: return "SoE write";
+        case Step::soe_command: return "SoE command";
         case Step::startup: return "writing the start-up list";
         case Step::recover: return "bringing it back";
         case Step::identify: return "comparing with what is expected";

@@ -4,6 +4,7 @@
 #include "mailbox/coe_mail_pdo.hpp"
 #include "mailbox/coe_pdo.hpp"
 #include "mailbox/mailbox_bus.hpp"
+#include "mailbox/soe.hpp"
 #include "network/network.hpp"
 #include "context_access.hpp"
 
@@ -34,6 +35,9 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("ask_information", 512, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
     expect("discover_pdos_from_coe", 512, discover_pdos_from_coe(channel, bus.ctx->slave(1)));
+    expect("soe_read", 512, soe_read(channel, {}, memory, {}));
+    expect("soe_write", 512, soe_write(channel, {}, memory, {}));
+    expect("soe_execute", 1024, soe_execute(channel, {}, {}));
     // One read, begun: its sequences, the pump and the mailbox.
     SdoUpload request;
     request.slave = 1;

@@ -1,0 +1,138 @@
+#include "mailbox/soe.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace margay {
+
+namespace soe = wire::soe;
+
+namespace {
+
+Error complete(Error error, const MailboxChannel& channel, const SoeTarget& target, Step step) {
+    error.slave = channel.station().position;
+    error.step = step;
+    error.index = target.idn.value;
+    error.subindex = target.drive;
+    return error;
+}
+
+// All messages but the last one, which have no answer.
+Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfer, MailPatience patience) {
+    while (!transfer.at_last()) {
+        MailExchange fragment(channel, wire::MailboxType::soe, transfer, {.patience = patience, .reply = false});
+        const Error failed = co_await fragment;
+        if (failed.code != Errc::none) co_return failed;
+        transfer.advance();
+    }
+    co_return Result<>();
+}
+
+Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, MailPatience patience) {
+    MailExchange exchange(channel, wire::MailboxType::soe, transfer, {.patience = patience, .key = transfer.key()});
+    const Error failed = co_await exchange;
+    co_return failed.code != Errc::none ? failed : transfer.error();
+}
+
+// A command that is set stays so until it is taken back, whatever becomes of us.
+class CommandGuard {
+  public:
+    CommandGuard(MailboxChannel& channel, const SoeTarget& target) : channel_(channel), target_(target) {}
+    CommandGuard(const CommandGuard&) = delete;
+    CommandGuard& operator=(const CommandGuard&) = delete;
+    ~CommandGuard() {
+        if (!set) return;
+        std::array<std::byte, soe::kHeaderBytes + 2> cancel{};
+        soe::store_header(cancel, {.opcode = soe::Opcode::write_request,
+                                   .drive = target_.drive,
+                                   .elements = soe_element::kValue,
+                                   .number = target_.idn.value});
+        channel_.farewell(wire::MailboxType::soe, cancel);
+    }
+    bool set = false;
+
+  private:
+    MailboxChannel& channel_;
+    SoeTarget target_;
+};
+
+}  // namespace
+
+Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, MutableBytes into,
+                                   MailPatience patience) {
+    constexpr Step kStep = Step::soe_read;
+    MailSession session(channel, wire::MailboxType::soe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
+    SoeReadTransfer transfer(target, into);
+    auto asked = co_await ask(channel, transfer, patience);
+    if (!asked) co_return complete(asked.error(), channel, target, kStep);
+    co_return transfer.bytes();
+}
+
+Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, MailPatience patience) {
+    constexpr Step kStep = Step::soe_write;
+    MailSession session(channel, wire::MailboxType::soe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
+    if (channel.send_room() <= soe::kHeaderBytes)
+        co_return complete({.code = Errc::unsupported}, channel, target, kStep);
+    SoeWriteTransfer transfer(target, value, channel.send_room());
+    auto sent = co_await send_fragments(channel, transfer, patience);
+    if (!sent) co_return complete(sent.error(), channel, target, kStep);
+    auto asked = co_await ask(channel, transfer, patience);
+    if (!asked) co_return complete(asked.error(), channel, target, kStep);
+    co_return Result<>();
+}
+
+Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, MailPatience patience) {
+    constexpr Duration kLongestPause = std::chrono::milliseconds(32);
+    std::array<std::byte, 2> octets{};
+    store_le<std::uint16_t>(octets, 0, soe_command::kSet | soe_command::kEnable);
+    target.elements = soe_element::kValue;
+    CommandGuard guard(channel, target);
+    guard.set = true;
+    auto set = co_await soe_write(channel, target, octets, patience);
+    if (!set) {
+        guard.set = set.error().code != Errc::soe_error;  // a refused one is not set
+        co_return complete(set.error(), channel, target, Step::soe_command);
+    }
+    SoeTarget state = target;
+    state.elements = soe_element::kDataState;
+    std::uint16_t seen = 0;
+    for (Duration pause = std::chrono::milliseconds(1);; pause = std::min(2 * pause, kLongestPause)) {
+        auto read = co_await soe_read(channel, state, octets, patience);
+        if (!read) co_return complete(read.error(), channel, target, Step::soe_command);
+        seen = load_le<std::uint16_t>(octets);
+        if ((seen & soe_command::kFailed) != 0) break;
+        constexpr unsigned kAll = soe_command::kSet | soe_command::kEnable | soe_command::kRunning;
+        if ((seen & kAll) == (soe_command::kSet | soe_command::kEnable)) break;
+        if (channel.engine().now() >= patience.give_up)
+            co_return complete({.code = Errc::timeout, .detail = seen}, channel, target, Step::soe_command);
+        co_await channel.engine().sleep_until(std::min(patience.give_up, channel.engine().now() + pause));
+    }
+    store_le<std::uint16_t>(octets, 0, 0);
+    auto taken_back = co_await soe_write(channel, target, octets, patience);
+    guard.set = !taken_back;
+    if ((seen & soe_command::kFailed) != 0)
+        co_return complete({.code = Errc::command_failed, .detail = seen}, channel, target, Step::soe_command);
+    if (!taken_back) co_return complete(taken_back.error(), channel, target, Step::soe_command);
+    co_return Result<>();
+}
+
+bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
+    if (mail.data.size() < soe::kHeaderBytes) return false;
+    const auto header = soe::load_header(mail.data);
+    const auto& hooks = channel.slave().hooks;
+    const bool emergency = header.opcode == soe::Opcode::slave_info;
+    if ((!emergency && header.opcode != soe::Opcode::notification) || hooks.soe_notification == nullptr) return false;
+    const SoeNotification told{.emergency = emergency,
+                               .drive = header.drive,
+                               .elements = header.elements,
+                               .idn = header.idn(),
+                               .data = mail.data.subspan(soe::kHeaderBytes)};
+    hooks.soe_notification(channel.slave().position, told, hooks.soe_notification_user);
+    return true;
+}
+
+}  // namespace margay

@@ -1,0 +1,120 @@
+// SoE by the public API: requests and the calls that wait for them.
+#include "mailbox/soe.hpp"
+#include "mail_requests.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+template <class R>
+SoeTarget target_of(const R& request, std::uint8_t elements) {
+    return {.idn = request.idn, .drive = request.drive, .elements = elements};
+}
+
+template <class R>
+Error check_soe(Network& network, const R& r, Step step) {
+    const Error where{.step = step, .slave = r.slave, .index = r.idn.value, .subindex = r.drive};
+    Error refused = check_mailbox(network, mailbox_protocol::kSoE, where);
+    if (refused.code != Errc::none || r.drive < wire::soe::kDrives) return refused;
+    refused = where;
+    refused.code = Errc::invalid_argument;
+    return refused;
+}
+
+}  // namespace
+
+// ------------------------------------------------------------------ what each request does
+
+static Error check(Network& network, const SoeRead& r) { return check_soe(network, r, Step::soe_read); }
+static Error check(Network& network, const SoeWrite& r) { return check_soe(network, r, Step::soe_write); }
+static Error check(Network& network, const SoeCommand& r) { return check_soe(network, r, Step::soe_command); }
+
+static Task<Result<>> run(Network& network, SoeRead& r) {
+    auto read = co_await soe_read(channel_of(network, r), target_of(r, r.elements), r.data, patience_of(r));
+    r.bytes = read ? *read : std::size_t{0};
+    co_return read ? Result<>() : Result<>(read.error());
+}
+
+static Task<Result<>> run(Network& network, SoeWrite& r) {
+    co_return co_await soe_write(channel_of(network, r), target_of(r, r.elements), r.data, patience_of(r));
+}
+
+static Task<Result<>> run(Network& network, SoeCommand& r) {
+    MailPatience patience = patience_of(r);
+    patience.each = MailPatience{}.each;  // the timeout is for the command
+    co_return co_await soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience);
+}
+
+Result<> submit(Context& ctx, SoeRead& request) { return submit_queued(ctx, request); }
+Result<> submit(Context& ctx, SoeWrite& request) { return submit_queued(ctx, request); }
+Result<> submit(Context& ctx, SoeCommand& request) { return submit_queued(ctx, request); }
+
+// ------------------------------------------------------------------ calls that wait
+
+Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
+                            std::span<std::byte> into, Duration timeout) {
+    SoeRead request;
+    request.slave = slave;
+    request.timeout = timeout;
+    request.drive = drive;
+    request.idn = idn;
+    request.elements = elements;
+    request.data = into;
+    const auto done = do_and_wait(ctx, request, Step::soe_read, idn.value, drive);
+    if (!done) return done.error();
+    return request.bytes;
+}
+
+Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
+                  std::span<const std::byte> value, Duration timeout) {
+    SoeWrite request;
+    request.slave = slave;
+    request.timeout = timeout;
+    request.drive = drive;
+    request.idn = idn;
+    request.elements = elements;
+    request.data = value;
+    return do_and_wait(ctx, request, Step::soe_write, idn.value, drive);
+}
+
+Result<> SoEcommand(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout) {
+    SoeCommand request;
+    request.slave = slave;
+    request.timeout = timeout;
+    request.drive = drive;
+    request.idn = idn;
+    return do_and_wait(ctx, request, Step::soe_command, idn.value, drive);
+}
+
+Result<SoeAttribute> SoEattribute(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout) {
+    std::array<std::byte, wire::soe::kAttributeBytes> octets{};
+    const auto read = SoEread(ctx, slave, drive, idn, soe_element::kAttribute, octets, timeout);
+    if (!read) return read.error();
+    if (*read == octets.size()) return soe_attribute(load_le<std::uint32_t>(octets));
+    Error error{
+        .code = Errc::wrong_size, .step = Step::soe_read, .slave = slave, .index = idn.value, .subindex = drive};
+    error.expected = wire::soe::kAttributeBytes;
+    error.actual = static_cast<std::uint32_t>(*read);
+    return error;
+}
+
+Result<std::string_view> SoEread_text(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn,
+                                      std::uint8_t element, std::span<char> into, Duration timeout) {
+    constexpr std::size_t kHead = wire::soe::kListHeadBytes;
+    const auto bytes = std::as_writable_bytes(into);
+    const auto read = SoEread(ctx, slave, drive, idn, element, bytes, timeout);
+    if (!read) return read.error();
+    if (*read <= kHead) return std::string_view{};
+    const std::size_t told = wire::soe::ListLayout::current_bytes::load(bytes);
+    std::string_view text(into.data() + kHead, std::min(told, *read - kHead));
+    return text.substr(0, std::min(text.size(), text.find('\0')));
+}
+
+std::string_view soe_error_text(std::uint16_t code) {
+    return wire::soe::to_text(static_cast<wire::soe::ErrorCode>(code));
+}
+
+}  // namespace margay
