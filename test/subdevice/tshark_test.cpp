@@ -63,21 +63,24 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
                      "' --gtest_filter='-TsharkMailbox*' --gtest_brief=1 >/dev/null 2>&1";
     ASSERT_EQ(std::system(run.c_str()), 0) << "other tests fail: see them first";
     const auto packets = testing_tshark::fields_of(file.string(), {"frame.number", "_ws.malformed", "_ws.expert", "ecat_mailbox.length",
-                                                                   "ecat_mailbox.coe.type", "ecat_mailbox.foe_opmode"});
+                                                                   "ecat_mailbox.coe.type", "ecat_mailbox.foe_opmode", "ecat_mailbox.soe_opcode"});
     std::size_t coe = 0;
     std::size_t foe = 0;
+    std::size_t soe = 0;
     std::size_t errors = 0;
     for (const auto& columns : packets) {
-        ASSERT_EQ(columns.size(), 6u);
+        ASSERT_EQ(columns.size(), 7u);
         EXPECT_EQ(columns[1], "") << "malformed: packet " << columns[0];
         EXPECT_EQ(columns[2], "") << "expert information: packet " << columns[0];
         coe += columns[4].empty() ? 0 : 1;
         foe += columns[5].empty() ? 0 : 1;
-        errors += columns[4].empty() && columns[5].empty() ? 1 : 0;
+        soe += columns[6].empty() ? 0 : 1;
+        errors += columns[4].empty() && columns[5].empty() && columns[6].empty() ? 1 : 0;
     }
     // All kinds have been there: hundreds of SDO and file messages, and mailbox errors, which tshark knows no more of.
     EXPECT_GT(coe, 500u);
     EXPECT_GT(foe, 100u);
+    EXPECT_GT(soe, 60u);
     EXPECT_GE(errors, 6u);
     EXPECT_LT(errors, 100u);
     std::error_code ignored;
