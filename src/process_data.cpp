@@ -35,7 +35,7 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     while (now < give_up) {
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
         now = osal.now();
-        if (engine.receive_cycle(group.prepared, now)) break;
+        if (engine.receive_cycle(group.prepared, now) != CycleEnd::missing) break;
     }
     return judge_cycle(group, engine.link(), now);
 }
@@ -72,8 +72,9 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     ProcessGroup& wanted = network->process.groups[group];
     Engine& engine = network->engine;
     const Time sent = engine.link().last_cycle();
-    if (!engine.receive_cycle(wanted.prepared, sent)) return wait_for_cycle(ctx, wanted, timeout);
-    return end_cycle(wanted, engine.link(), sent);
+    const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);
+    if (end == CycleEnd::missing) [[unlikely]] return wait_for_cycle(ctx, wanted, timeout);
+    return end_cycle(wanted, engine.link(), end, sent);
 }
 
 }  // namespace margay

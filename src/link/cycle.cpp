@@ -1,9 +1,44 @@
-// The link's part in the cycle: what rides in its frames, and what does not come back.
+// The link's part in the cycle: what is not as simple as it is nearly always. Riders, losses, slaves that do not take part, several datagrams in a frame.
 #include "link/cycle.hpp"
 
 #include <algorithm>
 
 namespace margay {
+
+Time Link::cycles_until() const {
+    constexpr Duration kLongestWait = std::chrono::milliseconds(10);
+    // As long as the next cycle comes about as soon as this one did, the queue waits for it.
+    const bool cycles = cycle_budget_ > 0 && cycle_before_ != Time::min() && last_cycle_ - cycle_before_ < kLongestWait;
+    return cycles ? last_cycle_ + std::min(2 * (last_cycle_ - cycle_before_), kLongestWait) : Time::min();
+}
+
+SendStatus Link::send_with_queue(std::span<PreparedFrame> frames, Time now) {
+    rider_budget_ = cycle_budget_;
+    riders_ = false;
+    const SendStatus all = send_rest(frames, SendStatus::sent, now);
+    if (!queue_.empty()) send_riders(now);
+    return all;
+}
+
+SendStatus Link::send_rest(std::span<PreparedFrame> frames, SendStatus all, Time now) {
+    for (PreparedFrame& frame : frames) {
+        const SendStatus status = queue_.empty() ? send_prepared(frame, now) : send_with_riders(frame, now);
+        if (status != SendStatus::sent) all = status;
+    }
+    return all;
+}
+
+// The index and the outputs go into the frame.
+void Link::fill(PreparedFrame& frame, std::uint8_t index) {
+    for (PreparedDatagram& d : frame.datagrams) {
+        std::byte* at = &frame.bytes[d.offset];
+        d.status->came = false;
+        at[1] = std::byte{index};
+        if (frame.degraded) cycle::copy(at + wire::kDatagramHeaderBytes + d.input_at, d.input);
+        cycle::copy(at + wire::kDatagramHeaderBytes, d.output);
+    }
+}
+
 // Octets that may still ride: what the budget has left, but one datagram in any case.
 std::size_t Link::rider_room() {
     const std::size_t first = queue_.empty() ? 0 : queue_.front()->sent_data_.size() + wire::kDatagramOverheadBytes;
@@ -11,13 +46,16 @@ std::size_t Link::rider_room() {
 }
 
 Bytes Link::add_riders(PreparedFrame& frame, FrameSlot& slot) {
-    const std::size_t last = frame.datagrams.back().offset;
-    frame.bytes[last + 7] &= std::byte{0x7F};  // "more", from riders of the last time
     const std::size_t end = std::min(frame.bytes.size(), frame.size + rider_room());
-    wire::FrameBuilder builder(MutableBytes(frame.bytes).first(end), frame.size, last);
+    wire::FrameBuilder builder(MutableBytes(frame.bytes).first(end), frame.size, frame.datagrams.back().offset);
     pack(slot, builder);
-    frame.has_riders = !slot.datagrams.empty();
     return builder.finish();
+}
+
+// The frame is as it was before it had riders.
+void Link::strip(PreparedFrame& frame) {
+    frame.bytes[frame.datagrams.back().offset + 7U] &= std::byte{0x7F};  // "more"
+    (void)wire::FrameBuilder(frame.bytes, frame.size, frame.datagrams.back().offset).finish();
 }
 
 void Link::note_riders(std::size_t bytes) {
@@ -43,7 +81,10 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     FrameSlot* slot = frame.slot;
     if (slot == nullptr) return;
     frame.slot = nullptr;
-    if (slot != &frame.own) slot->prepared = nullptr;
+    if (slot != &frame.own) {
+        slot->prepared = nullptr;
+        strip(frame);
+    }
     if (!slot->datagrams.empty()) return;  // riders wait on, to their own deadline
     ++statistics_.lost;
     frames_.close(*slot, true, now);
@@ -55,7 +96,7 @@ void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& dat
     if (frame.take_inputs != nullptr)
         frame.take_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
-        cycle::copy(datagram.input, inputs);
+        cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
 // Too many frames are in flight already.
@@ -66,10 +107,11 @@ SendStatus Link::no_index(PreparedFrame& frame) {
 }
 
 SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
-    if (frame.slot != nullptr) give_up_prepared(frame, now);
+    give_up_prepared(frame, now);
     FrameSlot* slot = frames_.open(now);
     if (slot == nullptr) return no_index(frame);
     fill(frame, slot->index);
+    frame.right = false;
     const Bytes whole = add_riders(frame, *slot);
     slot->length = static_cast<std::uint16_t>(whole.size() - wire::kFramePrefixBytes);
     slot->deadline = now + settings.frame_timeout;
@@ -80,11 +122,10 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
         not_sent(frame, now);
         return status;
     }
-    ++statistics_.frames_sent;
-    statistics_.datagrams_sent += frame.datagram_count;
-    statistics_.bytes_on_wire += wire::bytes_on_the_wire(whole.size());
+    note_prepared(frame);
+    statistics_.bytes_on_wire += wire::bytes_on_the_wire(whole.size()) - frame.wire_bytes;
     note_sent(*slot);
-    if (frame.has_riders) note_riders(whole.size() - frame.size);
+    if (whole.size() > frame.size) note_riders(whole.size() - frame.size);
     return status;
 }
 
@@ -92,8 +133,64 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
 void Link::not_sent(PreparedFrame& frame, Time now) {
     ++statistics_.send_refused;
     unpack(*frame.slot);
+    if (frame.slot != &frame.own) strip(frame);
     frames_.close(*frame.slot, false, now);
     frame.slot = nullptr;
+}
+
+// Everything that was sent in the frame came back in it.
+bool Link::is_reply(FrameSlot& slot, Bytes frame) {
+    const PreparedFrame& sent = *slot.prepared;
+    if (!cycle::same(sent, frame)) return false;
+    for (const PreparedDatagram& d : sent.datagrams.subspan(1))
+        if (!cycle::same_head(&frame[d.offset], &sent.bytes[d.offset])) return false;
+    return &slot == &sent.own || (frame.size() >= wire::kFramePrefixBytes + slot.length && matches(slot, frame));
+}
+
+bool Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
+    bool right = !sent.degraded;
+    for (PreparedDatagram& d : sent.datagrams) {
+        const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
+        DatagramStatus& status = *d.status;
+        status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
+        status.came = true;
+        if (status.got == status.full) {
+            cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
+        } else {
+            right = false;
+            if (status.got == status.accepted) take_degraded(sent, d, data + d.input_at);
+        }
+    }
+    return right;
+}
+
+// The reply to a prepared frame is recognised by comparing it with what was sent, which is still there.
+bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
+    constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
+    if (frame.size() < wire::kFramePrefixBytes + wire::kDatagramOverheadBytes) return false;
+    FrameSlot* slot = frames_.find(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
+    if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
+    PreparedFrame& sent = *slot->prepared;
+    sent.right = take_datagrams(sent, frame);
+    sent.slot = nullptr;
+    ++statistics_.frames_received;
+    if (slot != &sent.own) {
+        deliver_riders(*slot, frame, ready);
+        strip(sent);
+    }
+    frames_.close(*slot, false, now);
+    return true;
+}
+
+void Link::take_any(Bytes frame, Time now, List<Waiter>& ready) {
+    if (!take_prepared(frame, now, ready)) take(frame, now, ready);
+}
+
+bool Link::receive_one(Time now, List<Waiter>& ready) {
+    const std::size_t length = nic_.receive(buffer_);
+    if (length == 0) return false;
+    take_any(Bytes(buffer_.data(), length), now, ready);
+    return true;
 }
 
 }  // namespace margay

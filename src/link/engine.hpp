@@ -20,8 +20,8 @@ class Engine {
 
     // For the cycle: takes in one frame and resumes nobody before the next poll(). False when there is none.
     bool receive_one(Time now) { return link_.receive_one(now, ready_); }
-    // The same until all of these frames are back; false when some are not.
-    [[gnu::always_inline]] bool receive_cycle(std::span<PreparedFrame> frames, Time now) { return link_.receive_cycle(frames, now, ready_); }
+    // The same until all of these frames are back.
+    [[nodiscard, gnu::always_inline]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now) { return link_.receive_cycle(frames, now, ready_); }
 
     [[nodiscard]] Arena& arena() { return arena_; }
     [[nodiscard]] Link& link() { return link_; }

@@ -19,14 +19,17 @@ FrameSlot* FrameTable::open(Time now) {
 
 // Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that has rested longest is next in turn
 // anyway.
-bool FrameTable::search(std::uint8_t& index, Time now) {
+bool FrameTable::claim_free(FrameSlot& slot, Time now) {
+    std::uint8_t index = next_index_;
     if (any_resting_ && now >= rest_until_) {
         resting_.fill(0);
         any_resting_ = false;
     }
     for (int tries = 0; tries < 256 && (slot_of_[index] != nullptr || resting(index)); ++tries) ++index;
     for (int tries = 0; tries < 256 && slot_of_[index] != nullptr; ++tries) ++index;
-    return slot_of_[index] == nullptr;
+    if (slot_of_[index] != nullptr) return false;
+    take(slot, index);
+    return true;
 }
 
 void FrameTable::rest(std::uint8_t index, Time now) {

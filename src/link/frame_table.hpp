@@ -33,15 +33,15 @@ class FrameTable {
     // The same for a slot that is not of the table, and that nobody but its owner gives up. False: all indices are taken.
     [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
         // Nearly always the next index is free.
-        std::uint8_t index = next_index_;
-        if ((any_resting_ || slot_of_[index] != nullptr) && !search(index, now)) return false;
-        slot_of_[index] = &slot;
-        next_index_ = static_cast<std::uint8_t>(index + 1);
-        slot.index = index;
+        const std::uint8_t index = next_index_;
+        if (any_resting_ || slot_of_[index] != nullptr) [[unlikely]] return claim_free(slot, now);
+        take(slot, index);
         return true;
     }
     // The slot in flight under `index`, or nullptr.
     [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index]; }
+    // Ends a slot that is not of the table and whose frame has come.
+    void release(const FrameSlot& slot) { slot_of_[slot.index] = nullptr; }
     // Ends a slot. A lost frame's index rests, so that a reply that comes late finds nobody.
     void close(FrameSlot& slot, bool lost, Time now) {
         slot_of_[slot.index] = nullptr;
@@ -57,7 +57,12 @@ class FrameTable {
     static constexpr Duration kRest = std::chrono::milliseconds(200);
 
     [[nodiscard]] bool resting(std::uint8_t index) const { return ((resting_[index / 32] >> (index % 32)) & 1U) != 0; }
-    [[nodiscard]] bool search(std::uint8_t& index, Time now);
+    [[nodiscard]] bool claim_free(FrameSlot& slot, Time now);
+    void take(FrameSlot& slot, std::uint8_t index) {
+        slot_of_[index] = &slot;
+        next_index_ = static_cast<std::uint8_t>(index + 1);
+        slot.index = index;
+    }
     void rest(std::uint8_t index, Time now);
 
     std::span<FrameSlot> slots_;

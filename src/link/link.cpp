@@ -79,7 +79,10 @@ void Link::deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready) {
 }
 
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
-    if (slot.prepared != nullptr) slot.prepared->slot = nullptr;
+    if (slot.prepared != nullptr) {
+        slot.prepared->slot = nullptr;
+        strip(*slot.prepared);
+    }
     if (!slot.refused) ++statistics_.lost;
     List<Datagram> again;
     while (Datagram* d = slot.datagrams.pop_front()) {
@@ -143,7 +146,7 @@ bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
 
 void Link::send(Time now) {
     nic_busy_ = false;
-    if (now < cycles_until_) return;
+    if (cycling(now)) return;
     bool any = false;
     while (!queue_.empty()) {
         FrameSlot* slot = frames_.open(now);
@@ -161,7 +164,7 @@ void Link::send(Time now) {
 Time Link::next_deadline(Time now) const {
     constexpr Duration kTryAgain = std::chrono::microseconds(50);
     Time next = std::min(frames_.next_deadline(), nic_.next_arrival());
-    if (!queue_.empty() && now < cycles_until_) next = std::min(next, cycles_until_);
+    if (!queue_.empty() && cycling(now)) next = std::min(next, cycles_until());
     return nic_busy_ ? std::min(next, now + kTryAgain) : next;
 }
 

@@ -19,6 +19,13 @@ struct LinkSettings {
     std::uint8_t sendings = 6;                               // of a datagram with Repeat::yes, the first included
 };
 
+// How the frames of a cycle are when what the NIC had is taken in.
+enum class CycleEnd : std::uint8_t {
+    right,    // all are back, and every slave took part in each of their datagrams
+    odd,      // some did not
+    missing,  // some frames are not back
+};
+
 class Link {
   public:
     // `nic` and the memory of `slots` outlive the link.
@@ -40,11 +47,11 @@ class Link {
     // one if that is longer, in a frame of their own where these have no room left. While cycles go on send() leaves the queue to them; without a
     // budget it does not. A flight that is not over yet is given up. Anything but `sent`: of the last frame that is not in flight.
     [[nodiscard]] SendStatus send_cycle(std::span<PreparedFrame> frames, Time now, std::size_t rider_budget_bytes);
-    // Takes in what the NIC has until all of these frames are back. False when some are not.
-    [[nodiscard]] bool receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
+    // Takes in what the NIC has until all of these frames are back.
+    [[nodiscard]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] Time last_cycle() const { return last_cycle_; }
     // Cycles go on, and what is queued waits for the next one.
-    [[nodiscard]] bool cycling(Time now) const { return now < cycles_until_; }
+    [[nodiscard]] bool cycling(Time now) const { return now < cycles_until(); }
     // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
 
@@ -69,12 +76,23 @@ class Link {
     static void take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs);
     void not_sent(PreparedFrame& frame, Time now);
     [[nodiscard]] static SendStatus no_index(PreparedFrame& frame);
-    void fill(PreparedFrame& frame, std::uint8_t index);
+    static void fill_plain(PreparedFrame& frame, std::uint8_t index);
+    static void fill(PreparedFrame& frame, std::uint8_t index);
+    void note_prepared(const PreparedFrame& frame);
+    [[nodiscard]] SendStatus send_with_queue(std::span<PreparedFrame> frames, Time now);
+    // Whatever these come to, `all` is the status of one that went wrong before.
+    [[nodiscard]] SendStatus send_rest(std::span<PreparedFrame> frames, SendStatus all, Time now);
     [[nodiscard]] SendStatus send_with_riders(PreparedFrame& frame, Time now);
-    void begin_cycle(Time now, std::size_t rider_budget_bytes);
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
+    void take_plain(PreparedFrame& frame);
+    [[nodiscard]] static bool is_reply(FrameSlot& slot, Bytes frame);
+    [[nodiscard]] static bool take_datagrams(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
+    void take_any(Bytes frame, Time now, List<Waiter>& ready);
+    // Until then the queue is left to the cycle.
+    [[nodiscard]] Time cycles_until() const;
+    static void strip(PreparedFrame& frame);
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
     [[nodiscard]] std::size_t rider_room();
     void note_riders(std::size_t bytes);
@@ -87,8 +105,9 @@ class Link {
     MacAddress source_;
     bool nic_busy_ = false;
     Time last_cycle_ = Time::min();
-    Time cycles_until_ = Time::min();  // until then the queue is left to the cycle
-    std::size_t rider_budget_ = 0;     // what is left of it in this cycle
+    Time cycle_before_ = Time::min();
+    std::size_t cycle_budget_ = 0;     // of the last cycle, for what rides
+    std::size_t rider_budget_ = 0;     // what is left of it
     bool riders_ = false;              // some have ridden in this cycle
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame being built, or being read
 };

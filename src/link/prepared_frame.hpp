@@ -25,17 +25,23 @@ struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
     FrameSlot* slot = nullptr;               // while it is in flight: `own`, or one of the link's when datagrams ride along
     bool right = false;                      // it came back, and every slave took part in all of its datagrams
-    std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
-    std::uint16_t wire_bytes = 0;            // that these are with padding and all
-    std::uint16_t datagram_count = 0;        // of `datagrams`
-    bool has_riders = false;                 // in `bytes` as it was sent last
+    bool plain = false;                      // one datagram, in which every slave takes part
     // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes back as it was.
     bool degraded = false;
+    std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
+    std::uint16_t wire_bytes = 0;            // that these are with padding and all
     // Where inputs lie on top of outputs that does not do: takes over the inputs of those who take part; n counts `datagrams`.
     void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
     void* group = nullptr;
     FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as it was sent last
+
+    // To be called when the working counters of its datagrams that are accepted have changed.
+    void settle() {
+        degraded = false;
+        for (const PreparedDatagram& d : datagrams) degraded |= d.status->accepted != d.status->full;
+        plain = datagrams.size() == 1 && !degraded;
+    }
 };
 
 }  // namespace margay

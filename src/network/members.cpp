@@ -1,7 +1,5 @@
 #include "network/members.hpp"
 
-#include <algorithm>
-
 namespace margay {
 namespace {
 
@@ -26,8 +24,7 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
         status.expected = changed(status.expected, share, takes_part);
         group.expected_wkc = takes_part ? group.expected_wkc + share : group.expected_wkc - share;
     }
-    for (PreparedFrame& frame : group.prepared)
-        frame.degraded = std::ranges::any_of(frame.datagrams, [](const PreparedDatagram& d) { return d.status->accepted != d.status->full; });
+    for (PreparedFrame& frame : group.prepared) frame.settle();
 }
 
 }  // namespace margay

@@ -112,14 +112,12 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
         }
         frame.datagrams = datagrams.subspan(begin, n - begin);
         frame.size = static_cast<std::uint16_t>(builder.finish().size());
-        frame.datagram_count = static_cast<std::uint16_t>(n - begin);
         frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
         frame.slot = nullptr;
         frame.own.prepared = &frame;
         frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
         frame.right = false;
-        frame.has_riders = false;
-        frame.degraded = false;
+        frame.settle();
         frame.take_inputs = group.layout.overlapped ? take_inputs : nullptr;
         frame.group = &group;
     }

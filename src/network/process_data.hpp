@@ -57,15 +57,11 @@ void set_outputs(ProcessGroup& group);
 // missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short that is known to be lost).
 void give_inputs(ProcessGroup& group);
 [[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now);
-[[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, Time now) {
-    // Nearly always all frames have come, and every slave took part in them.
-    bool right = group.mapped && group.cycles_lost == 0;
-    for (const PreparedFrame& frame : group.prepared) right &= frame.right;
-    if (right) {
-        if (group.extras) [[unlikely]] give_inputs(group);
-        return group.expected_wkc;
-    }
-    return judge_cycle(group, link, now);
+[[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end, Time now) {
+    if (end != CycleEnd::right || !group.mapped) [[unlikely]] return judge_cycle(group, link, now);
+    group.cycles_lost = 0;
+    if (group.extras) [[unlikely]] give_inputs(group);
+    return group.expected_wkc;
 }
 
 }  // namespace margay

@@ -15,7 +15,8 @@ using namespace std::chrono_literals;
 constexpr std::size_t kIndexAt = wire::kFramePrefixBytes + 1;
 constexpr std::size_t kDataAt = wire::kFramePrefixBytes + wire::kDatagramHeaderBytes;
 
-class PreparedFrameTest : public testing::Test {
+// True: what comes is taken in by poll() before the cycle asks for it.
+class PreparedFrameTest : public testing::TestWithParam<bool> {
   protected:
     Time now{1s};
     ScriptedNic nic;
@@ -44,9 +45,15 @@ class PreparedFrameTest : public testing::Test {
     const LinkStatistics& counted() { return engine.link().statistics(); }
     Result<> send(Duration later = 1ms) { return send_cycle(group, engine.link(), now += later); }
     Result<std::uint32_t> end() {
+        if (GetParam()) drain();
+        const CycleEnd came = engine.receive_cycle(group.prepared, now);
+        const auto ended = end_cycle(group, engine.link(), came, now);
+        drain();
+        return ended;
+    }
+    void drain() {
         while (engine.receive_one(now)) {
         }
-        return end_cycle(group, engine.link(), now);
     }
     // The reply to the frame sent last: the slave's two octets of input, and a working counter.
     Octets reply(std::uint16_t wkc, std::uint8_t value) {
@@ -67,7 +74,10 @@ class PreparedFrameTest : public testing::Test {
     }
 };
 
-TEST_F(PreparedFrameTest, CarriesOutputsAndBringsInputs) {
+INSTANTIATE_TEST_SUITE_P(Taken, PreparedFrameTest, testing::Bool(),
+                         [](const testing::TestParamInfo<bool>& taken) { return taken.param ? "ByPoll" : "ByTheCycle"; });
+
+TEST_P(PreparedFrameTest, CarriesOutputsAndBringsInputs) {
     image[0] = std::byte{0x12};
     image[1] = std::byte{0x34};
     ASSERT_TRUE(send().ok());
@@ -84,7 +94,7 @@ TEST_F(PreparedFrameTest, CarriesOutputsAndBringsInputs) {
     EXPECT_EQ(counted().frames_received, 1U);
 }
 
-TEST_F(PreparedFrameTest, ShortDatagramIsNotTakenOver) {
+TEST_P(PreparedFrameTest, ShortDatagramIsNotTakenOver) {
     for (const std::uint16_t wkc : std::array<std::uint16_t, 4>{0, 1, 2, 4}) {
         ASSERT_TRUE(send().ok());
         nic.incoming.push_back(reply(wkc, 0x55));
@@ -97,7 +107,7 @@ TEST_F(PreparedFrameTest, ShortDatagramIsNotTakenOver) {
     }
 }
 
-TEST_F(PreparedFrameTest, ReplyOfAnOlderCycleIsNotTakenForThisOne) {
+TEST_P(PreparedFrameTest, ReplyOfAnOlderCycleIsNotTakenForThisOne) {
     ASSERT_TRUE(send().ok());
     const Octets late = reply(3, 0x11);
     EXPECT_EQ(end().error().code, Errc::no_frame);
@@ -114,7 +124,7 @@ TEST_F(PreparedFrameTest, ReplyOfAnOlderCycleIsNotTakenForThisOne) {
     EXPECT_EQ(counted().unexpected, 2U) << "the late one and the second of two";
 }
 
-TEST_F(PreparedFrameTest, SendingAgainGivesUpWhatIsNotBack) {
+TEST_P(PreparedFrameTest, SendingAgainGivesUpWhatIsNotBack) {
     ASSERT_TRUE(send().ok());
     const Octets late = reply(3, 0x11);
     ASSERT_TRUE(send().ok());
@@ -125,7 +135,7 @@ TEST_F(PreparedFrameTest, SendingAgainGivesUpWhatIsNotBack) {
 }
 
 // Every way in which a reply can be wrong.
-TEST_F(PreparedFrameTest, WrongRepliesAreDropped) {
+TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
     struct Case {
         const char* name;
         std::size_t at;
@@ -164,7 +174,7 @@ TEST_F(PreparedFrameTest, WrongRepliesAreDropped) {
     EXPECT_EQ(image[2], std::byte{0x66});
 }
 
-TEST_F(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
+TEST_P(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
     nic.answer = SendStatus::busy;
     EXPECT_EQ(send().error().code, Errc::nic);
     EXPECT_EQ(end().error().code, Errc::no_frame);
@@ -174,7 +184,7 @@ TEST_F(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
     EXPECT_TRUE(end().ok());
 }
 
-TEST_F(PreparedFrameTest, RidersComeBackWithTheFrame) {
+TEST_P(PreparedFrameTest, RidersComeBackWithTheFrame) {
     Asked asked;
     auto task = ask(engine, asked, asked.data);
     task.start();
@@ -193,7 +203,7 @@ TEST_F(PreparedFrameTest, RidersComeBackWithTheFrame) {
     EXPECT_TRUE(end().ok());
 }
 
-TEST_F(PreparedFrameTest, RiderOfALostFrameTravelsAgain) {
+TEST_P(PreparedFrameTest, RiderOfALostFrameTravelsAgain) {
     Asked asked;
     auto task = ask(engine, asked, asked.data);
     task.start();
@@ -209,7 +219,7 @@ TEST_F(PreparedFrameTest, RiderOfALostFrameTravelsAgain) {
     EXPECT_EQ(counted().retried, 1U);
 }
 
-TEST_F(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
+TEST_P(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
     ASSERT_TRUE(send().ok());
     ASSERT_TRUE(send(1ms).ok());
     Asked asked;
@@ -223,7 +233,7 @@ TEST_F(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
     EXPECT_EQ(nic.sent.size(), sent + 1);
 }
 
-TEST_F(PreparedFrameTest, BudgetBoundsWhatRides) {
+TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     group.config.acyclic_bytes = 40;
     std::vector<Asked> asked(10);
     std::vector<Task<Result<>>> tasks;
