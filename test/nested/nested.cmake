@@ -25,6 +25,13 @@ set_tests_properties(install/consumer_builds PROPERTIES FIXTURES_REQUIRED prefix
 add_test(NAME install/consumer_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer)
 set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer)
 
+add_test(NAME install/consumer_for_linux_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_linux)
+set_tests_properties(install/consumer_for_linux_runs PROPERTIES FIXTURES_REQUIRED consumer)
+
+# The same by add_subdirectory().
+margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR}
+              TARGETS consumer_linux)
+
 # What an embedder builds.
 margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
               DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel

@@ -1,0 +1,15 @@
+// A stranger's program for a real interface, one that is not there.
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+#include <osal/linux/linux_osal.hpp>
+#include <oshw/linux/packet_nic.hpp>
+
+int main() {
+    margay::LinuxOsal osal;
+    margay::PacketNic nic;
+    if (nic.open("no-such-port") || nic.problem().find("no-such-port") == nic.problem().npos) return 1;
+    margay::HostContext ctx;
+    if (!init(ctx, nic, osal)) return 1;
+    (void)poll(ctx, osal.now());
+    return nic.link_state() == margay::LinkState::down && ctx.slaves().empty() ? 0 : 1;
+}
