@@ -31,6 +31,7 @@ struct ProcessSm {
 enum class ConfigurationSource : std::uint8_t {
     none,         // nobody yet: config_map() asks the slave
     sii,          // the slave's SII
+    soe,          // the parameters of its drives
     coe,          // its object dictionary
     application,  // the application, whose word stands
 };

@@ -49,7 +49,7 @@ Result<std::uint16_t> config_init(Context& ctx);
 // memory and must live as long as the context uses it. Errors: wrong_state before init(), invalid_argument (neither position nor alias; actual: which).
 Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 
-// Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config: by its object dictionary, else its SII, unless the application has
+// Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config: by its object dictionary, else the parameters of its drives, else its SII, unless the application has
 // set it), lays it into `image` (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns
 // how many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is set to zero. What
 // goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: wrong_state (no slaves

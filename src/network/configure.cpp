@@ -1,6 +1,7 @@
 #include "network/configure.hpp"
 
 #include "mailbox/coe_pdo.hpp"
+#include "mailbox/soe_pdo.hpp"
 #include "network/members.hpp"
 #include "network/pdo_sii.hpp"
 #include "network/startup.hpp"
@@ -117,6 +118,9 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
         auto by_coe = co_await discover_pdos_from_coe(network.mailbox(slave), slave);
         if (!by_coe) network.note(slave, by_coe.error());
         if (by_coe && *by_coe) co_return Result<>();
+        auto by_soe = co_await discover_pdos_from_soe(network.mailbox(slave), slave);
+        if (!by_soe) network.note(slave, by_soe.error());
+        if (by_soe && *by_soe) co_return Result<>();
     }
     co_return co_await discover_pdos_from_sii(network.station(slave), slave);
 }

@@ -143,7 +143,7 @@ TEST(PdoDiscovery, ManySlavesAtOnceFitTheArena) {
 
 TEST(PdoDiscovery, ASlaveThatAbortsItsAssignmentIsKnownByItsSii) {
     MailboxBus bus;
-    auto& slave = bus.add_scripted(64);
+    auto& slave = bus.add_scripted(64, mailbox_protocol::kCoE);
     bus.start();
     slave.on_mail = [&](const Mail& mail) {
         Mail data(mail.begin() + 6, mail.begin() + 16);

@@ -4,7 +4,7 @@
 #include "mailbox/coe_mail_pdo.hpp"
 #include "mailbox/coe_pdo.hpp"
 #include "mailbox/mailbox_bus.hpp"
-#include "mailbox/soe.hpp"
+#include "mailbox/soe_pdo.hpp"
 #include "network/network.hpp"
 #include "context_access.hpp"
 
@@ -37,6 +37,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("discover_pdos_from_coe", 512, discover_pdos_from_coe(channel, bus.ctx->slave(1)));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));
     expect("soe_write", 512, soe_write(channel, {}, memory, {}));
+    expect("discover_pdos_from_soe", 256, discover_pdos_from_soe(channel, bus.ctx->slave(1)));
     expect("soe_execute", 1024, soe_execute(channel, {}, {}));
     // One read, begun: its sequences, the pump and the mailbox.
     SdoUpload request;

@@ -1,0 +1,156 @@
+#include "mailbox/soe_pdo.hpp"
+
+#include <array>
+
+namespace margay {
+namespace {
+
+using wire::soe::ErrorCode;
+
+constexpr Idn kTelegramType = Idn::standard(15);
+constexpr Idn kAtList = Idn::standard(16);
+constexpr Idn kMdtList = Idn::standard(24);
+constexpr Idn kControlWord = Idn::standard(134);
+constexpr Idn kStatusWord = Idn::standard(135);
+constexpr unsigned kConfigurable = 7;
+constexpr std::uint32_t kWordBits = 16;
+constexpr MailPatience kPatience{};
+
+// The standard telegrams 0 to 6: what is in them beside control and status word.
+struct Telegram {
+    std::array<Idn, 2> mdt{};
+    std::array<Idn, 2> at{};
+};
+constexpr Idn kTorqueCommand = Idn::standard(80);
+constexpr Idn kVelocityCommand = Idn::standard(36);
+constexpr Idn kVelocityFeedback = Idn::standard(40);
+constexpr Idn kPositionCommand = Idn::standard(47);
+constexpr Idn kPositionFeedback = Idn::standard(51);
+constexpr std::array<Telegram, kConfigurable> kTelegrams{{
+    {},
+    {.mdt = {kTorqueCommand}},
+    {.mdt = {kVelocityCommand}, .at = {kVelocityFeedback}},
+    {.mdt = {kVelocityCommand}, .at = {kPositionFeedback}},
+    {.mdt = {kPositionCommand}, .at = {kPositionFeedback}},
+    {.mdt = {kPositionCommand, kVelocityCommand}, .at = {kPositionFeedback, kVelocityFeedback}},
+    {.mdt = {kVelocityCommand}},
+}};
+
+bool is_refusal(const Error& error) { return error.code == Errc::soe_error || error.code == Errc::mailbox_error; }
+
+// A list of IDNs: one that the drive keeps, or a fixed one.
+struct IdnList {
+    static constexpr std::size_t kMost = 64;
+    std::array<std::byte, wire::soe::kListHeadBytes + 2 * kMost> octets{};
+    std::size_t count = 0;
+    [[nodiscard]] Idn at(std::size_t n) const {
+        return {load_le<std::uint16_t>(octets, wire::soe::kListHeadBytes + 2 * n)};
+    }
+    void add(Idn idn) { store_le(octets, wire::soe::kListHeadBytes + 2 * count++, idn.value); }
+};
+
+Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& list) {
+    auto read = co_await soe_read(channel, target, list.octets, kPatience);
+    if (!read) co_return read.error();
+    const std::size_t told = wire::soe::ListLayout::current_bytes::load(list.octets);
+    if (*read < wire::soe::kListHeadBytes || told > *read - wire::soe::kListHeadBytes) {
+        Error error = channel.station().error(Errc::protocol, Step::soe_read, target.idn.value);
+        error.subindex = target.drive;
+        error.expected = static_cast<std::uint32_t>(wire::soe::kListHeadBytes + told);
+        error.actual = static_cast<std::uint32_t>(*read);
+        co_return error;
+    }
+    list.count = told / 2;
+    co_return Result<>();
+}
+
+// Bits of what is listed, and of the word that comes first without being listed.
+Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t drive, const IdnList& list, Idn word) {
+    std::uint32_t bits = kWordBits;
+    for (std::size_t n = 0; n < list.count; ++n) {
+        if (list.at(n) == word) continue;
+        std::array<std::byte, wire::soe::kAttributeBytes> octets{};
+        const SoeTarget target{.idn = list.at(n), .drive = drive, .elements = soe_element::kAttribute};
+        auto read = co_await soe_read(channel, target, octets, kPatience);
+        if (!read) co_return read.error();
+        const SoeAttribute attribute = soe_attribute(load_le<std::uint32_t>(octets));
+        if (!attribute.list) bits += attribute.bytes * 8U;  // a list has no length that could be configured
+    }
+    co_return bits;
+}
+
+// One direction of a drive. Which telegram it is says what is in it; the configurable one is what the drive's list
+// says.
+Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t drive, unsigned telegram, bool mdt) {
+    IdnList list;
+    if (telegram == kConfigurable) {
+        auto read = co_await read_list(channel, {.idn = mdt ? kMdtList : kAtList, .drive = drive}, list);
+        if (!read) co_return read.error();
+    } else {
+        for (const Idn idn : mdt ? kTelegrams[telegram].mdt : kTelegrams[telegram].at)
+            if (idn != Idn{}) list.add(idn);
+    }
+    co_return co_await listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord);
+}
+
+struct DriveBits {
+    bool there = false;
+    std::uint32_t outputs = 0;
+    std::uint32_t inputs = 0;
+};
+
+Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) {
+    std::array<std::byte, 4> octets{};
+    auto type = co_await soe_read(channel, {.idn = kTelegramType, .drive = drive}, octets, kPatience);
+    if (!type && !is_refusal(type.error())) co_return type.error();
+    if (!type && type.error().detail == static_cast<std::uint32_t>(ErrorCode::invalid_drive)) co_return DriveBits{};
+    // Some drives know one telegram only, the configurable one, and have no parameter for it.
+    const unsigned telegram = type ? load_le<std::uint16_t>(octets) & 7U : kConfigurable;
+    DriveBits bits{.there = true};
+    auto inputs = co_await direction_bits(channel, drive, telegram, false);
+    if (!inputs && !type && is_refusal(inputs.error())) co_return DriveBits{};
+    if (!inputs) co_return inputs.error();
+    auto outputs = co_await direction_bits(channel, drive, telegram, true);
+    if (!outputs) co_return outputs.error();
+    bits.inputs = *inputs;
+    bits.outputs = *outputs;
+    co_return bits;
+}
+
+// The SyncManager of that direction: by its type in the SII, else where the standard has it.
+std::uint8_t find_sync_manager(const Slave& slave, SmType type, std::uint8_t otherwise) {
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n)
+        if (slave.sync_managers[n].type == type) return n;
+    return otherwise;
+}
+
+void configure(Slave& slave, const DriveBits& all) {
+    slave.config.sm_count = 0;
+    for (const bool out : {true, false}) {
+        const auto n = out ? find_sync_manager(slave, SmType::outputs, 2) : find_sync_manager(slave, SmType::inputs, 3);
+        if (n >= slave.sm_count) continue;
+        const SmInfo& sm = slave.sync_managers[n];
+        (void)slave.config.add(
+            {n, out ? Direction::outputs : Direction::inputs, sm.control, sm.start, out ? all.outputs : all.inputs});
+    }
+    slave.config.source = ConfigurationSource::soe;
+}
+
+}  // namespace
+
+Task<Result<bool>> discover_pdos_from_soe(MailboxChannel& channel, Slave& slave) {
+    if (!channel.is_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
+    DriveBits all;
+    for (std::uint8_t drive = 0; drive < wire::soe::kDrives; ++drive) {
+        auto one = co_await drive_bits(channel, drive);
+        if (!one) co_return one.error();
+        all.there = all.there || one->there;
+        all.outputs += one->outputs;
+        all.inputs += one->inputs;
+    }
+    if (!all.there) co_return false;
+    configure(slave, all);
+    co_return true;
+}
+
+}  // namespace margay

@@ -1,0 +1,181 @@
+// Process data by the parameters of drives, against slaves whose parameters the test writes.
+#include "mailbox/mailbox_bus.hpp"
+#include "wire/soe.hpp"
+
+#include <map>
+#include <tuple>
+
+namespace margay {
+namespace {
+
+using Key = std::tuple<unsigned, unsigned, unsigned>;  // drive, number of the IDN, element
+
+class SoePdo : public testing::Test {
+  protected:
+    MailboxBus bus;
+    ScriptedSlave& slave = bus.add_scripted(64, mailbox_protocol::kSoE, 0);
+    std::map<Key, Mail> parameters;
+    unsigned drives = 1;
+    unsigned refusal = 0x800A;  // of drives that are not there
+    unsigned asked = 0;
+    std::vector<std::byte> image = std::vector<std::byte>(256);
+
+    void SetUp() override {
+        slave.on_mail = [this](const Mail& mail) {
+            ++asked;
+            const auto h = wire::soe::load_header(Bytes(mail).subspan(wire::kMailboxHeaderBytes));
+            ASSERT_EQ(h.opcode, wire::soe::Opcode::read_request);
+            Mail reply(4);
+            auto answer = h;
+            answer.opcode = wire::soe::Opcode::read_response;
+            const auto found = parameters.find({h.drive, h.idn().number(), h.elements});
+            answer.error = found == parameters.end();
+            wire::soe::store_header(reply, answer);
+            const unsigned code = h.drive >= drives ? refusal : 0x1001;
+            const Mail data = answer.error ? mail_bytes({code & 0xFF, code >> 8}) : found->second;
+            reply.insert(reply.end(), data.begin(), data.end());
+            slave.reply(reply, wire::MailboxType::soe);
+        };
+        for (unsigned drive = 0; drive < 8; ++drive) {
+            for (const unsigned idn : {36U, 40U, 47U, 51U, 53U}) attribute(drive, idn, 4);
+            attribute(drive, 80, 2);
+            attribute(drive, 84, 2);
+            attribute(drive, 134, 2);
+            attribute(drive, 135, 2);
+        }
+        bus.start();
+    }
+    void attribute(unsigned drive, unsigned idn, std::uint8_t bytes, bool list = false) {
+        Mail bits(4);
+        store_le(bits, 0, soe_attribute_bits({.bytes = bytes, .list = list}));
+        parameters[{drive, idn, soe_element::kAttribute}] = bits;
+    }
+    void type(unsigned drive, unsigned value) { parameters[{drive, 15, soe_element::kValue}] = mail_bytes({value, 0}); }
+    void list(unsigned drive, unsigned idn, std::initializer_list<unsigned> idns) {
+        Mail value = mail_bytes({static_cast<unsigned>(2 * idns.size()), 0, 64, 0});
+        for (const unsigned one : idns) {
+            value.push_back(static_cast<std::byte>(one));
+            value.push_back(std::byte{0});
+        }
+        parameters[{drive, idn, soe_element::kValue}] = value;
+    }
+    // Bits of outputs and inputs, and who has said so.
+    void expect_mapped(std::uint32_t outputs, std::uint32_t inputs,
+                       ConfigurationSource source = ConfigurationSource::soe) {
+        auto& config = bus.ctx->slave(1).config;
+        config = {};
+        bus.ctx->slave(1).error = {};
+        const auto mapped = config_map(*bus.ctx, image);
+        ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+        EXPECT_EQ(config.source, source);
+        ASSERT_EQ(config.sm_count, 2);
+        EXPECT_EQ(config.sms[0], (ProcessSm{2, Direction::outputs, 0x64, 0x2000, outputs}));
+        EXPECT_EQ(config.sms[1], (ProcessSm{3, Direction::inputs, 0x20, 0x2100, inputs}));
+        EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::safeop);
+    }
+};
+
+TEST_F(SoePdo, TheConfigurableTelegramIsWhatTheListsSay) {
+    type(0, 7);
+    list(0, 16, {51, 84});
+    list(0, 24, {47});
+    expect_mapped(16 + 32, 16 + 32 + 16);
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::none);
+    EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 48U);
+    EXPECT_EQ(asked, 3U + 3 + 7);  // type and lists, attributes, and the drives that are not there
+    EXPECT_LE(bus.ctx->arena_peak_bytes(), 6144U);  // of 8192 that a slave has
+    // Other bits of the telegram type say other things.
+    type(0, 0xFF);
+    list(0, 16, {135, 51});  // the status word comes once, listed or not
+    list(0, 24, {134});
+    expect_mapped(16, 16 + 32);
+    list(0, 16, {});
+    expect_mapped(16, 16);
+    attribute(0, 200, 1, true);  // a list has no configurable length
+    list(0, 16, {200, 84});
+    expect_mapped(16, 32);
+}
+
+// IEC 61800-7-204, S-0-0015: bits beside control word and status word.
+TEST_F(SoePdo, StandardTelegramsHaveFixedContents) {
+    const std::array<std::pair<unsigned, unsigned>, 7> expected{
+        {{0, 0}, {16, 0}, {32, 32}, {32, 32}, {32, 32}, {64, 64}, {32, 0}}};
+    for (unsigned n = 0; n < expected.size(); ++n) {
+        SCOPED_TRACE(n);
+        type(0, n);
+        expect_mapped(16 + expected[n].first, 16 + expected[n].second);
+    }
+    attribute(0, 51, 8);  // of its own mind about the length
+    type(0, 4);
+    expect_mapped(16 + 32, 16 + 64);
+}
+
+TEST_F(SoePdo, SeveralDrivesLieOneBehindTheOther) {
+    drives = 3;
+    type(0, 7);
+    list(0, 16, {51, 40});
+    list(0, 24, {47});
+    type(1, 4);
+    type(2, 0);
+    expect_mapped(48 + 48 + 16, 80 + 48 + 16);
+    // A gap in the numbers is no end; a drive that has no such parameter at all is none.
+    drives = 8;
+    refusal = 0x1001;
+    parameters.erase({0, 15, soe_element::kValue});
+    parameters.erase({0, 16, soe_element::kValue});
+    type(7, 3);
+    expect_mapped(48 + 16 + 48, 48 + 16 + 48);
+}
+
+TEST_F(SoePdo, ADriveWithoutTelegramTypeHasLists) {
+    list(0, 16, {51});
+    list(0, 24, {36, 80});
+    expect_mapped(16 + 48, 16 + 32);
+}
+
+TEST_F(SoePdo, WithoutDrivesTheSiiCounts) {
+    drives = 0;
+    expect_mapped(0, 0, ConfigurationSource::sii);
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::none);
+}
+
+TEST_F(SoePdo, WhatIsWrongIsNamed) {
+    type(0, 7);
+    list(0, 16, {51, 99});  // which has no attribute
+    list(0, 24, {47});
+    expect_mapped(0, 0, ConfigurationSource::sii);
+    EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
+              "slave 1: SoE read of S-0-0099, drive 0: the drive refused (error code 0x1001: no such IDN)");
+    parameters[{0, 16, soe_element::kValue}] = mail_bytes({8, 0, 8, 0, 51, 0});  // says four, and has one
+    expect_mapped(0, 0, ConfigurationSource::sii);
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::protocol);
+    EXPECT_EQ(bus.ctx->slave(1).error.index, 16);
+    // More than one list can hold: how much it would be is told.
+    slave.on_mail = [this](const Mail&) {
+        for (unsigned left = 4; left <= 4; --left) {
+            Mail reply(54, std::byte{0});
+            const Idn idn = Idn::standard(15);
+            wire::soe::store_header(reply, {.opcode = wire::soe::Opcode::read_response,
+                                            .incomplete = left != 0,
+                                            .elements = soe_element::kValue,
+                                            .number = left != 0 ? static_cast<std::uint16_t>(left) : idn.value});
+            slave.reply(reply, wire::MailboxType::soe);
+        }
+    };
+    expect_mapped(0, 0, ConfigurationSource::sii);
+    EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::capacity);
+    EXPECT_EQ(bus.ctx->slave(1).error.expected, 250U);
+}
+
+// The dictionary of a slave that has both counts.
+TEST_F(SoePdo, CoeComesFirst) {
+    MailboxBus both;
+    both.add_stack(128);
+    both.start();
+    both.ctx->slave(1).mailbox.protocols |= mailbox_protocol::kSoE;
+    ASSERT_TRUE(config_map(*both.ctx, image).ok());
+    EXPECT_EQ(both.ctx->slave(1).config.source, ConfigurationSource::coe);
+}
+
+}  // namespace
+}  // namespace margay
