@@ -31,6 +31,8 @@ void write_place(TextWriter& out, const Error& e) {
             out << " of " << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
             break;
         }
+        case Step::read_register:
+        case Step::write_register: (out << " at register ").hex(e.index, 4); break;
         case Step::topology: out << " at port " << e.index; break;
         case Step::map_process_data:
         case Step::exchange_process_data:

@@ -79,6 +79,8 @@ enum class Step : std::uint8_t {
     soe_read,
     soe_write,
     soe_command,
+    read_register,
+    write_register,
     topology,
     startup,
     recover,

@@ -4,6 +4,7 @@
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
 #include <margay/expected.hpp>
+#include <margay/registers.hpp>
 #include <margay/request.hpp>
 #include <margay/shared_image.hpp>
 #include <margay/soe.hpp>

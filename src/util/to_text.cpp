@@ -80,6 +80,8 @@ std::string_view to_text(Step step) {
         case Step::soe_read: return "SoE read";
         case Step::soe_write: return "SoE write";
         case Step::soe_command: return "SoE command";
+        case Step::read_register: return "reading";
+        case Step::write_register: return "writing";
         case Step::startup: return "writing the start-up list";
         case Step::recover: return "bringing it back";
         case Step::identify: return "comparing with what is expected";

@@ -1,0 +1,54 @@
+// Registers and memory of a slave's ESC, as the data sheets number them: for what no other call does. The library knows nothing of what is written here;
+// it may write the same registers itself.
+//
+//     margay::RegisterReadRequest request;                // beside the cycle: rides in its frames
+//     request.slave = 2;
+//     request.address = 0x092C;                    // system time difference
+//     request.data = octets;
+//     margay::submit(ctx, request);
+//
+//     const auto difference = margay::read_register<std::uint32_t>(ctx, 2, 0x092C);   // waits
+#pragma once
+
+#include <margay/coe.hpp>
+#include <margay/request.hpp>
+
+namespace margay {
+
+// Reads `data.size()` octets from `address` on, in one datagram: 1 to 1486, and not beyond 0xFFFF.
+struct RegisterReadRequest : Request {
+    std::uint16_t slave = 0;
+    std::uint16_t address = 0;
+    std::span<std::byte> data;
+};
+
+// Writes them. A frame that is lost is sent again: what has an effect each time it is written may have it twice.
+struct RegisterWriteRequest : Request {
+    std::uint16_t slave = 0;
+    std::uint16_t address = 0;
+    std::span<const std::byte> data;
+};
+
+// From the thread that polls; callable from the cycle. Errors: unknown_slave, invalid_argument (no octet, or too many).
+Result<> submit(Context& ctx, RegisterReadRequest& request);
+Result<> submit(Context& ctx, RegisterWriteRequest& request);
+
+// The same, waiting. Errors besides: working_counter (the slave does not answer, or has no such register), no_frame. Not callable from the cycle.
+Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data);
+Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data);
+
+template <SdoValue T>
+Result<T> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address) {
+    std::array<std::byte, sizeof(T)> octets{};
+    const auto read = read_register(ctx, slave, address, std::span<std::byte>(octets));
+    if (!read) return read.error();
+    return value_from_octets<T>(octets);
+}
+
+template <SdoValue T>
+Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, T value) {
+    const auto octets = octets_of(value);
+    return write_register(ctx, slave, address, std::span<const std::byte>(octets));
+}
+
+}  // namespace margay

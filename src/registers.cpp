@@ -1,0 +1,70 @@
+// Registers by the public API.
+#include "requests.hpp"
+
+#include "station/register_access.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay {
+namespace {
+
+template <class R>
+Error check_registers(Context& ctx, const R& r, Step step) {
+    Error refused = check_init(ctx);
+    if (refused.code != Errc::none) return refused;
+    refused = check_slave(*ContextAccess::network(ctx), r.slave, step);
+    refused.index = r.address;
+    if (refused.code != Errc::none) return refused;
+    const bool fits = !r.data.empty() && r.data.size() <= wire::kMaxDatagramData && r.address + r.data.size() <= 0x10000;
+    if (fits) return {};
+    return {.code = Errc::invalid_argument, .step = step, .slave = r.slave, .index = r.address};
+}
+
+Result<> judged(const Station& station, const Datagram& datagram, Step step, std::uint16_t address) {
+    const Error error = judge(station, datagram.reply(), step, address);
+    return error.code == Errc::none ? Result<>() : Result<>(error);
+}
+
+template <class R>
+Result<> do_it(Context& ctx, R& request) {
+    const auto submitted = submit(ctx, request);
+    return submitted ? wait(ctx, request) : submitted;
+}
+
+}  // namespace
+
+static Task<Result<>> run(Network& network, RegisterReadRequest& request) {
+    const Station station = network.station(network.slave(request.slave));
+    Datagram datagram(station.engine.link(), wire::Command::FPRD, {station.address, request.address}, request.data);
+    co_await datagram;
+    co_return judged(station, datagram, Step::read_register, request.address);
+}
+
+static Task<Result<>> run(Network& network, RegisterWriteRequest& request) {
+    const Station station = network.station(network.slave(request.slave));
+    Datagram datagram(station.engine.link(), wire::Command::FPWR, {station.address, request.address}, request.data);
+    co_await datagram;
+    co_return judged(station, datagram, Step::write_register, request.address);
+}
+
+Result<> submit(Context& ctx, RegisterReadRequest& request) { return start(ctx, request, check_registers(ctx, request, Step::read_register)); }
+
+Result<> submit(Context& ctx, RegisterWriteRequest& request) { return start(ctx, request, check_registers(ctx, request, Step::write_register)); }
+
+Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data) {
+    RegisterReadRequest request;
+    request.slave = slave;
+    request.address = address;
+    request.data = data;
+    return do_it(ctx, request);
+}
+
+Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data) {
+    RegisterWriteRequest request;
+    request.slave = slave;
+    request.address = address;
+    request.data = data;
+    return do_it(ctx, request);
+}
+
+}  // namespace margay
