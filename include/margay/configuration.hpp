@@ -101,6 +101,11 @@ struct GroupConfiguration {
     Packing packing = Packing::bytes;
     bool overlapped = false;             // inputs and outputs of a slave at the same logical address
     bool block_lrw = false;              // LRD and LWR in place of LRW
+    // Datagrams that travel in the first frame of each cycle; what they bring is in Group::al_status and Group::dc_time. The working counter of the cycle
+    // is that of the process data alone. A group that has one of them may be without process data.
+    bool al_status = false;              // reads the AL status of all slaves at once (BRD of ESC register 0x0130)
+    // Number of the slave whose system time all others behind it take over (FRMW of 0x0910); 0: none. No slave before it in the ring may have a clock.
+    std::uint16_t dc_reference = 0;
     std::uint16_t reserve_bytes = 0;     // of the first frame, left free for other datagrams of the cycle
     // Octets of other datagrams (mailboxes, states …), with their headers, that may travel with a cycle: in the space its frames have
     // left, and in a frame of their own beyond that. One datagram always may. Zero: they do not wait for cycles, each poll() sends them.

@@ -22,6 +22,13 @@ struct DatagramStatus {
     [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
 };
 
+// What a datagram that reads a register with each cycle has brought with the last one.
+struct RegisterReading {
+    bool came = false;         // its frame came back
+    std::uint16_t slaves = 0;  // how many took part: its working counter. When nobody did the value stays as it was
+    std::uint64_t value = 0;
+};
+
 struct Group {
     // How the image shall be laid out; to be set before config_map().
     GroupConfiguration config;
@@ -34,6 +41,13 @@ struct Group {
     std::uint32_t expected_wkc = 0;  // of all datagrams together
     std::uint16_t frames = 0;        // a cycle takes
     std::span<const DatagramStatus> datagrams;
+
+    // By GroupConfiguration::al_status: AL status (ESC register 0x0130) of all slaves of the segment, each bit set that any of them has set. `slaves`: how
+    // many there are.
+    RegisterReading al_status;
+    // By GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of that slave when the frame passed it, in ns. `slaves`: it and those that took the time
+    // over.
+    RegisterReading dc_time;
 };
 
 }  // namespace margay

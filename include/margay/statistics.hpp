@@ -9,8 +9,8 @@ struct LinkStatistics {
     std::uint64_t frames_sent = 0;
     std::uint64_t frames_received = 0;  // replies that were matched
     std::uint64_t datagrams_sent = 0;
-    std::uint64_t bytes_on_wire = 0;    // sent frames with padding, preamble, FCS and gap
     std::uint64_t bursts = 0;           // polls that sent at least one frame: round trips waited for
+    std::uint64_t bytes_on_wire = 0;    // sent frames with padding, preamble, FCS and gap
     std::uint64_t lost = 0;             // frames that did not come back in time
     std::uint64_t retried = 0;          // datagrams sent again because of it
     std::uint64_t echoes = 0;           // own frames that no slave has touched

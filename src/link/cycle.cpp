@@ -37,6 +37,10 @@ void Link::fill(PreparedFrame& frame, std::uint8_t index) {
         if (frame.degraded) cycle::copy(at + wire::kDatagramHeaderBytes + d.input_at, d.input);
         cycle::copy(at + wire::kDatagramHeaderBytes, d.output);
     }
+    for (const PreparedReading& r : frame.readings) {
+        frame.bytes[r.offset + 1U] = std::byte{index};
+        r.into->came = false;
+    }
 }
 
 // Octets that may still ride: what the budget has left, but one datagram in any case.
@@ -47,15 +51,15 @@ std::size_t Link::rider_room() {
 
 Bytes Link::add_riders(PreparedFrame& frame, FrameSlot& slot) {
     const std::size_t end = std::min(frame.bytes.size(), frame.size + rider_room());
-    wire::FrameBuilder builder(MutableBytes(frame.bytes).first(end), frame.size, frame.datagrams.back().offset);
+    wire::FrameBuilder builder(MutableBytes(frame.bytes).first(end), frame.size, frame.last);
     pack(slot, builder);
     return builder.finish();
 }
 
 // The frame is as it was before it had riders.
 void Link::strip(PreparedFrame& frame) {
-    frame.bytes[frame.datagrams.back().offset + 7U] &= std::byte{0x7F};  // "more"
-    (void)wire::FrameBuilder(frame.bytes, frame.size, frame.datagrams.back().offset).finish();
+    frame.bytes[frame.last + 7U] &= std::byte{0x7F};  // "more"
+    (void)wire::FrameBuilder(frame.bytes, frame.size, frame.last).finish();
 }
 
 void Link::note_riders(std::size_t bytes) {
@@ -101,8 +105,9 @@ void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& dat
 
 // Too many frames are in flight already.
 SendStatus Link::no_index(PreparedFrame& frame) {
-    frame.right = false;
+    frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = false;
+    for (const PreparedReading& r : frame.readings) r.into->came = false;
     return SendStatus::busy;
 }
 
@@ -111,7 +116,7 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
     FrameSlot* slot = frames_.open(now);
     if (slot == nullptr) return no_index(frame);
     fill(frame, slot->index);
-    frame.right = false;
+    frame.end = CycleEnd::missing;
     const Bytes whole = add_riders(frame, *slot);
     slot->length = static_cast<std::uint16_t>(whole.size() - wire::kFramePrefixBytes);
     slot->deadline = now + settings.frame_timeout;
@@ -138,16 +143,42 @@ void Link::not_sent(PreparedFrame& frame, Time now) {
     frame.slot = nullptr;
 }
 
+namespace {
+
+// A datagram of the reply is the one that was sent; slaves count the position up.
+bool same_datagram(const std::byte* sent, const std::byte* reply) {
+    constexpr std::uint64_t kPositionBits = std::uint64_t{0xFFFF} << 16;
+    const std::uint64_t differs = (cycle::load(sent) ^ cycle::load(reply)) & cycle::kComparedBits;
+    return (wire::counts_position(static_cast<wire::Command>(sent[0])) ? differs & ~kPositionBits : differs) == 0;
+}
+
+void take_reading(const PreparedReading& reading, const std::byte* data) {
+    reading.into->came = true;
+    reading.into->slaves = load_le<std::uint16_t>(Bytes(data + reading.bytes, 2));
+    if (reading.into->slaves == 0) return;
+    reading.into->value = 0;
+    for (std::size_t n = reading.bytes; n-- > 0;) reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
+}
+
+}  // namespace
+
 // Everything that was sent in the frame came back in it.
 bool Link::is_reply(FrameSlot& slot, Bytes frame) {
+    constexpr std::size_t kTypeAndLengthBytes = 4;
     const PreparedFrame& sent = *slot.prepared;
-    if (!cycle::same(sent, frame)) return false;
-    for (const PreparedDatagram& d : sent.datagrams.subspan(1))
-        if (!cycle::same_head(&frame[d.offset], &sent.bytes[d.offset])) return false;
+    const Bytes own = Bytes(sent.bytes).first(sent.size);
+    const bool passed = (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
+    if (frame.size() < own.size() || !passed) return false;
+    const auto head = [](Bytes b) { return b.subspan(wire::kEthernetHeaderBytes - 2, kTypeAndLengthBytes); };
+    if (!std::ranges::equal(head(own), head(frame))) return false;
+    for (const PreparedDatagram& d : sent.datagrams)
+        if (!same_datagram(&own[d.offset], &frame[d.offset])) return false;
+    for (const PreparedReading& r : sent.readings)
+        if (!same_datagram(&own[r.offset], &frame[r.offset])) return false;
     return &slot == &sent.own || (frame.size() >= wire::kFramePrefixBytes + slot.length && matches(slot, frame));
 }
 
-bool Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
+void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
     bool right = !sent.degraded;
     for (PreparedDatagram& d : sent.datagrams) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
@@ -161,7 +192,8 @@ bool Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
             if (status.got == status.accepted) take_degraded(sent, d, data + d.input_at);
         }
     }
-    return right;
+    for (const PreparedReading& r : sent.readings) take_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
+    sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 
 // The reply to a prepared frame is recognised by comparing it with what was sent, which is still there.
@@ -171,7 +203,7 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     FrameSlot* slot = frames_.find(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
-    sent.right = take_datagrams(sent, frame);
+    take_datagrams(sent, frame);
     sent.slot = nullptr;
     ++statistics_.frames_received;
     if (slot != &sent.own) {
@@ -184,6 +216,13 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
 
 void Link::take_any(Bytes frame, Time now, List<Waiter>& ready) {
     if (!take_prepared(frame, now, ready)) take(frame, now, ready);
+}
+
+CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
+    for (const PreparedFrame& frame : frames)
+        while (frame.slot != nullptr)
+            if (!receive_one(now, ready)) return CycleEnd::missing;
+    return CycleEnd::odd;
 }
 
 bool Link::receive_one(Time now, List<Waiter>& ready) {

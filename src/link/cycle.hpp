@@ -17,8 +17,8 @@ inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(B
 
 [[nodiscard]] inline bool same_head(const std::byte* a, const std::byte* b) { return ((load(a) ^ load(b)) & kComparedBits) == 0; }
 
-// The reply has passed a slave, has all that was sent, and its EtherType, length and first datagram. The first comparison has both of these and the
-// first half of the datagram's header, the second all of that.
+// The reply to a plain frame has passed a slave, has all that was sent, and its EtherType, length and datagram. The first comparison has both of these and
+// the first half of the datagram's header, the second all of that.
 [[nodiscard, gnu::always_inline]] inline bool same(const PreparedFrame& sent, Bytes reply) {
     constexpr std::size_t kTypeOffset = wire::kEthernetHeaderBytes - 2;
     const std::byte* own = sent.bytes.data();
@@ -45,7 +45,7 @@ inline void copy(std::byte* to, Bytes from) {
 
 [[gnu::always_inline]] inline void Link::note_prepared(const PreparedFrame& frame) {
     ++statistics_.frames_sent;
-    statistics_.datagrams_sent += frame.datagrams.size();
+    statistics_.datagrams_sent += frame.datagram_count;
     statistics_.bytes_on_wire += frame.wire_bytes;
 }
 
@@ -56,7 +56,7 @@ inline void copy(std::byte* to, Bytes from) {
         fill_plain(frame, frame.own.index);
     else
         fill(frame, frame.own.index);
-    frame.right = false;
+    frame.end = CycleEnd::missing;
     frame.slot = &frame.own;
     const SendStatus status = nic_.send(Bytes(frame.bytes.data(), frame.size));
     if (status != SendStatus::sent) [[unlikely]] {
@@ -89,13 +89,15 @@ inline void copy(std::byte* to, Bytes from) {
     frame.slot = nullptr;
     frames_.release(frame.own);
     ++statistics_.frames_received;
-    if (status.got != status.full) [[unlikely]] return;
-    frame.right = true;
+    if (status.got != status.full) [[unlikely]] {
+        frame.end = CycleEnd::odd;
+        return;
+    }
+    frame.end = CycleEnd::right;
     cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
-    bool right = true;
     for (PreparedFrame& frame : frames) {
         while (frame.slot != nullptr) {
             const std::size_t length = nic_.receive(buffer_);
@@ -106,9 +108,9 @@ inline void copy(std::byte* to, Bytes from) {
             else
                 take_any(reply, now, ready);
         }
-        right &= frame.right;
+        if (frame.end != CycleEnd::right) [[unlikely]] return receive_rest({&frame + 1, frames.data() + frames.size()}, now, ready);
     }
-    return right ? CycleEnd::right : CycleEnd::odd;
+    return CycleEnd::right;
 }
 
 }  // namespace margay

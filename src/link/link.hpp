@@ -19,13 +19,6 @@ struct LinkSettings {
     std::uint8_t sendings = 6;                               // of a datagram with Repeat::yes, the first included
 };
 
-// How the frames of a cycle are when what the NIC had is taken in.
-enum class CycleEnd : std::uint8_t {
-    right,    // all are back, and every slave took part in each of their datagrams
-    odd,      // some did not
-    missing,  // some frames are not back
-};
-
 class Link {
   public:
     // `nic` and the memory of `slots` outlive the link.
@@ -86,8 +79,10 @@ class Link {
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
     void take_plain(PreparedFrame& frame);
+    // The others of a cycle in which one was not right.
+    [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] static bool is_reply(FrameSlot& slot, Bytes frame);
-    [[nodiscard]] static bool take_datagrams(PreparedFrame& sent, Bytes frame);
+    static void take_datagrams(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
     void take_any(Bytes frame, Time now, List<Waiter>& ready);
     // Until then the queue is left to the cycle.

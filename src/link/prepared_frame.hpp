@@ -21,14 +21,31 @@ struct PreparedDatagram {
     DatagramStatus* status = nullptr;
 };
 
+// One that reads a register, in its frame behind those.
+struct PreparedReading {
+    std::uint16_t offset = 0;
+    std::uint16_t bytes = 0;  // of data, 8 at most
+    RegisterReading* into = nullptr;
+};
+
+// How a frame of the cycle is, or all of them are.
+enum class CycleEnd : std::uint8_t {
+    missing,  // not back
+    odd,      // back, and some slave did not take part in one of its datagrams
+    right,    // back, and every slave did
+};
+
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
+    std::span<const PreparedReading> readings;
     FrameSlot* slot = nullptr;               // while it is in flight: `own`, or one of the link's when datagrams ride along
-    bool right = false;                      // it came back, and every slave took part in all of its datagrams
-    bool plain = false;                      // one datagram, in which every slave takes part
+    CycleEnd end = CycleEnd::missing;
+    bool plain = false;                      // one datagram, in which every slave takes part, and no reading
     // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes back as it was.
     bool degraded = false;
     std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
+    std::uint16_t last = 0;                  // of these, where its last datagram begins
+    std::uint16_t datagram_count = 0;        // readings included
     std::uint16_t wire_bytes = 0;            // that these are with padding and all
     // Where inputs lie on top of outputs that does not do: takes over the inputs of those who take part; n counts `datagrams`.
     void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
@@ -40,7 +57,7 @@ struct PreparedFrame {
     void settle() {
         degraded = false;
         for (const PreparedDatagram& d : datagrams) degraded |= d.status->accepted != d.status->full;
-        plain = datagrams.size() == 1 && !degraded;
+        plain = datagrams.size() == 1 && readings.empty() && !degraded;
     }
 };
 

@@ -153,7 +153,30 @@ class Planner {
     std::uint16_t frame_ = 0;
 };
 
+Result<> check_reference(std::span<const Slave> slaves, std::uint16_t reference) {
+    Error error{.code = Errc::none, .step = Step::map_process_data, .slave = reference};
+    if (reference > slaves.size()) {
+        error.code = Errc::unknown_slave;
+        error.expected = static_cast<std::uint32_t>(slaves.size());
+    } else if (reference != 0 && !slaves[reference - 1U].dl.dc) {
+        error.code = Errc::invalid_argument;
+    }
+    return error;
+}
+
 }  // namespace
+
+ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted) {
+    ReadingPlans plans;
+    const auto add = [&plans](const ReadingPlan& plan) { plans.at[plans.count++] = plan; };
+    if (wanted.al_status)
+        add({Command::BRD, {std::uint16_t{0}, wire::reg::kAlStatus.address}, wire::reg::kAlStatus.length, &Group::al_status});
+    if (wanted.dc_reference != 0) {
+        const StationAddress reference = slaves[wanted.dc_reference - 1U].station_address;
+        add({Command::FRMW, {reference, wire::reg::kSystemTime.address}, wire::reg::kSystemTime.length, &Group::dc_time});
+    }
+    return plans;
+}
 
 std::uint16_t working_counter_of(const SlaveFmmus& fmmus, const DatagramPlan& datagram) {
     const std::uint64_t begin = datagram.address.value;
@@ -172,14 +195,18 @@ std::uint16_t working_counter_of(const SlaveFmmus& fmmus, const DatagramPlan& da
 
 Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                                    const ImageLayout& layout, std::span<DatagramPlan> into) {
-    if (wanted.reserve_bytes > kFrameRoom - kOverhead - 1)
+    if (const auto checked = check_reference(slaves, wanted.dc_reference); !checked) return checked.error();
+    std::uint32_t reserved = wanted.reserve_bytes;
+    const ReadingPlans readings = plan_readings(slaves, wanted);
+    for (const ReadingPlan& reading : readings.all()) reserved += kOverhead + reading.bytes;
+    if (reserved > kFrameRoom - kOverhead - 1)
         return Error{.code = Errc::invalid_argument, .step = Step::map_process_data};
     const bool block_lrw = wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
         const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;
         return slave.config.group == group && cannot && (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
     });
     const Ranges ranges = choose_ranges(layout, block_lrw);
-    const std::size_t count = Planner(slaves, group, layout, ranges, wanted.reserve_bytes, into).run();
+    const std::size_t count = Planner(slaves, group, layout, ranges, reserved, into).run();
     if (count > into.size())
         return Error{.code = Errc::too_many_frames,
                      .step = Step::map_process_data,

@@ -57,6 +57,27 @@ void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
     }
 }
 
+std::span<const PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans, wire::FrameBuilder& builder) {
+    for (std::size_t n = 0; n < plans.count; ++n) {
+        const ReadingPlan& plan = plans.at[n];
+        group.readings[n] = {.offset = static_cast<std::uint16_t>(builder.size()), .bytes = plan.bytes, .into = &(group.*plan.into)};
+        (void)builder.append(plan.command, 0, plan.address, plan.bytes);
+    }
+    return std::span(group.readings).first(plans.count);
+}
+
+void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
+    frame.last = static_cast<std::uint16_t>(builder.last());
+    frame.size = static_cast<std::uint16_t>(builder.finish().size());
+    frame.datagram_count = static_cast<std::uint16_t>(frame.datagrams.size() + frame.readings.size());
+    frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
+    frame.slot = nullptr;
+    frame.own.prepared = &frame;
+    frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
+    frame.end = CycleEnd::missing;
+    frame.settle();
+}
+
 Error cycle_error(Errc code, std::uint8_t group) {
     return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
@@ -74,9 +95,11 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source) {
     const auto planned = tables.scratch.first(count);
+    const ReadingPlans readings = plan_readings(group.slaves, group.config);
     // A first frame that was left to others wholly is not sent.
-    const std::uint16_t first = planned.empty() ? std::uint16_t{0} : planned.front().frame;
-    const std::size_t frame_count = planned.empty() ? 0 : planned.back().frame - first + 1U;
+    const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
+    const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
+    const std::size_t frame_count = end - first;
     const std::size_t frames_at = find_free(tables.frames, frame_count, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
     const std::size_t datagrams_at = find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
     if (frames_at + frame_count > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
@@ -111,13 +134,9 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
             (void)builder.append(plan.command, 0, plan.address, plan.bytes);
         }
         frame.datagrams = datagrams.subspan(begin, n - begin);
-        frame.size = static_cast<std::uint16_t>(builder.finish().size());
-        frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
-        frame.slot = nullptr;
-        frame.own.prepared = &frame;
-        frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
-        frame.right = false;
-        frame.settle();
+        frame.readings = {};
+        if (f == 0) frame.readings = append_readings(group, readings, builder);
+        finish(frame, builder);
         frame.take_inputs = group.layout.overlapped ? take_inputs : nullptr;
         frame.group = &group;
     }
@@ -155,23 +174,24 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
         right &= d.right();
         group.unexpected |= !d.came || d.got != d.accepted;
     }
-    if (right) {
-        group.cycles_lost = 0;
-        give_inputs(group);
-        return got;
-    }
     Error error = cycle_error(Errc::working_counter, group.number);
+    std::uint32_t missing = 0;
     for (PreparedFrame& frame : group.prepared) {
-        if (frame.datagrams.front().status->came) continue;
+        if (frame.end != CycleEnd::missing) continue;
         link.give_up_prepared(frame, now);
-        if (error.code != Errc::no_frame) error = cycle_error(Errc::no_frame, group.number);
-        ++error.actual;
+        ++missing;
     }
-    if (error.code == Errc::no_frame) {
+    if (missing > 0) {
+        error.code = Errc::no_frame;
+        error.actual = missing;
         if (group.cycles_lost < 0xFFFF) ++group.cycles_lost;
         return error;
     }
     group.cycles_lost = 0;
+    if (right) {
+        give_inputs(group);
+        return got;
+    }
     error.expected = group.expected_wkc;
     error.actual = got;
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)

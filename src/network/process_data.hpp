@@ -7,6 +7,7 @@
 #include <margay/group.hpp>
 #include <margay/result.hpp>
 
+#include <array>
 #include <span>
 
 namespace margay {
@@ -17,6 +18,7 @@ struct ProcessGroup : Group {
     std::span<DatagramPlan> plans;     // what each datagram is, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;     // of the network
+    std::array<PreparedReading, ReadingPlans::kMost> readings{};
     std::uint8_t number = 0;
     bool extras = false;               // copies from slave to slave, or a shared image
     bool mapping = false;              // config_map() is at it
@@ -41,7 +43,7 @@ struct ProcessTables {
 // Takes the group's frames away from it. Those in flight are given up.
 void unprepare(ProcessGroup& group, Link& link, Time now);
 
-// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there. Errors: too_many_frames.
+// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there, and for its readings. Errors: too_many_frames.
 [[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source);
 
 // Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group (not mapped).

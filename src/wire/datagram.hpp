@@ -209,6 +209,8 @@ class FrameBuilder {
         return buffer_.first(size_);
     }
     [[nodiscard]] constexpr std::size_t size() const { return size_; }
+    // Where the header of the last datagram is; 0 when there is none.
+    [[nodiscard]] constexpr std::size_t last() const { return last_; }
 
   private:
     MutableBytes buffer_;

@@ -174,6 +174,30 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
     EXPECT_EQ(image[2], std::byte{0x66});
 }
 
+// Of what is read besides, slaves count up the position of a broadcast and nothing else.
+TEST_P(PreparedFrameTest, ReadingsAreComparedToo) {
+    unprepare(group, engine.link(), now);
+    group.config.al_status = true;
+    group.layout = *lay_out(slaves, 0, group.config, image);
+    group.image = image;
+    group.slaves = slaves;
+    const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
+    ASSERT_TRUE(prepare(tables, group, *count, nic.source_mac()).ok());
+    constexpr std::size_t kReading = wire::kFramePrefixBytes + 16;
+    for (std::size_t at = 0; at < 8; ++at) {
+        ASSERT_TRUE(send().ok());
+        Octets odd = reply(3, 0x44);
+        odd[kReading + at] ^= std::byte{0x20};
+        odd[kReading + 10] = std::byte{0x12};
+        nic.incoming.push_back(odd);
+        const bool position = at == 2 || at == 3;
+        EXPECT_EQ(end().error().code, position ? Errc::none : Errc::no_frame) << at;
+        EXPECT_EQ(group.al_status.came, position) << at;
+    }
+    EXPECT_EQ(group.al_status.value, 0x12U);
+    EXPECT_EQ(group.al_status.slaves, 3);
+}
+
 TEST_P(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
     nic.answer = SendStatus::busy;
     EXPECT_EQ(send().error().code, Errc::nic);
