@@ -29,6 +29,7 @@ bool Segment::connect(PortRef a, PortRef b, Duration cable) {
     from = {Peer::slave, b, cable, true};
     to = {Peer::slave, a, cable, true};
     topology_changed();
+    if (nodes_[a.slave].powered || nodes_[b.slave].powered) update_all_ports();
     return true;
 }
 
@@ -40,6 +41,15 @@ bool Segment::connect_master(PortRef to, unsigned master_port, Duration cable) {
     masters_[master_port] = {Peer::slave, to, cable, true};
     topology_changed();
     return true;
+}
+
+void Segment::disconnect(PortRef end) {
+    auto& cable = nodes_[end.slave].cables[end.port];
+    if (cable.peer == Peer::slave) nodes_[cable.to.slave].cables[cable.to.port] = {};
+    if (cable.peer == Peer::master) masters_[cable.to.slave] = {};
+    cable = {};
+    topology_changed();
+    update_all_ports();
 }
 
 void Segment::power_up(Time now) {

@@ -56,6 +56,8 @@ class Segment {
     // Plugs a cable in. Both ports must be free; false otherwise, or when one does not exist.
     bool connect(PortRef a, PortRef b, Duration cable = std::chrono::nanoseconds(5));
     bool connect_master(PortRef to, unsigned master_port = 0, Duration cable = std::chrono::nanoseconds(50));
+    // Pulls the cable out of both its ports.
+    void disconnect(PortRef end);
     // Switches everything on.
     void power_up(Time now);
 

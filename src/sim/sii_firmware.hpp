@@ -18,6 +18,8 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
+    // What a switch on the device is set to (ETG.1020); 0: there is none.
+    void set_device_id(std::uint16_t id) { device_.device_id = id; }
 
   private:
     [[nodiscard]] subdevice::ProcessDataSizes process_data_sizes() override;
