@@ -1,6 +1,7 @@
 #include "mailbox/coe_mail.hpp"
 
 #include "mailbox/channel.hpp"
+#include "mailbox/mailboxes.hpp"
 #include "wire/coe.hpp"
 
 #include <algorithm>
@@ -18,6 +19,8 @@ bool take_emergency(MailboxChannel& channel, Bytes data) {
     std::ranges::copy(data.subspan(coe::EmergencyLayout::data, coe::kEmergencyDataBytes), emergency.data.begin());
     emergency.at = channel.engine().now();
     channel.emergencies().add(emergency);
+    const Mailboxes::Listener& listener = channel.mailboxes().listener;
+    if (listener.emergency != nullptr) listener.emergency(listener.user, channel.slave().position, emergency);
     return true;
 }
 

@@ -21,6 +21,13 @@ class Mailboxes {
     [[nodiscard]] Engine& engine() { return engine_; }
     [[nodiscard]] Arena& arena() { return engine_.arena(); }
 
+    // Who is told of each emergency, when it is in its slave's ring.
+    struct Listener {
+        void (*emergency)(void* user, std::uint16_t slave, const Emergency& emergency) = nullptr;
+        void* user = nullptr;
+    };
+    Listener listener;
+
     void close_all();
     void forget_all();
 
