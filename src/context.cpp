@@ -1,5 +1,6 @@
 // The context: lays the parts of a master into the caller's memory.
 #include "context_access.hpp"
+#include "network/expectation.hpp"
 #include "network/network.hpp"
 #include "request_queue.hpp"
 
@@ -14,6 +15,7 @@ namespace margay {
 static_assert(sizeof(Network) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
+static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
 static_assert(sizeof(ProcessGroup) <= 256, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) + ProcessTables::datagrams_for(1) *
                   (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)) <= 2048,
@@ -49,6 +51,7 @@ class Carver {
 };
 
 constexpr std::uint32_t kMostGroups = 256;
+constexpr std::size_t kRingToSpare = 16;  // strangers that may be in the ring besides the slaves
 
 // Each group's image has 16 MiB of logical address space, unless the application wants it elsewhere.
 ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
@@ -109,10 +112,11 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const auto frames = carver.take<FrameSlot>(limits.frames);
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
-    if (place == nullptr || slaves.empty() || frames.empty() || mailboxes.empty()) return Error{.code = Errc::capacity, .step = Step::open_nic};
+    const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
+    if (place == nullptr || ring.empty() || slaves.empty() || frames.empty() || mailboxes.empty()) return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
-    ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies);
+    ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     ContextAccess::network(ctx)->process = process;
     ContextAccess::network(ctx)->context = &ctx;
     ContextAccess::osal(ctx) = &osal;
@@ -121,12 +125,8 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
 
 Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves) {
     if (ContextAccess::network(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = Step::identify};
-    for (const ExpectedSlave& slave : slaves) {
-        Error error{.code = Errc::invalid_argument, .step = Step::identify};
-        error.actual = static_cast<std::uint32_t>(&slave - slaves.data() + 1);
-        if (slave.position == 0 && !slave.alias) return error;
-    }
-    ContextAccess::network(ctx)->expected = slaves;
+    if (const auto right = check_expected(slaves); !right) return right;
+    ContextAccess::network(ctx)->expected_next = slaves;
     return Result<>();
 }
 

@@ -91,7 +91,7 @@ void write_cause(TextWriter& out, const Error& e) {
             out << " (expected " << e.expected << " octets, got " << e.actual << ")";
             break;
         case Errc::other_slave: {
-            static constexpr std::string_view kFields[] = {"product", "vendor", "revision", "serial number", "alias"};
+            static constexpr std::string_view kFields[] = {"product", "vendor", "revision", "serial number", "alias", "device id"};
             out << " (expected " << (e.subindex < std::size(kFields) ? kFields[e.subindex] : "identity") << " ";
             out.hex(e.expected, 8) << ", got ";
             out.hex(e.actual, 8) << " of vendor ";
@@ -99,7 +99,11 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         }
         case Errc::missing_slave:
-            if (e.slave == 0) (out << " (alias ").hex(e.actual, 4) << ")";
+            if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
+            if (e.subindex == static_cast<unsigned>(IdentityField::device_id)) (out << " (device id ").hex(e.actual, 4) << ")";
+            break;
+        case Errc::unsupported:
+            if (e.step == Step::identify) out << " (an explicit device id)";
             break;
         case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
         case Errc::nic:

@@ -1,6 +1,7 @@
 // An Event as a sentence.
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
+#include "wire/emergency_code.hpp"
 
 #include <margay/event.hpp>
 
@@ -35,6 +36,8 @@ std::string_view to_text(EventKind kind) {
         case EventKind::lost: return "lost";
         case EventKind::found: return "found again";
         case EventKind::other_slave: return "another slave in its place";
+        case EventKind::stranger: return "a slave that nobody expects";
+        case EventKind::missing: return "missing";
         case EventKind::recovered: return "recovered";
         case EventKind::recovery_failed: return "recovery failed";
         case EventKind::fell_short: return "working counter fell short";
@@ -73,6 +76,17 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             (out << ", got ").hex(e.actual, 8);
             (out << " of vendor ").hex(e.detail, 8) << ")";
             break;
+        case EventKind::stranger:
+            (out << "a slave that nobody expects (product ").hex(e.actual, 8);
+            (out << " of vendor ").hex(e.detail, 8);
+            (out << ", revision ").hex(e.expected, 8) << ") hangs ";
+            if (e.slave == 0) return (out << "next to the master").text();
+            out << "at slave " << e.slave << " port " << unsigned{e.port};
+            break;
+        case EventKind::missing:
+            write_slave(out, e);
+            out << "missing, though the head of its group, slave " << e.other << ", is there";
+            break;
         case EventKind::recovered:
             write_slave(out, e);
             out << "recovered, in ";
@@ -102,7 +116,8 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::emergency:
             write_slave(out, e);
-            (out << "emergency ").hex(e.detail, 4);
+            (out << "emergency ").hex(e.detail, 4) << ": " << wire::emergency_text(static_cast<std::uint16_t>(e.detail));
+            (out << ", error register ").hex(e.actual, 2);
             break;
     }
     return out.text();

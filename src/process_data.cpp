@@ -18,7 +18,7 @@ Error refused(Errc code, std::uint8_t group) {
 void call_hooks(Context& ctx, std::uint8_t group) {
     Network& network = *ContextAccess::network(ctx);
     for (Slave& slave : network.slaves()) {
-        if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr) continue;
+        if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr || !slave.seen) continue;
         const auto done = slave.hooks.preop_to_safeop(ctx, slave.position, slave.hooks.user);
         slave.hooks.failed = !done.ok();
         if (!done) network.note(slave, done.error());

@@ -30,9 +30,10 @@ struct Network;
     constexpr std::size_t kGroupBytes = 256;
     constexpr std::size_t kProcessFrameBytes = 2048;  // with its datagrams
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
-    const std::size_t slave = sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+    constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 of them for strangers
+    const std::size_t slave = kRingBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 256;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * kRingBytes + 256;
 }
 
 // One master. Not copyable; one thread owns it and calls everything, unless a function says otherwise.

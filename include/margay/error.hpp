@@ -39,8 +39,9 @@ enum class Errc : std::uint8_t {
     command_failed,     // a procedure command of a drive ended with an error (code: its data state)
     unsupported,        // the slave does not have it
     other_slave,        // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail: vendor that is there)
-    missing_slave,      // an expected slave is not there (slave: its position, or 0 and actual: its alias)
+    missing_slave,      // an expected slave is not there (subindex: by what it would have been known, alias or device_id, and actual: that)
     unexpected_slave,   // a slave that nobody expects
+    no_place,           // a slave that came later has process data, and none was kept free in the image (expected: bits)
     unknown_group,      // no group with this number, or nothing is mapped in it (index: the group)
     image_too_large,    // the process image does not fit the buffer (expected, actual: octets)
     fmmu_shortage,      // the slave has too few FMMUs (expected, actual)
@@ -101,7 +102,7 @@ struct Error {
 };
 
 // Errc::other_slave: what about it is not as expected.
-enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias };
+enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
 
 // The kind and the step in words. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(Errc code);

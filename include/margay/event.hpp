@@ -1,4 +1,5 @@
-// What happens to a segment while it runs: told by the supervision, as a queue that another thread may read and as a callback.
+// What happens to a segment while it runs: told by the supervision, and emergencies by whoever fetches mail (see watch_mailboxes()), as a queue that
+// another thread may read and as a callback.
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -18,7 +19,9 @@ enum class EventKind : std::uint8_t {
     state,            // a slave is in another state than it was: before, now
     lost,             // a slave does not answer any more; slave 0: no frame comes back from the segment
     found,            // a lost slave answers again; slave 0: frames come back again
-    other_slave,      // in the place of a lost slave there is another one (expected, actual: product codes; detail: the vendor that is there)
+    other_slave,      // in the place of a lost slave there is another one (expected, actual: product codes; detail: its vendor; error: what differs)
+    stranger,         // somebody whom nobody expects hangs at `port` of `slave` (actual: product, expected: its revision, detail: vendor)
+    missing,          // the hot connect group of `slave` is there, its head `other`, and `slave` is not
     recovered,        // a slave is where it belongs again
     recovery_failed,  // why is in `error`; it will be tried again
     fell_short,       // the working counter of a group's cycle is short of that of the slaves that should take part (expected, actual)
@@ -26,7 +29,7 @@ enum class EventKind : std::uint8_t {
     slave_count,      // so many slaves answer now (expected: before, actual: now)
     line_errors,      // frames were damaged on the way into a port: the cable between `slave` at `port` and `other` (actual: how many)
     link_lost,        // that cable was interrupted (actual: how often)
-    emergency,        // a slave has sent a CoE emergency (detail: its code)
+    emergency,        // a slave has sent a CoE emergency (detail: its code, actual: its error register)
 };
 
 struct Event {

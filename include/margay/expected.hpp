@@ -9,17 +9,37 @@
 namespace margay {
 
 // One slave that is expected. What is not set is not looked at.
+//
+// Where it is: at a place of the line (`position`), or anywhere, known by what is set on the device (`alias`,
+// `device_id`, position 0), or behind the head of its hot connect group.
+//
+// How slaves are numbered: config_init() gives slave(n) the number n, which stays until the next config_init(), whoever
+// comes and goes:
+//   1. slave(n) is the slave with position n. Positions count the line as it is when nobody is missing: without those
+//      that may be anywhere, and without hot connect groups. An optional slave that is not there is passed over when
+//      the next one found does not fit it but one behind does.
+//   2. Behind the highest position come those with position 0, group members too, in the order of the list.
+//   3. Behind them whoever nobody expects, in the order of the ring.
+// An expected slave that is not there has its number all the same: an entry with AL state NONE, ring 0, and its
+// configuration; if that says what its process data is, config_map() keeps its place in the image. The supervision
+// takes it in when it appears. slave(n).ring tells where it is.
 struct ExpectedSlave {
-    // Where: at a place in the ring, 1 the first; or, with position 0, the slave with this alias, wherever it is.
+    // 1 the first; 0: it is known by alias or device id, or by its group.
     std::uint16_t position = 0;
-    std::optional<std::uint16_t> alias{};
+    std::optional<std::uint16_t> alias{};      // ESC register 0x0012, from the SII
+    std::optional<std::uint16_t> device_id{};  // explicit device id (ETG.1020), mostly of a switch on the device
     // What.
     std::optional<std::uint32_t> vendor{};
     std::optional<std::uint32_t> product{};
     std::optional<std::uint32_t> revision{};
     std::optional<std::uint32_t> serial{};
-    // That it is missing is no error.
+    // That it is missing is no error, and its group of process data is right without it.
     bool optional = false;
+    // Slaves that come and go together, at any port of the segment: neighbours in the list with the same number, not 0.
+    // The first is the head and known by alias or device id; the others have position 0 and follow behind it, in this
+    // order. The whole group may be missing; a member that is missing while the head is there is an error, unless it is
+    // optional.
+    std::uint8_t hot_connect = 0;
     // Becomes slave(n).config before the slave leaves INIT. nullptr: what the slave says itself. The caller's memory.
     const SlaveConfiguration* config = nullptr;
 };

@@ -42,12 +42,14 @@ Result<> wait(Context& ctx, Request& request);
 // Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say, finds the
 // topology, configures the mailboxes and brings all slaves to PREOP, all at once. Returns how many slaves there are. What goes wrong
 // with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: link_down, no_frame, no_slaves,
-// unstable, capacity (more slaves than limits().slaves; expected says how many).
+// unstable, capacity (more slaves, with those that are expected, than limits().slaves; expected says how many). Called again it scans anew, whoever is there
+// now, without anything being switched off: end a SuperviseRequest before, and map the groups again; numbers, hooks and configurations begin anew too.
 Result<std::uint16_t> config_init(Context& ctx);
 
-// Says which slaves the next config_init() shall find, and with what each shall be configured; an empty list: whatever is there. What is not as expected is
-// an error of that slave (other_slave, unexpected_slave), what is missing one in errors() (missing_slave); the others go on. `slaves` is the caller's
-// memory and must live as long as the context uses it. Errors: wrong_state before init(), invalid_argument (neither position nor alias; actual: which).
+// Says which slaves the next config_init() shall find, how they are numbered and with what each shall be configured: see ExpectedSlave. An empty list:
+// whatever is there. What is not as expected is an error of that slave (other_slave, unsupported: it tells no device id, unexpected_slave), what is missing one
+// in errors() (missing_slave); the others go on. `slaves` is the caller's memory and must live until the config_init() after the next
+// expect(). Errors: wrong_state before init(), invalid_argument (known by nothing, two at one position, a group torn apart; actual: which).
 Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 
 // Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config: by its object dictionary, else the parameters of its drives, else its SII, unless the application has

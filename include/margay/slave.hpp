@@ -13,6 +13,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -91,7 +92,11 @@ inline constexpr std::uint8_t kUploadAtStartup = 0x10;
 inline constexpr std::uint8_t kCompleteAccess = 0x20;
 }  // namespace coe_detail
 
+// How a slave tells its explicit device id, by its SII.
+enum class DeviceIdSource : std::uint8_t { none, al_status, memory };
+
 class Context;
+struct ExpectedSlave;
 
 // What a drive tells by SoE without being asked: that a procedure command has been executed, or an emergency.
 struct SoeNotification {
@@ -128,7 +133,7 @@ struct Slave {
     static constexpr std::size_t kSyncManagers = 8;
     static constexpr std::size_t kFmmus = 8;
 
-    std::uint16_t position = 0;  // 1 is the first
+    std::uint16_t position = 0;  // its number, 1 the first; as config_init() gave it (expect() says how)
     StationAddress station_address;
     std::uint16_t alias = 0;     // ESC register 0x0012, loaded from the SII
     Identity identity;
@@ -136,9 +141,16 @@ struct Slave {
     std::uint16_t dl_status = 0;
     AlStatus al;                    // as last read
     bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
-    bool expected = false;          // by the list of expect()
+    // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
+    const ExpectedSlave* wanted = nullptr;
+    // Its place in the ring as seen last, 1 the first; 0: it is not there. Without hot connect groups and missing slaves the same as `position`.
+    std::uint16_t ring = 0;
+    bool seen = false;              // it has been there since config_init() began: what the ESC and the SII say is known
+    // Explicit device id (ETG.1020), of a switch on the device mostly; asked for where expect() wants one.
+    std::optional<std::uint16_t> device_id{};
     bool takes_part = false;        // its process data is configured and, as far as known, exchanged
     bool recovering = false;        // the supervision is bringing it back
+    bool told_missing = false;      // the supervision has told that its hot connect group is there without it
     std::uint8_t attempts = 0;      // of the supervision since it was last where it belongs
 
     // Topology: every slave but the first hangs at a port of another one.
@@ -155,6 +167,8 @@ struct Slave {
     std::uint8_t coe_details = 0;     // coe_detail bits
     std::uint8_t foe_details = 0;
     std::uint8_t eoe_details = 0;
+    DeviceIdSource device_id_source = DeviceIdSource::none;
+    std::uint16_t device_id_word = 0;  // of the SII: where it says at which ESC address the device id is
     std::int16_t ebus_current_ma = 0;  // taken from the E-bus; negative: fed into it
     std::uint8_t sm_count = 0;
     std::uint8_t fmmu_count = 0;

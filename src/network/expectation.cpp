@@ -1,18 +1,166 @@
 #include "network/expectation.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
 
-Slave* find(Network& network, const ExpectedSlave& wanted) {
-    if (wanted.position != 0) return wanted.position <= network.count ? &network.slave(wanted.position) : nullptr;
-    for (Slave& slave : network.slaves())
-        if (slave.alias == wanted.alias) return &slave;
+using Expected = std::span<const ExpectedSlave>;
+
+bool fits(const Slave& slave, const ExpectedSlave& wanted) { return difference(slave, wanted).code == Errc::none; }
+
+bool is_head(Expected list, std::size_t n) {
+    return list[n].hot_connect != 0 && (n == 0 || list[n - 1].hot_connect != list[n].hot_connect);
+}
+
+std::size_t group_end(Expected list, std::size_t head) {
+    std::size_t end = head + 1;
+    while (end < list.size() && list[end].hot_connect == list[head].hot_connect) ++end;
+    return end;
+}
+
+const ExpectedSlave* at_position(Expected list, std::size_t position) {
+    const auto found = std::ranges::find(list, position, &ExpectedSlave::position);
+    return found == list.end() ? nullptr : &*found;
+}
+
+Slave* find_located(Network& network, const ExpectedSlave& wanted) {
+    const auto slaves = network.slaves();
+    const auto found =
+        std::ranges::find_if(slaves, [&](const Slave& s) { return s.wanted == nullptr && locates(wanted, s); });
+    return found == slaves.end() ? nullptr : &*found;
+}
+
+// Those that hang in the group of this head, each as the next member that it can be; as the next one at all when it can
+// be none.
+void find_members(Network& network, std::size_t head, const Slave& first) {
+    const Expected list = network.expected;
+    const std::size_t end = group_end(list, head);
+    std::size_t next = head + 1;
+    for (std::size_t place = first.ring + 1U; place <= network.count && next < end; ++place) {
+        Slave& slave = network.slave(place);
+        if (slave.wanted != nullptr || group_above(network, slave.ring) != list[head].hot_connect) continue;
+        std::size_t member = next;
+        while (member < end && !fits(slave, list[member])) ++member;
+        if (member == end) member = next;
+        slave.wanted = &list[member];
+        next = member + 1;
+    }
+}
+
+void find_those_anywhere(Network& network) {
+    const Expected list = network.expected;
+    for (std::size_t n = 0; n < list.size(); ++n) {
+        if (!is_located(list, list[n])) continue;
+        if (Slave* slave = find_located(network, list[n])) slave->wanted = &list[n];
+    }
+    for (std::size_t n = 0; n < list.size(); ++n) {
+        if (!is_head(list, n)) continue;
+        const auto slaves = network.slaves();
+        const auto head = std::ranges::find(slaves, &list[n], &Slave::wanted);
+        if (head != slaves.end()) find_members(network, n, *head);
+    }
+}
+
+// The position of a slave of the line that comes when `position` is next: missing ones that may be are passed over for
+// one that it fits.
+std::size_t next_position(Expected list, const Slave& slave, std::size_t position, std::size_t last) {
+    for (std::size_t at = position; at <= last; ++at) {
+        const ExpectedSlave* wanted = at_position(list, at);
+        if (wanted == nullptr || fits(slave, *wanted)) return at;
+        if (!wanted->optional) break;
+    }
+    return position;
+}
+
+// Where all are to go in the table: slave.position, which is no index any more until they are there. Returns how many
+// entries the table has then.
+std::size_t plan_numbers(Network& network) {
+    const Expected list = network.expected;
+    std::size_t last = 0;
+    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
+    std::size_t number = last;
+    for (const ExpectedSlave& wanted : list) {
+        if (wanted.position != 0) continue;
+        ++number;
+        for (Slave& slave : network.slaves())
+            if (slave.wanted == &wanted) slave.position = static_cast<std::uint16_t>(number);
+    }
+    std::size_t next = 1;
+    for (Slave& slave : network.slaves()) {
+        if (slave.wanted != nullptr) continue;
+        const std::size_t position = next <= last ? next_position(list, slave, next, last) : ++number;
+        slave.position = static_cast<std::uint16_t>(position);
+        if (next > last) continue;
+        slave.wanted = at_position(list, position);
+        next = position + 1;
+    }
+    return number;
+}
+
+// Whom the list wants at this number; nobody where it leaves out a position.
+const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
+    std::size_t last = 0;
+    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
+    if (number <= last) return at_position(list, number);
+    for (const ExpectedSlave& wanted : list)
+        if (wanted.position == 0 && ++last == number) return &wanted;
     return nullptr;
 }
 
-// The first thing that is not as expected; code none when all is.
+// An entry for one that is not there. What its ESC has is not known: all that may be needed.
+void make_missing(Network& network, std::size_t number) {
+    Slave& slave = network.slave(number);
+    slave.position = static_cast<std::uint16_t>(number);
+    slave.station_address = network.station_address(number);
+    slave.wanted = wanted_at(network.expected, number);
+    slave.dl.fmmus = 16;
+    slave.dl.sync_managers = 16;
+}
+
+bool may_be_missing(Network& network, const Slave& slave) {
+    const ExpectedSlave& wanted = *slave.wanted;
+    if (wanted.optional) return true;
+    if (wanted.hot_connect == 0) return false;
+    // With its whole group.
+    return std::ranges::none_of(network.slaves(), [&](const Slave& s) {
+        return s.ring != 0 && s.wanted != nullptr && s.wanted->hot_connect == wanted.hot_connect &&
+               is_located(network.expected, *s.wanted);
+    });
+}
+
+Error missing(const Network& network, const Slave& slave) {
+    Error error{.code = Errc::missing_slave, .step = Step::identify, .slave = slave.position};
+    const ExpectedSlave& wanted = *slave.wanted;
+    if (!is_located(network.expected, wanted)) return error;
+    error.subindex = static_cast<std::uint8_t>(wanted.alias ? IdentityField::alias : IdentityField::device_id);
+    error.actual = wanted.alias.value_or(wanted.device_id.value_or(0));
+    return error;
+}
+
+}  // namespace
+
+Result<> check_expected(std::span<const ExpectedSlave> expected) {
+    for (std::size_t n = 0; n < expected.size(); ++n) {
+        const ExpectedSlave& wanted = expected[n];
+        const bool member = wanted.hot_connect != 0 && !is_head(expected, n);
+        const bool known = wanted.position != 0 || wanted.alias || wanted.device_id || member;
+        bool right = known && (wanted.hot_connect == 0 || wanted.position == 0);
+        for (std::size_t before = 0; before < n && right; ++before) {
+            const bool same_place = wanted.position != 0 && expected[before].position == wanted.position;
+            // A group is a run of neighbours.
+            const bool torn = !member && wanted.hot_connect != 0 && expected[before].hot_connect == wanted.hot_connect;
+            right = !same_place && !torn;
+        }
+        if (right) continue;
+        Error error{.code = Errc::invalid_argument, .step = Step::identify};
+        error.actual = static_cast<std::uint32_t>(n + 1);
+        return error;
+    }
+    return Result<>();
+}
+
 Error difference(const Slave& slave, const ExpectedSlave& wanted) {
     Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.position};
     error.detail = slave.identity.vendor;
@@ -24,37 +172,89 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         return true;
     };
     const Identity& id = slave.identity;
-    if (differs(wanted.product, id.product, IdentityField::product) || differs(wanted.vendor, id.vendor, IdentityField::vendor) ||
-        differs(wanted.revision, id.revision, IdentityField::revision) || differs(wanted.serial, id.serial, IdentityField::serial) ||
+    if (differs(wanted.product, id.product, IdentityField::product) ||
+        differs(wanted.vendor, id.vendor, IdentityField::vendor) ||
+        differs(wanted.revision, id.revision, IdentityField::revision) ||
+        differs(wanted.serial, id.serial, IdentityField::serial) ||
         differs(wanted.alias, slave.alias, IdentityField::alias))
         return error;
+    if (wanted.device_id && !slave.device_id)
+        return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.position};
+    if (differs(wanted.device_id, slave.device_id.value_or(0), IdentityField::device_id)) return error;
     return {};
 }
 
-}  // namespace
+bool is_located(Expected list, const ExpectedSlave& wanted) {
+    return wanted.position == 0 &&
+           (wanted.hot_connect == 0 || is_head(list, static_cast<std::size_t>(&wanted - list.data())));
+}
+
+bool locates(const ExpectedSlave& wanted, const Slave& slave) {
+    return (!wanted.alias || *wanted.alias == slave.alias) &&
+           (!wanted.device_id || wanted.device_id == slave.device_id);
+}
+
+std::uint8_t group_above(Network& network, std::uint16_t place) {
+    const auto ring = network.seen_ring();
+    if (place > ring.size()) return 0;
+    for (std::uint16_t at = ring[place - 1U].parent; at != 0; at = ring[at - 1U].parent) {
+        if (ring[at - 1U].slave == 0) continue;
+        const ExpectedSlave* wanted = network.slave(ring[at - 1U].slave).wanted;
+        if (wanted != nullptr && wanted->hot_connect != 0) return wanted->hot_connect;
+    }
+    return 0;
+}
+
+Result<bool> number_slaves(Network& network) {
+    if (network.expected.empty()) return false;
+    find_those_anywhere(network);
+    const std::size_t found = network.count;
+    const std::size_t numbers = plan_numbers(network);
+    if (numbers > network.table.size()) {
+        network.count = 0;
+        Error error{.code = Errc::capacity, .step = Step::identify};
+        error.expected = static_cast<std::uint32_t>(numbers);
+        error.actual = static_cast<std::uint32_t>(network.table.size());
+        return error;
+    }
+    for (std::size_t n = found; n < numbers; ++n) network.table[n] = Slave{};
+    network.count = static_cast<std::uint16_t>(numbers);
+    bool moved = false;
+    for (std::size_t n = 1; n <= numbers; ++n) {
+        Slave& here = network.slave(n);
+        while (here.position != 0 && here.position != n) std::swap(here, network.slave(here.position));
+    }
+    for (std::size_t n = 1; n <= numbers; ++n) {
+        Slave& slave = network.slave(n);
+        if (slave.position == 0) {
+            make_missing(network, n);
+            continue;
+        }
+        moved |= slave.position != slave.ring;
+        slave.station_address = network.station_address(n);
+        if (slave.error.code != Errc::none) slave.error.slave = slave.position;
+        if (slave.ring <= network.ring.size()) network.ring[slave.ring - 1U].slave = slave.position;
+    }
+    return moved;
+}
 
 void compare_with_expected(Network& network) {
     if (network.expected.empty()) return;
-    for (Slave& slave : network.slaves()) slave.expected = false;
-    for (const ExpectedSlave& wanted : network.expected) {
-        Slave* slave = find(network, wanted);
-        if (slave == nullptr) {
-            Error missing{.code = Errc::missing_slave, .step = Step::identify, .slave = wanted.position};
-            missing.actual = wanted.alias.value_or(0);
-            if (!wanted.optional) network.errors.add(missing);
+    for (Slave& slave : network.slaves()) {
+        if (slave.wanted == nullptr) {
+            if (slave.ring != 0)
+                network.note(slave, {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position});
             continue;
         }
-        slave->expected = true;
-        const Error error = difference(*slave, wanted);
+        const Error error = slave.ring != 0 ? difference(slave, *slave.wanted) : Error{};
         if (error.code != Errc::none) {
-            network.note(*slave, error);
+            network.note(slave, error);
             continue;
         }
-        if (wanted.config != nullptr) slave->config = *wanted.config;
-        slave->config.optional |= wanted.optional;
+        if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
+        slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
+        if (slave.ring == 0 && !may_be_missing(network, slave)) network.errors.add(missing(network, slave));
     }
-    for (Slave& slave : network.slaves())
-        if (!slave.expected) network.note(slave, {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position});
 }
 
 }  // namespace margay

@@ -66,7 +66,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
 }
 
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
-    if (slave.config.group != number) co_return Result<>();
+    if (slave.config.group != number || (slave.al.state == AlState::none && !slave.seen)) co_return Result<>();
     auto found = co_await discover_pdos(network, slave);
     if (!found) network.note(slave, found.error());
     co_return Result<>();

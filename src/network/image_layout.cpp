@@ -286,6 +286,14 @@ Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
     return fmmus;
 }
 
+Result<> check_place(const Slave& slave, const ImageLayout& layout, bool lrw) {
+    const bool no_bits = layout.packing == Packing::bits && !maps_bits(slave);
+    const bool no_lrw = lrw && (slave.dl.features & wire::features::kLrwNotSupported) != 0;
+    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+    if (exchanges && (no_bits || no_lrw)) return fault(Errc::unsupported, slave);
+    return check_sync_managers(slave);
+}
+
 wire::SyncManager make_sync_manager(const ProcessSm& sm) {
     return {.physical_start = sm.start,
             .length_bytes = static_cast<std::uint16_t>(sm.bytes()),

@@ -47,6 +47,10 @@ struct SlaveFmmus {
 // Which FMMU does what follows the SII where it says so. A slave without process data has none. Errors: fmmu_shortage.
 [[nodiscard]] Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout);
 
+// Whether a slave that came after lay_out() can do what was laid out for it without knowing it; `lrw`: its group exchanges by LRW. Errors: sm_shortage,
+// sm_memory, unsupported (FMMUs of single bits, LRW).
+[[nodiscard]] Result<> check_place(const Slave& slave, const ImageLayout& layout, bool lrw);
+
 // What goes into the registers of a SyncManager for process data: whole octets, and enabled unless it has no length.
 [[nodiscard]] wire::SyncManager make_sync_manager(const ProcessSm& sm);
 

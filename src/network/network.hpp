@@ -4,6 +4,7 @@
 #include "link/engine.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "network/process_data.hpp"
+#include "network/topology.hpp"
 #include "station/register_access.hpp"
 #include "util/task.hpp"
 
@@ -12,6 +13,7 @@
 #include <margay/expected.hpp>
 #include <margay/slave.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <span>
 
@@ -39,12 +41,18 @@ struct RequestQueue {
 
 struct Network {
     Network(Nic& nic, std::span<Slave> slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
-            std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {})
-        : engine(nic, slots, arena_memory), table(slave_table), tasks(most_tasks), mailboxes(engine, channels, emergencies) {}
+            std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {},
+            std::span<RingPlace> ring_places = {})
+        : engine(nic, slots, arena_memory), table(slave_table), ring(ring_places), tasks(most_tasks), mailboxes(engine, channels, emergencies) {
+        mailboxes.listener = {tell_emergency, this};
+    }
 
     Engine engine;
     std::span<Slave> table;
-    std::uint16_t count = 0;  // of slaves found
+    std::uint16_t count = 0;  // of slaves in the table: found, or expected
+    std::span<RingPlace> ring;
+    std::uint16_t ring_count = 0;     // of slaves that were in the ring when it was looked at last
+    std::uint16_t stranger_mark = 0;  // the station address of those whom nobody knows and who were told of
     std::size_t tasks;        // slaves worked on at once
     ScanSettings settings;
     ProcessTables process;
@@ -52,19 +60,33 @@ struct Network {
     Mailboxes mailboxes;
     RequestQueue queue;
     EventQueue events;
+    std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
     std::span<const ExpectedSlave> expected;
+    Slave guest;             // a newcomer while it is found out who it is
+    bool searching = false;  // somebody is at that
     Context* context = nullptr;  // for hooks
     bool supervised = false;
     Crew requests;            // those that are busy; last, so that they end first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
+    [[nodiscard]] std::span<RingPlace> seen_ring() { return ring.first(std::min<std::size_t>(ring_count, ring.size())); }
+    [[nodiscard]] StationAddress station_address(std::size_t position) const {
+        return {static_cast<std::uint16_t>(settings.first_station_address + position - 1)};
+    }
     // By position, 1 the first.
     [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
     [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const { return slave.position >= 1 && slave.position <= mailboxes.count(); }
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
+
+    static void tell_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
+        Event event{.kind = EventKind::emergency, .slave = slave};
+        event.actual = emergency.error_register;
+        event.detail = emergency.code;
+        static_cast<Network*>(network)->tell(event);
+    }
 
     // Adds an event, with the time.
     void tell(Event event) {

@@ -1,16 +1,26 @@
 #include "network/recovery.hpp"
 
 #include "network/configure.hpp"
+#include "network/expectation.hpp"
 #include "network/members.hpp"
 #include "network/scan.hpp"
 #include "network/startup.hpp"
+#include "network/survey.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
+
+#include <algorithm>
 
 namespace margay {
 namespace {
 
 namespace reg = wire::reg;
+
+// What it shall exchange, if anything, is in the image.
+bool has_place(const Slave& slave) {
+    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count), [](const ProcessSm& sm) { return sm.bits != 0; });
+    return !wants || slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+}
 
 bool mapped(const Network& network, const Slave& slave) {
     return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapped;
@@ -60,6 +70,34 @@ Task<Result<>> call_hook(Network& network, Slave& slave) {
     }
 }
 
+// One that was not there when the segment was scanned.
+Task<Result<>> get_to_know(Network& network, Slave& slave) {
+    slave.error = {};
+    auto assigned = co_await sii_assign(network.station(slave), false);
+    if (!assigned) co_return assigned;
+    auto surveyed = co_await survey(network, slave);
+    if (!surveyed) co_return surveyed;
+    if (!slave.seen) co_return slave.error;
+    const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
+    if (other.code == Errc::none) co_return Result<>();
+    slave.seen = false;
+    co_return other;
+}
+
+// Its process data: what was said of it before it came, or what it says itself now; that may not be what the image was laid out for.
+Task<Result<>> take_in(Network& network, Slave& slave) {
+    auto discovered = co_await discover_pdos(network, slave);
+    if (!discovered) network.note(slave, discovered.error());
+    if (!has_place(slave)) {
+        Error error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
+        network.note(slave, error);
+        co_return Result<>();
+    }
+    const ProcessGroup& group = network.process.groups[slave.config.group];
+    const bool lrw = std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
+    co_return check_place(slave, group.layout, lrw);
+}
+
 }  // namespace
 
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
@@ -68,9 +106,17 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     slave.al = now;
 }
 
-AlState goal(const Network& network, const Slave& slave, AlState target) { return mapped(network, slave) ? target : AlState::preop; }
+AlState goal(const Network& network, const Slave& slave, AlState target) {
+    return mapped(network, slave) && has_place(slave) ? target : AlState::preop;
+}
+
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
+    const bool new_here = !slave.seen;
+    if (new_here) {
+        auto known = co_await get_to_know(network, slave);
+        if (!known) co_return known;
+    }
     auto init = co_await back_to_init(network, slave);
     if (!init) co_return init;
     const AlStatus before = slave.al;
@@ -83,6 +129,10 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
     if (!preop || !mapped(network, slave)) co_return preop;
     auto hook = co_await call_hook(network, slave);
     if (!hook) co_return hook;
+    if (new_here) {
+        auto taken_in = co_await take_in(network, slave);
+        if (!taken_in || !has_place(slave)) co_return taken_in;
+    }
     auto configured = co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
     const AlStatus reached = slave.al;
     slave.al = after;
@@ -91,17 +141,16 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
 }
 
 Task<Result<>> bring_back(Network& network, Slave& slave, AlState target) {
-    const AlState wanted = goal(network, slave, target);
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) co_return seen.error();
     note_state(network, slave, *seen);
     const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-    bool configured = (slave.al.state == AlState::safeop || slave.al.state == AlState::op) && (slave.takes_part || !exchanges);
+    bool configured = (slave.al.state == AlState::safeop || slave.al.state == AlState::op) && (slave.takes_part || !exchanges) && slave.seen;
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
         configured = acknowledged.ok();
     }
-    if (configured && wanted == AlState::op && slave.al.state != AlState::op) {
+    if (configured && goal(network, slave, target) == AlState::op && slave.al.state != AlState::op) {
         auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
         if (!listed) co_return listed;
         auto op = co_await change(network, slave, AlState::op);
@@ -109,7 +158,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave, AlState target) {
     }
     if (configured) co_return Result<>();
     auto again = co_await reconfigure(network, slave);
-    if (!again || wanted != AlState::op) co_return again;
+    if (!again || goal(network, slave, target) != AlState::op) co_return again;
     auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
     if (!listed) co_return listed;
     auto op = co_await change(network, slave, AlState::op);

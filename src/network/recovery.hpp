@@ -16,7 +16,7 @@ namespace margay {
 // Takes `now` over as the state of the slave, and tells when that is another one.
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 
-// Where the slave belongs: `target`, or PREOP while its group is not mapped.
+// Where the slave belongs: `target`, or PREOP while its group is not mapped or has no place for it.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave, AlState target);
 
 }  // namespace margay

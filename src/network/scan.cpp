@@ -2,10 +2,10 @@
 
 #include "network/expectation.hpp"
 #include "network/startup.hpp"
+#include "network/survey.hpp"
 #include "network/topology.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
-#include "station/sii_contents.hpp"
 #include "wire/sync_manager.hpp"
 
 #include <algorithm>
@@ -78,7 +78,8 @@ Task<Result<>> clear_slaves(Network& network) {
 Task<Result<>> assign_address(Network& network, Slave& slave) {
     std::array<std::byte, 2> address{};
     store_le<std::uint16_t>(address, 0, slave.station_address.value);
-    const RingPosition place{static_cast<std::uint16_t>(slave.position - 1)};
+    if (slave.ring == 0) co_return Result<>();
+    const RingPosition place{static_cast<std::uint16_t>(slave.ring - 1)};
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
     auto reply = co_await write;
@@ -88,60 +89,8 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-void store_dl_information(Slave& slave, Bytes dl) {
-    const auto at = [&](wire::Register r) { return std::to_integer<std::uint8_t>(dl[r.address]); };
-    slave.dl = {.type = at(reg::kType),
-                .revision = at(reg::kRevision),
-                .build = load_le<std::uint16_t>(dl, reg::kBuild.address),
-                .fmmus = at(reg::kFmmuCount),
-                .sync_managers = at(reg::kSyncManagerCount),
-                .ram_kib = at(reg::kRamSize),
-                .features = load_le<std::uint16_t>(dl, reg::kFeatures.address)};
-    slave.dl.dc = (slave.dl.features & wire::features::kDistributedClocks) != 0;
-    slave.dl.dc_64bit = (slave.dl.features & wire::features::kDistributedClocks64Bit) != 0;
-    for (unsigned p = 0; p < 4; ++p)
-        slave.ports[p].type = static_cast<PortType>((at(reg::kPortDescriptor) >> (2 * p)) & 3);
-}
-
-// What the ESC says of itself, in one frame.
-Task<Result<>> read_esc(Network& network, Slave& slave) {
-    const Station station = network.station(slave);
-    Link& link = network.engine.link();
-    std::array<std::byte, reg::kDlInformation.length> dl{};
-    std::array<std::byte, 2> alias{};
-    std::array<std::byte, 2> dl_status{};
-    std::array<std::byte, 1> configuration{};
-    const auto at = [&](wire::Register r) { return DatagramAddress(slave.station_address, r.address); };
-    Datagram read_dl(link, Command::FPRD, at(reg::kDlInformation), MutableBytes(dl));
-    Datagram read_alias(link, Command::FPRD, at(reg::kStationAlias), MutableBytes(alias));
-    Datagram read_status(link, Command::FPRD, at(reg::kDlStatus), MutableBytes(dl_status));
-    Datagram read_configuration(link, Command::FPRD, at(reg::kEscConfiguration), MutableBytes(configuration));
-    co_await together(read_dl, read_alias, read_status, read_configuration);
-    for (const Datagram* datagram : {&read_dl, &read_alias, &read_status, &read_configuration}) {
-        const Error error =
-            judge(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
-        if (error.code != Errc::none) co_return error;
-    }
-    store_dl_information(slave, dl);
-    slave.alias = load_le<std::uint16_t>(alias);
-    slave.dl_status = load_le<std::uint16_t>(dl_status);
-    slave.device_emulation =
-        (std::to_integer<std::uint8_t>(configuration[0]) & wire::esc_configuration::kDeviceEmulation) != 0;
-    co_return Result<>();
-}
-
-Task<Result<>> identify(Network& network, Slave& slave) {
-    auto esc = co_await read_esc(network, slave);
-    if (!esc) {
-        network.note(slave, esc.error());
-        co_return Result<>();
-    }
-    auto sii = co_await read_sii_contents(network.station(slave), slave);
-    if (!sii) network.note(slave, sii.error());
-    co_return Result<>();
-}
-
 Task<Result<>> start_mailbox(Network& network, Slave& slave) {
+    if (slave.ring == 0) co_return Result<>();
     auto done = co_await bring_to_preop(network, slave);
     if (!done) network.note(slave, done.error());
     co_return Result<>();
@@ -217,9 +166,44 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     co_return state.error();
 }
 
+namespace {
+
+// The table as far as counting tells: each slave is where it is in the ring.
+void begin_table(Network& network, std::uint16_t count, bool in_init) {
+    network.count = count;
+    for (std::uint16_t i = 1; i <= count; ++i) {
+        Slave& slave = network.slave(i);
+        slave = Slave{};
+        slave.position = i;
+        slave.ring = i;
+        if (in_init) slave.al.state = AlState::init;
+        slave.station_address = network.station_address(i);
+    }
+}
+
+// Which slaves are expected where, once all are known: numbers them anew if that is not as they are in the ring.
+Task<Result<>> arrange(Network& network) {
+    for (Slave& slave : network.slaves()) {
+        if (slave.ring > network.ring.size()) break;
+        network.ring[slave.ring - 1U] = {.slave = slave.position, .dl_status = slave.dl_status};
+    }
+    network.ring_count = network.count;
+    const auto topology = find_topology(network.seen_ring());
+    if (!topology) network.errors.add(topology.error());
+    auto moved = number_slaves(network);
+    if (!moved) co_return moved.error();
+    store_topology(network.seen_ring(), network.slaves());
+    if (!*moved) co_return Result<>();
+    co_return co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
+}
+
+}  // namespace
+
 Task<Result<std::uint16_t>> scan(Network& network) {
     network.mailboxes.forget_all();
     network.count = 0;
+    network.ring_count = 0;
+    network.expected = network.expected_next;
     for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
     auto link = co_await wait_for_link(network);
     if (!link) co_return link.error();
@@ -230,20 +214,11 @@ Task<Result<std::uint16_t>> scan(Network& network) {
                                 static_cast<std::uint32_t>(network.table.size()));
     auto reset = co_await reset_slaves(network);
     if (!reset) co_return reset.error();
-
-    network.count = *count;
-    for (std::uint16_t i = 1; i <= network.count; ++i) {
-        Slave& slave = network.slave(i);
-        slave = Slave{};
-        slave.position = i;
-        if (*reset) slave.al.state = AlState::init;
-        slave.station_address.value =
-            static_cast<std::uint16_t>(network.settings.first_station_address + i - 1);
-    }
+    begin_table(network, *count, *reset);
     auto addressed =
         co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
     if (!addressed) co_return addressed.error();
-    auto identified = co_await for_each_slave(network, [&network](Slave& s) { return identify(network, s); });
+    auto identified = co_await for_each_slave(network, [&network](Slave& s) { return survey(network, s); });
     if (!identified) co_return identified.error();
     constexpr std::byte kOffered{wire::sii_config::kOfferedToPdi};
     auto offered = co_await broadcast_write(network, reg::kSiiConfig.address, std::array{kOffered});
@@ -251,13 +226,13 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     auto again = co_await count_slaves(network);
     if (!again) co_return again;
     if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);
-    const auto topology = find_topology(network.slaves());
-    if (!topology) network.errors.add(topology.error());
+    auto arranged = co_await arrange(network);
+    if (!arranged) co_return arranged.error();
     compare_with_expected(network);
     auto started =
         co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
     if (!started) co_return started.error();
-    co_return network.count;
+    co_return *count;
 }
 
 }  // namespace margay

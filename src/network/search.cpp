@@ -1,6 +1,10 @@
 #include "network/search.hpp"
 
+#include "network/configure.hpp"
+#include "network/expectation.hpp"
+#include "network/members.hpp"
 #include "network/recovery.hpp"
+#include "network/survey.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 #include "wire/sii.hpp"
@@ -13,69 +17,109 @@ namespace {
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-// One that answers in the ring and is not known.
-struct Newcomer {
-    RingPosition at;
-    std::uint16_t address = 0;        // that it has
-    std::uint16_t behind = 0;         // the last known slave before it
-    std::uint16_t of = 0;             // how many slaves the ring had
-};
+// Nobody else has it: slaves of ours begin one above.
+StationAddress guest_address(const Network& network) { return network.station_address(0); }
 
-bool fits(const Slave& slave, const Identity& identity) {
-    return slave.identity.vendor == identity.vendor && slave.identity.product == identity.product &&
-           slave.identity.revision == identity.revision;
+bool is_lost(const Slave& slave) { return slave.al.state == AlState::none && !slave.recovering; }
+
+bool fits(const Slave& slave, const Slave& guest) {
+    const bool same = slave.identity.vendor == guest.identity.vendor &&
+                      slave.identity.product == guest.identity.product &&
+                      slave.identity.revision == guest.identity.revision;
+    if (slave.seen && !same) return false;
+    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
 }
 
-Task<Result<>> read_address(Network& network, RingPosition at, std::uint16_t& into) {
+bool anywhere(const Network& network, const Slave& slave) {
+    return slave.wanted != nullptr && is_located(network.expected, *slave.wanted);
+}
+std::uint8_t group_of(const Slave& slave) {
+    return slave.wanted != nullptr ? slave.wanted->hot_connect : std::uint8_t{0};
+}
+bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
+
+// ------------------------------------------------------------------ who is where
+
+Task<Result<>> read_place(Network& network, std::uint16_t n) {
     std::array<std::byte, 2> address{};
-    Datagram look(network.engine.link(), wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(address));
-    auto reply = co_await look;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = Step::recover};
-    if (reply.wkc != 1) co_return Error{.code = Errc::unstable, .step = Step::recover};
-    into = load_le<std::uint16_t>(address);
+    std::array<std::byte, 2> dl_status{};
+    const RingPosition at{n};
+    Datagram look(network.engine.link(), wire::Command::APRD, {at, reg::kStationAddress.address},
+                  MutableBytes(address));
+    Datagram ports(network.engine.link(), wire::Command::APRD, {at, reg::kDlStatus.address}, MutableBytes(dl_status));
+    co_await together(look, ports);
+    for (const Datagram* d : {&look, &ports}) {
+        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = Step::recover};
+        if (d->reply().wkc != 1) co_return Error{.code = Errc::unstable, .step = Step::recover};
+    }
+    network.ring[n] = {.address = load_le<std::uint16_t>(address), .dl_status = load_le<std::uint16_t>(dl_status)};
     co_return Result<>();
 }
 
-// The addresses of some slaves in the order of the ring, all at once.
-using Addresses = std::array<std::uint16_t, 32>;
-Task<Result<>> read_addresses(Network& network, std::uint16_t first, std::size_t count, Addresses& into) {
+// Those that answer, by their addresses; of two with the same one the first. Nobody else is known yet.
+void recognise(Network& network) {
+    const std::size_t first = network.settings.first_station_address;
+    for (Slave& slave : network.slaves()) slave.ring = 0;
+    for (RingPlace& place : network.seen_ring()) {
+        if (place.address < first || place.address >= first + network.count) continue;
+        Slave& slave = network.slave(place.address - first + 1);
+        if (slave.ring != 0 || is_lost(slave)) continue;
+        slave.ring = 1;
+        place.slave = slave.position;
+    }
+    (void)find_topology(network.seen_ring());
+    store_topology(network.seen_ring(), network.slaves());
+}
+
+Task<Result<>> read_ring(Network& network) {
+    auto roll = co_await call_roll(network);
+    for (int more = 5; !roll && more > 0; --more) roll = co_await call_roll(network);
+    if (!roll) co_return roll.error();
+    if (roll->count > network.ring.size())
+        co_return Error{.code = Errc::capacity, .step = Step::recover, .expected = roll->count};
     Crew crew(network.tasks);
-    for (std::size_t n = 0; n < count; ++n) {
+    for (std::uint16_t n = 0; n < roll->count; ++n) {
         while (crew.full()) co_await crew.one();
-        const RingPosition at{static_cast<std::uint16_t>(first + n)};
-        while (!crew.start(read_address(network, at, into[n]))) {
+        while (!crew.start(read_place(network, n))) {
             if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = Step::recover};
             co_await crew.one();
         }
     }
     co_await crew.all();
-    co_return crew.first_error().code == Errc::none ? Result<>() : Result<>(crew.first_error());
+    if (crew.first_error().code != Errc::none) co_return crew.first_error();
+    network.ring_count = roll->count;
+    recognise(network);
+    co_return Result<>();
 }
 
-// Gives the newcomer an address, unless the ring is not what it was any more: then whoever got it gets back what he had.
-Task<Result<>> name(Network& network, const Newcomer& newcomer, StationAddress address) {
+// ------------------------------------------------------------------ who is it
+
+// Gives a newcomer the guest's address, unless the ring is not what it was any more: then whoever got it gets back what
+// he had.
+Task<Result<>> name_guest(Network& network, std::uint16_t n) {
+    const RingPosition at{n};
     std::array<std::byte, 1> type{};
     std::array<std::byte, 2> before{};
     std::array<std::byte, 2> after{};
-    store_le<std::uint16_t>(after, 0, address.value);
+    store_le<std::uint16_t>(after, 0, guest_address(network).value);
     Link& link = network.engine.link();
     Datagram count(link, wire::Command::BRD, {std::uint16_t{0}, reg::kType.address}, MutableBytes(type));
-    Datagram look(link, wire::Command::APRD, {newcomer.at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
-    Datagram write(link, wire::Command::APWR, {newcomer.at, reg::kStationAddress.address}, Bytes(after), Repeat::no);
+    Datagram look(link, wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
+    Datagram write(link, wire::Command::APWR, {at, reg::kStationAddress.address}, Bytes(after), Repeat::no);
     co_await together(count, look, write);
     const bool came = count.reply().ok() && look.reply().ok() && write.reply().ok();
-    if (came && count.reply().wkc == newcomer.of && load_le<std::uint16_t>(before) == newcomer.address) co_return Result<>();
-    Datagram undo(link, wire::Command::FPWR, {address, reg::kStationAddress.address}, Bytes(before));
+    const bool same =
+        count.reply().wkc == network.ring_count && load_le<std::uint16_t>(before) == network.ring[n].address;
+    if (came && same) co_return Result<>();
+    Datagram undo(link, wire::Command::FPWR, {guest_address(network), reg::kStationAddress.address}, Bytes(before));
     if (look.reply().ok()) co_await undo;
     co_return Error{.code = Errc::unstable, .step = Step::recover};
 }
 
-Task<Result<>> unname(Network& network, const Newcomer& newcomer, StationAddress address) {
-    std::array<std::byte, 2> before{};
-    store_le<std::uint16_t>(before, 0, newcomer.address);
-    Datagram undo(network.engine.link(), wire::Command::FPWR, {address, reg::kStationAddress.address}, Bytes(before));
-    co_await undo;
-    co_return Result<>();
+Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
+    const Station station{network.engine, from, 0};
+    auto written = co_await write<std::uint16_t>(station, reg::kStationAddress, to, Step::recover);
+    co_return written;
 }
 
 Task<Result<Identity>> read_identity(Station station) {
@@ -84,108 +128,239 @@ Task<Result<Identity>> read_identity(Station station) {
     std::array<std::byte, sii::kIdentityBytes> octets{};
     SiiReader reader(station);
     auto read = co_await reader.read(sii::word::kIdentity, octets);
+    auto offered = co_await sii_assign(station, true);
     if (!read) co_return read.error();
+    if (!offered) co_return offered.error();
     co_return sii::load_identity(octets);
 }
 
-// Whether the newcomer is the slave; if so it has its station address afterwards, else the one that it had.
-Task<Result<bool>> admit(Network& network, const Newcomer& newcomer, Slave& slave, Identity* seen) {
-    auto named = co_await name(network, newcomer, slave.station_address);
-    if (!named) co_return named.error();
-    auto identity = co_await read_identity(network.station(slave));
-    if (identity && fits(slave, *identity)) {
-        auto al = co_await read_al_status(network.station(slave));
-        if (!al) co_return al.error();
-        network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = *al});
-        slave.al = *al;
-        slave.attempts = 0;
-        co_return true;
+// Only where somebody lost is to be known by his device id all of the SII is read for it.
+Task<Result<>> ask_guest(Network& network) {
+    Slave& guest = network.guest;
+    guest = Slave{};
+    guest.station_address = guest_address(network);
+    const Station station = network.station(guest);
+    auto al = co_await read_al_status(station);
+    if (!al) co_return al.error();
+    const bool by_id = std::ranges::any_of(
+        network.slaves(), [](const Slave& s) { return is_lost(s) && s.wanted != nullptr && s.wanted->device_id; });
+    if (by_id) {
+        auto assigned = co_await sii_assign(station, false);
+        if (!assigned) co_return assigned;
+        auto surveyed = co_await survey(network, guest);
+        if (!surveyed) co_return surveyed;
+        if (!guest.seen) co_return guest.error;
+        auto offered = co_await sii_assign(station, true);
+        if (!offered) co_return offered;
+    } else {
+        auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
+        if (!alias) co_return alias.error();
+        guest.alias = *alias;
+        auto identity = co_await read_identity(station);
+        if (!identity) co_return identity.error();
+        guest.identity = *identity;
     }
-    if (seen != nullptr && identity) *seen = *identity;
-    auto undone = co_await unname(network, newcomer, slave.station_address);
-    if (!undone) co_return undone.error();
-    if (!identity) co_return identity.error();
-    co_return false;
+    guest.al = *al;
+    co_return Result<>();
 }
 
-// The next lost slave behind `position`, or nobody.
-Slave* next_lost(Network& network, std::uint16_t position) {
-    for (std::size_t n = position + 1U; n <= network.count; ++n)
-        if (network.slave(n).al.state == AlState::none) return &network.slave(n);
+// Who the guest is: `slave`; or nobody, but in the place of `instead_of`.
+struct Verdict {
+    Slave* slave = nullptr;
+    Slave* instead_of = nullptr;
+};
+
+// The last one before a place of the ring for whom this holds.
+template <class Holds>
+const Slave* last_before(Network& network, std::size_t n, Holds holds) {
+    while (n-- > 0)
+        if (const std::uint16_t slave = network.ring[n].slave; slave != 0 && holds(network.slave(slave)))
+            return &network.slave(slave);
     return nullptr;
 }
 
-// First the one that belongs there, then any other that it can be.
-Task<Result<std::uint16_t>> place(Network& network, Newcomer newcomer) {
-    Slave* expected = next_lost(network, newcomer.behind);
-    Identity seen;
-    if (expected != nullptr) {
-        auto right = co_await admit(network, newcomer, *expected, &seen);
-        if (!right) co_return right.error();
-        if (*right) co_return expected->position;
+// The next lost one behind `after`, then the others.
+template <class Holds>
+Verdict choose(Network& network, const Slave* after, Holds holds) {
+    Verdict verdict;
+    for (const bool behind : {true, false}) {
+        for (Slave& slave : network.slaves()) {
+            if (!is_lost(slave) || !holds(slave) || (after == nullptr || slave.position > after->position) != behind)
+                continue;
+            if (fits(slave, network.guest)) return {&slave, nullptr};
+            if (verdict.instead_of == nullptr && behind) verdict.instead_of = &slave;
+        }
     }
-    for (std::size_t n = 1; n <= network.count; ++n) {
-        Slave& slave = network.slave(n);
-        if (&slave == expected || slave.al.state != AlState::none || (expected != nullptr && !fits(slave, seen))) continue;
-        auto right = co_await admit(network, newcomer, slave, nullptr);
-        if (!right) co_return right.error();
-        if (*right) co_return slave.position;
-    }
-    if (expected == nullptr) co_return std::uint16_t{0};
-    network.tell({.kind = EventKind::other_slave,
-                  .slave = expected->position,
-                  .expected = expected->identity.product,
-                  .actual = seen.product,
-                  .detail = seen.vendor});
-    Error error{.code = Errc::other_slave, .step = Step::recover, .slave = expected->position};
-    error.expected = expected->identity.product;
-    error.actual = seen.product;
-    error.detail = seen.vendor;
-    network.note(*expected, error);
-    co_return std::uint16_t{0};
+    return verdict;
 }
 
-// The known slave with this address, if it can be behind `position`.
-const Slave* known(Network& network, std::uint16_t address, std::uint16_t position) {
-    const unsigned first = network.settings.first_station_address;
-    if (address < first || address >= first + network.count) return nullptr;
-    const Slave& slave = network.slave(address - first + 1U);
-    return slave.position > position ? &slave : nullptr;
+Verdict who_is(Network& network, std::uint16_t n) {
+    for (Slave& slave : network.slaves()) {
+        if (!is_lost(slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
+        return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
+    }
+    if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
+        const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
+        const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
+        const Verdict verdict = choose(network, last_before(network, n, in_group), member);
+        if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
+    }
+    Verdict verdict = choose(network, last_before(network, n, of_the_line), of_the_line);
+    // Whoever has never been there need not be meant.
+    if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
+        verdict.instead_of = nullptr;
+    return verdict;
+}
+
+// ------------------------------------------------------------------ what becomes of it
+
+Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
+    const AlStatus now = network.guest.al;
+    slave.alias = network.guest.alias;
+    slave.device_id = network.guest.device_id;
+    auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
+    if (!named) co_return named;
+    network.ring[n].slave = slave.position;
+    store_topology(network.seen_ring(), network.slaves());
+    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    slave.al = now;
+    slave.attempts = 0;
+    slave.told_missing = false;
+    co_return Result<>();
+}
+
+void tell_other(Network& network, Slave& slave) {
+    const Identity& there = network.guest.identity;
+    const Identity& wanted = slave.identity;
+    Error error = slave.wanted != nullptr ? difference(network.guest, *slave.wanted) : Error{};
+    if (error.code == Errc::none) {
+        error.code = Errc::other_slave;
+        error.expected = wanted.product;
+        error.actual = there.product;
+        error.detail = there.vendor;
+    }
+    error.step = Step::recover;
+    error.slave = slave.position;
+    Event event{.kind = EventKind::other_slave, .slave = slave.position, .error = error};
+    event.expected = slave.seen || slave.wanted == nullptr ? wanted.product : slave.wanted->product.value_or(0);
+    event.actual = there.product;
+    event.detail = there.vendor;
+    network.tell(event);
+    network.note(slave, error);
+}
+
+void tell_stranger(Network& network, std::uint16_t n) {
+    const auto ring = network.seen_ring();
+    Event event{.kind = EventKind::stranger, .port = ring[n].parent_port};
+    std::uint16_t parent = ring[n].parent;
+    for (; parent != 0 && ring[parent - 1U].slave == 0; parent = ring[parent - 1U].parent)
+        event.port = ring[parent - 1U].parent_port;
+    event.slave = parent == 0 ? std::uint16_t{0} : ring[parent - 1U].slave;
+    event.expected = network.guest.identity.revision;
+    event.actual = network.guest.identity.product;
+    event.detail = network.guest.identity.vendor;
+    network.tell(event);
+}
+
+// One whom nobody knows gets a mark for an address: it is told only once.
+Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
+    auto marked = co_await rename(network, network.guest.station_address, network.stranger_mark);
+    if (!marked) co_return marked;
+    const bool told = network.ring[n].address == network.stranger_mark && network.stranger_mark != 0;
+    network.ring[n].address = network.stranger_mark;
+    if (told) co_return Result<>();
+    if (instead_of != nullptr)
+        tell_other(network, *instead_of);
+    else
+        tell_stranger(network, n);
+    co_return Result<>();
+}
+
+// Says whether it is one of ours.
+Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
+    auto named = co_await name_guest(network, n);
+    if (!named) co_return named.error();
+    auto asked = co_await ask_guest(network);
+    if (!asked) {
+        auto undone = co_await rename(network, guest_address(network), network.ring[n].address);
+        (void)undone;  // it is gone, or it is asked again
+        co_return asked.error();
+    }
+    const Verdict verdict = who_is(network, n);
+    if (verdict.slave == nullptr) {
+        auto dismissed = co_await dismiss(network, n, verdict.instead_of);
+        co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
+    }
+    auto admitted = co_await admit(network, n, *verdict.slave);
+    co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
+}
+
+// Marks a search for as long as it lives.
+class Searching {
+  public:
+    explicit Searching(Network& network) : network_(network) { network_.searching = true; }
+    Searching(const Searching&) = delete;
+    Searching& operator=(const Searching&) = delete;
+    ~Searching() { network_.searching = false; }
+
+  private:
+    Network& network_;
+};
+
+Task<Result<bool>> is_the_same(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
+    if (!alias) co_return alias.error();
+    auto identity = co_await read_identity(station);
+    if (!identity) co_return identity.error();
+    co_return *alias == slave.alias&&* identity == slave.identity;
 }
 
 }  // namespace
 
 Task<Result<Roll>> call_roll(Network& network) {
     std::array<std::byte, 2> states{};
-    Datagram look(network.engine.link(), wire::Command::BRD, {std::uint16_t{0}, reg::kAlStatus.address}, MutableBytes(states));
+    Datagram look(network.engine.link(), wire::Command::BRD, {std::uint16_t{0}, reg::kAlStatus.address},
+                  MutableBytes(states), Repeat::no);
     auto reply = co_await look;
     if (!reply.ok()) co_return Error{.code = reply.errc, .step = Step::count_slaves};
     co_return Roll{.count = reply.wkc, .al_status = load_le<std::uint16_t>(states)};
 }
 
 Task<Result<std::uint16_t>> find_lost(Network& network) {
-    auto roll = co_await call_roll(network);
-    if (!roll) co_return roll.error();
+    if (network.searching) co_return Error{.code = Errc::busy, .step = Step::recover};
+    const Searching searching(network);
+    auto read = co_await read_ring(network);
+    if (!read) co_return read.error();
     std::uint16_t found = 0;
-    std::uint16_t behind = 0;
-    Addresses addresses{};
-    for (std::uint16_t n = 0; n < roll->count; ++n) {
-        if (n % addresses.size() == 0) {
-            auto read = co_await read_addresses(network, n, std::min<std::size_t>(addresses.size(), roll->count - n), addresses);
-            if (!read) co_return read.error();
-        }
-        const std::uint16_t address = addresses[n % addresses.size()];
-        if (const Slave* slave = known(network, address, behind)) {
-            behind = slave->position;
-            continue;
-        }
-        auto placed = co_await place(network, {RingPosition{n}, address, behind, roll->count});
-        if (!placed) co_return placed.error();
-        if (*placed == 0) continue;
-        ++found;
-        if (*placed > behind) behind = *placed;
+    Error error;
+    for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
+        if (network.ring[n].slave != 0) continue;
+        auto ours = co_await receive_newcomer(network, n);
+        if (!ours) error = ours.error();  // of this one: those behind may be well
+        if (ours && *ours) ++found;
     }
-    co_return found;
+    co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
+}
+
+// FMMUs that are as we have written them are proof enough, and the cycle waits for them. Else the SII is asked.
+Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
+    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+    bool mapped = false;
+    if (exchanges) {
+        auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
+        mapped = same && *same;
+    }
+    if (!mapped) {
+        auto same = co_await is_the_same(network, slave);
+        if (!same) co_return Result<>();  // the next look will tell
+        if (!*same) co_return co_await rename(network, slave.station_address, 0);
+    }
+    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    slave.al = now;
+    slave.attempts = 0;
+    if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);
+    co_return Result<>();
 }
 
 }  // namespace margay

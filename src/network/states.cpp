@@ -13,6 +13,7 @@ constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 
 Task<Result<>> read_state(Network& network, Slave& slave) {
+    if (slave.al.state == AlState::none && !slave.seen) co_return Result<>();  // it has not come yet
     auto seen = co_await read_al_status(network.station(slave));
     slave.al = seen ? *seen : AlStatus{};
     if (!seen && seen.error().code == Errc::working_counter) set_takes_part(network, slave, false);
@@ -34,10 +35,19 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
     co_return written;
 }
 
+Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state) {
+    if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen)) co_return Result<>();
+    co_return co_await write_state(network, slave, state);
+}
+
+// Those that may be missing do not count where they are.
 AlStatus lowest(std::span<const Slave> slaves) {
     AlStatus all;
+    bool any = false;
     for (const Slave& slave : slaves) {
-        if (&slave == &slaves.front() || slave.al.state < all.state) all.state = slave.al.state;
+        if (slave.config.optional && slave.al.state == AlState::none) continue;
+        if (!any || slave.al.state < all.state) all.state = slave.al.state;
+        any = true;
         if (!slave.al.error || all.error) continue;
         all.error = true;
         all.code = slave.al.code;
@@ -56,7 +66,7 @@ Task<Result<AlStatus>> read_states(Network& network) {
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0) co_return co_await write_state(network, network.slave(slave), state);
     Error first;
-    auto all = co_await for_each_slave(network, [&network, state](Slave& s) { return write_state(network, s, state); }, &first);
+    auto all = co_await for_each_slave(network, [&network, state](Slave& s) { return write_state_of_all(network, s, state); }, &first);
     if (!all) co_return all;
     if (first.code != Errc::none) co_return first;
     co_return Result<>();

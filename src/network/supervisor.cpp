@@ -1,6 +1,7 @@
 #include "network/supervisor.hpp"
 
 #include "network/configure.hpp"
+#include "network/expectation.hpp"
 #include "network/line_errors.hpp"
 #include "network/members.hpp"
 #include "network/recovery.hpp"
@@ -14,6 +15,7 @@ namespace margay {
 namespace {
 
 constexpr unsigned kLooksBeforeDoubt = 3;
+constexpr std::uint32_t kNotWalked = 0xFFFF'FFFF;
 
 // What the supervision remembers between two rolls.
 struct Watch {
@@ -23,11 +25,13 @@ struct Watch {
     std::uint16_t told_count = 0;   // of slaves that answer, as it was told last
     unsigned looks = 0;             // in a row that have not explained a short working counter
     bool silent = false;            // no frame comes back
-    bool searching = false;
-    std::uint16_t strangers = 0;    // newcomers that are nobody we know
+    std::uint64_t heard = 0;        // frames received,
+    std::uint64_t lost_before = 0;  // and lost, when one was received last
+    std::uint32_t walked = 0;       // of slaves in the ring, when it was gone through last
     Time retry_at = Time::min();
     Time search_at = Time::min();
     Time lines_at = Time::min();
+    Time groups_at = kNever;        // when a hot connect group should be complete
 
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
@@ -41,25 +45,16 @@ std::uint16_t answering(Network& network) {
     return static_cast<std::uint16_t>(std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
-// One slave that was lost answers at its address again: its registers are as they were, or it would not have one.
-Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
-    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
-    slave.al = now;
-    slave.attempts = 0;
-    if (slave.image.outputs.bits == 0 && slave.image.inputs.bits == 0) co_return Result<>();
-    auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
-    if (same && *same && now.state != AlState::init) set_takes_part(network, slave, true);
-    co_return Result<>();
-}
-
 // Asks one slave how it is.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (slave.recovering || left_alone(network, slave)) co_return Result<>();
+    if (slave.recovering || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen)) co_return Result<>();
+    const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (seen.error().code != Errc::working_counter || slave.al.state == AlState::none) co_return Result<>();
+        if (seen.error().code != Errc::working_counter || !was_there || slave.recovering) co_return Result<>();
         network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
         slave.al = {};
+        slave.ring = 0;
         set_takes_part(network, slave, false);
         co_return Result<>();
     }
@@ -120,12 +115,29 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
 }
 
 Task<Result<>> search(Watch& watch) {
-    watch.searching = true;
     auto found = co_await find_lost(watch.network);
-    watch.searching = false;
-    // Whoever is nobody we know stays that for a while.
-    watch.search_at = watch.network.engine.now() + (found && *found > 0 ? Duration{0} : watch.wanted.retry);
+    const Time now = watch.network.engine.now();
+    // Whoever is nobody we know stays that for a while; a ring that changes meanwhile is gone through again.
+    watch.search_at = now + (found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
+    watch.walked = found ? watch.network.ring_count : kNotWalked;
+    if (found && *found > 0) watch.groups_at = now + watch.wanted.retry;
     co_return Result<>();
+}
+
+// Members of hot connect groups that have not come with their heads.
+void tell_missing(Watch& watch) {
+    Network& network = watch.network;
+    watch.groups_at = kNever;
+    for (Slave& slave : network.slaves()) {
+        const ExpectedSlave* wanted = slave.wanted;
+        if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none || slave.told_missing) continue;
+        const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
+            return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect && is_located(network.expected, *s.wanted);
+        });
+        if (head == network.slaves().end() || head->al.state == AlState::none) continue;
+        slave.told_missing = true;
+        network.tell({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
+    }
 }
 
 void tell_count(Watch& watch, std::uint16_t count) {
@@ -158,8 +170,22 @@ bool judge_groups(Watch& watch) {
     return unexpected;
 }
 
+// A frame may be lost, of a cycle or of a roll, and nothing is to be told. So many in a row, and none that comes back meanwhile, are lost by chance
+// once in ten thousand million rolls where every tenth frame is lost.
+constexpr std::uint64_t kSilentFrames = 10;
+
+// Returns how many were lost since one came back.
+std::uint64_t note_heard(Watch& watch) {
+    const LinkStatistics& link = watch.network.engine.link().statistics();
+    const std::uint64_t lost = link.lost + link.send_refused;  // without a link none is even sent
+    if (link.frames_received != watch.heard) watch.lost_before = lost;
+    watch.heard = link.frames_received;
+    return lost - watch.lost_before;
+}
+
 void segment_silent(Watch& watch) {
-    if (!watch.silent) watch.network.tell({.kind = EventKind::lost});
+    if (note_heard(watch) < kSilentFrames || watch.silent) return;
+    watch.network.tell({.kind = EventKind::lost});
     watch.silent = true;
 }
 
@@ -173,6 +199,13 @@ void start_helpers(Watch& watch, Crew& crew) {
     }
 }
 
+// The ring is another one than it was, or somebody is in it who has not been found.
+bool walk_is_due(Watch& watch, const Roll& roll) {
+    if (watch.network.searching) return false;
+    if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
+    return (watch.walked == kNotWalked || roll.count > answering(watch.network)) && watch.network.engine.now() >= watch.search_at;
+}
+
 Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected) {
     Network& network = watch.network;
     auto looked = co_await for_each_slave(network, [&network](Slave& s) { return look_at(network, s); });
@@ -184,8 +217,7 @@ Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected)
         if (!doubted) co_return doubted;
     }
     tell_count(watch, roll.count);
-    const bool newcomers = roll.count > answering(network);
-    if (newcomers && !watch.searching && network.engine.now() >= watch.search_at) (void)crew.start(search(watch));
+    if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Result<>();
 }
 
@@ -197,18 +229,19 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         segment_silent(watch);
         co_return Result<>();
     }
+    (void)note_heard(watch);
     if (std::exchange(watch.silent, false)) {
         network.tell({.kind = EventKind::found});
         watch.last = {};
     }
     const bool unexpected = judge_groups(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
-    const bool newcomers = roll->count > answering(network) && network.engine.now() >= watch.search_at && !watch.searching;
     watch.last = *roll;
-    if (changed || unexpected || newcomers) {
+    if (changed || unexpected || walk_is_due(watch, *roll)) {
         auto looked = co_await look(watch, crew, *roll, unexpected);
         if (!looked) co_return looked;
     }
+    if (network.engine.now() >= watch.groups_at) tell_missing(watch);
     start_helpers(watch, crew);
     co_return Result<>();
 }
@@ -224,6 +257,9 @@ Duration pause(const Watch& watch) {
 Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
     watch.told_count = answering(network);
+    watch.walked = network.ring_count;
+    constexpr std::uint16_t kMarks = 0x0F00;
+    network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) slave.attempts = 0;
     Crew crew(network.tasks);
     for (;;) {

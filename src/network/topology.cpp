@@ -11,60 +11,94 @@ constexpr std::uint8_t next_port(std::uint8_t port) {
     return kNext[port & 3];
 }
 
-void read_ports(Slave& slave) {
+void read_ports(RingPlace& place) {
     for (unsigned p = 0; p < 4; ++p) {
-        slave.ports[p].link = (slave.dl_status & wire::dl_status::physical_link(p)) != 0;
-        slave.ports[p].open = (slave.dl_status & wire::dl_status::loop_closed(p)) == 0 &&
-                              (slave.dl_status & wire::dl_status::communication(p)) != 0;
-        slave.ports[p].neighbour = 0;
+        place.ports[p].link = (place.dl_status & wire::dl_status::physical_link(p)) != 0;
+        place.ports[p].open = (place.dl_status & wire::dl_status::loop_closed(p)) == 0 &&
+                              (place.dl_status & wire::dl_status::communication(p)) != 0;
+        place.ports[p].neighbour = 0;
     }
     // Frames come in by port 0 unless nothing is plugged in there.
-    slave.entry_port = 0;
-    while (!slave.ports[slave.entry_port].open && next_port(slave.entry_port) != 0)
-        slave.entry_port = next_port(slave.entry_port);
-    slave.parent = 0;
-    slave.parent_port = 0;
+    place.entry_port = 0;
+    while (!place.ports[place.entry_port].open && next_port(place.entry_port) != 0)
+        place.entry_port = next_port(place.entry_port);
+    place.parent = 0;
+    place.parent_port = 0;
 }
 
-// The first open port of `slave` behind its entry that nobody hangs at yet, or the entry port when there is
+// The first open port of `place` behind its entry that nobody hangs at yet, or the entry port when there is
 // none.
-std::uint8_t free_port(const Slave& slave) {
-    std::uint8_t port = next_port(slave.entry_port);
-    while (port != slave.entry_port && !(slave.ports[port].open && slave.ports[port].neighbour == 0))
+std::uint8_t free_port(const RingPlace& place) {
+    std::uint8_t port = next_port(place.entry_port);
+    while (port != place.entry_port && !(place.ports[port].open && place.ports[port].neighbour == 0))
         port = next_port(port);
     return port;
 }
 
-Error topology_error(const Slave& slave, std::uint16_t port) {
-    return {.code = Errc::unstable, .step = Step::topology, .slave = slave.position, .index = port};
+Error topology_error(std::size_t place, std::uint16_t port) {
+    return {.code = Errc::unstable, .step = Step::topology, .slave = static_cast<std::uint16_t>(place), .index = port};
+}
+
+// Where frames come to the slave from: the next one towards the master that we know.
+void store_parent(std::span<const RingPlace> ring, const RingPlace& place, Slave& slave) {
+    slave.entry_port = place.entry_port;
+    slave.parent_port = place.parent_port;
+    std::uint16_t at = place.parent;
+    while (at != 0 && ring[at - 1U].slave == 0) {
+        slave.parent_port = ring[at - 1U].parent_port;
+        at = ring[at - 1U].parent;
+    }
+    slave.parent = at == 0 ? std::uint16_t{0} : ring[at - 1U].slave;
 }
 
 }  // namespace
 
-Result<> find_topology(std::span<Slave> slaves) {
+Result<> find_topology(std::span<RingPlace> ring) {
     Error error;
-    for (Slave& slave : slaves) read_ports(slave);
-    for (std::size_t i = 1; i < slaves.size(); ++i) {
+    for (RingPlace& place : ring) read_ports(place);
+    for (std::size_t i = 1; i < ring.size(); ++i) {
         // The frame comes from the last slave passed that still has a way out: the one before, or its parents
         // upwards.
-        Slave* parent = &slaves[i - 1];
-        while (free_port(*parent) == parent->entry_port && parent->parent != 0)
-            parent = &slaves[parent->parent - 1U];
-        const std::uint8_t port = free_port(*parent);
-        if (port == parent->entry_port) {
-            if (error.code == Errc::none) error = topology_error(slaves[i], 0);
-            parent = &slaves[i - 1];
+        std::size_t parent = i;  // place, from 1
+        while (free_port(ring[parent - 1]) == ring[parent - 1].entry_port && ring[parent - 1].parent != 0)
+            parent = ring[parent - 1].parent;
+        const std::uint8_t port = free_port(ring[parent - 1]);
+        const bool nowhere = port == ring[parent - 1].entry_port;
+        if (nowhere) {
+            if (error.code == Errc::none) error = topology_error(i + 1, 0);
+            parent = i;
         }
-        slaves[i].parent = parent->position;
-        slaves[i].parent_port = port;
-        slaves[i].ports[slaves[i].entry_port].neighbour = parent->position;
-        if (port != parent->entry_port) parent->ports[port].neighbour = slaves[i].position;
+        ring[i].parent = static_cast<std::uint16_t>(parent);
+        ring[i].parent_port = port;
+        ring[i].ports[ring[i].entry_port].neighbour = ring[i].parent;
+        if (!nowhere) ring[parent - 1].ports[port].neighbour = static_cast<std::uint16_t>(i + 1);
     }
-    for (const Slave& slave : slaves) {
-        const std::uint8_t port = free_port(slave);
-        if (port != slave.entry_port && error.code == Errc::none) error = topology_error(slave, port);
+    for (const RingPlace& place : ring) {
+        const std::uint8_t port = free_port(place);
+        if (port != place.entry_port && error.code == Errc::none)
+            error = topology_error(static_cast<std::size_t>(&place - ring.data() + 1), port);
     }
     return error.code == Errc::none ? Result<>() : Result<>(error);
+}
+
+void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
+    for (Slave& slave : slaves) slave.ring = 0;
+    for (const RingPlace& place : ring) {
+        if (place.slave == 0) continue;
+        Slave& slave = slaves[place.slave - 1U];
+        slave.ring = static_cast<std::uint16_t>(&place - ring.data() + 1);
+        slave.dl_status = place.dl_status;
+        store_parent(ring, place, slave);
+        for (std::size_t p = 0; p < slave.ports.size(); ++p) {
+            slave.ports[p].link = place.ports[p].link;
+            slave.ports[p].open = place.ports[p].open;
+            const std::uint16_t at = place.ports[p].neighbour;
+            if (place.ports[p].open) slave.ports[p].neighbour = at == 0 ? std::uint16_t{0} : ring[at - 1U].slave;
+        }
+    }
+    for (Slave& slave : slaves)
+        for (Port& port : slave.ports)
+            if (!port.open && port.neighbour != 0 && slaves[port.neighbour - 1U].ring != 0) port.neighbour = 0;
 }
 
 }  // namespace margay

@@ -14,6 +14,7 @@ namespace sii = wire::sii;
 
 constexpr unsigned kMostCategories = 64;
 constexpr std::size_t kGeneralWanted = 14;  // up to the E-bus current
+constexpr std::uint32_t kIdentificationWord = 9;  // of the general category: General::identification_address
 constexpr std::size_t kBlockBytes = 8;
 
 // Picks one string out of the string category, which comes piece by piece.
@@ -77,7 +78,8 @@ class Contents {
     // How much of a category is read when it is come upon.
     [[nodiscard]] static std::size_t wanted_bytes(std::uint16_t type);
     void mark(const sii::CategoryPlace& place);
-    void take(std::uint16_t type, Bytes content);
+    void take(const sii::CategoryPlace& place, Bytes content);
+    void take_general(const sii::CategoryPlace& place, Bytes content);
 
     SiiReader reader_;
     Slave& slave_;
@@ -148,14 +150,25 @@ void Contents::mark(const sii::CategoryPlace& place) {
     }
 }
 
-void Contents::take(std::uint16_t type, Bytes content) {
+void Contents::take_general(const sii::CategoryPlace& place, Bytes content) {
+    const auto general = sii::parse_general(content).value;
+    name_ = general.name;
+    slave_.coe_details = general.coe_details;
+    slave_.foe_details = general.foe_details;
+    slave_.eoe_details = general.eoe_details;
+    slave_.ebus_current_ma = general.ebus_current_ma;
+    if ((general.flags & sii::general_flag::kIdentMemory) != 0) {
+        slave_.device_id_source = DeviceIdSource::memory;
+        slave_.device_id_word = static_cast<std::uint16_t>(place.word + kIdentificationWord);
+    } else if ((general.flags & sii::general_flag::kIdentAlStatus) != 0) {
+        slave_.device_id_source = DeviceIdSource::al_status;
+    }
+}
+
+void Contents::take(const sii::CategoryPlace& place, Bytes content) {
+    const std::uint16_t type = place.type;
     if (type == sii::category::kGeneral && generals_ == 1) {
-        const auto general = sii::parse_general(content).value;
-        name_ = general.name;
-        slave_.coe_details = general.coe_details;
-        slave_.foe_details = general.foe_details;
-        slave_.eoe_details = general.eoe_details;
-        slave_.ebus_current_ma = general.ebus_current_ma;
+        take_general(place, content);
     } else if (type == sii::category::kFmmu && fmmus_ == 1) {
         sii::FmmuUses uses(content);
         while (const auto use = uses.next()) slave_.fmmu_use[slave_.fmmu_count++] = *use;
@@ -184,7 +197,7 @@ Task<Result<>> Contents::categories() {
         auto read_content =
             co_await reader_.read(place->word, wanted, found_all() ? strings_.word : chain.header_word());
         if (!read_content) co_return read_content;
-        take(place->type, wanted);
+        take(*place, wanted);
     }
     co_return chain.fault() == sii::Fault::none ? Result<>()
                                                 : Result<>(error(chain.fault(), chain.header_word()));

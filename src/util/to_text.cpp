@@ -38,6 +38,7 @@ std::string_view to_text(Errc code) {
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";
         case Errc::unexpected_slave: return "nobody expects this slave";
+        case Errc::no_place: return "it has process data that no place was kept for in the image";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";

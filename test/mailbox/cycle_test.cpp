@@ -156,6 +156,12 @@ TEST_F(CycleTest, AnEmergencyIsSeenByTheMappedBitWithoutADatagramOfItsOwn) {
     ASSERT_TRUE(emergency.has_value());
     EXPECT_EQ(emergency->code, 0x4210);
     EXPECT_EQ(emergency->error_register, 8);
+    const auto event = bus.ctx->events().take();
+    ASSERT_TRUE(event.has_value());
+    std::array<char, 200> text{};
+    EXPECT_EQ(describe(*event, text), "slave 2: emergency 0x4210: device temperature, error register 0x08");
+    EXPECT_EQ(event->at, emergency->at);
+    EXPECT_FALSE(bus.ctx->events().take().has_value()) << "once";
 }
 
 // Fifty slaves that take their time: one datagram looks for all of them.

@@ -1,5 +1,5 @@
 // Slaves as they are found against slaves as they are expected.
-#include "process_data/bus.hpp"
+#include "process_data/plant.hpp"
 
 namespace margay {
 namespace {
@@ -43,21 +43,27 @@ TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
                      "0x00004d47)",
                      "slave 2: comparing with what is expected: another slave than expected (expected serial number 0x00000007, got 0x00000000 of "
                      "vendor 0x00004d47)",
-                     "slave 4: comparing with what is expected: an expected slave is missing",
-                     "slave 3: comparing with what is expected: nobody expects this slave"}));
+                     "slave 3: comparing with what is expected: nobody expects this slave",
+                     "slave 4: comparing with what is expected: an expected slave is missing"}));
     EXPECT_TRUE(config_map(ctx(), image).ok());
-    EXPECT_EQ(bus.to_op().state, AlState::op) << "told, not refused: the application decides";
+    EXPECT_EQ(bus.to_op().state, AlState::none) << "slave 4";
+    for (std::size_t n = 1; n <= 3; ++n) EXPECT_EQ(ctx().slave(n).al.state, AlState::op) << "told, not refused: the application decides";
 }
 
 TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     bus.segment.slave(1).registers().set<std::uint16_t>(0x0012, 0x0321);
     SlaveConfiguration config;
     config.block_lrw = true;
-    const ExpectedSlave expected[] = {{.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 3}};
+    const ExpectedSlave expected[] = {{.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
     EXPECT_EQ(scan(expected), Words());
-    EXPECT_TRUE(ctx().slave(2).config.block_lrw);
+    EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose positions do not count it";
+    EXPECT_EQ(ctx().slave(3).ring, 2);
+    EXPECT_EQ(ctx().slave(3).parent, 1);
+    EXPECT_EQ(ctx().slave(2).parent, 3) << "the tree is told in the same numbers";
+    EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
+    EXPECT_EQ(bus.segment.slave(2).station(), 0x1002);
     const ExpectedSlave other[] = {{.position = 1}, {.position = 2}, {.alias = std::uint16_t{0x0999}}, {.position = 3}};
-    EXPECT_EQ(scan(other), (Words{"comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
+    EXPECT_EQ(scan(other), (Words{"slave 4: comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
 }
 
 TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
@@ -77,6 +83,118 @@ TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
     bus.segment.set_power(2, true, bus.osal.now());
     for (int n = 0; n < 500 && ctx().slave(3).al.state != AlState::op; ++n) (void)bus.cycle();
     EXPECT_EQ(*bus.cycle(), 9U) << "and with it";
+}
+
+// ------------------------------------------------------------------ explicit device id
+
+class DeviceIdTest : public testing::Test, protected Plant {
+  protected:
+    static constexpr std::uint8_t kByAlStatus = wire::sii::general_flag::kIdentAlStatus;
+    static constexpr std::uint8_t kByMemory = wire::sii::general_flag::kIdentMemory;
+    std::uint32_t first = make({});
+    std::uint32_t by_status = make({.flags = kByAlStatus});
+    std::uint32_t by_memory = make({.flags = kByMemory, .identification_address = 0x0F18});
+    void SetUp() override {
+        ASSERT_TRUE(segment.connect_master({first, 0}));
+        ASSERT_TRUE(segment.connect({first, 1}, {by_status, 0}));
+        ASSERT_TRUE(segment.connect({by_status, 1}, {by_memory, 0}));
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        ctx = std::make_unique<HostContext>(Limits{.slaves = 32});
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+        program(by_status).set_device_id(0x0234);
+        segment.slave(by_memory).registers().set<std::uint16_t>(0x0F18, 0x0055);
+    }
+};
+
+TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.device_id = std::uint16_t{0x0055}}, {.device_id = std::uint16_t{0x0234}}};
+    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(2).device_id, 0x0055);
+    EXPECT_EQ(ctx->slave(3).ring, 2);
+    EXPECT_EQ(ctx->slave(3).device_id, 0x0234);
+    EXPECT_FALSE(ctx->slave(1).device_id.has_value());
+    run();
+    EXPECT_EQ(segment.slave(by_status).registers().get<std::uint16_t>(0x0130), 0x0008) << "the request is over: the status is a status again";
+    EXPECT_EQ(segment.slave(by_status).registers().get<std::uint16_t>(0x0134), 0x0000);
+}
+
+TEST_F(DeviceIdTest, NobodyIsAskedWhoNeedNotBe) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}};
+    EXPECT_EQ(bring_up(expected), Words());
+    EXPECT_FALSE(ctx->slave(2).device_id.has_value());
+}
+
+TEST_F(DeviceIdTest, IsComparedAtItsPosition) {
+    const ExpectedSlave expected[] = {{.position = 1, .device_id = std::uint16_t{1}},
+                                      {.position = 2, .device_id = std::uint16_t{0x0235}},
+                                      {.position = 3, .device_id = std::uint16_t{0x0055}},
+                                      {.device_id = std::uint16_t{0x0777}}};
+    EXPECT_EQ(bring_up(expected), (Words{"slave 1: comparing with what is expected: not supported by the slave (an explicit device id)",
+                                         "slave 2: comparing with what is expected: another slave than expected (expected device id 0x00000235, got "
+                                         "0x00000234 of vendor 0x00004d47)",
+                                         "slave 4: comparing with what is expected: an expected slave is missing (device id 0x0777)"}));
+}
+
+// A slave without a program mirrors AL control: that it echoes the request is no answer.
+TEST_F(DeviceIdTest, AMirrorHasNoId) {
+    const auto mirror = make({.emulation = true});
+    plug({by_memory, 1}, mirror);
+    power(mirror, true);
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4, .device_id = std::uint16_t{0}}};
+    (void)bring_up(expected);
+    EXPECT_TRUE(ctx->slave(4).device_emulation);
+    EXPECT_FALSE(ctx->slave(4).device_id.has_value());
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::preop);
+}
+
+// The other one of two is known though it comes back elsewhere; one whose switch was turned is not the one.
+TEST_F(DeviceIdTest, KnowsWhoComesBack) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    pull(by_memory);
+    pull(by_status);
+    cycles(20);
+    plug({first, 2}, by_status);
+    plug({first, 3}, by_memory);
+    for (const auto number : {by_status, by_memory}) {
+        power(number, false);
+        power(number, true);
+    }
+    segment.slave(by_memory).registers().set<std::uint16_t>(0x0F18, 0x0056);
+    ASSERT_TRUE(until([&] { return in_op(2); })) << joined(events());
+    cycles(1000);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::none);
+    EXPECT_EQ(told(events(), "a slave that nobody expects"), 1);
+    segment.slave(by_memory).registers().set<std::uint16_t>(0x0F18, 0x0055);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    expect_exchanged(2, by_status);
+    expect_exchanged(3, by_memory);
+}
+
+TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
+    const auto refused_at = [&](std::initializer_list<ExpectedSlave> list) {
+        const std::vector<ExpectedSlave> all(list);
+        const auto done = expect(ctx(), all);
+        EXPECT_TRUE(done.ok() || done.error().code == Errc::invalid_argument);
+        return done.error().actual;
+    };
+    const ExpectedSlave head{.alias = std::uint16_t{5}, .hot_connect = 1};
+    EXPECT_EQ(refused_at({{.position = 1}, {.position = 2}, {.position = 1}}), 3U) << "twice at one place";
+    EXPECT_EQ(refused_at({{.hot_connect = 1}}), 1U) << "a head that nothing is known of";
+    EXPECT_EQ(refused_at({head, {.position = 4, .hot_connect = 1}}), 2U) << "a member has no position";
+    EXPECT_EQ(refused_at({head, {.position = 1}, head}), 3U) << "a group torn apart";
+    EXPECT_EQ(refused_at({head, {.hot_connect = 1}, {.position = 1}}), 0U);
+    // More numbers than there is room for.
+    const ExpectedSlave far[] = {{.position = 1000}};
+    ASSERT_TRUE(expect(ctx(), far).ok());
+    const auto scanned = config_init(ctx());
+    EXPECT_EQ(scanned.error().code, Errc::capacity);
+    EXPECT_EQ(scanned.error().expected, 1000U);
+    EXPECT_EQ(scan({}), Words()) << "usable afterwards";
 }
 
 TEST_F(ExpectationTest, WrongCallsAreRefused) {

@@ -23,11 +23,10 @@ std::uint16_t open_ports(std::initializer_list<unsigned> ports) {
     return status;
 }
 
-std::vector<Slave> segment(std::initializer_list<std::initializer_list<unsigned>> all) {
-    std::vector<Slave> slaves;
+std::vector<RingPlace> segment(std::initializer_list<std::initializer_list<unsigned>> all) {
+    std::vector<RingPlace> slaves;
     for (const auto& ports : all) {
-        Slave slave;
-        slave.position = static_cast<std::uint16_t>(slaves.size() + 1);
+        RingPlace slave;
         slave.dl_status = open_ports(ports);
         slaves.push_back(slave);
     }
@@ -89,9 +88,8 @@ TEST(Topology, SlaveWithoutAPortToHangAtIsNamed) {
 
 TEST(Topology, SurvivesEveryDlStatus) {
     for (unsigned status = 0; status <= 0xFFFF; status += 7) {
-        std::vector<Slave> slaves(4);
+        std::vector<RingPlace> slaves(4);
         for (std::size_t i = 0; i < slaves.size(); ++i) {
-            slaves[i].position = static_cast<std::uint16_t>(i + 1);
             slaves[i].dl_status = static_cast<std::uint16_t>(status * (i + 1));
         }
         (void)find_topology(slaves);

@@ -1,0 +1,401 @@
+// Slaves that come later, go, and come back elsewhere: places kept, hot connect groups, and the tree that follows.
+#include "process_data/plant.hpp"
+
+namespace margay {
+namespace {
+
+using Words = std::vector<std::string>;
+
+constexpr std::uint32_t kVendor = 0x4D47;
+
+// What a slave of the line exchanges: as in its SII.
+SlaveConfiguration io() {
+    SlaveConfiguration config;
+    config.source = ConfigurationSource::application;
+    config.add({0, Direction::outputs, 0x64, 0x1100, 8});
+    config.add({1, Direction::inputs, 0x20, 0x2000, 8});
+    return config;
+}
+const SlaveConfiguration kIo = io();
+
+class HotConnectTest : public testing::Test, protected Plant {
+  protected:
+    // A line of three: 0x100, 0x101, 0x102.
+    std::array<std::uint32_t, 3> line{};
+    void SetUp() override {
+        for (std::uint32_t n = 0; n < line.size(); ++n) {
+            line[n] = make({.product = 0x100 + n});
+            ASSERT_TRUE(n == 0 ? segment.connect_master({line[n], 0})
+                               : segment.connect({line[n - 1], 1}, {line[n], 0}));
+        }
+    }
+    static ExpectedSlave at(std::uint16_t position, std::uint32_t product, bool optional = false) {
+        return {.position = position, .vendor = kVendor, .product = product, .optional = optional, .config = &kIo};
+    }
+};
+
+TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x1FF, true), at(3, 0x101), at(4, 0x102)};
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_EQ(ctx->slaves().size(), 4U);
+    EXPECT_EQ(ctx->slave(3).identity.product, 0x101U) << "numbers are those of the whole line";
+    EXPECT_EQ(ctx->slave(3).ring, 2);
+    EXPECT_EQ(ctx->slave(2).ring, 0);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::none);
+    EXPECT_FALSE(ctx->slave(2).seen);
+    run();
+    EXPECT_EQ(ctx->group(0).output_bytes, 4U);
+    EXPECT_EQ(ctx->slave(2).image.inputs.bits, 8U);
+    EXPECT_EQ(*cycle(), 9U) << "right without it";
+    EXPECT_EQ(readstate(*ctx)->state, AlState::op);
+    expect_exchanged(4, line[2]);
+
+    // It is put in between, with its supply: what is behind it is away for a moment.
+    const auto late = make({.product = 0x1FF});
+    pull(line[1]);
+    cycles(20);
+    plug({line[0], 1}, late);
+    ASSERT_TRUE(segment.connect({late, 1}, {line[1], 0}));
+    power(late, true);
+    ASSERT_TRUE(until([&] { return in_op(2) && in_op(3) && in_op(4); })) << joined(events());
+    cycles(100);
+    EXPECT_EQ(*cycle(), 12U);
+    for (const auto& [n, number] : {std::pair{1, line[0]}, {2, late}, {3, line[1]}, {4, line[2]}})
+        expect_exchanged(static_cast<std::size_t>(n), number);
+    EXPECT_EQ(ctx->slave(2).name(), "MG IO") << "all of its SII is known now";
+    EXPECT_EQ(ctx->slave(2).parent, 1);
+    EXPECT_EQ(ctx->slave(3).parent, 2);
+    EXPECT_EQ(ctx->slave(4).ring, 4);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 2: found again, in INIT"), 1) << joined(story);
+    EXPECT_EQ(told(story, "slave 2: recovered, in OP"), 1) << joined(story);
+    // It leaves: told, and its place is kept.
+    pull(late);
+    segment.disconnect({late, 1});
+    ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
+    cycles(50);
+    EXPECT_EQ(told(events(), "slave 2: lost, it was in OP"), 1);
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_EQ(ctx->slave(2).image.inputs.bits, 8U);
+    EXPECT_EQ(ctx->slave(3).parent, 1);
+}
+
+TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true), at(5, 0x104)};
+    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: an expected slave is missing"}));
+    run();
+    EXPECT_EQ(cycle().error().code, Errc::working_counter) << "5 may not be missing";
+    expect_exchanged(3, line[2]);
+    // 4 stays away, 5 comes.
+    const auto fifth = make({.product = 0x104});
+    plug({line[2], 1}, fifth);
+    power(fifth, true);
+    ASSERT_TRUE(until([&] { return in_op(5); })) << joined(events());
+    EXPECT_EQ(*cycle(), 12U);
+    expect_exchanged(5, fifth);
+}
+
+// Without a word of what it exchanges there is no place in the image: it comes as far as PREOP, and that is said.
+TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
+    ExpectedSlave late = at(4, 0x103, true);
+    late.config = nullptr;
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), late};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    const auto fourth = make({.product = 0x103});
+    plug({line[2], 1}, fourth);
+    power(fourth, true);
+    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; })) << joined(events());
+    cycles(1500);
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_EQ(errors(),
+              (Words{"slave 4: mapping process data: it has process data that no place was kept for in the image"}));
+    EXPECT_EQ(told(events(), "slave 4: recovered, in PREOP"), 1) << "once";
+    // Mapped again it has one.
+    supervision.cancel();
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(to_op().state, AlState::op);
+    EXPECT_EQ(*cycle(), 12U);
+}
+
+TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    const auto wrong = make({.product = 0x777});
+    plug({line[2], 1}, wrong);
+    power(wrong, true);
+    cycles(3000);
+    const auto story = events();
+    EXPECT_EQ(told(story,
+                   "a slave that nobody expects (product 0x00000777 of vendor 0x00004d47, revision 0x00000000) hangs "
+                   "at slave 3 port 1"),
+              1)
+        << joined(story);
+    EXPECT_EQ(told(story, "4 slaves answer, it was 3"), 1) << joined(story);
+    EXPECT_EQ(story.size(), 2U) << joined(story);
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_EQ(ctx->slave(4).al.state, AlState::none);
+    // Switched off and on it is told anew; the right one in its place is taken.
+    power(wrong, false);
+    cycles(20);
+    power(wrong, true);
+    cycles(1000);
+    EXPECT_EQ(told(events(), "a slave that nobody expects"), 1);
+    pull(wrong);
+    cycles(20);
+    const auto right = make({.product = 0x103});
+    plug({line[2], 1}, right);
+    power(right, true);
+    EXPECT_TRUE(until([&] { return in_op(4); })) << joined(events());
+}
+
+// ------------------------------------------------------------------ groups
+
+// Two groups of two: heads by alias 0x0010 and by device id 7.
+struct Groups {
+    std::uint32_t a = 0, a2 = 0, b = 0, b2 = 0;
+};
+class HotConnectGroups : public HotConnectTest {
+  protected:
+    Groups g;
+    std::array<ExpectedSlave, 7> expected{};
+    void SetUp() override {
+        HotConnectTest::SetUp();
+        g.a = make({.product = 0x200, .alias = 0x0010});
+        g.a2 = make({.product = 0x201});
+        g.b = make({.product = 0x200, .flags = wire::sii::general_flag::kIdentAlStatus});
+        program(g.b).set_device_id(7);
+        g.b2 = make({.product = 0x201});
+        ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
+        ASSERT_TRUE(segment.connect({g.b, 1}, {g.b2, 0}));
+        expected = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head(1), member(1), head(2), member(2)};
+        expected[3].alias = std::uint16_t{0x0010};
+        expected[5].device_id = std::uint16_t{7};
+    }
+    static ExpectedSlave head(std::uint8_t group) {
+        return {.vendor = kVendor, .product = 0x200, .hot_connect = group, .config = &kIo};
+    }
+    static ExpectedSlave member(std::uint8_t group) {
+        return {.vendor = kVendor, .product = 0x201, .hot_connect = group, .config = &kIo};
+    }
+    void expect_all_exchange() {
+        const std::uint32_t numbers[] = {line[0], line[1], line[2], g.a, g.a2, g.b, g.b2};
+        for (std::size_t n = 1; n <= 7; ++n) expect_exchanged(n, numbers[n - 1]);
+        EXPECT_EQ(*cycle(), 21U);
+    }
+};
+
+TEST_F(HotConnectGroups, AreFoundWhereverTheyHang) {
+    plug({line[0], 2}, g.b);
+    plug({line[2], 1}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_EQ(ctx->slaves().size(), 7U);
+    run();
+    expect_all_exchange();
+    EXPECT_EQ(ctx->slave(6).parent, 1);
+    EXPECT_EQ(ctx->slave(6).parent_port, 2);
+    EXPECT_EQ(ctx->slave(7).parent, 6);
+    EXPECT_EQ(ctx->slave(4).parent, 3);
+}
+
+TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 9U);
+    plug({line[1], 2}, g.a);
+    power(g.a, true);
+    power(g.a2, true);
+    ASSERT_TRUE(until([&] { return in_op(4) && in_op(5); })) << joined(events());
+    EXPECT_EQ(*cycle(), 15U);
+    plug({line[0], 2}, g.b);
+    power(g.b, true);
+    power(g.b2, true);
+    ASSERT_TRUE(until([&] { return in_op(6) && in_op(7); })) << joined(events());
+    expect_all_exchange();
+    EXPECT_EQ(told(events(), "nobody expects"), 0);
+}
+
+// The others lose no cycle but those in which wires are pulled and plugged.
+TEST_F(HotConnectGroups, SwapPortsDuringOp) {
+    plug({line[0], 2}, g.a);
+    plug({line[1], 2}, g.b);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (int round = 0; round < 4; ++round) {
+        SCOPED_TRACE(round);
+        pull(g.a);
+        pull(g.b);
+        cycles(round % 2 == 0 ? 30 : 400);
+        EXPECT_EQ(*cycle(), 9U);
+        // With their power, as on a machine that is docked, or without.
+        if (round < 2)
+            for (const auto number : {g.a, g.a2, g.b, g.b2}) {
+                power(number, false);
+                power(number, true);
+            }
+        plug({line[round % 2 == 0 ? 1 : 0], 2}, g.a);
+        plug({line[round % 2 == 0 ? 0 : 1], 2}, g.b);
+        ASSERT_TRUE(until([&] { return in_op(4) && in_op(5) && in_op(6) && in_op(7); })) << joined(events());
+        cycles(100);
+        expect_all_exchange();
+        EXPECT_EQ(ctx->slave(4).parent, round % 2 == 0 ? 2 : 1);
+        EXPECT_EQ(ctx->slave(6).parent, round % 2 == 0 ? 1 : 2);
+        EXPECT_EQ(ctx->slave(1).ports[2].neighbour, round % 2 == 0 ? 6 : 4);
+        const auto story = events();
+        EXPECT_EQ(told(story, "nobody expects") + told(story, "another slave") + told(story, "failed"), 0)
+            << joined(story);
+        EXPECT_EQ(told(story, "lost, it was"), 4) << joined(story);
+        EXPECT_EQ(told(story, "found again"), 4) << joined(story);
+    }
+}
+
+TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
+    const auto wrong = make({.product = 0x2FF});
+    segment.disconnect({g.a2, 0});
+    ASSERT_TRUE(segment.connect({g.a, 1}, {wrong, 0}));
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(
+        bring_up(expected),
+        (Words{
+            "slave 5: comparing with what is expected: another slave than expected (expected product 0x00000201, got "
+            "0x000002ff of vendor 0x00004d47)"}));
+    // And the same while it runs.
+    pull(g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    plug({line[0], 2}, g.a);
+    power(g.a, true);
+    power(wrong, true);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    const auto story = events();
+    EXPECT_EQ(
+        told(story,
+             "slave 5: another slave in its place (expected product 0x00000201, got 0x000002ff of vendor 0x00004d47)"),
+        1)
+        << joined(story);
+    EXPECT_FALSE(in_op(5));
+}
+
+TEST_F(HotConnectGroups, AMissingMemberIsTold) {
+    segment.disconnect({g.a2, 0});
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: an expected slave is missing"}));
+    pull(g.a);
+    EXPECT_EQ(bring_up(expected), Words()) << "the whole group may be missing";
+    run();
+    plug({line[0], 2}, g.a);
+    power(g.a, true);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    EXPECT_EQ(*cycle(), 12U) << "the image is right without it";
+    EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1);
+    // When it comes it belongs.
+    ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
+    power(g.a2, true);
+    ASSERT_TRUE(until([&] { return in_op(5); })) << joined(events());
+    expect_exchanged(5, g.a2);
+}
+
+// Any order of pulling and plugging, power kept or lost, any port: in the end everybody is in OP and exchanges as who
+// he is.
+TEST_F(HotConnectGroups, AnyOrderOfPullingAndPlugging) {
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    std::uint32_t random = 12345;
+    const auto next = [&](std::uint32_t below) {
+        return (random = random * 1664525 + 1013904223) >> 16 & 0x7FFF % below;
+    };
+    std::array<bool, 2> plugged{};
+    const std::array<std::uint32_t, 2> heads{g.a, g.b};
+    const std::array<std::uint32_t, 2> seconds{g.a2, g.b2};
+    const sim::PortRef ports[] = {{line[0], 2}, {line[1], 2}, {line[2], 1}, {line[2], 2}, {line[0], 3}};
+    for (const auto number : {g.a, g.a2, g.b, g.b2}) power(number, true);
+    for (int step = 0; step < 60; ++step) {
+        const std::size_t n = next(2);
+        if (plugged[n]) pull(heads[n]);
+        plugged[n] = !plugged[n] &&
+                     (segment.connect(ports[next(5)], {heads[n], 0}) || segment.connect(ports[next(5)], {heads[n], 0}));
+        if (next(3) == 0) {
+            power(seconds[n], false);
+            cycles(static_cast<int>(next(10)));
+            power(seconds[n], true);
+        }
+        cycles(static_cast<int>(next(60)));
+    }
+    for (std::size_t n = 0; n < 2; ++n)
+        if (!plugged[n]) plug(ports[n == 0 ? 0 : 3], heads[n]);
+    ASSERT_TRUE(until([&] { return in_op(4) && in_op(5) && in_op(6) && in_op(7); }, 5000)) << joined(events());
+    ASSERT_TRUE(until([&] { return cycle().ok() && all_in_op(); }));
+    expect_all_exchange();
+    EXPECT_EQ(told(events(), "nobody expects"), 0);
+}
+
+// ------------------------------------------------------------------ the tree
+
+TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
+    EXPECT_EQ(bring_up({}), Words());
+    run();
+    EXPECT_EQ(ctx->slave(3).parent, 2);
+    pull(line[2]);
+    cycles(20);
+    EXPECT_EQ(ctx->slave(3).ring, 0);
+    EXPECT_FALSE(ctx->slave(2).ports[1].open);
+    plug({line[0], 3}, line[2]);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    cycles(20);
+    EXPECT_EQ(ctx->slave(3).parent, 1);
+    EXPECT_EQ(ctx->slave(3).parent_port, 3);
+    EXPECT_EQ(ctx->slave(3).ring, 2);
+    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(1).ports[3].neighbour, 3);
+    EXPECT_EQ(ctx->slave(2).ports[1].neighbour, 0);
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+// A new scan takes in who is there now; nothing has to be switched off.
+TEST_F(HotConnectTest, ScannedAnewOnRequest) {
+    EXPECT_EQ(bring_up({}), Words());
+    run();
+    const auto fourth = make({.product = 0x103});
+    plug({line[0], 2}, fourth);
+    power(fourth, true);
+    cycles(1000);
+    EXPECT_EQ(told(events(),
+                   "a slave that nobody expects (product 0x00000103 of vendor 0x00004d47, revision 0x00000000) hangs "
+                   "at slave 1 port 2"),
+              1);
+    supervision.cancel();
+    EXPECT_EQ(bring_up({}), Words());
+    ASSERT_EQ(ctx->slaves().size(), 4U);
+    run();
+    EXPECT_EQ(*cycle(), 12U);
+    EXPECT_EQ(ctx->slave(4).parent, 1);
+}
+
+// A machine that comes with the addresses of another master, and with power of its own.
+TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (const std::uint16_t address : {std::uint16_t{0x1002}, std::uint16_t{0x1004}, std::uint16_t{0x1000}}) {
+        SCOPED_TRACE(address);
+        const auto foreign = make({.product = 0x900});
+        power(foreign, true);
+        segment.slave(foreign).registers().set<std::uint16_t>(0x0010, address);
+        plug({line[2], 1}, foreign);
+        segment.reconsider();
+        cycles(2000);
+        EXPECT_EQ(*cycle(), 9U);
+        EXPECT_TRUE(in_op(1) && in_op(2) && in_op(3)) << joined(events());
+        EXPECT_FALSE(ctx->slave(4).seen);
+        EXPECT_EQ(told(events(), "a slave that nobody expects"), 1);
+        pull(foreign);
+        cycles(50);
+        (void)events();
+    }
+}
+
+}  // namespace
+}  // namespace margay
