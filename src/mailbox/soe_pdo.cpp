@@ -7,34 +7,10 @@ namespace {
 
 using wire::soe::ErrorCode;
 
-constexpr Idn kTelegramType = Idn::standard(15);
-constexpr Idn kAtList = Idn::standard(16);
-constexpr Idn kMdtList = Idn::standard(24);
-constexpr Idn kControlWord = Idn::standard(134);
-constexpr Idn kStatusWord = Idn::standard(135);
-constexpr unsigned kConfigurable = 7;
+using namespace wire::soe::idn;
+using wire::soe::kConfigurable;
 constexpr std::uint32_t kWordBits = 16;
 constexpr MailPatience kPatience{};
-
-// The standard telegrams 0 to 6: what is in them beside control and status word.
-struct Telegram {
-    std::array<Idn, 2> mdt{};
-    std::array<Idn, 2> at{};
-};
-constexpr Idn kTorqueCommand = Idn::standard(80);
-constexpr Idn kVelocityCommand = Idn::standard(36);
-constexpr Idn kVelocityFeedback = Idn::standard(40);
-constexpr Idn kPositionCommand = Idn::standard(47);
-constexpr Idn kPositionFeedback = Idn::standard(51);
-constexpr std::array<Telegram, kConfigurable> kTelegrams{{
-    {},
-    {.mdt = {kTorqueCommand}},
-    {.mdt = {kVelocityCommand}, .at = {kVelocityFeedback}},
-    {.mdt = {kVelocityCommand}, .at = {kPositionFeedback}},
-    {.mdt = {kPositionCommand}, .at = {kPositionFeedback}},
-    {.mdt = {kPositionCommand, kVelocityCommand}, .at = {kPositionFeedback, kVelocityFeedback}},
-    {.mdt = {kVelocityCommand}},
-}};
 
 bool is_refusal(const Error& error) { return error.code == Errc::soe_error || error.code == Errc::mailbox_error; }
 
@@ -87,7 +63,7 @@ Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t
         auto read = co_await read_list(channel, {.idn = mdt ? kMdtList : kAtList, .drive = drive}, list);
         if (!read) co_return read.error();
     } else {
-        for (const Idn idn : mdt ? kTelegrams[telegram].mdt : kTelegrams[telegram].at)
+        for (const Idn idn : wire::soe::telegram(telegram, mdt))
             if (idn != Idn{}) list.add(idn);
     }
     co_return co_await listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord);

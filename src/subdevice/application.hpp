@@ -4,6 +4,8 @@
 
 #include "subdevice/esm.hpp"
 
+#include <optional>
+
 namespace margay::subdevice {
 
 class DiagnosisHistory;
@@ -30,6 +32,10 @@ class Application {
 
     // Outputs stop: OP is left, whatever the reason. Mapped outputs have their initial values again.
     virtual void safe_outputs(Time now) { (void)now; }
+
+    // In place of the PDO assignment in the dictionary: how many octets the process data have now. Nothing: by the
+    // assignment, or without it as many as the description says at most.
+    [[nodiscard]] virtual std::optional<ProcessDataSizes> process_data_sizes() { return std::nullopt; }
 
     // In place of the PDO mapping: outputs out of the octets of SM2, inputs into those of SM3. False: the
     // mapping does it.

@@ -36,6 +36,7 @@ struct ProcessDataArea {
     std::uint8_t sync_manager = 0;  // 2 and 3 on devices with a mailbox
     std::uint16_t start = 0;
     std::uint16_t max_bytes = 0;     // 0: the device has no such direction
+    std::uint16_t sii_bytes = 0;     // length in the SII of what the application sizes itself; 0: max_bytes
     bool three_buffers = true;       // false: mailbox mode, one buffer with handshake
     bool watchdog = false;           // outputs: SII and default control octet trigger the watchdog
     bool watchdog_required = false;  // outputs: SAFEOP is refused unless the master lets the watchdog run

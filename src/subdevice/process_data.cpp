@@ -29,7 +29,8 @@ std::uint8_t sm_status_of(EscAccess& esc, unsigned n) {
 
 ProcessDataSizes ProcessData::sizes() {
     const auto& device = application_.description();
-    sizes_ = {device.outputs.max_bytes, device.inputs.max_bytes, AlStatusCode::none};
+    const ProcessDataSizes most{device.outputs.max_bytes, device.inputs.max_bytes, AlStatusCode::none};
+    sizes_ = application_.process_data_sizes().value_or(most);
     output_mapped_ = dictionary_.find(kOutputAssignment) != nullptr;
     input_mapped_ = dictionary_.find(kInputAssignment) != nullptr;
     if (output_mapped_) {

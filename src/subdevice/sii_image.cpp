@@ -87,7 +87,7 @@ class PdoCollector {
 
 std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, std::uint16_t assignment,
                            const ProcessDataArea& area) {
-    if (dictionary.find(assignment) == nullptr) return area.max_bytes;
+    if (dictionary.find(assignment) == nullptr) return area.sii_bytes != 0 ? area.sii_bytes : area.max_bytes;
     MappingReader reader(dictionary, assignment);
     std::size_t bits = 0;
     while (reader.next()) bits += reader.entry().bits;

@@ -58,6 +58,19 @@ std::optional<Idn> parse_idn(std::string_view text) {
 
 namespace margay::wire::soe {
 
+std::array<Idn, 2> telegram(unsigned type, bool mdt) {
+    using namespace idn;
+    switch (type) {
+        case 1: return mdt ? std::array{kTorqueCommand, Idn{}} : std::array<Idn, 2>{};
+        case 2: return {mdt ? kVelocityCommand : kVelocityFeedback};
+        case 3: return {mdt ? kVelocityCommand : kPositionFeedback};
+        case 4: return {mdt ? kPositionCommand : kPositionFeedback};
+        case 5: return {mdt ? kPositionCommand : kPositionFeedback, mdt ? kVelocityCommand : kVelocityFeedback};
+        case 6: return mdt ? std::array{kVelocityCommand, Idn{}} : std::array<Idn, 2>{};
+        default: return {};
+    }
+}
+
 std::string_view to_text(ErrorCode code) {
     using enum ErrorCode;
     switch (code) {

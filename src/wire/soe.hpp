@@ -6,6 +6,7 @@
 
 #include <margay/idn.hpp>
 
+#include <array>
 #include <string_view>
 
 namespace margay::wire::soe {
@@ -59,6 +60,30 @@ inline constexpr std::size_t kListHeadBytes = 4;
 inline constexpr std::size_t kAttributeBytes = 4;
 inline constexpr std::size_t kDataStateBytes = 2;
 inline constexpr std::size_t kErrorBytes = 2;
+
+// ------------------------------------------------------------------ cyclic data (IEC 61800-7-204)
+
+// The parameters that say what it is, and those that standard telegrams have.
+namespace idn {
+inline constexpr Idn kTelegramType = Idn::standard(15);
+inline constexpr Idn kAtList = Idn::standard(16);
+inline constexpr Idn kMdtList = Idn::standard(24);
+inline constexpr Idn kVelocityCommand = Idn::standard(36);
+inline constexpr Idn kVelocityFeedback = Idn::standard(40);
+inline constexpr Idn kPositionCommand = Idn::standard(47);
+inline constexpr Idn kPositionFeedback = Idn::standard(51);
+inline constexpr Idn kTorqueCommand = Idn::standard(80);
+inline constexpr Idn kControlWord = Idn::standard(134);
+inline constexpr Idn kStatusWord = Idn::standard(135);
+}  // namespace idn
+
+// The telegram type is in the lowest three bits of S-0-0015.
+inline constexpr unsigned kTelegramTypes = 8;
+inline constexpr unsigned kConfigurable = 7;  // what the lists S-0-0016 and S-0-0024 say
+// What is in a standard telegram, 0 to 6, behind the control word (MDT) or the status word (AT); IDN 0 is nothing.
+[[nodiscard]] std::array<Idn, 2> telegram(unsigned type, bool mdt);
+
+// ------------------------------------------------------------------ error codes
 
 // By element: the IDN itself 0x1…, name, attribute, unit, minimum, maximum, value 0x7…, then what concerns the service.
 enum class ErrorCode : std::uint16_t {

@@ -181,7 +181,7 @@ INSTANTIATE_TEST_SUITE_P(Each, ReadyMadeSegments, testing::ValuesIn(ready_made()
 
 // What issue and README promise to be there.
 TEST(SegmentsFolder, HoldsWhatIsPromised) {
-    EXPECT_EQ(ready_made(), (std::vector<std::string>{"coupler", "dc_bench", "drives", "hot_connect", "mixed200", "tree"}));
+    EXPECT_EQ(ready_made(), (std::vector<std::string>{"coupler", "dc_bench", "drives", "hot_connect", "mixed200", "servodrives", "tree"}));
     Plant mixed("mixed200");
     ASSERT_TRUE(mixed.good()) << mixed.error();
     EXPECT_EQ(mixed.order().size(), 200u);

@@ -5,7 +5,8 @@
 namespace margay::sim {
 
 std::span<const Blueprint* const> blueprints() {
-    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo, &kEncoder, &kDrive, &kBootloader, &kOddDevice};
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo,   &kEncoder,  &kDrive,
+                                                &kSoeDrive,  &kBootloader, &kOddDevice};
     return kAll;
 }
 

@@ -14,6 +14,7 @@ extern const Blueprint kDigitalIo;
 extern const Blueprint kAnalogIo;
 extern const Blueprint kEncoder;
 extern const Blueprint kDrive;
+extern const Blueprint kSoeDrive;
 extern const Blueprint kBootloader;
 extern const Blueprint kOddDevice;
 

@@ -8,6 +8,7 @@
 #include "subdevice/emergency.hpp"
 #include "subdevice/foe_server.hpp"
 #include "subdevice/sii_image.hpp"
+#include "subdevice/soe_server.hpp"
 
 #include <memory>
 
@@ -43,6 +44,8 @@ class Model : public subdevice::Application {
     // What the device measures, for others to set; empty: nothing.
     [[nodiscard]] virtual MutableBytes measured() { return {}; }
     [[nodiscard]] virtual subdevice::FoeStore* files() { return nullptr; }
+    // The drives of a device with SoE, and who is told of them; nullptr: it has none.
+    [[nodiscard]] virtual subdevice::SoeServer* soe() { return nullptr; }
     // True when the firmware is to start anew (asked after each step); it is gone for so long then.
     [[nodiscard]] virtual bool wants_restart() { return false; }
     [[nodiscard]] virtual Duration restart_time() const { return std::chrono::milliseconds(200); }

@@ -27,7 +27,8 @@ StackFirmware::StackFirmware(const Blueprint& blueprint)
       image_(blueprint.image_bytes),
       dictionary_(blueprint.objects, image_, model_.get()),
       coe_(dictionary_, staging_, blueprint.device->complete_access, model_->emergencies()) {
-    protocols_.push_back({wire::MailboxType::coe, &coe_});
+    if (blueprint.device->protocols.coe) protocols_.push_back({wire::MailboxType::coe, &coe_});
+    if (auto* const soe = model_->soe(); soe != nullptr) protocols_.push_back({wire::MailboxType::soe, soe});
     if (auto* const files = model_->files(); files != nullptr)
         protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files), true});
     receive_.resize(mailbox_bytes(*blueprint.device));
@@ -65,15 +66,13 @@ Time StackFirmware::step(Time now) {
 bool StackFirmware::add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
     quirks_.add(quirk);
     model_->set_quirks(quirks_);
-    if (odd_protocols_.empty()) {
-        odd_protocols_.push_back(
-            {wire::MailboxType::coe, &odd_coe_.emplace(coe_, wire::MailboxType::coe, receive_.size())});
-        if (foe_)
-            odd_protocols_.push_back(
-                {wire::MailboxType::foe, &odd_foe_.emplace(*foe_, wire::MailboxType::foe, receive_.size()), true});
+    if (odd_mail_.empty()) {
+        for (const auto& line : protocols_) {
+            odd_mail_.push_back(std::make_unique<OddMail>(*line.server, line.type, receive_.size()));
+            odd_protocols_.push_back({line.type, odd_mail_.back().get(), line.in_boot});
+        }
     }
-    odd_coe_->set_quirks(quirks_);
-    if (odd_foe_) odd_foe_->set_quirks(quirks_);
+    for (const auto& odd : odd_mail_) odd->set_quirks(quirks_);
     if (quirk == Quirk::other_pdos) {
         assign_other_pdos();
         sii = sii_of(blueprint_, dictionary_);

@@ -42,8 +42,7 @@ class StackFirmware final : public ProcessDataFirmware {
     std::optional<subdevice::FoeServer> foe_;
     std::vector<subdevice::MailboxProtocol> protocols_;
     std::vector<subdevice::MailboxProtocol> odd_protocols_;  // the same behind manners
-    std::optional<OddMail> odd_coe_;
-    std::optional<OddMail> odd_foe_;
+    std::vector<std::unique_ptr<OddMail>> odd_mail_;
     OddPdi odd_pdi_;
     Quirks quirks_;
     std::vector<std::byte> receive_;
