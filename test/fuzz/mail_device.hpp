@@ -1,4 +1,4 @@
-// A device with CoE and FoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes, each reply is
+// A device with CoE, FoE and SoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes, each reply is
 // a mailbox message that fits, and afterwards a proper request gets its proper reply.
 #pragma once
 
@@ -8,6 +8,7 @@
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
 #include "subdevice/foe_server.hpp"
+#include "subdevice/soe_server.hpp"
 
 #include <cstdlib>
 
@@ -25,7 +26,7 @@ inline constexpr DeviceDescription kDevice{
     .revision = 3,
     .serial = 4,
     .name = "Fuzzed",
-    .protocols = {.coe = true, .foe = true},
+    .protocols = {.coe = true, .foe = true, .soe = true},
     .mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
                 {.start = 0x1100, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256}},
     .boot_mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
@@ -83,6 +84,40 @@ inline constexpr Object kObjects[] = {
     record(0x2002, "Mixed", kMixed),
     variable(0x2003, "Slow", kSlowEntry, &kSlow),
     variable(0x2004, "Vast", kVastEntry, &kVast),
+};
+
+struct DriveValues {
+    using speed = Field<std::int32_t, 0>;
+    static constexpr std::size_t list = 4;
+    static constexpr std::size_t label = list + soe_list_bytes(8);
+    static constexpr std::size_t homing = label + soe_list_bytes(200);
+    static constexpr std::size_t bytes = homing + kSoeCommandBytes;
+};
+inline constexpr SoeParameter kParameters[] = {
+    soe_constant<std::uint16_t>(Idn::standard(1), "Cycle", 1000, "us"),
+    soe_idn_list(Idn::standard(2), "List", DriveValues::list, 8),
+    soe_all(Idn::standard(3), "All", SoeStorage::all_idns),
+    soe_value<DriveValues::speed>(Idn::standard(4), "Speed", "inc").within(-100, 100),
+    soe_procedure(Idn::standard(5), "Homing", DriveValues::homing),
+    soe_list(Idn::standard(6), "Label", DriveValues::label, 200, 1, SoeType::text),
+    soe_text(Idn::standard(7), "Version", "a text of more than one message, and more than two of short ones"),
+};
+static_assert(well_formed(kParameters, DriveValues::bytes));
+
+// Every other command ends at once, every third goes wrong; what is written keeps the bounds.
+class Axis final : public SoeApplication {
+  public:
+    SoeError before_write(const SoeAccess& access, Bytes value) override {
+        if (access.parameter.idn == Idn::standard(4)) require(value.size() == 4 && std::abs(load_le<std::int32_t>(value)) <= 100);
+        if (access.parameter.idn == Idn::standard(6)) require(value.size() <= soe_list_bytes(200));
+        return SoeError::none;
+    }
+    SoeError start_command(const SoeAccess& access) override {
+        if (++calls % 2 == 0) server->finish_command(access.drive, access.parameter.idn, calls % 3 == 0);
+        return SoeError::none;
+    }
+    SoeServer* server = nullptr;
+    unsigned calls = 0;
 };
 
 class Store final : public FoeStore {
@@ -170,6 +205,8 @@ class MailDevice {
   public:
     // `size` of both mailboxes is made out of an octet: 16 to 256.
     MailDevice(std::uint8_t size, bool boot) : bytes_(static_cast<std::uint16_t>(std::max(16, (size & 0x3F) * 4 + 4))) {
+        axis_.server = &soe_;
+        drives_[0].restore_defaults();
         device_.start(esc.time);
         bring_up(boot);
     }
@@ -214,8 +251,9 @@ class MailDevice {
             const auto detail = static_cast<unsigned>(wire::MailboxErrorLayout::detail::load(message->data));
             require(detail >= 1 && detail <= 9);
         } else {
-            require(message->header.type == wire::MailboxType::coe || message->header.type == wire::MailboxType::foe);
-            require(message->data.size() >= wire::coe::kHeaderBytes);
+            const bool soe = message->header.type == wire::MailboxType::soe;
+            require(soe || message->header.type == wire::MailboxType::coe || message->header.type == wire::MailboxType::foe);
+            require(message->data.size() >= (soe ? wire::soe::kHeaderBytes : wire::coe::kHeaderBytes));
         }
         step();
         return message->data;
@@ -264,8 +302,13 @@ class MailDevice {
     CoeServer coe_{dictionary_, staging_, true, author_.emergencies()};
     Store store_;
     FoeServer foe_{store_};
-    std::array<MailboxProtocol, 2> protocols_{
-        {{wire::MailboxType::coe, &coe_}, {wire::MailboxType::foe, &foe_, true}}};
+    Axis axis_;
+    std::array<std::byte, DriveValues::bytes> axis_image_{};
+    std::array<SoeDrive, 1> drives_{{{kParameters, axis_image_, &axis_}}};
+    std::array<std::byte, 150> soe_staging_{};
+    SoeServer soe_{drives_, soe_staging_};
+    std::array<MailboxProtocol, 3> protocols_{
+        {{wire::MailboxType::coe, &coe_}, {wire::MailboxType::foe, &foe_, true}, {wire::MailboxType::soe, &soe_}}};
     MailboxMemory<256, 3> memory_;
     ProcessDataMemory<8, 8, 8> process_memory_;
     ProcessData process_data_{esc, author_, dictionary_, process_memory_};
