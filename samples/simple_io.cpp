@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <array>
+#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -32,6 +33,8 @@ struct Options {
 
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 
+volatile std::sig_atomic_t stop_asked = 0;
+
 class SimpleIo {
   public:
     SimpleIo(samples::Source& source, const Options& options) : source_(source), options_(options) {}
@@ -49,6 +52,7 @@ class SimpleIo {
         tell_errors();
         if (!reach_op()) {
             tell_states();
+            leave();
             return 1;
         }
         fmt::print("all slaves in OP\n");
@@ -57,8 +61,7 @@ class SimpleIo {
         fmt::print("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,
                    figures.wrong_wkc);
         print_inputs();
-        supervise_.cancel();
-        (void)writestate(ctx_, 0, AlState::init);
+        leave();
         if (const auto failed = pace_.report(); !failed.empty()) {
             fmt::print(stderr, "simple_io: {}\n", failed);
             return 1;
@@ -67,6 +70,10 @@ class SimpleIo {
     }
 
   private:
+    void leave() {
+        supervise_.cancel();
+        (void)writestate(ctx_, 0, AlState::init);
+    }
     int give_up(const Error& error) {
         fmt::print(stderr, "simple_io: {}\n", sentence(error));
         tell_errors();
@@ -102,7 +109,7 @@ class SimpleIo {
         for (int n = 0; n < 10; ++n) (void)cycle();
         if (!submit(ctx_, supervise_)) return false;
         const auto in_op = [](const Slave& slave) { return slave.al.state == AlState::op && !slave.al.error; };
-        for (unsigned n = 0; n < kMostCycles; ++n) {
+        for (unsigned n = 0; n < kMostCycles && stop_asked == 0; ++n) {
             (void)cycle();
             if (std::ranges::all_of(ctx_.slaves(), in_op)) break;
         }
@@ -112,7 +119,7 @@ class SimpleIo {
     }
 
     void exchange() {
-        for (cycles_ = 0; cycles_ < options_.cycles; ++cycles_) {
+        for (cycles_ = 0; cycles_ < options_.cycles && stop_asked == 0; ++cycles_) {
             for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n) image_[n] = static_cast<std::byte>(cycles_ >> 6);
             const auto got = cycle();
             pace_.count(round_trip_, got);
@@ -170,6 +177,9 @@ int main(int argc, char** argv) {
         fmt::print(stderr, "simple_io: {}\n", source.error());
         return 1;
     }
+    // The slaves are left in INIT, however it ends.
+    (void)std::signal(SIGINT, [](int) { stop_asked = 1; });
+    (void)std::signal(SIGTERM, [](int) { stop_asked = 1; });
     const auto program = std::make_unique<SimpleIo>(*source, options);
     const int status = program->run();
     const std::string remark = source->finish();

@@ -55,7 +55,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
     switch (e.kind) {
         case EventKind::state:
             write_slave(out, e);
-            out << to_text(e.before.state) << " to ";
+            out << to_text(e.before.state) << (e.before.error ? "+ERROR to " : " to ");
             write_al(out, e.now);
             break;
         case EventKind::lost:

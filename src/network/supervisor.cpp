@@ -94,10 +94,13 @@ class Recovering {
 Task<Result<>> help(Watch& watch, Slave& slave) {
     Network& network = watch.network;
     const Recovering recovering(slave);
+    // On its way up for the first time, not back.
+    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+    const bool well = slave.al.state == AlState::safeop && !slave.al.error && (slave.takes_part || !exchanges) && slave.attempts == 0;
     auto done = co_await bring_back(network, slave, watch.wanted.target);
     if (done) {
         slave.attempts = 0;
-        network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        if (!well) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
     }
     // That it is gone again the next look will tell.

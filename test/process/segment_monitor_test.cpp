@@ -38,7 +38,7 @@ TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
     EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in OP\n")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "cycle 500   working counter 6 of 6   short 0   no frame 0   overruns 0\n")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "    3  OP               8-channel digital output\n")) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "recovered, in OP")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
 }
 
 TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {

@@ -32,7 +32,11 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
         EXPECT_TRUE(master.says("slave " + std::to_string(slave) + ": recovered, in OP", kLimit)) << master.output() << master.errors();
     EXPECT_TRUE(master.says("found again, in INIT, as after a loss of power", kLimit)) << master.output();
     EXPECT_TRUE(master.says("group 0: working counter right again", kLimit)) << master.output();
+    // Told to end it says what it has, and leaves the slaves in INIT.
     master.terminate();
+    EXPECT_EQ(master.wait(kLimit), 1) << "cycles were lost";
+    EXPECT_NE(master.output().find("slave 2 (8-channel digital input): 00"), std::string::npos) << master.output();
+    EXPECT_TRUE(segment->says("slave 5 (setting): INIT", kLimit)) << segment->output();
 }
 
 }  // namespace
