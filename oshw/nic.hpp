@@ -3,6 +3,10 @@
 // To port: derive from Nic. Frames are complete Ethernet II frames from the destination address to the last
 // octet before the FCS, of 14 to 1518 octets; the driver adds padding to 60 octets where its hardware does
 // not, and the FCS. The core hands in frames with source_mac() as their source address.
+//
+// One thread at a time uses a NIC, but for one case: where cycles overlap and one thread sends them while another one receives
+// (GroupConfiguration::cycles_in_flight), each of the two may be in send() and last_error(), and the receiving one in receive(), at
+// once. A NIC that allows this says so; PacketNic does. It does not look at a frame any more once the reply to it can be received.
 #pragma once
 
 #include <margay/time.hpp>

@@ -27,6 +27,7 @@ void call_hooks(Context& ctx, std::uint8_t group) {
 
 // Not all frames of the cycle are here yet.
 [[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Context& ctx, ProcessGroup& group, Duration timeout) {
+    group.cycle_received = group.cycles_sent;
     Engine& engine = ContextAccess::network(ctx)->engine;
     Osal& osal = *ContextAccess::osal(ctx);
     Nic& nic = engine.link().nic();
@@ -37,7 +38,30 @@ void call_hooks(Context& ctx, std::uint8_t group) {
         now = osal.now();
         if (engine.receive_cycle(group.prepared, now) != CycleEnd::missing) break;
     }
-    return judge_cycle(group, engine.link(), now);
+    return judge_cycle(group, group.prepared, engine.link(), now);
+}
+
+// The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts from when it was sent.
+[[gnu::noinline]] Result<std::uint32_t> receive_overlapped(Context& ctx, ProcessGroup& group, Duration timeout) {
+    Network& network = *ContextAccess::network(ctx);
+    Engine& engine = network.engine;
+    Osal& osal = *ContextAccess::osal(ctx);
+    Nic& nic = engine.link().nic();
+    if (!group.mapped) return refused(Errc::unknown_group, group.number);
+    Time now = osal.now();
+    const Time start = now;
+    note_cycle(network.queue, osal, now);
+    for (;;) {
+        const auto frames = oldest_cycle(group);
+        const bool all = !frames.empty() && engine.receive_overlapped(frames, now);
+        while (frames.empty() && engine.receive_one(now)) {
+        }
+        const Time give_up = (frames.empty() ? start : std::max(start, sent_at(group))) + timeout;
+        if (all || (now >= give_up && !frames.empty())) return end_overlapped(group, engine.link(), now);
+        if (now >= give_up) return refused(Errc::timeout, group.number);
+        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
+        now = osal.now();
+    }
 }
 
 }  // namespace
@@ -61,8 +85,10 @@ Result<> send_processdata(Context& ctx, std::uint8_t group) {
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     Osal& osal = *ContextAccess::osal(ctx);
     const Time now = osal.now();
+    ProcessGroup& wanted = network->process.groups[group];
+    if (wanted.overlap.sets > 1) [[unlikely]] return send_overlapped(wanted, network->engine.link(), now);
     note_cycle(network->queue, osal, now);
-    return send_cycle(network->process.groups[group], network->engine.link(), now);
+    return send_cycle(wanted, network->engine.link(), now);
 }
 
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group) {
@@ -70,6 +96,7 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     ProcessGroup& wanted = network->process.groups[group];
+    if (wanted.overlap.sets > 1) [[unlikely]] return receive_overlapped(ctx, wanted, timeout);
     Engine& engine = network->engine;
     const Time sent = engine.link().last_cycle();
     const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);

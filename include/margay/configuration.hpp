@@ -110,6 +110,11 @@ struct GroupConfiguration {
     // Octets of other datagrams (mailboxes, states …), with their headers, that may travel with a cycle: in the space its frames have
     // left, and in a frame of their own beyond that. One datagram always may. Zero: they do not wait for cycles, each poll() sends them.
     std::uint16_t acyclic_bytes = 1498;
+    // How many cycles may be on their way at once, kMostCyclesInFlight at most: with 2 the next one can be sent before this one is received, also by another
+    // thread. See send_processdata(). Each takes prepared frames of its own (limits().process_frames). From 2 on the datagrams of acyclic_bytes do not travel
+    // with the cycle; poll() sends them.
+    std::uint8_t cycles_in_flight = 1;
+    static constexpr std::uint8_t kMostCyclesInFlight = 4;
     std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
     SharedImage* shared = nullptr;         // for another thread: see shared_image.hpp
 };

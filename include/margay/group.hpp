@@ -42,6 +42,11 @@ struct Group {
     std::uint16_t frames = 0;        // a cycle takes
     std::span<const DatagramStatus> datagrams;
 
+    // Cycles are counted from 1 on, since config_map(): how many were sent, and which one the last receive_processdata() has ended. Each is for the thread
+    // that calls the one or the other.
+    std::uint32_t cycles_sent = 0;
+    std::uint32_t cycle_received = 0;
+
     // By GroupConfiguration::al_status: AL status (ESC register 0x0130) of all slaves of the segment, each bit set that any of them has set. `slaves`: how
     // many there are.
     RegisterReading al_status;

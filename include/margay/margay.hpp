@@ -86,6 +86,21 @@ Result<> send_processdata(Context& ctx, std::uint8_t group = 0);
 // counter of all datagrams together. group(n).datagrams tells of each. Errors: unknown_group; no_frame (actual: frames that did not come
 // back); working_counter (expected, actual; slave: one that is known to be lost, as soon as readstate() has found it). What else comes in waits for poll(),
 // which is to be called between cycles.
+//
+// Cycles may overlap (GroupConfiguration::cycles_in_flight, 2 or more): the next one is sent while others are on their way, and each
+// receive_processdata() ends the oldest of them, waiting `timeout` for it since it was sent or since the call, whichever is later.
+// group(n).cycle_received says which one that was. Inputs go into the image then and not before. Each send_processdata() that does not end with
+// busy (all are on their way; expected: how many) is a cycle to be received. Without one to be received receive_processdata() waits for one: timeout.
+//
+//     send_processdata(ctx);
+//     for (;;) {
+//         … outputs …; send_processdata(ctx);
+//         receive_processdata(ctx, timeout); … inputs of the cycle before …
+//     }
+//
+// One other thread may call send_processdata() for such groups, and nothing else, while the owner of the context receives, polls and calls all the rest. NIC and
+// osal have to allow that (oshw/nic.hpp). Outputs in the image are the sending thread's then, inputs the owner's; copies from slave to slave
+// (GroupConfiguration::copies) want one thread. While config_map() runs for such a group, and when the context ends, nobody sends it.
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group = 0);
 
 // Reads and writes the SII EEPROM of a slave by word address; see SiiReadRequest and SiiWriteRequest. Wait.

@@ -189,10 +189,11 @@ std::uint64_t PacketNic::overruns() noexcept {
 
 SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
     if (::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT) >= 0) return SendStatus::sent;
-    last_error_ = errno;
-    if (last_error_ == EAGAIN || last_error_ == EINTR) return SendStatus::busy;
+    const int error = errno;
+    last_error_ = error;
+    if (error == EAGAIN || error == EINTR) return SendStatus::busy;
     // Past the queueing discipline the kernel says ENOBUFS both for a full ring and for a missing carrier.
-    if (last_error_ == ENOBUFS && link_state() != LinkState::down) return SendStatus::busy;
+    if (error == ENOBUFS && link_state() != LinkState::down) return SendStatus::busy;
     return SendStatus::failed;
 }
 

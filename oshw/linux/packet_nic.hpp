@@ -1,5 +1,5 @@
 // A network interface of Linux through an AF_PACKET socket: one system call a frame sent, one a frame
-// received.
+// received. Once it is open, threads may be in send(), receive(), link_state() and last_error() at the same time.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -7,6 +7,7 @@
 #include <margay/result.hpp>
 
 #include <array>
+#include <atomic>
 #include <string_view>
 
 namespace margay {
@@ -53,7 +54,7 @@ class PacketNic final : public Nic {
     // cleared.
     [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }
     [[nodiscard]] int wait_handle() const noexcept override { return socket_; }
-    [[nodiscard]] int last_error() const noexcept override { return last_error_; }
+    [[nodiscard]] int last_error() const noexcept override { return last_error_.load(std::memory_order_relaxed); }
 
   private:
     [[nodiscard]] Result<> set_up(Side side) noexcept;
@@ -63,7 +64,7 @@ class PacketNic final : public Nic {
     Result<> fail_no_permission() noexcept;
 
     int socket_ = -1;
-    int last_error_ = 0;
+    std::atomic<int> last_error_{0};
     bool qdisc_bypassed_ = false;
     MacAddress source_mac_{};
     std::uint64_t overruns_ = 0;

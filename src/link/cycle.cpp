@@ -103,7 +103,7 @@ void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& dat
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
-// Too many frames are in flight already.
+// It does not come back: too many frames are in flight already, or it is given up.
 SendStatus Link::no_index(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = false;
@@ -203,7 +203,10 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     FrameSlot* slot = frames_.find(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
-    take_datagrams(sent, frame);
+    if (sent.overlapped)
+        park(sent, frame);
+    else
+        take_datagrams(sent, frame);
     sent.slot = nullptr;
     ++statistics_.frames_received;
     if (slot != &sent.own) {

@@ -23,6 +23,8 @@ class Engine {
     // The same until all of these frames are back.
     [[nodiscard, gnu::always_inline]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now) { return link_.receive_cycle(frames, now, ready_); }
 
+    [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now) { return link_.receive_overlapped(frames, now, ready_); }
+
     [[nodiscard]] Arena& arena() { return arena_; }
     [[nodiscard]] Link& link() { return link_; }
     // The time of the current poll(), and for what is started just before one.

@@ -20,22 +20,36 @@ FrameSlot* FrameTable::open(Time now) {
 // Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that has rested longest is next in turn
 // anyway.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
+    refresh(now);
     std::uint8_t index = next_index_;
-    if (any_resting_ && now >= rest_until_) {
-        resting_.fill(0);
-        any_resting_ = false;
-    }
-    for (int tries = 0; tries < 256 && (slot_of_[index] != nullptr || resting(index)); ++tries) ++index;
-    for (int tries = 0; tries < 256 && slot_of_[index] != nullptr; ++tries) ++index;
-    if (slot_of_[index] != nullptr) return false;
+    const auto next = [this](std::uint8_t n) { return static_cast<std::uint8_t>((n + 1) & mask_); };
+    for (int tries = 0; tries <= mask_ && (at(index) != nullptr || resting(index)); ++tries) index = next(index);
+    for (int tries = 0; tries <= mask_ && at(index) != nullptr; ++tries) index = next(index);
+    if (at(index) != nullptr) return false;
     take(slot, index);
     return true;
 }
 
+std::optional<std::uint8_t> FrameTable::free_index() {
+    for (const bool rested : {true, false})
+        for (int tries = 0; tries < 256 - kSplit; ++tries) {
+            const std::uint8_t index = next_overlapped_;
+            next_overlapped_ = static_cast<std::uint8_t>((index + 1) | kSplit);
+            // The owner has ended it, and will not look at its frame any more.
+            if (slot_of_[index].load(std::memory_order_acquire) == nullptr && !(rested && resting(index))) return index;
+        }
+    return std::nullopt;
+}
+
 void FrameTable::rest(std::uint8_t index, Time now) {
-    resting_[index / 32] |= 1U << (index % 32);
+    resting_[index / 32].fetch_or(1U << (index % 32), std::memory_order_relaxed);
     rest_until_ = now + kRest;
-    any_resting_ = true;
+    any_resting_.store(true, std::memory_order_relaxed);
+}
+
+void FrameTable::end_rest() {
+    for (auto& some : resting_) some.store(0, std::memory_order_relaxed);
+    any_resting_.store(false, std::memory_order_relaxed);
 }
 
 FrameSlot* FrameTable::expired(Time now) {

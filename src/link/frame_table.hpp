@@ -4,7 +4,9 @@
 #include "link/datagram.hpp"
 
 #include <array>
+#include <atomic>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 namespace margay {
@@ -34,17 +36,35 @@ class FrameTable {
     [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
         // Nearly always the next index is free.
         const std::uint8_t index = next_index_;
-        if (any_resting_ || slot_of_[index] != nullptr) [[unlikely]] return claim_free(slot, now);
+        if (any_resting_.load(std::memory_order_relaxed) || at(index) != nullptr) [[unlikely]] return claim_free(slot, now);
         take(slot, index);
         return true;
     }
     // The slot in flight under `index`, or nullptr.
-    [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index]; }
+    [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index].load(std::memory_order_acquire); }
+
+    // For overlapped cycles: indices from kSplit on are kept for the thread that sends those. It calls free_index() and publish(), and release() for what it could not
+    // send; all else is the owner's.
+    void split() {
+        mask_ = kSplit - 1;
+        next_index_ &= mask_;
+    }
+    // An index as open() would choose it, or nothing.
+    [[nodiscard]] std::optional<std::uint8_t> free_index();
+    // From now on the owner finds the slot; all that it looks at is written.
+    void publish(FrameSlot& slot, std::uint8_t index) {
+        slot.index = index;
+        slot_of_[index].store(&slot, std::memory_order_release);
+    }
+    // Indices that have rested long enough are free again.
+    void refresh(Time now) {
+        if (any_resting_.load(std::memory_order_relaxed) && now >= rest_until_) end_rest();
+    }
     // Ends a slot that is not of the table and whose frame has come.
-    void release(const FrameSlot& slot) { slot_of_[slot.index] = nullptr; }
+    void release(const FrameSlot& slot) { slot_of_[slot.index].store(nullptr, std::memory_order_release); }
     // Ends a slot. A lost frame's index rests, so that a reply that comes late finds nobody.
     void close(FrameSlot& slot, bool lost, Time now) {
-        slot_of_[slot.index] = nullptr;
+        release(slot);
         if (slot.in_flight) --in_flight_;
         slot.in_flight = false;
         if (lost) rest(slot.index, now);
@@ -56,23 +76,31 @@ class FrameTable {
   private:
     static constexpr Duration kRest = std::chrono::milliseconds(200);
 
-    [[nodiscard]] bool resting(std::uint8_t index) const { return ((resting_[index / 32] >> (index % 32)) & 1U) != 0; }
+    static constexpr std::uint8_t kSplit = 128;
+
+    [[nodiscard]] FrameSlot* at(std::uint8_t index) const { return slot_of_[index].load(std::memory_order_relaxed); }
+    [[nodiscard]] bool resting(std::uint8_t index) const {
+        return ((resting_[index / 32].load(std::memory_order_relaxed) >> (index % 32)) & 1U) != 0;
+    }
+    void end_rest();
     [[nodiscard]] bool claim_free(FrameSlot& slot, Time now);
     void take(FrameSlot& slot, std::uint8_t index) {
-        slot_of_[index] = &slot;
-        next_index_ = static_cast<std::uint8_t>(index + 1);
+        slot_of_[index].store(&slot, std::memory_order_relaxed);
+        next_index_ = static_cast<std::uint8_t>((index + 1) & mask_);
         slot.index = index;
     }
     void rest(std::uint8_t index, Time now);
 
     std::span<FrameSlot> slots_;
-    std::array<FrameSlot*, 256> slot_of_{};
-    std::array<std::uint32_t, 8> resting_{};
+    std::array<std::atomic<FrameSlot*>, 256> slot_of_{};
+    std::array<std::atomic<std::uint32_t>, 8> resting_{};
     Time rest_until_ = Time::min();
     std::size_t in_flight_ = 0;  // of slots_
     std::size_t next_slot_ = 0;
     std::uint8_t next_index_ = 0;
-    bool any_resting_ = false;
+    std::uint8_t mask_ = 0xFF;
+    std::uint8_t next_overlapped_ = kSplit;
+    std::atomic<bool> any_resting_{false};
 };
 
 }  // namespace margay

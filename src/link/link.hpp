@@ -48,6 +48,17 @@ class Link {
     // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
 
+    // Overlapped cycles, in link/overlap.cpp. From the first of them on the indices of frames are split between the thread that sends them and the owner.
+    void allow_overlapping() { frames_.split(); }
+    // The sending thread's, for frames that the owner has done with: sends them. Anything but `sent`: of the last frame that is not in flight.
+    [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames);
+    // The owner's: takes in what the NIC has until all of these frames are back; false when some are not. And the end of their cycle: inputs and working
+    // counters are taken over, what is not back is given up.
+    [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
+    void end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now);
+    // While nobody sends.
+    void forget_overlapped(PreparedFrame& frame, Time now);
+
     // When receive() or send() should be called again at the latest.
     [[nodiscard]] Time next_deadline(Time now) const;
 
@@ -84,6 +95,7 @@ class Link {
     [[nodiscard]] static bool is_reply(FrameSlot& slot, Bytes frame);
     static void take_datagrams(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
+    static void park(PreparedFrame& sent, Bytes reply);
     void take_any(Bytes frame, Time now, List<Waiter>& ready);
     // Until then the queue is left to the cycle.
     [[nodiscard]] Time cycles_until() const;

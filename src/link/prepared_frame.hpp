@@ -38,11 +38,14 @@ enum class CycleEnd : std::uint8_t {
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
     std::span<const PreparedReading> readings;
-    FrameSlot* slot = nullptr;               // while it is in flight: `own`, or one of the link's when datagrams ride along
+    FrameSlot* slot = nullptr;               // while it is in flight (never of overlapped cycles): `own`, or one of the link's when datagrams ride along
     CycleEnd end = CycleEnd::missing;
     bool plain = false;                      // one datagram, in which every slave takes part, and no reading
     // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes back as it was.
     bool degraded = false;
+    bool overlapped = false;                 // of a cycle that may be sent by one thread and received by another, see link/overlap.cpp
+    bool refused = false;                    // such a one: the NIC has not taken it
+    bool parked = false;                     // such a one: its reply is in `bytes`
     std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
     std::uint16_t last = 0;                  // of these, where its last datagram begins
     std::uint16_t datagram_count = 0;        // readings included

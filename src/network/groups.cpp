@@ -62,7 +62,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
         if (slave.config.group == number) slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
-    return prepare(tables, group, *count, network.engine.link().nic().source_mac());
+    return prepare(tables, group, *count, network.engine.link());
 }
 
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {

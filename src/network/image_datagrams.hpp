@@ -32,7 +32,7 @@ struct DatagramPlan {
 // as few as can be; among the ways to get by with so few, the data of a slave is kept in one frame. Each datagram's expected working counter
 // is that of the slaves' FMMUs: 1 for a slave it reads from, 1 (LWR) or 2 (LRW) for one it writes to. Returns how many
 // there are. The first frame has room for the readings that are wanted. Errors: too_many_frames when `into` is too small, invalid_argument (what shall be kept
-// free leaves nothing; the reference clock has none), unknown_slave (the reference clock), and those of make_fmmus().
+// free leaves nothing; the reference clock has none; cycles_in_flight out of range), unknown_slave (the reference clock), and those of make_fmmus().
 [[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                                                  const ImageLayout& layout, std::span<DatagramPlan> into);
 

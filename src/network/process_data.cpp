@@ -5,6 +5,7 @@
 #include <margay/shared_image.hpp>
 
 #include <algorithm>
+#include <memory>
 
 namespace margay {
 namespace {
@@ -57,6 +58,18 @@ void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
     }
 }
 
+PreparedDatagram append_datagram(ProcessGroup& group, std::size_t n, wire::FrameBuilder& builder) {
+    const DatagramPlan& plan = group.plans[n];
+    const auto offset = static_cast<std::uint16_t>(builder.size());
+    (void)builder.append(plan.command, 0, plan.address, plan.bytes);
+    return {.output = group.image.subspan(plan.image_output, plan.output_bytes),
+            .input = group.image.subspan(plan.image_input, plan.input_bytes),
+            .input_at = plan.input_at,
+            .offset = offset,
+            .bytes = plan.bytes,
+            .status = &group.statuses[n]};
+}
+
 std::span<const PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans, wire::FrameBuilder& builder) {
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
@@ -72,6 +85,8 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
     frame.datagram_count = static_cast<std::uint16_t>(frame.datagrams.size() + frame.readings.size());
     frame.wire_bytes = static_cast<std::uint16_t>(wire::bytes_on_the_wire(frame.size));
     frame.slot = nullptr;
+    frame.refused = false;
+    frame.parked = false;
     frame.own.prepared = &frame;
     frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
     frame.end = CycleEnd::missing;
@@ -85,61 +100,68 @@ Error cycle_error(Errc code, std::uint8_t group) {
 }  // namespace
 
 void unprepare(ProcessGroup& group, Link& link, Time now) {
-    for (PreparedFrame& frame : group.prepared) link.give_up_prepared(frame, now);
+    for (PreparedFrame& frame : group.prepared) {
+        link.give_up_prepared(frame, now);
+        if (frame.overlapped) link.forget_overlapped(frame, now);
+    }
     const GroupConfiguration config = group.config;
     const std::uint8_t number = group.number;
-    group = {};
+    std::destroy_at(&group);
+    std::construct_at(&group);
     group.config = config;
     group.number = number;
 }
 
-Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, const MacAddress& source) {
+Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
     const auto planned = tables.scratch.first(count);
     const ReadingPlans readings = plan_readings(group.slaves, group.config);
     // A first frame that was left to others wholly is not sent.
     const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
     const std::size_t frame_count = end - first;
-    const std::size_t frames_at = find_free(tables.frames, frame_count, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
+    const std::uint8_t sets = group.config.cycles_in_flight;
+    const std::size_t all_frames = frame_count * sets;
+    const std::size_t frames_at = find_free(tables.frames, all_frames, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
     const std::size_t datagrams_at = find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
-    if (frames_at + frame_count > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
+    if (frames_at + all_frames > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
         Error error{.code = Errc::too_many_frames, .step = Step::map_process_data};
-        error.expected = static_cast<std::uint32_t>(frame_count);
+        error.expected = static_cast<std::uint32_t>(all_frames);
         error.actual = static_cast<std::uint32_t>(tables.frames.size());
         for (const ProcessGroup& g : tables.groups) error.actual -= static_cast<std::uint32_t>(g.prepared.size());
         return error;
     }
-    group.prepared = tables.frames.subspan(frames_at, frame_count);
+    group.prepared = tables.frames.subspan(frames_at, all_frames);
     group.plans = tables.plans.subspan(datagrams_at, count);
     const auto statuses = tables.statuses.subspan(datagrams_at, count);
     const auto datagrams = tables.datagrams.subspan(datagrams_at, count);
     group.frames = static_cast<std::uint16_t>(frame_count);
     group.datagrams = statuses;
     group.statuses = statuses;
-    for (std::size_t n = 0, f = 0; f < frame_count; ++f) {
-        PreparedFrame& frame = group.prepared[f];
-        wire::FrameBuilder builder(frame.bytes, source);
-        const std::size_t begin = n;
-        for (; n < count && planned[n].frame == f + first; ++n) {
-            const DatagramPlan& plan = planned[n];
-            group.plans[n] = plan;
-            statuses[n] = {.expected = plan.expected_wkc, .accepted = plan.expected_wkc, .full = plan.expected_wkc};
-            group.expected_wkc += plan.expected_wkc;
-            datagrams[n] = {.output = group.image.subspan(plan.image_output, plan.output_bytes),
-                            .input = group.image.subspan(plan.image_input, plan.input_bytes),
-                            .input_at = plan.input_at,
-                            .offset = static_cast<std::uint16_t>(builder.size()),
-                            .bytes = plan.bytes,
-                            .status = &statuses[n]};
-            (void)builder.append(plan.command, 0, plan.address, plan.bytes);
-        }
-        frame.datagrams = datagrams.subspan(begin, n - begin);
-        frame.readings = {};
-        if (f == 0) frame.readings = append_readings(group, readings, builder);
-        finish(frame, builder);
-        frame.take_inputs = group.layout.overlapped ? take_inputs : nullptr;
-        frame.group = &group;
+    group.overlap.sets = sets;
+    for (std::size_t n = 0; n < count; ++n) {
+        group.plans[n] = planned[n];
+        const std::uint16_t wkc = planned[n].expected_wkc;
+        statuses[n] = {.expected = wkc, .accepted = wkc, .full = wkc};
+        group.expected_wkc += wkc;
     }
+    // The frames of all sets have the same datagrams.
+    for (std::size_t set = 0; set < sets; ++set) {
+        for (std::size_t n = 0, f = 0; f < frame_count; ++f) {
+            PreparedFrame& frame = group.prepared[set * frame_count + f];
+            wire::FrameBuilder builder(frame.bytes, link.nic().source_mac());
+            const std::size_t begin = n;
+            for (; n < count && planned[n].frame == f + first; ++n) datagrams[n] = append_datagram(group, n, builder);
+            frame.datagrams = datagrams.subspan(begin, n - begin);
+            frame.readings = {};
+            if (f == 0) frame.readings = append_readings(group, readings, builder);
+            finish(frame, builder);
+            // Overlapped frames do not take inputs out with them: the sending thread leaves them to the owner.
+            frame.overlapped = sets > 1;
+            frame.take_inputs = group.layout.overlapped || frame.overlapped ? take_inputs : nullptr;
+            frame.group = &group;
+        }
+    }
+    if (sets > 1) link.allow_overlapping();
     group.mapped = true;
     return Result<>();
 }
@@ -165,7 +187,7 @@ Error not_sent(const ProcessGroup& group, Link& link) {
     return error;
 }
 
-Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
+Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     std::uint32_t got = 0;
     bool right = true;
@@ -176,7 +198,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
     }
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
-    for (PreparedFrame& frame : group.prepared) {
+    for (PreparedFrame& frame : frames) {
         if (frame.end != CycleEnd::missing) continue;
         link.give_up_prepared(frame, now);
         ++missing;
@@ -197,6 +219,41 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, Link& link, Time now) {
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
         if (!group.datagrams[n].right()) error.slave = lost_slave(group, group.number, group.slaves, group.plans[n]);
     return error;
+}
+
+Result<> send_overlapped(ProcessGroup& group, Link& link, Time now) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
+    Overlap& overlap = group.overlap;
+    const std::uint32_t sent = overlap.sent.load(std::memory_order_relaxed);
+    if (sent - overlap.received.load(std::memory_order_acquire) >= overlap.sets) {
+        Error error = cycle_error(Errc::busy, group.number);
+        error.expected = overlap.sets;
+        return error;
+    }
+    set_outputs(group);
+    overlap.sent_at[overlap.send_set] = now;
+    const SendStatus status = link.send_overlapped(group.prepared.subspan(std::size_t{overlap.send_set} * group.frames, group.frames));
+    overlap.send_set = static_cast<std::uint8_t>(overlap.send_set + 1 == overlap.sets ? 0 : overlap.send_set + 1);
+    ++group.cycles_sent;
+    overlap.sent.store(sent + 1, std::memory_order_release);
+    return status == SendStatus::sent ? Result<>() : not_sent(group, link);
+}
+
+std::span<PreparedFrame> oldest_cycle(ProcessGroup& group) {
+    const Overlap& overlap = group.overlap;
+    if (overlap.sent.load(std::memory_order_acquire) == overlap.received.load(std::memory_order_relaxed)) return {};
+    return group.prepared.subspan(std::size_t{overlap.receive_set} * group.frames, group.frames);
+}
+
+Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now) {
+    Overlap& overlap = group.overlap;
+    const auto frames = oldest_cycle(group);
+    link.end_overlapped(frames, sent_at(group), now);
+    const auto ended = judge_cycle(group, frames, link, now);
+    overlap.receive_set = static_cast<std::uint8_t>(overlap.receive_set + 1 == overlap.sets ? 0 : overlap.receive_set + 1);
+    group.cycle_received = overlap.received.load(std::memory_order_relaxed) + 1;
+    overlap.received.store(group.cycle_received, std::memory_order_release);
+    return ended;
 }
 
 }  // namespace margay

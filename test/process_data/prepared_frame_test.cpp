@@ -40,7 +40,7 @@ class PreparedFrameTest : public testing::TestWithParam<bool> {
         group.image = image;
         const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
         group.slaves = slaves;
-        ASSERT_TRUE(prepare(tables, group, *count, nic.source_mac()).ok());
+        ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
     }
     const LinkStatistics& counted() { return engine.link().statistics(); }
     Result<> send(Duration later = 1ms) { return send_cycle(group, engine.link(), now += later); }
@@ -182,7 +182,7 @@ TEST_P(PreparedFrameTest, ReadingsAreComparedToo) {
     group.image = image;
     group.slaves = slaves;
     const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
-    ASSERT_TRUE(prepare(tables, group, *count, nic.source_mac()).ok());
+    ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
     constexpr std::size_t kReading = wire::kFramePrefixBytes + 16;
     for (std::size_t at = 0; at < 8; ++at) {
         ASSERT_TRUE(send().ok());

@@ -1,0 +1,90 @@
+// Overlapped cycles: one is sent before the one before it is received. A thread may send them while another one, the owner, receives and does all else.
+//
+// What the two share: a frame belongs to the sender until the group's count of cycles sent tells that its cycle is under way, and again once the
+// count of those received tells that it is over. In between the owner may find it by its index, from the moment it is published in the frame table, and puts
+// the reply into it. Everything else in the link, statistics too, is the owner's. The NIC is used by both.
+#include "link/cycle.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+// As fill(), but for a frame in which a reply may have been put, and without a look at what the owner writes.
+void fill_overlapped(PreparedFrame& frame, std::uint8_t index) {
+    const auto clear = [&frame](std::size_t at, std::size_t bytes) { std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0}); };
+    for (const PreparedDatagram& d : frame.datagrams) {
+        const std::size_t data = d.offset + wire::kDatagramHeaderBytes;
+        frame.bytes[d.offset + 1U] = std::byte{index};
+        cycle::copy(&frame.bytes[data], d.output);
+        clear(data + d.bytes, wire::kWorkingCounterBytes);
+    }
+    for (const PreparedReading& r : frame.readings) {
+        frame.bytes[r.offset + 1U] = std::byte{index};
+        clear(r.offset + wire::kDatagramHeaderBytes, r.bytes + wire::kWorkingCounterBytes);
+    }
+}
+
+}  // namespace
+
+SendStatus Link::send_overlapped(std::span<PreparedFrame> frames) {
+    SendStatus all = SendStatus::sent;
+    for (PreparedFrame& frame : frames) {
+        const auto index = frames_.free_index();
+        SendStatus status = SendStatus::busy;
+        if (index) {
+            fill_overlapped(frame, *index);
+            frames_.publish(frame.own, *index);
+            status = nic_.send(Bytes(frame.bytes).first(frame.size));
+            if (status != SendStatus::sent) frames_.release(frame.own);
+        }
+        frame.refused = status != SendStatus::sent;
+        if (frame.refused) all = status;
+    }
+    return all;
+}
+
+// The reply stays in the frame until the cycle is received; headers stay as they were sent.
+void Link::park(PreparedFrame& sent, Bytes reply) {
+    const auto keep = [&](std::size_t offset, std::size_t bytes) {
+        const std::size_t data = offset + wire::kDatagramHeaderBytes;
+        std::ranges::copy(reply.subspan(data, bytes + wire::kWorkingCounterBytes), &sent.bytes[data]);
+    };
+    for (const PreparedDatagram& d : sent.datagrams) keep(d.offset, d.bytes);
+    for (const PreparedReading& r : sent.readings) keep(r.offset, r.bytes);
+    sent.parked = true;
+}
+
+bool Link::receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
+    frames_.refresh(now);
+    for (const PreparedFrame& frame : frames)
+        while (!frame.parked && !frame.refused)
+            if (!receive_one(now, ready)) return false;
+    return true;
+}
+
+void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now) {
+    cycle_before_ = last_cycle_;
+    last_cycle_ = sent_at;
+    cycle_budget_ = 0;
+    for (PreparedFrame& frame : frames) {
+        if (frame.refused)
+            ++statistics_.send_refused;
+        else
+            note_prepared(frame);
+        if (frame.parked && !frame.refused) {
+            take_datagrams(frame, frame.bytes);
+        } else {
+            if (!frame.refused) ++statistics_.lost;
+            forget_overlapped(frame, now);
+            (void)no_index(frame);
+        }
+        frame.parked = false;
+    }
+}
+
+void Link::forget_overlapped(PreparedFrame& frame, Time now) {
+    if (frames_.find(frame.own.index) == &frame.own) frames_.close(frame.own, true, now);
+}
+
+}  // namespace margay
