@@ -7,6 +7,7 @@
 #include "wire/soe.hpp"
 
 #include <margay/al_state.hpp>
+#include <margay/configuration.hpp>
 #include <margay/error.hpp>
 
 #include <array>
@@ -14,6 +15,22 @@
 
 namespace margay {
 namespace {
+
+bool is_command(Step step) { return step >= Step::command_ip && step <= Step::command_bi; }
+
+bool is_sync_manager(std::uint16_t address) {
+    return address >= wire::reg::kSyncManagerBase && address < wire::reg::sync_manager(16).address;
+}
+unsigned sync_manager(std::uint16_t address) {
+    return (address - unsigned{wire::reg::kSyncManagerBase}) / wire::reg::kSyncManagerStride;
+}
+
+void write_command(TextWriter& out, const Error& e) {
+    const bool mail = e.code == Errc::sdo_abort || e.code == Errc::mailbox_error || e.detail != Error::kRegisterCommand;
+    (out << " (no. " << unsigned{e.place} << ", " << (mail ? "object " : "register ")).hex(e.index, 4);
+    if (mail) out << ":" << unsigned{e.subindex};
+    out << ")";
+}
 
 // What `index` and `subindex` of an error mean depends on the step.
 void write_place(TextWriter& out, const Error& e) {
@@ -33,18 +50,61 @@ void write_place(TextWriter& out, const Error& e) {
         }
         case Step::read_register:
         case Step::write_register: (out << " at register ").hex(e.index, 4); break;
+        case Step::configure_pdos:
+            if (is_sync_manager(e.index))
+                out << " of SyncManager " << sync_manager(e.index);
+            else
+                (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
+            break;
         case Step::topology: out << " at port " << e.index; break;
+        case Step::discover_pdos:
         case Step::map_process_data:
         case Step::exchange_process_data:
             if (e.code == Errc::unknown_group)
                 out << " of group " << e.index;
-            else if (e.index >= wire::reg::kSyncManagerBase && e.index < wire::reg::sync_manager(16).address)
-                out << " at SyncManager " << (e.index - wire::reg::kSyncManagerBase) / wire::reg::kSyncManagerStride;
+            else if (is_sync_manager(e.index))
+                out << " at SyncManager " << sync_manager(e.index);
             else if (e.index != 0)
                 (out << " at register ").hex(e.index, 4);
             break;
         default:
-            if (e.index != 0) (out << " at register ").hex(e.index, 4);
+            if (is_command(e.step))
+                write_command(out, e);
+            else if (e.index != 0)
+                (out << " at register ").hex(e.index, 4);
+    }
+}
+
+std::string_view sm_text(std::uint32_t type) {
+    static constexpr std::string_view kTexts[] = {"unused", "mailbox out", "mailbox in", "outputs", "inputs"};
+    return type < std::size(kTexts) ? kTexts[type] : "nothing known";
+}
+
+// "by 64 bits: the object dictionary has 128, which counts, the SII 64".
+void write_difference(TextWriter& out, const Error& e) {
+    const auto source = [](std::uint32_t s) { return to_text(static_cast<ConfigurationSource>(s & 0xFFU)); };
+    out << " by " << (e.expected > e.actual ? e.expected - e.actual : e.actual - e.expected) << " bits ("
+        << source(e.detail >> 8) << " has " << e.expected << ", which counts, " << source(e.detail) << " " << e.actual
+        << ")";
+}
+
+// Of what the application has configured.
+void write_configuration_cause(TextWriter& out, const Error& e) {
+    switch (e.code) {
+        case Errc::above_highest:
+            out << " (" << to_text(static_cast<AlState>(e.actual)) << " is above "
+                << to_text(static_cast<AlState>(e.expected)) << ")";
+            break;
+        case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
+        case Errc::sizes_differ: write_difference(out, e); break;
+        case Errc::types_differ:
+            out << " (" << sm_text(e.expected) << ", which counts, and " << sm_text(e.actual) << ")";
+            break;
+        case Errc::check_failed:
+            (out << " (wanted ").hex(e.expected, 8);
+            (out << ", is ").hex(e.actual, 8) << ")";
+            break;
+        default: break;
     }
 }
 
@@ -78,6 +138,10 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::sdo_abort:
             (out << " (abort code ").hex(e.detail, 8) << ": " << wire::coe::to_text(static_cast<wire::coe::Abort>(e.detail)) << ")";
+            if (e.step == Step::configure_pdos && e.expected != e.actual) {
+                (out << "; wanted ").hex(e.expected, 8);
+                (out << ", it has ").hex(e.actual, 8);
+            }
             break;
         case Errc::soe_error:
             (out << " (error code ").hex(e.detail, 4) << ": "
@@ -109,7 +173,7 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";
             break;
-        default: break;
+        default: write_configuration_cause(out, e);
     }
 }
 

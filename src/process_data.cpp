@@ -15,12 +15,21 @@ Error refused(Errc code, std::uint8_t group) {
     return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
+// A hook finds its slave in PREOP, also when the group was mapped before.
+void go_back(Context& ctx, const Slave& slave) {
+    StateRequest request;
+    request.slave = slave.position;
+    request.state = AlState::preop;
+    if (submit(ctx, request)) (void)wait(ctx, request);  // the slave's own mapping tells what is wrong with it
+}
+
 void call_hooks(Context& ctx, std::uint8_t group) {
     Network& network = *ContextAccess::network(ctx);
     for (Slave& slave : network.slaves()) {
         if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr || !slave.seen) continue;
+        if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) go_back(ctx, slave);
         const auto done = slave.hooks.preop_to_safeop(ctx, slave.position, slave.hooks.user);
-        slave.hooks.failed = !done.ok();
+        slave.hook_failed = !done.ok();
         if (!done) network.note(slave, done.error());
     }
 }

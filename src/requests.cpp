@@ -4,6 +4,7 @@
 #include "network/groups.hpp"
 #include "network/scan.hpp"
 #include "network/states.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 
@@ -39,11 +40,10 @@ static Task<Result<>> run(Network& network, SiiWriteRequest& request) {
 
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
-    const Station station = network.station(slave);
-    const Duration timeout = request.timeout == Duration{0} ? default_al_timeout(request.state) : request.timeout;
-    auto changed = co_await change_al_state(station, request.state, slave.device_emulation, timeout);
-    auto seen = co_await read_al_status(station);
+    auto seen = co_await read_al_status(network.station(slave));
     slave.al = seen ? *seen : AlStatus{};
+    if (!seen) co_return seen.error();
+    auto changed = co_await change_state(network, slave, request.state, request.timeout);
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 

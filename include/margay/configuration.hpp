@@ -3,6 +3,9 @@
 #pragma once
 
 #include <margay/address.hpp>
+#include <margay/al_state.hpp>
+#include <margay/pdo.hpp>
+#include <margay/startup.hpp>
 #include <margay/time.hpp>
 
 #include <array>
@@ -10,6 +13,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string_view>
 
 namespace margay {
 
@@ -27,48 +31,78 @@ struct ProcessSm {
     friend constexpr bool operator==(const ProcessSm&, const ProcessSm&) = default;
 };
 
-// Who said what the process data of a slave shall be.
+// Who said what the process data of a slave shall be; the word of the later ones stands above that of the earlier.
 enum class ConfigurationSource : std::uint8_t {
     none,         // nobody yet: config_map() asks the slave
     sii,          // the slave's SII
     soe,          // the parameters of its drives
     coe,          // its object dictionary
-    application,  // the application, whose word stands
+    file,         // a file of the application's, by its reader: what the application sets itself it sets afterwards
+    application,  // the application
+};
+[[nodiscard]] std::string_view to_text(ConfigurationSource source);
+
+// Times of one slave. What is not set is as it is without them.
+struct SlaveTimes {
+    // How long a change to this state may take; zero: the standard's time (ETG.1020: 3 s, 10 s, 10 s, and 5 s for all
+    // that goes down).
+    Duration to_preop{0};
+    Duration to_safeop{0};
+    Duration to_op{0};
+    Duration down{0};
+    // How long an answer to a mailbox message may take while the slave starts up; zero: 3 s.
+    Duration mailbox{0};
+    // ESC register 0x0400: the unit of the watchdogs, less two, in 40 ns. process_data_watchdog is counted in this
+    // unit.
+    std::optional<std::uint16_t> watchdog_divider{};
+    // ESC register 0x0410: after how long the slave's processor counts as dead, 6.5535 s at most with the usual
+    // divider; zero: never.
+    std::optional<Duration> pdi_watchdog{};
 };
 
-// A change of state on the way up, by its initials in the standard.
-enum class Transition : std::uint8_t {
-    init_to_preop,    // IP
-    preop_to_safeop,  // PS: after the slave's SyncManagers and FMMUs are written
-    safeop_to_op,     // SO
-};
-
-// A register to be written before a transition is asked for.
-struct RegisterWrite {
-    Transition transition = Transition::preop_to_safeop;
-    std::uint16_t address = 0;
-    std::uint8_t length = 0;            // octets of value, 8 at most
-    std::array<std::byte, 8> value{};   // as they go onto the wire, little-endian
+// What slaves of one kind want beyond the size of their process data; one of these may serve many slaves. The caller's
+// memory, as are its lists; must live as long as a slave's configuration names it.
+struct SlaveSetup {
+    // The PDOs of SyncManagers, written into the slave's dictionary before its process data is looked at, and again
+    // when it comes back; what is there already is not written. SyncManagers that are not listed keep theirs. Without
+    // CoE they only tell what the slave has.
+    std::span<const SmPdos> pdos{};
+    // Commands for transitions.
+    std::span<const StartupCommand> startup{};
+    SlaveTimes times{};
 };
 
 // Of one slave.
 struct SlaveConfiguration {
     static constexpr std::size_t kProcessSms = 8;
+    using Watchdog = std::chrono::duration<std::uint32_t, std::micro>;
 
-    ConfigurationSource source = ConfigurationSource::none;
+    ConfigurationSource source = ConfigurationSource::none;  // of `sms`
 
     std::uint8_t group = 0;
-    bool block_lrw = false;       // this slave cannot do LRW: its group exchanges by LRD and LWR
-    bool mailbox_status = false;  // a bit of the image says whether the slave's mailbox has something to read
-    bool optional = false;        // may be missing: its group is right without it
+    bool block_lrw : 1 = false;       // this slave cannot do LRW: its group exchanges by LRD and LWR
+    bool mailbox_status : 1 = false;  // a bit of the image says whether the slave's mailbox has something to read
+    bool optional : 1 = false;        // may be missing: its group is right without it
+    bool no_mailbox : 1 = false;      // its mailbox is left alone. To be set before it leaves INIT, by expect()
+    bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex
+    bool fixed_pdos : 1 = false;          // the PDOs of `setup` tell what the slave has, nothing of them is written
+    // The highest state that it is brought to: PREOP (no process data), SAFEOP or OP.
+    AlState highest = AlState::op;
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};  // the data lies in the image in this order
-    // After how long without outputs the slave's watchdog bites, in steps of 100 µs, 6.5535 s at most; zero switches it off. Not
-    // set: what the slave has of its own.
-    std::optional<Duration> process_data_watchdog;
-    // Written in this order at each start-up, the first one and every one after. The caller's memory.
-    std::span<const RegisterWrite> startup_registers;
+    // After how long without outputs the slave's watchdog bites, in steps of 100 µs, 6.5535 s at most; zero switches it
+    // off. Not set: what the slave has of its own. One that is set is fed by all outputs: their SyncManagers get the
+    // watchdog trigger, also where the SII leaves it out.
+    std::optional<Watchdog> process_data_watchdog{};
+    const SlaveSetup* setup = nullptr;
 
+    [[nodiscard]] constexpr std::span<const SmPdos> pdos() const {
+        return setup == nullptr ? std::span<const SmPdos>() : setup->pdos;
+    }
+    [[nodiscard]] constexpr std::span<const StartupCommand> startup() const {
+        return setup == nullptr ? std::span<const StartupCommand>() : setup->startup;
+    }
+    [[nodiscard]] constexpr SlaveTimes times() const { return setup == nullptr ? SlaveTimes{} : setup->times; }
     // Appends a SyncManager. False when there are kProcessSms already.
     constexpr bool add(const ProcessSm& sm) {
         if (sm_count == kProcessSms) return false;

@@ -50,6 +50,17 @@ enum class Errc : std::uint8_t {
     too_many_frames,    // process data needs more frames than the context has prepared ones (expected, actual)
     mailbox_full,       // the slave does not take mail: its mailbox is full, or not enabled in this state
     wrong_size,         // a value has another size than was asked for (expected, actual: octets)
+    pdo_list,           // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
+    pdo_unknown,        // nobody tells what a PDO of a list has in it (index: the PDO)
+    not_process_sm,     // a list of PDOs for a SyncManager of the mailbox (index: its register)
+    wrong_direction,    // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
+    pdo_size,           // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
+    sizes_differ,       // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
+                        // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
+    types_differ,       // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
+                        // SyncManager (index: its register)
+    above_highest,      // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
+    check_failed,       // a register is not as a command wants it (expected, actual: the lowest 32 bits)
     cycle_running,      // a call that waits, from the thread of a running cycle: submit the request of the same name instead
 };
 
@@ -83,9 +94,21 @@ enum class Step : std::uint8_t {
     read_register,
     write_register,
     topology,
-    startup,
     recover,
     identify,
+    configure_pdos,
+    // Commands of SlaveSetup::startup, by transition.
+    command_ip,
+    command_ps,
+    command_so,
+    command_os,
+    command_op,
+    command_oi,
+    command_sp,
+    command_si,
+    command_pi,
+    command_ib,
+    command_bi,
 };
 
 struct Error {
@@ -94,15 +117,22 @@ struct Error {
     std::uint16_t slave = 0;     // 1 is the first slave, 0 the segment as a whole
     std::uint16_t index = 0;     // register address, SII word address, object index or IDN, as the step has it
     std::uint8_t subindex = 0;   // or the number of the drive
-    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code
+    std::uint8_t place = 0;      // of a command in its list, 1 the first
+    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code; kRegisterCommand
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
+
+    // Detail of what went wrong with a command for a register: `index` is no object.
+    static constexpr std::uint32_t kRegisterCommand = 1;
 
     friend constexpr bool operator==(const Error&, const Error&) = default;
 };
 
 // Errc::other_slave: what about it is not as expected.
 enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
+
+// What is told in errors() though nothing has failed: the slave goes on.
+[[nodiscard]] constexpr bool is_warning(Errc code) { return code == Errc::sizes_differ || code == Errc::types_differ; }
 
 // The kind and the step in words. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(Errc code);

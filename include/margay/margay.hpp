@@ -52,19 +52,27 @@ Result<std::uint16_t> config_init(Context& ctx);
 // expect(). Errors: wrong_state before init(), invalid_argument (known by nothing, two at one position, a group torn apart; actual: which).
 Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 
-// Calls the slaves' hooks, finds out what process data each slave of the group exchanges (slave(n).config: by its object dictionary, else the parameters of its drives, else its SII, unless the application has
-// set it), lays it into `image` (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns
-// how many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is set to zero. What
-// goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: wrong_state (no slaves
-// yet), unknown_group, image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
+// Calls the slaves' hooks, makes the slaves' PDOs what their configuration wants, finds out what process data each
+// slave of the group exchanges (slave(n).config: by the application, else a file, else its object dictionary, else the
+// parameters of its drives, else its SII; that these differ is told in errors() as a warning), lays it into `image` (slave(n).image), writes SyncManagers
+// and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns how many octets of the image are used.
+// `image` is the caller's and must live as long as process data is exchanged; it is set to zero. What goes wrong with a
+// single slave does not stop the others: it is in slave(n).error and in errors(). Waits. Errors: wrong_state (no slaves
+// yet), unknown_group, image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames
+// (limits().process_frames).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
-// States. All three refresh or use slave(n).al: the state that the slave itself reports, its error indication and AL status code; a slave that does
-// not answer is in state NONE. Wait; beside a running cycle submit the requests of the same names.
+// States. All three refresh or use slave(n).al: the state that the slave itself reports, its error indication and AL
+// status code; a slave that does not answer is in state NONE. Wait; beside a running cycle submit the requests of the
+// same names.
 //
-// readstate() reads all slaves and returns the lowest state, with the error indication if any slave has one. writestate() requests a state of one slave
-// or of all (slave 0) and acknowledges an error that the last reading has found; it does not wait for the state. statecheck() reads all slaves until
-// the one, or all, are in `state` without error, or `timeout` is over, and returns what it read last: that is no error, look at it.
+// readstate() reads all slaves and returns the lowest state, with the error indication if any slave has one; slaves
+// that are where their configuration lets them go at the highest do not lower it. writestate() executes the commands
+// and the hook before the transition from the state that was read last, requests a state of one slave or of all (slave
+// 0; of each no more than it is allowed), and acknowledges an error that the last reading has found; it does not wait
+// for the state. What comes after the transition is done by whichever of the other two, or the supervision, sees it
+// first. statecheck() reads all slaves until the one, or all, are in `state` without error, or `timeout` is over, and
+// returns what it read last: that is no error, look at it.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

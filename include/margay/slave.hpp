@@ -46,8 +46,8 @@ enum class PortType : std::uint8_t { not_implemented, not_configured, ebus, mii 
 
 struct Port {
     PortType type = PortType::not_implemented;
-    bool link = false;       // physical link
-    bool open = false;       // the loop is open: frames leave and come in here
+    bool link : 1 = false;        // physical link
+    bool open : 1 = false;        // the loop is open: frames leave and come in here
     std::uint16_t neighbour = 0;  // the slave at the other end, 1 the first; 0 none, or the master
 };
 
@@ -113,7 +113,11 @@ struct SlaveHooks {
     // never by poll(), so it may wait. An error keeps the slave in PREOP.
     Result<> (*preop_to_safeop)(Context& ctx, std::uint16_t slave, void* user) = nullptr;
     void* user = nullptr;
-    bool failed = false;  // the last call ended with an error
+    // Around the changes of state that the library makes: before the state is requested, behind the commands of
+    // SlaveSetup::startup for it, and after the slave is known to be there. Called by poll(), so it must not wait, but
+    // may return Errc::busy to be asked again. On the way up an error keeps the slave where it is; on the way down it
+    // is told in errors(), and the slave goes all the same. What has failed afterwards is an error of the slave.
+    Result<> (*transition)(Context& ctx, std::uint16_t slave, Transition which, Moment moment, void* user) = nullptr;
 
     // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait nor call the library. `data` is
     // valid until it returns.
@@ -140,14 +144,17 @@ struct Slave {
     DlInformation dl;
     std::uint16_t dl_status = 0;
     AlStatus al;                    // as last read
-    bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
-    // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
-    const ExpectedSlave* wanted = nullptr;
     // Its place in the ring as seen last, 1 the first; 0: it is not there. Without hot connect groups and missing slaves the same as `position`.
     std::uint16_t ring = 0;
-    bool seen = false;              // it has been there since config_init() began: what the ESC and the SII say is known
     // Explicit device id (ETG.1020), of a switch on the device mostly; asked for where expect() wants one.
     std::optional<std::uint16_t> device_id{};
+    // Requested and not yet seen: what comes after it is still to come.
+    Transition requested = Transition::none;
+    bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
+    bool seen = false;              // it has been there since config_init() began: what the ESC and the SII say is known
+    bool hook_failed = false;       // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
+    bool pdos_failed = false;       // its PDOs cannot be made what its configuration wants: likewise
+    bool pdos_compared = false;     // that sources differ on its PDOs has been told
     bool takes_part = false;        // its process data is configured and, as far as known, exchanged
     bool recovering = false;        // the supervision is bringing it back
     bool told_missing = false;      // the supervision has told that its hot connect group is there without it
@@ -160,7 +167,6 @@ struct Slave {
     std::array<Port, 4> ports{};
 
     // From the SII. sync_managers and fmmus are in the order of the SII, cut at the size of the table.
-    bool sii_read = false;
     std::uint32_t sii_bytes = 0;      // size of the EEPROM by its own word 0x003E
     MailboxInfo mailbox;
     MailboxInfo boot_mailbox;         // protocols as in mailbox
@@ -170,10 +176,14 @@ struct Slave {
     DeviceIdSource device_id_source = DeviceIdSource::none;
     std::uint16_t device_id_word = 0;  // of the SII: where it says at which ESC address the device id is
     std::int16_t ebus_current_ma = 0;  // taken from the E-bus; negative: fed into it
+    bool sii_read = false;
     std::uint8_t sm_count = 0;
     std::uint8_t fmmu_count = 0;
     std::array<SmInfo, kSyncManagers> sync_managers{};
     std::array<FmmuUse, kFmmus> fmmu_use{};
+
+    // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
+    const ExpectedSlave* wanted = nullptr;
 
     // What its process data shall be, and where it lies in the image once it is mapped.
     SlaveConfiguration config;

@@ -71,6 +71,8 @@ class MailboxChannel {
 
     // Found out while the slave is used: it has refused complete access.
     bool no_complete_access = false;
+    // By that, or because the application says so.
+    [[nodiscard]] bool whole_objects() const { return !no_complete_access && !slave_->config.no_complete_access; }
     Timing timing;
 
   private:

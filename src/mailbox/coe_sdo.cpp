@@ -89,7 +89,7 @@ Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Byte
 
 Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
     Error first;
-    if (!object.complete || !channel.no_complete_access) {
+    if (!object.complete || channel.whole_objects()) {
         auto done = co_await sdo_upload_once(channel, object, into, patience);
         if (done || !object.complete || !may_be_complete_access(done.error())) co_return done;
         first = done.error();
@@ -102,7 +102,7 @@ Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, 
 
 Task<Result<>> sdo_download(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
     Error first;
-    if (!object.complete || !channel.no_complete_access) {
+    if (!object.complete || channel.whole_objects()) {
         auto done = co_await sdo_download_once(channel, object, value, patience);
         if (done || !object.complete || !is_complete_access_refused(done.error())) co_return done;
         first = done.error();

@@ -100,21 +100,19 @@ std::uint8_t find_sync_manager(const Slave& slave, SmType type, std::uint8_t oth
     return otherwise;
 }
 
-void configure(Slave& slave, const DriveBits& all) {
-    slave.config.sm_count = 0;
+void configure(const Slave& slave, const DriveBits& all, FoundSms& found) {
     for (const bool out : {true, false}) {
         const auto n = out ? find_sync_manager(slave, SmType::outputs, 2) : find_sync_manager(slave, SmType::inputs, 3);
         if (n >= slave.sm_count) continue;
-        const SmInfo& sm = slave.sync_managers[n];
-        (void)slave.config.add(
-            {n, out ? Direction::outputs : Direction::inputs, sm.control, sm.start, out ? all.outputs : all.inputs});
+        found[n] = {.any = true,
+                    .direction = out ? Direction::outputs : Direction::inputs,
+                    .bits = out ? all.outputs : all.inputs};
     }
-    slave.config.source = ConfigurationSource::soe;
 }
 
 }  // namespace
 
-Task<Result<bool>> discover_pdos_from_soe(MailboxChannel& channel, Slave& slave) {
+Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found) {
     if (!channel.is_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
     DriveBits all;
     for (std::uint8_t drive = 0; drive < wire::soe::kDrives; ++drive) {
@@ -125,7 +123,7 @@ Task<Result<bool>> discover_pdos_from_soe(MailboxChannel& channel, Slave& slave)
         all.inputs += one->inputs;
     }
     if (!all.there) co_return false;
-    configure(slave, all);
+    configure(slave, all, found);
     co_return true;
 }
 

@@ -1,10 +1,8 @@
 #include "network/configure.hpp"
 
-#include "mailbox/coe_pdo.hpp"
-#include "mailbox/soe_pdo.hpp"
 #include "network/members.hpp"
-#include "network/pdo_sii.hpp"
-#include "network/startup.hpp"
+#include "network/pdos.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "wire/al_status_code.hpp"
 
@@ -21,7 +19,9 @@ enum class Fed : std::uint8_t { as_described, by_all_outputs };
 
 // A watchdog that was asked for must be fed, and some SIIs leave the trigger out of the control octets of their outputs.
 Fed fed(const Slave& slave) {
-    return slave.config.process_data_watchdog.value_or(Duration{0}) > Duration{0} ? Fed::by_all_outputs : Fed::as_described;
+    using Watchdog = SlaveConfiguration::Watchdog;
+    return slave.config.process_data_watchdog.value_or(Watchdog{0}) > Watchdog{0} ? Fed::by_all_outputs
+                                                                                  : Fed::as_described;
 }
 
 // An ESC takes the place and length of a SyncManager only while it is off.
@@ -68,13 +68,31 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     co_return Result<>();
 }
 
-Task<Result<>> write_watchdog(Station station, Duration time) {
-    constexpr std::uint16_t kDividerFor100us = 2498;  // and two, in units of 40 ns
-    constexpr Duration kUnit = std::chrono::microseconds(100);
-    const auto units = std::clamp<std::int64_t>((time + kUnit - Duration{1}) / kUnit, 0, 0xFFFF);
-    auto divider = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, kDividerFor100us, kStep);
-    if (!divider) co_return divider;
-    auto written = co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, static_cast<std::uint16_t>(units), kStep);
+constexpr std::uint16_t kDividerFor100us = 2498;
+
+// A time in units of the watchdogs, rounded up.
+std::uint16_t watchdog_units(Duration time, std::uint16_t divider) {
+    const Duration unit = std::chrono::nanoseconds(40) * (divider + 2);
+    return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
+}
+
+// Those that the application has set, and nothing else.
+Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
+    const SlaveTimes times = slave.config.times();
+    const auto outputs = slave.config.process_data_watchdog;
+    const auto pdi = times.pdi_watchdog;
+    if (!outputs && !pdi && !times.watchdog_divider) co_return Result<>();
+    const std::uint16_t divider = times.watchdog_divider.value_or(kDividerFor100us);
+    auto unit = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, divider, kStep);
+    if (!unit) co_return unit;
+    if (pdi) {
+        auto written =
+            co_await write<std::uint16_t>(station, reg::kPdiWatchdogTime, watchdog_units(*pdi, divider), kStep);
+        if (!written) co_return written;
+    }
+    if (!outputs) co_return Result<>();
+    auto written =
+        co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, watchdog_units(*outputs, divider), kStep);
     co_return written;
 }
 
@@ -91,39 +109,24 @@ Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout&
     if (!sms) co_return sms;
     auto fmmus = co_await write_fmmus(station, slave, layout, !running);
     if (!fmmus) co_return fmmus;
-    if (slave.config.process_data_watchdog) {
-        auto watchdog = co_await write_watchdog(station, *slave.config.process_data_watchdog);
-        if (!watchdog) co_return watchdog;
-    }
-    co_return co_await run_startup(station, slave, Transition::preop_to_safeop);
+    co_return co_await write_watchdogs(station, slave);
 }
 
 // A slave that insists on a watchdog refuses when nothing feeds it; then it is told that all its outputs do.
 Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
-    auto first = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    auto first =
+        co_await change_al_state(station, AlState::safeop, slave.device_emulation, al_timeout(slave, AlState::safeop));
     if (first || first.error().code != Errc::al_status || fed(slave) == Fed::by_all_outputs ||
         first.error().detail != static_cast<std::uint32_t>(wire::AlStatusCode::invalid_watchdog_configuration))
         co_return first;
     auto written = co_await write_sync_managers(station, slave, Fed::by_all_outputs);
     if (!written) co_return written.error();
-    auto second = co_await change_al_state(station, AlState::safeop, slave.device_emulation, default_al_timeout(AlState::safeop));
+    auto second =
+        co_await change_al_state(station, AlState::safeop, slave.device_emulation, al_timeout(slave, AlState::safeop));
     co_return second;
 }
 
 }  // namespace
-
-Task<Result<>> discover_pdos(Network& network, Slave& slave) {
-    if (slave.config.source != ConfigurationSource::none || slave.config.sm_count != 0) co_return Result<>();
-    if (slave.mailbox.present() && network.has_mailbox(slave)) {
-        auto by_coe = co_await discover_pdos_from_coe(network.mailbox(slave), slave);
-        if (!by_coe) network.note(slave, by_coe.error());
-        if (by_coe && *by_coe) co_return Result<>();
-        auto by_soe = co_await discover_pdos_from_soe(network.mailbox(slave), slave);
-        if (!by_soe) network.note(slave, by_soe.error());
-        if (by_soe && *by_soe) co_return Result<>();
-    }
-    co_return co_await discover_pdos_from_sii(network.station(slave), slave);
-}
 
 Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     const std::size_t count = fmmu_count(slave);
@@ -163,20 +166,29 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         slave.al = {};
         co_return before.error();
     }
+    slave.al = *before;
     if (before->state == AlState::safeop || before->state == AlState::op) {
-        auto back = co_await change_al_state(station, AlState::preop, slave.device_emulation, default_al_timeout(AlState::preop));
+        auto back = co_await change_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
+    }
+    if (running && !slave.config.pdos().empty()) {
+        auto pdos = co_await write_pdos(network, slave);
+        if (!pdos) co_return pdos;
     }
     auto written = co_await write_all(station, slave, layout, running);
     if (!written) co_return written;
+    auto prepared = co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::before);
+    if (!prepared) co_return prepared;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
     slave.al = seen ? *seen : AlStatus{};
     if (!state) co_return state.error();
-    if (!running) co_return Result<>();
-    auto mapped = co_await write_fmmus(station, slave, layout, true);
-    if (mapped) set_takes_part(network, slave, true);
-    co_return mapped;
+    if (running) {
+        auto mapped = co_await write_fmmus(station, slave, layout, true);
+        if (!mapped) co_return mapped;
+        set_takes_part(network, slave, true);
+    }
+    co_return co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::after);
 }
 
 }  // namespace margay

@@ -6,12 +6,10 @@
 
 namespace margay {
 
-// Finds out what process data the slave has, unless somebody has said so already.
-[[nodiscard]] Task<Result<>> discover_pdos(Network& network, Slave& slave);
-
-// Writes SyncManagers, FMMUs and watchdog of a slave that lay_out() has placed, and brings it to SAFEOP; from SAFEOP or OP it goes back to PREOP
-// first. The same for the first time and for a slave that has come back. Beside a running cycle the FMMUs become active last, when the slave is in
-// SAFEOP: with the reply to that one datagram it takes part, neither earlier nor later.
+// Writes SyncManagers, FMMUs and watchdogs of a slave that lay_out() has placed, and brings it to SAFEOP, with what its
+// configuration wants around that; from SAFEOP or OP it goes back to PREOP first. The same for the first time and for a
+// slave that has come back. Beside a running cycle the FMMUs become active last, when the slave is in SAFEOP: with the
+// reply to that one datagram it takes part, neither earlier nor later.
 [[nodiscard]] Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running);
 
 // Takes the slave's FMMUs away: with the reply it takes part no more.

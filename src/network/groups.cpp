@@ -2,6 +2,8 @@
 
 #include "network/configure.hpp"
 #include "network/members.hpp"
+#include "network/pdos.hpp"
+#include "network/transition.hpp"
 
 #include <margay/shared_image.hpp>
 
@@ -66,21 +68,39 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
 }
 
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
-    if (slave.config.group != number || (slave.al.state == AlState::none && !slave.seen)) co_return Result<>();
+    if (slave.config.group != number || slave.config.highest < AlState::safeop ||
+        (slave.al.state == AlState::none && !slave.seen))
+        co_return Result<>();
     auto found = co_await discover_pdos(network, slave);
+    slave.pdos_failed = !found && !slave.config.pdos().empty();
     if (!found) network.note(slave, found.error());
+    co_return Result<>();
+}
+
+// Out of the exchange, and in PREOP at the highest: also one that an earlier mapping has brought further.
+Task<Result<>> leave_out(Network& network, Slave& slave) {
+    if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
+        auto back = co_await change_state(network, slave, AlState::preop);
+        if (!back) network.note(slave, back.error());
+    }
+    if (slave.al.state != AlState::none) {
+        auto cleared = co_await clear_fmmus(network, slave);
+        (void)cleared;  // one that does not answer takes part in nothing
+    }
+    set_takes_part(network, slave, false);
     co_return Result<>();
 }
 
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number) {
     if (slave.config.group != number) co_return Result<>();
-    if (!slave.hooks.failed && slave.al.state != AlState::none) {
-        auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
-        if (done) co_return Result<>();
-        network.note(slave, done.error());
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // one that does not answer takes part in nothing
-    }
+    if (slave.hook_failed || slave.pdos_failed || slave.config.highest < AlState::safeop ||
+        slave.al.state == AlState::none)
+        co_return co_await leave_out(network, slave);
+    auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
+    if (done) co_return Result<>();
+    network.note(slave, done.error());
+    auto cleared = co_await clear_fmmus(network, slave);
+    (void)cleared;  // one that does not answer takes part in nothing
     set_takes_part(network, slave, false);
     co_return Result<>();
 }

@@ -3,9 +3,10 @@
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/members.hpp"
+#include "network/pdos.hpp"
 #include "network/scan.hpp"
-#include "network/startup.hpp"
 #include "network/survey.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 
@@ -26,15 +27,13 @@ bool mapped(const Network& network, const Slave& slave) {
     return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapped;
 }
 
+// With all that belongs to the transition, and told as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
-    auto changed =
-        co_await change_al_state_from(network.station(slave), slave.al, state, slave.device_emulation, default_al_timeout(state));
-    if (changed) {
-        note_state(network, slave, *changed);
-        co_return changed;
-    }
-    auto seen = co_await read_al_status(network.station(slave));
-    if (seen) note_state(network, slave, *seen);
+    const AlStatus before = slave.al;
+    auto changed = co_await change_state(network, slave, state);
+    const AlStatus after = slave.al;
+    slave.al = before;
+    note_state(network, slave, after);
     co_return changed;
 }
 
@@ -63,7 +62,7 @@ Task<Result<>> call_hook(Network& network, Slave& slave) {
     for (;;) {
         const auto done = slave.hooks.preop_to_safeop(*network.context, slave.position, slave.hooks.user);
         if (done.error().code != Errc::busy) {
-            slave.hooks.failed = !done.ok();
+            slave.hook_failed = !done.ok();
             co_return done;
         }
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
@@ -107,9 +106,8 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
 }
 
 AlState goal(const Network& network, const Slave& slave, AlState target) {
-    return mapped(network, slave) && has_place(slave) ? target : AlState::preop;
+    return mapped(network, slave) && has_place(slave) ? limited(slave, target) : AlState::preop;
 }
-
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
     const bool new_here = !slave.seen;
@@ -151,16 +149,12 @@ Task<Result<>> bring_back(Network& network, Slave& slave, AlState target) {
         configured = acknowledged.ok();
     }
     if (configured && goal(network, slave, target) == AlState::op && slave.al.state != AlState::op) {
-        auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
-        if (!listed) co_return listed;
         auto op = co_await change(network, slave, AlState::op);
         configured = op.ok();
     }
     if (configured) co_return Result<>();
     auto again = co_await reconfigure(network, slave);
     if (!again || goal(network, slave, target) != AlState::op) co_return again;
-    auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
-    if (!listed) co_return listed;
     auto op = co_await change(network, slave, AlState::op);
     co_return op ? Result<>() : Result<>(op.error());
 }

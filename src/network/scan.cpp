@@ -1,9 +1,9 @@
 #include "network/scan.hpp"
 
 #include "network/expectation.hpp"
-#include "network/startup.hpp"
 #include "network/survey.hpp"
 #include "network/topology.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 #include "wire/sync_manager.hpp"
@@ -139,7 +139,8 @@ Task<Result<bool>> reset_slaves(Network& network) {
 
 Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     const Station station = network.station(slave);
-    if (slave.mailbox.present()) {
+    const bool mailbox = slave.mailbox.present() && !slave.config.no_mailbox;
+    if (mailbox) {
         std::array<std::byte, 2 * reg::kSyncManagerStride> sms{};
         wire::store_sync_manager(sms, mailbox_sync_manager(slave, SmType::mailbox_out));
         wire::store_sync_manager(MutableBytes(sms).subspan(reg::kSyncManagerStride),
@@ -147,19 +148,20 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
         if (!written) co_return written.error();
     }
-    auto listed = co_await run_startup(station, slave, Transition::init_to_preop);
-    if (!listed) co_return listed;
+    auto before = co_await around_transition(network, slave, Transition::init_to_preop, Moment::before);
+    if (!before) co_return before;
     if (slave.al.state == AlState::none) {
         auto now = co_await read_al_status(station);
         if (!now) co_return now.error();
         slave.al = *now;
     }
     auto state = co_await change_al_state_from(station, slave.al, AlState::preop, slave.device_emulation,
-                                               default_al_timeout(AlState::preop));
+                                               al_timeout(slave, AlState::preop));
     if (state) {
         slave.al = *state;
-        if (slave.mailbox.present() && network.has_mailbox(slave)) network.mailbox(slave).open(network.mailboxes, station, slave, slave.mailbox);
-        co_return Result<>();
+        if (mailbox && network.has_mailbox(slave))
+            network.mailbox(slave).open(network.mailboxes, station, slave, slave.mailbox);
+        co_return co_await around_transition(network, slave, Transition::init_to_preop, Moment::after);
     }
     auto seen = co_await read_al_status(station);
     slave.al = seen ? *seen : AlStatus{};

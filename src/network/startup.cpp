@@ -1,16 +1,129 @@
 #include "network/startup.hpp"
 
-namespace margay {
+#include "mailbox/coe_sdo.hpp"
+#include "network/pdos.hpp"
 
-Task<Result<>> run_startup(Station station, const Slave& slave, Transition transition) {
-    for (const RegisterWrite& item : slave.config.startup_registers) {
-        if (item.transition != transition) continue;
-        if (item.length == 0 || item.length > item.value.size())
-            co_return station.error(Errc::invalid_argument, Step::startup, item.address);
-        Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, item.address}, Bytes(item.value).first(item.length));
-        auto reply = co_await write;
-        const Error error = judge(station, reply, Step::startup, item.address);
+#include <algorithm>
+#include <bit>
+
+namespace margay {
+namespace {
+
+constexpr Duration kBetweenLooks = std::chrono::milliseconds(1);
+constexpr std::size_t kMostRegisterBytes = 1024;
+
+Step step_of(Transition which) {
+    static constexpr std::array kSteps{Step::command_ip, Step::command_ps, Step::command_so, Step::command_os,
+                                       Step::command_op, Step::command_oi, Step::command_sp, Step::command_si,
+                                       Step::command_pi, Step::command_ib, Step::command_bi};
+    return kSteps[std::min<std::size_t>(static_cast<std::size_t>(std::countr_zero(static_cast<unsigned>(which))),
+                                        kSteps.size() - 1)];
+}
+
+// In INIT there is no mailbox: what is to be sent before it is left is sent as soon as that is done.
+Moment moment_of(const StartupCommand& command, Transition which) {
+    const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
+    return command.kind == StartupCommand::Kind::write_object && early ? Moment::after : command.moment;
+}
+
+bool is_due(const StartupCommand& command, Transition which, Moment moment) {
+    return contains(command.transitions, which) && moment_of(command, which) == moment;
+}
+
+bool can_be(const StartupCommand& command) {
+    const std::size_t bytes = command.octets().size();
+    switch (command.kind) {
+        case StartupCommand::Kind::write_register:
+            return bytes != 0 && bytes <= kMostRegisterBytes && command.length <= command.value.size();
+        case StartupCommand::Kind::check_register:
+            return command.data.empty() && command.length != 0 && command.length <= command.value.size();
+        case StartupCommand::Kind::write_object: return command.length <= command.value.size();
+    }
+    return false;
+}
+
+Task<Result<>> write_register_of(Station station, const StartupCommand& command) {
+    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, command.index}, command.octets());
+    auto reply = co_await write;
+    const Error error = judge(station, reply, Step::none, command.index);
+    if (error.code != Errc::none) co_return error;
+    co_return Result<>();
+}
+
+std::uint32_t lowest_bits(const std::array<std::byte, 8>& bytes) { return load_le<std::uint32_t>(bytes); }
+
+Task<Result<>> check_register_of(Station station, const StartupCommand& command) {
+    const Time give_up = station.engine.now() + command.timeout;
+    for (;;) {
+        std::array<std::byte, 8> seen{};
+        Datagram read(station.engine.link(), wire::Command::FPRD, {station.address, command.index},
+                      MutableBytes(seen).first(command.length));
+        auto reply = co_await read;
+        Error error = judge(station, reply, Step::none, command.index);
         if (error.code != Errc::none) co_return error;
+        bool same = true;
+        std::array<std::byte, 8> wanted{};
+        for (std::size_t n = 0; n < command.length; ++n) {
+            seen[n] &= command.mask[n];
+            wanted[n] = command.value[n] & command.mask[n];
+            same = same && seen[n] == wanted[n];
+        }
+        if (same) co_return Result<>();
+        if (station.engine.now() >= give_up) {
+            error = station.error(Errc::check_failed, Step::none, command.index);
+            error.expected = lowest_bits(wanted);
+            error.actual = lowest_bits(seen);
+            co_return error;
+        }
+        co_await station.engine.sleep_for(kBetweenLooks);
+    }
+}
+
+Task<Result<>> write_object_of(Network& network, Slave& slave, const StartupCommand& command) {
+    if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open())
+        co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
+    MailPatience patience = startup_patience(slave);
+    if (command.timeout > Duration{0})
+        patience = {.give_up = network.engine.now() + command.timeout, .each = command.timeout};
+    const SdoObject object{.index = command.index, .subindex = command.subindex, .complete = command.complete_access};
+    co_return co_await sdo_download(network.mailbox(slave), object, command.octets(), patience);
+}
+
+Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& command) {
+    switch (command.kind) {
+        case StartupCommand::Kind::write_register:
+            co_return co_await write_register_of(network.station(slave), command);
+        case StartupCommand::Kind::check_register:
+            co_return co_await check_register_of(network.station(slave), command);
+        case StartupCommand::Kind::write_object: co_return co_await write_object_of(network, slave, command);
+    }
+    co_return Result<>();
+}
+
+}  // namespace
+
+bool has_commands(const Slave& slave, Transition which, Moment moment) {
+    return std::ranges::any_of(slave.config.startup(),
+                               [&](const StartupCommand& c) { return is_due(c, which, moment); });
+}
+
+Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment) {
+    std::size_t place = 0;
+    for (const StartupCommand& command : slave.config.startup()) {
+        ++place;
+        if (!is_due(command, which, moment)) continue;
+        Result<> done = network.station(slave).error(Errc::invalid_argument, Step::none, command.index);
+        if (can_be(command)) done = co_await run_one(network, slave, command);
+        if (done) continue;
+        Error error = done.error();
+        error.step = step_of(which);
+        error.slave = slave.position;
+        error.index = command.index;
+        if (command.kind != StartupCommand::Kind::write_object) error.detail = Error::kRegisterCommand;
+        if (error.subindex == 0) error.subindex = command.subindex;
+        error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
+        if (!command.may_fail) co_return error;
+        network.errors.add(error);
     }
     co_return Result<>();
 }

@@ -1,14 +1,15 @@
-// The start-up lists of a slave: what the desired configuration wants written before each transition.
+// The commands of SlaveSetup::startup.
 #pragma once
 
-#include "station/register_access.hpp"
-#include "util/task.hpp"
-
-#include <margay/slave.hpp>
+#include "network/network.hpp"
 
 namespace margay {
 
-// Writes what `slave.config` lists for the transition, one after the other. Stops at the first that fails; error().index is its register.
-[[nodiscard]] Task<Result<>> run_startup(Station station, const Slave& slave, Transition transition);
+// Whether there are commands for this moment of the transition.
+[[nodiscard]] bool has_commands(const Slave& slave, Transition which, Moment moment);
+
+// Executes them, one after the other. Stops at the first that fails and may not; its error names the transition (step),
+// the place in the list, and the object or register. What fails and may is told in errors().
+[[nodiscard]] Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment);
 
 }  // namespace margay

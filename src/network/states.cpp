@@ -1,7 +1,7 @@
 #include "network/states.hpp"
 
 #include "network/members.hpp"
-#include "network/startup.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -17,17 +17,18 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     slave.al = seen ? *seen : AlStatus{};
     if (!seen && seen.error().code == Errc::working_counter) set_takes_part(network, slave, false);
+    if (request_is_met(slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
-    if (state == AlState::op) {
-        auto listed = co_await run_startup(network.station(slave), slave, Transition::safeop_to_op);
-        if (!listed) {
-            network.note(slave, listed.error());
-            co_return listed;
-        }
+    const Transition which = transition(slave.al.state, state);
+    auto before = co_await around_transition(network, slave, which, Moment::before);
+    if (!before) {
+        network.note(slave, before.error());
+        co_return before;
     }
+    slave.requested = which;
     const bool acknowledge = slave.al.error && !slave.device_emulation;
     const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written = co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
@@ -37,17 +38,24 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
 
 Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state) {
     if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen)) co_return Result<>();
-    co_return co_await write_state(network, slave, state);
+    co_return co_await write_state(network, slave, limited(slave, state));
 }
 
-// Those that may be missing do not count where they are.
+// Those that may be missing do not count where they are; nor those that go no higher, unless there are no others.
 AlStatus lowest(std::span<const Slave> slaves) {
+    const auto at_its_end = [](const Slave& s) {
+        return s.al.state == s.config.highest && s.config.highest != AlState::op;
+    };
+    const bool all_are = std::ranges::all_of(slaves, [&](const Slave& s) {
+        return at_its_end(s) || (s.config.optional && s.al.state == AlState::none);
+    });
     AlStatus all;
     bool any = false;
     for (const Slave& slave : slaves) {
         if (slave.config.optional && slave.al.state == AlState::none) continue;
-        if (!any || slave.al.state < all.state) all.state = slave.al.state;
-        any = true;
+        const bool counts = all_are || !at_its_end(slave);
+        if (counts && (!any || slave.al.state < all.state)) all.state = slave.al.state;
+        any |= counts;
         if (!slave.al.error || all.error) continue;
         all.error = true;
         all.code = slave.al.code;
@@ -64,9 +72,14 @@ Task<Result<AlStatus>> read_states(Network& network) {
 }
 
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
-    if (slave != 0) co_return co_await write_state(network, network.slave(slave), state);
+    if (slave != 0) {
+        Slave& one = network.slave(slave);
+        if (limited(one, state) == state) co_return co_await write_state(network, one, state);
+        co_return above_highest(network.station(one), one, state);
+    }
     Error first;
-    auto all = co_await for_each_slave(network, [&network, state](Slave& s) { return write_state_of_all(network, s, state); }, &first);
+    auto all = co_await for_each_slave(
+        network, [&network, state](Slave& s) { return write_state_of_all(network, s, state); }, &first);
     if (!all) co_return all;
     if (first.code != Errc::none) co_return first;
     co_return Result<>();

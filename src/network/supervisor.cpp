@@ -6,6 +6,7 @@
 #include "network/members.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -61,7 +62,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none && seen->state != AlState::none) co_return co_await welcome_back(network, slave, *seen);
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
-    co_return Result<>();
+    co_return co_await settle_request(network, slave);
 }
 
 // All answer and claim to be well, and still the working counter is short: who has lost his configuration?

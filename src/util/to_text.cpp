@@ -1,5 +1,6 @@
 // The enumerations of the public API in words.
 #include <margay/al_state.hpp>
+#include <margay/configuration.hpp>
 #include <margay/error.hpp>
 
 namespace margay {
@@ -47,6 +48,15 @@ std::string_view to_text(Errc code) {
         case Errc::too_many_frames: return "more frames than the application provided for";
         case Errc::mailbox_full: return "the slave takes no mail: its mailbox is full, or off in this state";
         case Errc::wrong_size: return "the value has another size";
+        case Errc::pdo_list: return "a list of PDOs that cannot be";
+        case Errc::pdo_unknown: return "neither the list nor the slave tells what the PDO has in it";
+        case Errc::not_process_sm: return "a list of PDOs for a SyncManager that carries mail";
+        case Errc::wrong_direction: return "the PDO is of the other direction than its SyncManager";
+        case Errc::pdo_size: return "the PDOs do not have the bits that the SyncManager is given";
+        case Errc::sizes_differ: return "sources differ";
+        case Errc::types_differ: return "object 0x1C00 and the SII differ";
+        case Errc::above_highest: return "the slave's configuration allows no such state";
+        case Errc::check_failed: return "not as wanted";
         case Errc::cycle_running:
             return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or the other request "
                    "for it, and look at its state() between cycles";
@@ -83,12 +93,35 @@ std::string_view to_text(Step step) {
         case Step::soe_command: return "SoE command";
         case Step::read_register: return "reading";
         case Step::write_register: return "writing";
-        case Step::startup: return "writing the start-up list";
+        case Step::configure_pdos: return "configuring PDOs";
+        case Step::command_ip: return "command at IP";
+        case Step::command_ps: return "command at PS";
+        case Step::command_so: return "command at SO";
+        case Step::command_os: return "command at OS";
+        case Step::command_op: return "command at OP (OP to PREOP)";
+        case Step::command_oi: return "command at OI";
+        case Step::command_sp: return "command at SP";
+        case Step::command_si: return "command at SI";
+        case Step::command_pi: return "command at PI";
+        case Step::command_ib: return "command at IB";
+        case Step::command_bi: return "command at BI";
         case Step::recover: return "bringing it back";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
     }
     return "";
+}
+
+std::string_view to_text(ConfigurationSource source) {
+    switch (source) {
+        case ConfigurationSource::none: return "nobody";
+        case ConfigurationSource::sii: return "the SII";
+        case ConfigurationSource::coe: return "the object dictionary";
+        case ConfigurationSource::soe: return "the parameters of its drives";
+        case ConfigurationSource::file: return "the configuration file";
+        case ConfigurationSource::application: return "the application";
+    }
+    return "unknown source";
 }
 
 std::string_view to_text(AlState state) {

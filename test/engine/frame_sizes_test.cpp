@@ -5,8 +5,11 @@
 #include "network/groups.hpp"
 #include "network/network.hpp"
 #include "network/pdo_sii.hpp"
+#include "network/pdos.hpp"
 #include "network/scan.hpp"
+#include "network/startup.hpp"
 #include "network/states.hpp"
+#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 #include "station/sii_contents.hpp"
@@ -55,7 +58,11 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("read_states", 256, read_states(network));
     expect("write_states", 256, write_states(network, 0, AlState::safeop));
     expect("wait_for_state", 512, wait_for_state(network, 0, AlState::safeop, std::chrono::seconds(1)));
-    expect("discover_pdos_from_sii", 512, discover_pdos_from_sii(station, slave));
+    FoundSms found{};
+    expect("find_sms_by_sii", 512, find_sms_by_sii(station, slave, found));
+    expect("discover_pdos", 512, discover_pdos(network, slave));
+    expect("change_state", 512, change_state(network, slave, AlState::preop));
+    expect("run_commands", 512, run_commands(network, slave, Transition::init_to_preop, Moment::before));
     expect("map_group", 512, map_group(network, 0, {}));
 }
 

@@ -1,12 +1,13 @@
 // How much of the arena the sequences of a mailbox take; see test/engine/frame_sizes_test.cpp.
+#include "context_access.hpp"
 #include "mailbox/coe_complete.hpp"
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_mail_pdo.hpp"
 #include "mailbox/coe_pdo.hpp"
+#include "mailbox/coe_pdo_write.hpp"
 #include "mailbox/mailbox_bus.hpp"
 #include "mailbox/soe_pdo.hpp"
 #include "network/network.hpp"
-#include "context_access.hpp"
 
 namespace margay {
 namespace {
@@ -34,11 +35,13 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("sdo_upload_singly", 512, sdo_upload_singly(channel, {}, memory, {}));
     expect("ask_information", 512, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
-    expect("discover_pdos_from_coe", 512, discover_pdos_from_coe(channel, bus.ctx->slave(1)));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));
     expect("soe_write", 512, soe_write(channel, {}, memory, {}));
-    expect("discover_pdos_from_soe", 256, discover_pdos_from_soe(channel, bus.ctx->slave(1)));
     expect("soe_execute", 1024, soe_execute(channel, {}, {}));
+    FoundSms found{};
+    expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found));
+    expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
+    expect("write_sm_pdos", 1024, write_sm_pdos(channel, {}, {}));
     // One read, begun: its sequences, the pump and the mailbox.
     SdoUpload request;
     request.slave = 1;

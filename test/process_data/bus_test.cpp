@@ -211,9 +211,14 @@ TEST_F(BusTest, TheApplicationsWordStands) {
     ctx().slave(1).config.add({1, Direction::inputs, 0x20, 0x2000, 16});
     EXPECT_EQ(*config_map(ctx(), image), 2U);
     const auto errors = bus.errors();
-    ASSERT_EQ(errors.size(), 1U) << "the device insists on its outputs";
-    EXPECT_NE(errors[0].find("slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code"), std::string::npos)
-        << errors[0];
+    ASSERT_EQ(errors.size(), 2U) << "the device insists on its outputs";
+    EXPECT_EQ(errors[0],
+              "slave 1: finding the PDOs at SyncManager 0: sources differ by 16 bits (the application has 0, which "
+              "counts, the SII 16)");
+    EXPECT_NE(
+        errors[1].find("slave 1: requesting a state: the slave refused (wanted SAFEOP, is in PREOP, AL status code"),
+        std::string::npos)
+        << errors[1];
 }
 
 TEST_F(BusTest, HookIsCalledInPreopAndCanHoldTheSlaveBack) {

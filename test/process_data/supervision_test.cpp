@@ -203,12 +203,13 @@ TEST_F(SupervisionTest, LostMappingIsFoundByDoubt) {
 
 TEST_F(SupervisionTest, StartupListsAndTheHookAreReplayed) {
     start(2);
-    static constexpr RegisterWrite kList[] = {
-        {Transition::init_to_preop, 0x0F80, 1, {std::byte{0x11}}},
-        {Transition::preop_to_safeop, 0x0F81, 2, {std::byte{0x22}, std::byte{0x33}}},
-        {Transition::safeop_to_op, 0x0F83, 1, {std::byte{0x44}}},
+    static constexpr StartupCommand kList[] = {
+        write_register(Transition::init_to_preop, 0x0F80, std::uint8_t{0x11}),
+        write_register(Transition::preop_to_safeop, 0x0F81, std::uint16_t{0x3322}),
+        write_register(Transition::safeop_to_op, 0x0F83, std::uint8_t{0x44}),
     };
-    ctx().slave(2).config.startup_registers = kList;
+    static constexpr SlaveSetup kSetup{.startup = kList};
+    ctx().slave(2).config.setup = &kSetup;
     int calls = 0;
     ctx().slave(2).hooks.user = &calls;
     ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void* user) -> Result<> {

@@ -1,0 +1,165 @@
+// What a slave is told on its way from state to state: commands in a list, each with the transitions that it belongs
+// to. They are executed in the order of the list, at the first start-up and at every one after, also of a slave that
+// comes back.
+//
+//     static constexpr std::array kGains{std::byte{1}, std::byte{2}, std::byte{3}};
+//     static constexpr margay::StartupCommand kStartup[] = {
+//         margay::write_object(margay::Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8}),
+//         margay::write_object(margay::Transition::preop_to_safeop, 0x2010, 0, kGains),
+//         margay::write_register(margay::Transition::init_to_preop, 0x0F80, std::uint16_t{1}),
+//         margay::check_register(margay::Transition::safeop_to_op, 0x0F82, std::uint16_t{1}, std::uint16_t{0xFFFF},
+//         50ms),
+//     };
+//     static constexpr margay::SlaveSetup kSetup{.startup = kStartup};
+//     ctx.slave(1).config.setup = &kSetup;        // or by expect(): then also for IP, before the slave leaves INIT the
+//     first time
+#pragma once
+
+#include <margay/al_state.hpp>
+#include <margay/time.hpp>
+
+#include <array>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+namespace margay {
+
+// Changes of state by their initials in the standard; with | several of them.
+enum class Transition : std::uint16_t {
+    none = 0,
+    init_to_preop = 0x001,    // IP
+    preop_to_safeop = 0x002,  // PS
+    safeop_to_op = 0x004,     // SO
+    op_to_safeop = 0x008,     // OS
+    op_to_preop = 0x010,      // OP
+    op_to_init = 0x020,       // OI
+    safeop_to_preop = 0x040,  // SP
+    safeop_to_init = 0x080,   // SI
+    preop_to_init = 0x100,    // PI
+    init_to_boot = 0x200,     // IB
+    boot_to_init = 0x400,     // BI
+};
+[[nodiscard]] constexpr Transition operator|(Transition a, Transition b) {
+    return static_cast<Transition>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
+}
+[[nodiscard]] constexpr bool contains(Transition all, Transition one) {
+    return (static_cast<unsigned>(all) & static_cast<unsigned>(one)) != 0;
+}
+
+// From one state to another one; none where the standard has no such change.
+[[nodiscard]] Transition transition(AlState from, AlState to);
+// "IP"; of several the first. A static string.
+[[nodiscard]] std::string_view initials(Transition one);
+
+// Before the state is requested, or as soon as the slave is known to be there.
+enum class Moment : std::uint8_t { before, after };
+
+struct StartupCommand {
+    enum class Kind : std::uint8_t {
+        write_register,  // ESC registers or memory, by station address
+        check_register,  // read until it is as wanted, for `timeout`
+        write_object,  // SDO download. The mailbox works from PREOP on: what is to be done at IP or IB is done when the
+                       // slave is there
+    };
+
+    Kind kind = Kind::write_register;
+    Moment moment = Moment::before;
+    bool may_fail = false;         // what goes wrong is told in errors() and does not stop the slave
+    bool complete_access = false;  // of an object: all of it
+    Transition transitions = Transition::none;
+    std::uint16_t index = 0;  // of the object, or the address of the register
+    std::uint8_t subindex = 0;
+    std::uint8_t length = 0;            // octets of `value`
+    std::array<std::byte, 8> value{};   // as they go onto the wire, little-endian
+    std::array<std::byte, 8> mask{};    // of check_register: which bits of the value count
+    std::span<const std::byte> data{};  // in place of `value`, for what is longer. The caller's memory
+    Duration timeout{0};                // zero: SlaveTimes::mailbox for an object, one look for a register
+
+    // The same, after the state is reached; the same, allowed to fail; the same, with another timeout.
+    [[nodiscard]] constexpr StartupCommand afterwards() const {
+        StartupCommand c = *this;
+        c.moment = Moment::after;
+        return c;
+    }
+    [[nodiscard]] constexpr StartupCommand that_may_fail() const {
+        StartupCommand c = *this;
+        c.may_fail = true;
+        return c;
+    }
+    [[nodiscard]] constexpr StartupCommand within(Duration time) const {
+        StartupCommand c = *this;
+        c.timeout = time;
+        return c;
+    }
+    [[nodiscard]] constexpr std::span<const std::byte> octets() const {
+        return data.empty() ? std::span(value).first(length <= value.size() ? length : value.size()) : data;
+    }
+};
+
+namespace detail {
+template <std::integral T>
+constexpr std::array<std::byte, 8> little_endian(T value) {
+    std::array<std::byte, 8> bytes{};
+    for (std::size_t n = 0; n < sizeof(T); ++n)
+        bytes[n] = static_cast<std::byte>(static_cast<std::uint64_t>(value) >> (8 * n));
+    return bytes;
+}
+}  // namespace detail
+
+// The type of the value says how many octets it has.
+template <std::integral T>
+[[nodiscard]] constexpr StartupCommand write_register(Transition when, std::uint16_t address, T value) {
+    return {.kind = StartupCommand::Kind::write_register,
+            .transitions = when,
+            .index = address,
+            .length = sizeof(T),
+            .value = detail::little_endian(value)};
+}
+[[nodiscard]] constexpr StartupCommand write_register(Transition when, std::uint16_t address,
+                                                      std::span<const std::byte> data) {
+    return {.kind = StartupCommand::Kind::write_register, .transitions = when, .index = address, .data = data};
+}
+template <std::integral T>
+[[nodiscard]] constexpr StartupCommand check_register(Transition when, std::uint16_t address, T value, T mask,
+                                                      Duration timeout = Duration{0}) {
+    return {.kind = StartupCommand::Kind::check_register,
+            .transitions = when,
+            .index = address,
+            .length = sizeof(T),
+            .value = detail::little_endian(value),
+            .mask = detail::little_endian(mask),
+            .timeout = timeout};
+}
+template <std::integral T>
+[[nodiscard]] constexpr StartupCommand write_object(Transition when, std::uint16_t index, std::uint8_t subindex,
+                                                    T value) {
+    return {.kind = StartupCommand::Kind::write_object,
+            .transitions = when,
+            .index = index,
+            .subindex = subindex,
+            .length = sizeof(T),
+            .value = detail::little_endian(value)};
+}
+[[nodiscard]] constexpr StartupCommand write_object(Transition when, std::uint16_t index, std::uint8_t subindex,
+                                                    std::span<const std::byte> data) {
+    return {.kind = StartupCommand::Kind::write_object,
+            .transitions = when,
+            .index = index,
+            .subindex = subindex,
+            .data = data};
+}
+// By complete access: subindex 0 in two octets, the others one behind the other. Made up of single ones where the slave
+// refuses it.
+[[nodiscard]] constexpr StartupCommand write_whole_object(Transition when, std::uint16_t index,
+                                                          std::span<const std::byte> data) {
+    return {.kind = StartupCommand::Kind::write_object,
+            .complete_access = true,
+            .transitions = when,
+            .index = index,
+            .data = data};
+}
+
+}  // namespace margay

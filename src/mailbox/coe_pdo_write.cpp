@@ -1,0 +1,158 @@
+#include "mailbox/coe_pdo_write.hpp"
+
+#include "mailbox/arena_buffer.hpp"
+#include "mailbox/coe_complete.hpp"
+#include "mailbox/coe_list.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::uint16_t kAssignment = 0x1C10;
+constexpr std::size_t kCountBytes = 2;  // what subindex 0 takes in a complete access
+
+// A list as it shall be: its elements one behind the other.
+struct WantedList {
+    const SmPdos* assignment = nullptr;  // or
+    const Pdo* mapping = nullptr;
+
+    [[nodiscard]] std::uint16_t index() const {
+        return mapping != nullptr ? mapping->index : static_cast<std::uint16_t>(kAssignment + assignment->sync_manager);
+    }
+    [[nodiscard]] std::size_t count() const {
+        return mapping != nullptr ? mapping->entries.size() : assignment->pdos.size();
+    }
+    [[nodiscard]] std::size_t element_bytes() const { return mapping != nullptr ? 4 : 2; }
+    [[nodiscard]] std::uint32_t element(std::size_t n) const {
+        if (mapping == nullptr) return assignment->pdos[n].index;
+        const PdoEntry& e = mapping->entries[n];
+        return std::uint32_t{e.index} << 16 | std::uint32_t{e.subindex} << 8 | e.bits;
+    }
+    [[nodiscard]] std::size_t bytes() const { return kCountBytes + count() * element_bytes(); }
+    void store(MutableBytes into) const {
+        store_le<std::uint16_t>(into, 0, static_cast<std::uint16_t>(count()));
+        for (std::size_t n = 0; n < count(); ++n) {
+            const std::size_t at = kCountBytes + n * element_bytes();
+            if (mapping != nullptr)
+                store_le<std::uint32_t>(into, at, element(n));
+            else
+                store_le<std::uint16_t>(into, at, static_cast<std::uint16_t>(element(n)));
+        }
+    }
+};
+
+// What the slave has in place of a list: the first element that differs, 0 the count.
+struct Difference {
+    bool any = false;
+    bool readable = true;  // one that it does not give to read it may take all the same
+    std::uint8_t subindex = 0;
+    std::uint32_t wanted = 0;
+    std::uint32_t has = 0;
+};
+
+template <class T>
+Task<Result<Difference>> compare(MailboxChannel& channel, WantedList wanted, MailPatience patience) {
+    SdoList<T> list(channel, wanted.index(), patience);
+    auto count = co_await list.open();
+    if (!count && !is_refusal(count.error())) co_return count.error();
+    if (!count) co_return Difference{.any = true, .readable = false};
+    if (*count != wanted.count())
+        co_return Difference{.any = true, .wanted = static_cast<std::uint32_t>(wanted.count()), .has = *count};
+    for (unsigned n = 0; n < wanted.count(); ++n) {
+        auto element = co_await list.element(n + 1);
+        if (!element && !is_refusal(element.error())) co_return element.error();
+        if (!element) co_return Difference{.any = true, .readable = false};
+        if (*element == wanted.element(n)) continue;
+        co_return Difference{
+            .any = true, .subindex = static_cast<std::uint8_t>(n + 1), .wanted = wanted.element(n), .has = *element};
+    }
+    co_return Difference{};
+}
+
+Task<Result<>> write_empty(MailboxChannel& channel, std::uint16_t index, MailPatience patience) {
+    static constexpr std::array kZero{std::byte{0}};
+    co_return co_await sdo_download_once(channel, {.index = index}, kZero, patience);
+}
+
+// All at once where the slave can, and else, or when it does not like it, one by one: then it is known which element it
+// does not like.
+Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, MailPatience patience) {
+    ArenaBuffer buffer(channel.arena());
+    if (!buffer.reserve(wanted.bytes()))
+        co_return channel.station().error(Errc::capacity, Step::sdo_download, wanted.index());
+    const Bytes whole = buffer.bytes().first(wanted.bytes());
+    wanted.store(buffer.bytes());
+    const bool complete = channel.whole_objects() && (channel.slave().coe_details & coe_detail::kCompleteAccess) != 0;
+    if (complete && wanted.count() != 0) {
+        auto emptied = co_await write_empty(channel, wanted.index(), patience);
+        if (!emptied && !is_refusal(emptied.error())) co_return emptied;
+        auto written =
+            co_await sdo_download_once(channel, {.index = wanted.index(), .complete = true}, whole, patience);
+        if (written || !is_refusal(written.error())) co_return written;
+        if (is_complete_access_refused(written.error())) channel.no_complete_access = true;
+    }
+    co_return co_await sdo_download_singly(channel, {.index = wanted.index(), .complete = true}, whole, patience);
+}
+
+// A list that the slave does not let anybody empty: what is wrong with it is its first element that differs.
+Error with_difference(Error error, const Difference& difference) {
+    if (error.code != Errc::sdo_abort || error.subindex != 0 || !difference.readable) return error;
+    error.subindex = difference.subindex;
+    error.expected = difference.wanted;
+    error.actual = difference.has;
+    return error;
+}
+
+Task<Result<>> write_mapping(MailboxChannel& channel, const Pdo& pdo, MailPatience patience) {
+    auto written = co_await write_list(channel, {.mapping = &pdo}, patience);
+    if (written || !is_refusal(written.error()) || written.error().subindex != 0) co_return written;
+    auto difference = co_await compare<std::uint32_t>(channel, {.mapping = &pdo}, patience);
+    co_return difference ? with_difference(written.error(), *difference) : written.error();
+}
+
+// Which of the mappings differ, a bit each; those that are not listed do not.
+struct Differing {
+    std::array<std::uint32_t, 8> bits{};
+    [[nodiscard]] bool any() const {
+        return std::ranges::any_of(bits, [](std::uint32_t b) { return b != 0; });
+    }
+    void set(std::size_t n) { bits[n / 32] |= 1U << (n % 32); }
+    [[nodiscard]] bool test(std::size_t n) const { return (bits[n / 32] >> (n % 32) & 1U) != 0; }
+};
+
+Task<Result<>> compare_mappings(MailboxChannel& channel, const SmPdos& wanted, Differing& differing,
+                                MailPatience patience) {
+    for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {
+        if (wanted.pdos[n].entries.empty()) continue;
+        auto difference = co_await compare<std::uint32_t>(channel, {.mapping = &wanted.pdos[n]}, patience);
+        if (!difference) co_return difference.error();
+        if (difference->any) differing.set(n);
+    }
+    co_return Result<>();
+}
+
+}  // namespace
+
+Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, MailPatience patience) {
+    Differing differing;
+    auto compared = co_await compare_mappings(channel, wanted, differing, patience);
+    if (!compared) co_return compared;
+    auto assignment = co_await compare<std::uint16_t>(channel, {.assignment = &wanted}, patience);
+    if (!assignment) co_return assignment.error();
+    if (!assignment->any && !differing.any()) co_return Result<>();
+    auto emptied =
+        co_await write_empty(channel, static_cast<std::uint16_t>(kAssignment + wanted.sync_manager), patience);
+    // An assignment that is fixed may be of mappings that are not.
+    const bool fixed = !emptied && is_refusal(emptied.error()) && !assignment->any;
+    if (!emptied && !fixed) co_return with_difference(emptied.error(), *assignment);
+    for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {
+        if (!differing.test(n)) continue;
+        auto written = co_await write_mapping(channel, wanted.pdos[n], patience);
+        if (!written) co_return written;
+    }
+    if (fixed) co_return Result<>();
+    co_return co_await write_list(channel, {.assignment = &wanted}, patience);
+}
+
+}  // namespace margay

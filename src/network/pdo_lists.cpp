@@ -1,0 +1,114 @@
+#include "network/pdo_lists.hpp"
+
+#include "wire/esc.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::size_t kMostElements = 254;  // of a list in the dictionary
+
+bool is_output(std::uint16_t pdo) { return pdo >= 0x1600 && pdo < 0x1800; }
+bool is_input(std::uint16_t pdo) { return pdo >= 0x1A00 && pdo < 0x1C00; }
+
+Error fault(const Slave& slave, Errc code, std::uint16_t index, std::size_t subindex = 0) {
+    return {.code = code,
+            .step = Step::configure_pdos,
+            .slave = slave.position,
+            .index = index,
+            .subindex = static_cast<std::uint8_t>(std::min<std::size_t>(subindex, 255))};
+}
+
+std::uint16_t sm_register(const SmPdos& list) { return wire::reg::sync_manager(list.sync_manager & 0xFU).address; }
+
+Error check_entries(const Slave& slave, const Pdo& pdo) {
+    if (pdo.entries.size() > kMostElements) return fault(slave, Errc::pdo_list, pdo.index);
+    const auto empty = std::ranges::find(pdo.entries, 0, &PdoEntry::bits);
+    if (empty == pdo.entries.end()) return {};
+    return fault(slave, Errc::pdo_list, pdo.index, static_cast<std::size_t>(empty - pdo.entries.begin()) + 1);
+}
+
+// How often the PDO is listed.
+std::size_t times_listed(const Slave& slave, std::uint16_t pdo) {
+    std::size_t times = 0;
+    for (const SmPdos& list : slave.config.pdos())
+        times += static_cast<std::size_t>(std::ranges::count(list.pdos, pdo, &Pdo::index));
+    return times;
+}
+
+Error check_list(const Slave& slave, const SmPdos& list) {
+    const std::uint16_t place = sm_register(list);
+    if (list.sync_manager >= slave.sm_count) {
+        Error error = fault(slave, Errc::sm_shortage, place);
+        error.expected = list.sync_manager + 1U;
+        error.actual = slave.sm_count;
+        return error;
+    }
+    const SmType type = slave.sync_managers[list.sync_manager].type;
+    if (type == SmType::mailbox_out || type == SmType::mailbox_in) return fault(slave, Errc::not_process_sm, place);
+    if (std::ranges::count(slave.config.pdos(), list.sync_manager, &SmPdos::sync_manager) > 1 ||
+        list.pdos.size() > kMostElements)
+        return fault(slave, Errc::pdo_list, place);
+    for (const Pdo& pdo : list.pdos) {
+        if ((!is_output(pdo.index) && !is_input(pdo.index)) || times_listed(slave, pdo.index) > 1)
+            return fault(slave, Errc::pdo_list, pdo.index);
+        const bool other = (type == SmType::outputs && is_input(pdo.index)) ||
+                           (type == SmType::inputs && is_output(pdo.index)) ||
+                           is_input(pdo.index) != is_input(list.pdos.front().index);
+        if (other) return fault(slave, Errc::wrong_direction, pdo.index);
+        const Error entries = check_entries(slave, pdo);
+        if (entries.code != Errc::none) return entries;
+    }
+    return {};
+}
+
+// The application has said the bits of the SyncManager too.
+Error check_size(const Slave& slave, const SmPdos& list) {
+    const ListedBits listed = listed_bits(list);
+    if (listed.open != 0) return {};
+    for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count)) {
+        if (sm.number != list.sync_manager || sm.bits == listed.bits) continue;
+        Error error = fault(slave, Errc::pdo_size, sm_register(list));
+        error.expected = sm.bits;
+        error.actual = listed.bits;
+        return error;
+    }
+    return {};
+}
+
+}  // namespace
+
+const SmPdos* find_list(const Slave& slave, std::uint8_t sync_manager) {
+    const auto found = std::ranges::find(slave.config.pdos(), sync_manager, &SmPdos::sync_manager);
+    return found == slave.config.pdos().end() ? nullptr : &*found;
+}
+
+ListedBits listed_bits(const SmPdos& list) {
+    ListedBits sum;
+    for (const Pdo& pdo : list.pdos) {
+        if (pdo.entries.empty()) ++sum.open;
+        for (const PdoEntry& entry : pdo.entries) sum.bits += entry.bits;
+    }
+    return sum;
+}
+
+Direction direction_of(const Slave& slave, const SmPdos& list) {
+    const bool input = list.pdos.empty() ? slave.sync_managers[list.sync_manager].type == SmType::inputs
+                                         : is_input(list.pdos.front().index);
+    return input ? Direction::inputs : Direction::outputs;
+}
+
+Error check_pdo_lists(const Slave& slave) {
+    const bool sizes =
+        slave.config.source == ConfigurationSource::application || slave.config.source == ConfigurationSource::file;
+    for (const SmPdos& list : slave.config.pdos()) {
+        const Error wrong = check_list(slave, list);
+        if (wrong.code != Errc::none) return wrong;
+        const Error size = sizes ? check_size(slave, list) : Error{};
+        if (size.code != Errc::none) return size;
+    }
+    return {};
+}
+
+}  // namespace margay

@@ -1,0 +1,204 @@
+#include "network/pdos.hpp"
+
+#include "mailbox/coe_pdo.hpp"
+#include "mailbox/coe_pdo_write.hpp"
+#include "mailbox/soe_pdo.hpp"
+#include "network/pdo_lists.hpp"
+#include "network/pdo_sii.hpp"
+#include "network/transition.hpp"
+
+#include <utility>
+
+namespace margay {
+namespace {
+
+// The application, or a file of its, has said where the process data is.
+bool by_application(const SlaveConfiguration& config) {
+    switch (config.source) {
+        case ConfigurationSource::application:
+        case ConfigurationSource::file: return true;
+        case ConfigurationSource::none: return config.sm_count != 0;
+        default: return false;
+    }
+}
+
+bool has_mailbox(Network& network, const Slave& slave) {
+    return network.has_mailbox(slave) && network.mailbox(slave).is_open();
+}
+
+bool has_dictionary(Network& network, const Slave& slave) {
+    return has_mailbox(network, slave) && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
+}
+
+// A difference is told and does no harm: the slave's error is left alone.
+void tell_difference(Network& network, const Slave& slave, std::uint8_t number, ConfigurationSource counts,
+                     std::uint32_t bits, ConfigurationSource other, std::uint32_t other_bits) {
+    if (bits == other_bits) return;
+    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.position};
+    told.index = wire::reg::sync_manager(number).address;
+    told.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
+    told.expected = bits;
+    told.actual = other_bits;
+    network.errors.add(told);
+}
+
+void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
+        const SmType sii = slave.sync_managers[n].type;
+        if (types[n] == sii || types[n] == SmType::unused || sii == SmType::unused) continue;
+        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.position};
+        told.index = wire::reg::sync_manager(n).address;
+        told.expected = static_cast<std::uint32_t>(types[n]);
+        told.actual = static_cast<std::uint32_t>(sii);
+        network.errors.add(told);
+    }
+}
+
+// What was found, and by whom the first of the two.
+struct Findings {
+    FoundSms counts{};
+    FoundSms sii{};
+    ConfigurationSource source = ConfigurationSource::sii;
+    bool sii_read = false;
+};
+
+Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare) {
+    if (!has_dictionary(network, slave)) co_return Result<>();
+    MailboxChannel& channel = network.mailbox(slave);
+    SmTypes types{};
+    auto said = co_await read_sm_types(channel, types, startup_patience(slave));
+    if (!said) co_return said.error();
+    if (*said && compare) compare_types(network, slave, types);
+    auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave));
+    if (known && *known) found.source = ConfigurationSource::coe;
+    co_return known ? Result<>() : Result<>(known.error());
+}
+
+// The bits of a list: its own where it tells all entries, else with what the slave tells of the others.
+Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Findings& found) {
+    const ListedBits listed = listed_bits(list);
+    const FoundSm& slaves = found.counts[list.sync_manager];
+    if (listed.open == 0) return listed.bits;
+    if (found.source == ConfigurationSource::coe && slaves.any) return slaves.bits;
+    if (found.source == ConfigurationSource::sii && slaves.any && slaves.pdos == listed.open)
+        return listed.bits + slaves.bits;
+    Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.position};
+    for (const Pdo& pdo : list.pdos)
+        if (pdo.entries.empty() && error.index == 0) error.index = pdo.index;
+    return error;
+}
+
+// By the lists, else by what was found.
+Result<> take_over(Network& network, Slave& slave, const Findings& found) {
+    SlaveConfiguration& config = slave.config;
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
+        FoundSm sm = found.counts[n];
+        if (const SmPdos* list = find_list(slave, n); list != nullptr) {
+            const auto bits = bits_of(slave, *list, found);
+            if (!bits) return bits.error();
+            if (sm.any && found.source == ConfigurationSource::coe)
+                tell_difference(network, slave, n, ConfigurationSource::application, *bits, ConfigurationSource::coe,
+                                sm.bits);
+            sm = {.any = true, .direction = direction_of(slave, *list), .bits = *bits};
+        }
+        if (sm.any)
+            (void)config.add({n, sm.direction, slave.sync_managers[n].control, slave.sync_managers[n].start, sm.bits});
+    }
+    config.source = found.source;
+    return Result<>();
+}
+static_assert(Slave::kSyncManagers <= SlaveConfiguration::kProcessSms);
+
+// What the slave itself says is told where the application says something else.
+void compare_with_application(Network& network, const Slave& slave, const Findings& found) {
+    const auto bits_of = [&](std::uint8_t n) {
+        std::uint32_t bits = 0;
+        for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count))
+            bits += sm.number == n ? sm.bits : 0;
+        return bits;
+    };
+    const auto source =
+        slave.config.source == ConfigurationSource::file ? ConfigurationSource::file : ConfigurationSource::application;
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n)
+        tell_difference(network, slave, n, source, bits_of(n), found.source, found.counts[n].bits);
+}
+
+// The dictionary counts; the SII has what the maker has meant by default. Where the application chooses, by a list or a
+// hook, it is no longer that.
+void compare_with_sii(Network& network, const Slave& slave, const Findings& found) {
+    if (slave.hooks.preop_to_safeop != nullptr || found.source != ConfigurationSource::coe) return;
+    for (std::uint8_t n = 0; n < slave.sm_count; ++n)
+        if (find_list(slave, n) == nullptr)
+            tell_difference(network, slave, n, found.source, found.counts[n].bits, ConfigurationSource::sii,
+                            found.sii[n].bits);
+}
+
+// Whose word counts of all that was found, and what is told of the others. `read`: what became of reading the SII.
+Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
+    const bool by_slave = found.source != ConfigurationSource::sii;
+    if (!by_slave) found.counts = found.sii;
+    if (by_application(slave.config)) {
+        if (by_slave || found.sii_read) compare_with_application(network, slave, found);
+        return Result<>();
+    }
+    if (!read && !by_slave) return read;
+    if (!read) network.errors.add(read.error());
+    const auto taken = take_over(network, slave, found);
+    if (!taken) slave.config.sm_count = 0;
+    if (taken && compare && found.sii_read) compare_with_sii(network, slave, found);
+    return taken;
+}
+
+}  // namespace
+
+MailPatience startup_patience(const Slave& slave) {
+    MailPatience patience;
+    const Duration own = slave.config.times().mailbox;
+    if (own > Duration{0}) patience.each = own;
+    return patience;
+}
+
+Task<Result<>> write_pdos(Network& network, Slave& slave) {
+    if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Result<>();
+    // They are written in PREOP only.
+    if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
+        auto back = co_await change_state(network, slave, AlState::preop);
+        if (!back) co_return back.error();
+    }
+    for (const SmPdos& list : slave.config.pdos()) {
+        auto written = co_await write_sm_pdos(network.mailbox(slave), list, startup_patience(slave));
+        if (written) continue;
+        Error error = written.error();
+        if (error.step == Step::sdo_download) error.step = Step::configure_pdos;
+        co_return error;
+    }
+    co_return Result<>();
+}
+
+Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+    SlaveConfiguration& config = slave.config;
+    const bool compare = !std::exchange(slave.pdos_compared, true);
+    const bool said = by_application(config);
+    const bool known = config.source == ConfigurationSource::sii && config.pdos().empty();  // which does not change
+    const Error wrong = check_pdo_lists(slave);
+    if (!said && !known) config.sm_count = 0;
+    if (wrong.code != Errc::none) co_return wrong;
+    auto written = co_await write_pdos(network, slave);
+    if (!written || known || (said && !compare)) co_return written;
+    Findings found;
+    auto by_coe = co_await ask_dictionary(network, slave, found, compare);
+    if (!by_coe) network.note(slave, by_coe.error());
+    if (found.source == ConfigurationSource::sii && has_mailbox(network, slave)) {
+        auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
+        if (!by_soe) network.note(slave, by_soe.error());
+        if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
+    }
+    Result<> read;
+    if (found.source == ConfigurationSource::sii || compare) {
+        read = co_await find_sms_by_sii(network.station(slave), slave, found.sii);
+        found.sii_read = read.ok() && slave.sii_read;
+    }
+    co_return judge(network, slave, found, read, compare);
+}
+
+}  // namespace margay

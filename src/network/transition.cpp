@@ -1,0 +1,144 @@
+#include "network/transition.hpp"
+
+#include "network/startup.hpp"
+#include "station/al_state.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay {
+namespace {
+
+struct Row {
+    Transition transition;
+    AlState from;
+    AlState to;
+    std::string_view initials;
+};
+constexpr std::array kRows{
+    Row{Transition::init_to_preop, AlState::init, AlState::preop, "IP"},
+    Row{Transition::preop_to_safeop, AlState::preop, AlState::safeop, "PS"},
+    Row{Transition::safeop_to_op, AlState::safeop, AlState::op, "SO"},
+    Row{Transition::op_to_safeop, AlState::op, AlState::safeop, "OS"},
+    Row{Transition::op_to_preop, AlState::op, AlState::preop, "OP"},
+    Row{Transition::op_to_init, AlState::op, AlState::init, "OI"},
+    Row{Transition::safeop_to_preop, AlState::safeop, AlState::preop, "SP"},
+    Row{Transition::safeop_to_init, AlState::safeop, AlState::init, "SI"},
+    Row{Transition::preop_to_init, AlState::preop, AlState::init, "PI"},
+    Row{Transition::init_to_boot, AlState::init, AlState::boot, "IB"},
+    Row{Transition::boot_to_init, AlState::boot, AlState::init, "BI"},
+};
+
+const Row* row_of(Transition which) {
+    const auto row = std::ranges::find_if(kRows, [&](const Row& r) { return contains(which, r.transition); });
+    return row == kRows.end() ? nullptr : &*row;
+}
+
+bool goes_up(Transition which) {
+    return contains(
+        Transition::init_to_preop | Transition::preop_to_safeop | Transition::safeop_to_op | Transition::init_to_boot,
+        which);
+}
+
+bool concerns(const Slave& slave, Transition which, Moment moment) {
+    return which != Transition::none && (slave.hooks.transition != nullptr || has_commands(slave, which, moment));
+}
+
+// Asked again as long as it says busy.
+Task<Result<>> call_hook(Network& network, Slave& slave, Transition which, Moment moment) {
+    for (;;) {
+        const auto done = slave.hooks.transition(*network.context, slave.position, which, moment, slave.hooks.user);
+        if (done.error().code != Errc::busy) co_return done;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+}
+
+}  // namespace
+
+Transition transition(AlState from, AlState to) {
+    const auto row = std::ranges::find_if(kRows, [&](const Row& r) { return r.from == from && r.to == to; });
+    return row == kRows.end() ? Transition::none : row->transition;
+}
+
+std::string_view initials(Transition one) {
+    const Row* row = row_of(one);
+    return row == nullptr ? "" : row->initials;
+}
+
+Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
+    if (!concerns(slave, which, moment)) co_return Result<>();
+    const bool up = goes_up(which);
+    auto done = co_await run_commands(network, slave, which, moment);
+    if (!done && !up) network.note(slave, done.error());
+    if (slave.hooks.transition != nullptr && (done || !up)) {
+        done = co_await call_hook(network, slave, which, moment);
+        if (!done && !up) network.note(slave, done.error());
+    }
+    co_return up ? done : Result<>();
+}
+
+Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Duration timeout) {
+    const Station station = network.station(slave);
+    if (limited(slave, state) != state) co_return above_highest(station, slave, state);
+    if (slave.al.state == AlState::none) {
+        auto now = co_await read_al_status(station);
+        if (!now) co_return now;
+        slave.al = *now;
+    }
+    const Transition which = transition(slave.al.state, state);
+    if (concerns(slave, which, Moment::before)) {
+        auto before = co_await around_transition(network, slave, which, Moment::before);
+        if (!before) co_return before.error();
+    }
+    slave.requested = Transition::none;
+    const Duration patience = timeout == Duration{0} ? al_timeout(slave, state) : timeout;
+    auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
+    if (!changed) {
+        auto seen = co_await read_al_status(station);
+        slave.al = seen ? *seen : AlStatus{};
+        co_return changed;
+    }
+    slave.al = *changed;
+    if (concerns(slave, which, Moment::after)) {
+        auto after = co_await around_transition(network, slave, which, Moment::after);
+        if (!after) co_return after.error();
+    }
+    co_return changed;
+}
+
+bool request_is_met(const Slave& slave) {
+    const Row* row = row_of(slave.requested);
+    return row != nullptr && slave.al.state == row->to && !slave.al.error;
+}
+
+Task<Result<>> settle_request(Network& network, Slave& slave) {
+    if (!request_is_met(slave)) co_return Result<>();
+    const Transition which = std::exchange(slave.requested, Transition::none);
+    auto after = co_await around_transition(network, slave, which, Moment::after);
+    if (!after) network.note(slave, after.error());
+    co_return Result<>();
+}
+
+Error above_highest(const Station& station, const Slave& slave, AlState state) {
+    Error error = station.error(Errc::above_highest, Step::request_state);
+    error.expected = static_cast<std::uint32_t>(slave.config.highest);
+    error.actual = static_cast<std::uint32_t>(state);
+    return error;
+}
+
+Duration al_timeout(const Slave& slave, AlState state) {
+    const SlaveTimes times = slave.config.times();
+    const bool down = slave.al.state > state || state == AlState::init;
+    const Duration own = down                       ? times.down
+                         : state == AlState::safeop ? times.to_safeop
+                         : state == AlState::op     ? times.to_op
+                                                    : times.to_preop;
+    return own > Duration{0} ? own : default_al_timeout(down ? AlState::init : state);
+}
+
+AlState limited(const Slave& slave, AlState wanted) {
+    const bool process = wanted == AlState::safeop || wanted == AlState::op;
+    return process && wanted > slave.config.highest ? slave.config.highest : wanted;
+}
+
+}  // namespace margay
