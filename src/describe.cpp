@@ -25,7 +25,19 @@ unsigned sync_manager(std::uint16_t address) {
     return (address - unsigned{wire::reg::kSyncManagerBase}) / wire::reg::kSyncManagerStride;
 }
 
+void write_parameter(TextWriter& out, const Error& e) {
+    std::array<char, 8> idn{};
+    out << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
+}
+
 void write_command(TextWriter& out, const Error& e) {
+    const bool by_soe = e.code == Errc::soe_error || e.code == Errc::command_failed;
+    if (by_soe || (e.code != Errc::sdo_abort && e.detail == Error::kParameterCommand)) {
+        out << " (no. " << unsigned{e.place} << ", ";
+        write_parameter(out, e);
+        out << ")";
+        return;
+    }
     const bool mail = e.code == Errc::sdo_abort || e.code == Errc::mailbox_error || e.detail != Error::kRegisterCommand;
     (out << " (no. " << unsigned{e.place} << ", " << (mail ? "object " : "register ")).hex(e.index, 4);
     if (mail) out << ":" << unsigned{e.subindex};
@@ -43,11 +55,10 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::sdo_information: (out << " of ").hex(e.index, 4) << ":" << e.subindex; break;
         case Step::soe_read:
         case Step::soe_write:
-        case Step::soe_command: {
-            std::array<char, 8> idn{};
-            out << " of " << to_text(Idn{e.index}, idn) << ", drive " << e.subindex;
+        case Step::soe_command:
+            out << " of ";
+            write_parameter(out, e);
             break;
-        }
         case Step::read_register:
         case Step::write_register: (out << " at register ").hex(e.index, 4); break;
         case Step::configure_pdos:

@@ -118,12 +118,14 @@ struct Error {
     std::uint16_t index = 0;     // register address, SII word address, object index or IDN, as the step has it
     std::uint8_t subindex = 0;   // or the number of the drive
     std::uint8_t place = 0;      // of a command in its list, 1 the first
-    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code; kRegisterCommand
+    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code; k…Command
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 
     // Detail of what went wrong with a command for a register: `index` is no object.
     static constexpr std::uint32_t kRegisterCommand = 1;
+    // The same: `index` is an IDN, `subindex` a drive.
+    static constexpr std::uint32_t kParameterCommand = 2;
 
     friend constexpr bool operator==(const Error&, const Error&) = default;
 };

@@ -16,6 +16,7 @@
 #pragma once
 
 #include <margay/al_state.hpp>
+#include <margay/idn.hpp>
 #include <margay/time.hpp>
 
 #include <array>
@@ -61,8 +62,10 @@ struct StartupCommand {
     enum class Kind : std::uint8_t {
         write_register,  // ESC registers or memory, by station address
         check_register,  // read until it is as wanted, for `timeout`
-        write_object,  // SDO download. The mailbox works from PREOP on: what is to be done at IP or IB is done when the
-                       // slave is there
+        // By mailbox, which works from PREOP on: what is to be done at IP or IB is done when the slave is there.
+        write_object,       // SDO download
+        write_parameter,    // SoE write of a value: `index` is the IDN, `subindex` the number of the drive
+        execute_parameter,  // SoE procedure command, until it is done; `timeout` is for the whole of it
     };
 
     Kind kind = Kind::write_register;
@@ -70,7 +73,7 @@ struct StartupCommand {
     bool may_fail = false;         // what goes wrong is told in errors() and does not stop the slave
     bool complete_access = false;  // of an object: all of it
     Transition transitions = Transition::none;
-    std::uint16_t index = 0;  // of the object, or the address of the register
+    std::uint16_t index = 0;  // of the object, the IDN, or the address of the register
     std::uint8_t subindex = 0;
     std::uint8_t length = 0;            // octets of `value`
     std::array<std::byte, 8> value{};   // as they go onto the wire, little-endian
@@ -160,6 +163,30 @@ template <std::integral T>
             .transitions = when,
             .index = index,
             .data = data};
+}
+// A value, of a list with its head; what is to decide on the telegrams belongs to IP, so that config_map() sees it.
+template <std::integral T>
+[[nodiscard]] constexpr StartupCommand write_parameter(Transition when, std::uint8_t drive, Idn idn, T value) {
+    return {.kind = StartupCommand::Kind::write_parameter,
+            .transitions = when,
+            .index = idn.value,
+            .subindex = drive,
+            .length = sizeof(T),
+            .value = detail::little_endian(value)};
+}
+[[nodiscard]] constexpr StartupCommand write_parameter(Transition when, std::uint8_t drive, Idn idn,
+                                                       std::span<const std::byte> data) {
+    return {.kind = StartupCommand::Kind::write_parameter,
+            .transitions = when,
+            .index = idn.value,
+            .subindex = drive,
+            .data = data};
+}
+[[nodiscard]] constexpr StartupCommand execute_parameter(Transition when, std::uint8_t drive, Idn idn) {
+    return {.kind = StartupCommand::Kind::execute_parameter,
+            .transitions = when,
+            .index = idn.value,
+            .subindex = drive};
 }
 
 }  // namespace margay

@@ -1,6 +1,7 @@
 #include "network/startup.hpp"
 
 #include "mailbox/coe_sdo.hpp"
+#include "mailbox/soe.hpp"
 #include "network/pdos.hpp"
 
 #include <algorithm>
@@ -20,10 +21,18 @@ Step step_of(Transition which) {
                                         kSteps.size() - 1)];
 }
 
+bool by_mailbox(const StartupCommand& command) {
+    return command.kind != StartupCommand::Kind::write_register && command.kind != StartupCommand::Kind::check_register;
+}
+
+bool by_soe(const StartupCommand& command) {
+    return by_mailbox(command) && command.kind != StartupCommand::Kind::write_object;
+}
+
 // In INIT there is no mailbox: what is to be sent before it is left is sent as soon as that is done.
 Moment moment_of(const StartupCommand& command, Transition which) {
     const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
-    return command.kind == StartupCommand::Kind::write_object && early ? Moment::after : command.moment;
+    return by_mailbox(command) && early ? Moment::after : command.moment;
 }
 
 bool is_due(const StartupCommand& command, Transition which, Moment moment) {
@@ -38,6 +47,9 @@ bool can_be(const StartupCommand& command) {
         case StartupCommand::Kind::check_register:
             return command.data.empty() && command.length != 0 && command.length <= command.value.size();
         case StartupCommand::Kind::write_object: return command.length <= command.value.size();
+        case StartupCommand::Kind::write_parameter:
+        case StartupCommand::Kind::execute_parameter:
+            return command.length <= command.value.size() && command.subindex < wire::soe::kDrives;
     }
     return false;
 }
@@ -79,14 +91,26 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
     }
 }
 
-Task<Result<>> write_object_of(Network& network, Slave& slave, const StartupCommand& command) {
+MailPatience patience_of(Network& network, const Slave& slave, const StartupCommand& command) {
+    if (command.timeout <= Duration{0}) return startup_patience(slave);
+    return {.give_up = network.engine.now() + command.timeout, .each = command.timeout};
+}
+
+Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& command) {
     if (!network.has_mailbox(slave) || !network.mailbox(slave).is_open())
         co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
-    MailPatience patience = startup_patience(slave);
-    if (command.timeout > Duration{0})
-        patience = {.give_up = network.engine.now() + command.timeout, .each = command.timeout};
+    MailboxChannel& channel = network.mailbox(slave);
+    const MailPatience patience = patience_of(network, slave, command);
+    if (by_soe(command)) {
+        if ((slave.mailbox.protocols & mailbox_protocol::kSoE) == 0)
+            co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
+        const SoeTarget target{.idn = Idn{command.index}, .drive = command.subindex};
+        if (command.kind == StartupCommand::Kind::execute_parameter)
+            co_return co_await soe_execute(channel, target, patience);
+        co_return co_await soe_write(channel, target, command.octets(), patience);
+    }
     const SdoObject object{.index = command.index, .subindex = command.subindex, .complete = command.complete_access};
-    co_return co_await sdo_download(network.mailbox(slave), object, command.octets(), patience);
+    co_return co_await sdo_download(channel, object, command.octets(), patience);
 }
 
 Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& command) {
@@ -95,7 +119,9 @@ Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& com
             co_return co_await write_register_of(network.station(slave), command);
         case StartupCommand::Kind::check_register:
             co_return co_await check_register_of(network.station(slave), command);
-        case StartupCommand::Kind::write_object: co_return co_await write_object_of(network, slave, command);
+        case StartupCommand::Kind::write_object:
+        case StartupCommand::Kind::write_parameter:
+        case StartupCommand::Kind::execute_parameter: co_return co_await mail(network, slave, command);
     }
     co_return Result<>();
 }
@@ -119,7 +145,8 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
         error.step = step_of(which);
         error.slave = slave.position;
         error.index = command.index;
-        if (command.kind != StartupCommand::Kind::write_object) error.detail = Error::kRegisterCommand;
+        if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
+        if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
         if (error.subindex == 0) error.subindex = command.subindex;
         error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
         if (!command.may_fail) co_return error;

@@ -433,5 +433,67 @@ TEST_F(SourcesDiffer, AnApplicationThatChoosesByAHookIsNotTold) {
     EXPECT_EQ(errors(), std::vector<std::string>());
 }
 
+// Parameters by SoE: at IP, so that the mapping sees the telegram, at the other transitions, and again after a loss of
+// power.
+TEST_F(Startup, ParametersOfDrivesDecideOnTheirTelegramsAndAreReplayed) {
+    plug("soe_drive");
+    static constexpr std::array kList{std::byte{4},  std::byte{0}, std::byte{4},  std::byte{0},
+                                      std::byte{51}, std::byte{0}, std::byte{84}, std::byte{0}};
+    static constexpr StartupCommand kCommands[] = {
+        write_parameter(init_to_preop, 0, Idn::standard(15), std::uint16_t{2}),
+        write_parameter(init_to_preop, 1, Idn::standard(16), kList),
+        write_parameter(preop_to_safeop, 1, Idn::standard(32), std::uint16_t{2}),
+        execute_parameter(preop_to_safeop, 1, Idn::standard(99)),
+        write_parameter(safeop_to_op, 0, Idn::standard(92), std::uint16_t{500}),
+    };
+    static constexpr SlaveSetup kSetup{.startup = kCommands};
+    static constexpr SlaveConfiguration kConfig{.setup = &kSetup};
+    const ExpectedSlave expected[] = {{.position = 1, .config = &kConfig}};
+    switch_on();
+    ASSERT_TRUE(init(ctx, wire, osal));
+    ASSERT_TRUE(expect(ctx, expected));
+    ASSERT_TRUE(config_init(ctx)) << told(1);
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1);
+    EXPECT_EQ(ctx.slave(1).image.inputs.bits, 16U + 32 + 16 + 32 + 16);
+    const auto limit = [&] {
+        SoeRead request;
+        std::array<std::byte, 2> value{};
+        request.slave = 1;
+        request.idn = Idn::standard(92);
+        request.data = value;
+        EXPECT_TRUE(submit(ctx, request));
+        while (request.busy()) (void)cycle();
+        return load_le<std::uint16_t>(value);
+    };
+    EXPECT_EQ(limit(), 500);
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(5);
+    power_comes_back(0);
+    EXPECT_EQ(limit(), 500);
+}
+
+TEST_F(Startup, WhatADriveRefusesIsNamed) {
+    plug("soe_drive");
+    plug_odd({});
+    start();
+    const auto says = [&](const StartupCommand& command) {
+        const StartupCommand list[] = {command};
+        return wrong_with(list);
+    };
+    EXPECT_EQ(
+        says(write_parameter(preop_to_safeop, 1, Idn::standard(32), std::uint16_t{9})),
+        "slave 1: command at PS (no. 1, S-0-0032, drive 1): the drive refused (error code 0x7007: value above the "
+        "maximum)");
+    EXPECT_EQ(says(execute_parameter(preop_to_safeop, 0, Idn::standard(148))),
+              "slave 1: command at PS (no. 1, S-0-0148, drive 0): the drive refused (error code 0x7012: the command "
+              "cannot be executed at this time)");
+    EXPECT_EQ(says(write_parameter(preop_to_safeop, 8, Idn::product(1), std::uint32_t{9})),
+              "slave 1: command at PS (no. 1, P-0-0001, drive 8): argument out of range");
+    ctx.slave(1).mailbox.protocols = 0;
+    EXPECT_EQ(says(write_parameter(preop_to_safeop, 0, Idn::product(1), std::uint32_t{9})),
+              "slave 1: command at PS (no. 1, P-0-0001, drive 0): not supported by the slave");
+}
+
 }  // namespace
 }  // namespace margay
