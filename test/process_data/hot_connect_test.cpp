@@ -95,6 +95,63 @@ TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     expect_exchanged(5, fifth);
 }
 
+// From nothing: the SII, start-up lists, the hook that was set while it was away, asked again while it is busy.
+TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
+    static constexpr StartupCommand kList[] = {
+        write_register(Transition::init_to_preop, 0x0F80, std::uint8_t{0x11}),
+        write_register(Transition::preop_to_safeop, 0x0F81, std::uint8_t{0x22}),
+        write_register(Transition::safeop_to_op, 0x0F82, std::uint8_t{0x33}),
+    };
+    static constexpr SlaveSetup kSetup{.startup = kList};
+    SlaveConfiguration config = io();
+    config.setup = &kSetup;
+    config.process_data_watchdog = std::chrono::milliseconds(50);
+    ExpectedSlave late = at(4, 0x103, true);
+    late.config = &config;
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), late};
+    EXPECT_EQ(bring_up(expected), Words());
+    int calls = 0;
+    ctx->slave(4).hooks.user = &calls;
+    ctx->slave(4).hooks.preop_to_safeop = [](Context& c, std::uint16_t slave, void* user) -> Result<> {
+        EXPECT_EQ(slave, 4);
+        EXPECT_EQ(c.slave(slave).al.state, AlState::preop);
+        return ++*static_cast<int*>(user) < 5 ? Result<>(Error{.code = Errc::busy, .slave = slave}) : Result<>();
+    };
+    run();
+    EXPECT_EQ(calls, 0) << "nobody is there to be asked about";
+    const auto fourth = make({.product = 0x103});
+    plug({line[2], 1}, fourth);
+    power(fourth, true);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    EXPECT_EQ(calls, 5);
+    EXPECT_EQ(segment.slave(fourth).peek(0x0F80, 3), (std::vector{std::byte{0x11}, std::byte{0x22}, std::byte{0x33}}));
+    EXPECT_EQ(segment.slave(fourth).registers().get<std::uint16_t>(0x0420), 500) << "its watchdog, in steps of 100 us";
+    expect_exchanged(4, fourth);
+}
+
+// One with a mailbox: its objects can be read when it has come.
+TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.position = 4, .optional = true}};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
+    ASSERT_TRUE(segment.connect({line[2], 1}, {fourth, 0}));
+    power(fourth, true);
+    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop && !ctx->slave(4).recovering; })) << joined(events());
+    std::array<std::byte, 4> vendor{};
+    SdoUpload upload;
+    upload.slave = 4;
+    upload.index = 0x1018;
+    upload.subindex = 1;
+    upload.data = vendor;
+    ASSERT_TRUE(submit(*ctx, upload).ok());
+    ASSERT_TRUE(until([&] { return !upload.busy(); }));
+    std::array<char, 256> text{};
+    EXPECT_EQ(upload.state(), RequestState::success) << describe(upload.error(), text);
+    EXPECT_EQ(vendor, (std::array{std::byte{0x47}, std::byte{0x4D}, std::byte{0}, std::byte{0}}));
+    EXPECT_EQ(*cycle(), 9U);
+}
+
 // Without a word of what it exchanges there is no place in the image: it comes as far as PREOP, and that is said.
 TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ExpectedSlave late = at(4, 0x103, true);
