@@ -33,7 +33,7 @@ struct LineErrors {
 // When the number of slaves has changed it goes through the ring and keeps slave(n).ring, parent and ports right.
 // Expected slaves that were missing are taken in when they appear, from nothing: SII, mailboxes, start-up lists, hooks,
 // process data (ExpectedSlave says how they are known). Whoever is nobody's is told as stranger, with where it hangs,
-// and left alone until config_init() scans anew.
+// once it was found twice, `retry` apart, and left alone until config_init() scans anew.
 //
 // Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of slaves are called from poll() here:
 // they must not wait, but may return Errc::busy to be asked again.

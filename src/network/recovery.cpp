@@ -99,8 +99,9 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
 
 }  // namespace
 
+// That it does not answer the next look will tell.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
-    if (slave.al == now) return;
+    if (slave.al == now || now.state == AlState::none) return;
     network.tell({.kind = EventKind::state, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
 }

@@ -92,6 +92,17 @@ Task<Result<>> read_ring(Network& network) {
     co_return Result<>();
 }
 
+// Those of whom nothing is in the ring, though nobody has noticed yet: a newcomer may be one of them.
+Task<Result<>> miss_absent(Network& network) {
+    for (Slave& slave : network.slaves()) {
+        if (slave.ring != 0 || slave.recovering || slave.al.state == AlState::none) continue;
+        auto there = co_await read_al_status(network.station(slave));
+        const bool answers = there || there.error().code != Errc::working_counter;
+        if (!answers && !slave.recovering && slave.al.state != AlState::none) note_lost(network, slave);
+    }
+    co_return Result<>();
+}
+
 // ------------------------------------------------------------------ who is it
 
 // Gives a newcomer the guest's address, unless the ring is not what it was any more: then whoever got it gets back what
@@ -122,6 +133,19 @@ Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
     co_return written;
 }
 
+// Guests who went away before it was known who they are, and are back.
+Task<Result<>> forget_guests(Network& network) {
+    bool any = false;
+    for (RingPlace& place : network.seen_ring()) {
+        if (place.address != guest_address(network).value) continue;
+        place.address = 0;
+        any = true;
+    }
+    if (!any) co_return Result<>();
+    auto renamed = co_await rename(network, guest_address(network), 0);
+    co_return renamed || renamed.error().code == Errc::working_counter ? Result<>() : renamed;
+}
+
 Task<Result<Identity>> read_identity(Station station) {
     auto taken = co_await sii_assign(station, false);
     if (!taken) co_return taken.error();
@@ -149,7 +173,8 @@ Task<Result<>> ask_guest(Network& network) {
         if (!assigned) co_return assigned;
         auto surveyed = co_await survey(network, guest);
         if (!surveyed) co_return surveyed;
-        if (!guest.seen) co_return guest.error;
+        // What could not be read is no answer; that it has no id, and an SII that contradicts itself, are.
+        if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
         auto offered = co_await sii_assign(station, true);
         if (!offered) co_return offered;
     } else {
@@ -262,18 +287,32 @@ void tell_stranger(Network& network, std::uint16_t n) {
     network.tell(event);
 }
 
-// One whom nobody knows gets a mark for an address: it is told only once.
+// One whom nobody knows gets a mark for an address. He is told when he is found a second time, a ring that changes
+// while it is gone through deceives; and not again after that.
 Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
-    auto marked = co_await rename(network, network.guest.station_address, network.stranger_mark);
+    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of those who were told
+    const std::uint16_t told = network.stranger_mark;
+    const std::uint16_t before = network.ring[n].address;
+    const bool at_once = told == 0;
+    const bool again = !at_once && before == told - kSuspect;
+    const bool known = !at_once && before == told;
+    const auto mark = static_cast<std::uint16_t>(at_once || again || known ? told : told - kSuspect);
+    auto marked = co_await rename(network, network.guest.station_address, mark);
     if (!marked) co_return marked;
-    const bool told = network.ring[n].address == network.stranger_mark && network.stranger_mark != 0;
-    network.ring[n].address = network.stranger_mark;
-    if (told) co_return Result<>();
+    network.ring[n].address = mark;
+    if (!at_once && !again) co_return Result<>();
     if (instead_of != nullptr)
         tell_other(network, *instead_of);
     else
         tell_stranger(network, n);
     co_return Result<>();
+}
+
+// Below one who could not be asked nobody can be told: it may be the head of their group.
+bool below_unasked(Network& network, std::size_t n) {
+    for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
+        if (network.ring[at - 1U].unasked) return true;
+    return false;
 }
 
 // Says whether it is one of ours.
@@ -332,15 +371,27 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     const Searching searching(network);
     auto read = co_await read_ring(network);
     if (!read) co_return read.error();
+    auto forgotten = co_await forget_guests(network);
+    if (!forgotten) co_return forgotten.error();
+    auto missed = co_await miss_absent(network);
+    if (!missed) co_return missed.error();
     std::uint16_t found = 0;
     Error error;
     for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
-        if (network.ring[n].slave != 0) continue;
+        if (network.ring[n].slave != 0 || below_unasked(network, n)) continue;
         auto ours = co_await receive_newcomer(network, n);
+        network.ring[n].unasked = !ours;
         if (!ours) error = ours.error();  // of this one: those behind may be well
         if (ours && *ours) ++found;
     }
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
+}
+
+void note_lost(Network& network, Slave& slave) {
+    network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
+    slave.al = {};
+    slave.ring = 0;
+    set_takes_part(network, slave, false);
 }
 
 // FMMUs that are as we have written them are proof enough, and the cycle waits for them. Else the SII is asked.

@@ -23,6 +23,9 @@ struct Roll {
 // search is under way), unstable (the ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::uint16_t>> find_lost(Network& network);
 
+// A slave does not answer any more: told, and counted on no more.
+void note_lost(Network& network, Slave& slave);
+
 // A lost slave answers at its own address: whether it is that slave. If so it is told as found, and takes part in the
 // cycle again if it has kept its mapping; if not it loses the address, and is one for find_lost().
 [[nodiscard]] Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now);

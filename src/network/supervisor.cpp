@@ -52,11 +52,8 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (seen.error().code != Errc::working_counter || !was_there || slave.recovering) co_return Result<>();
-        network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
-        slave.al = {};
-        slave.ring = 0;
-        set_takes_part(network, slave, false);
+        if (seen.error().code != Errc::working_counter || !was_there || slave.al.state == AlState::none || slave.recovering) co_return Result<>();
+        note_lost(network, slave);
         co_return Result<>();
     }
     if (slave.al.state == AlState::none && seen->state != AlState::none) co_return co_await welcome_back(network, slave, *seen);

@@ -15,9 +15,11 @@ constexpr std::uint16_t code_offset = reg::kAlStatusCode.address - reg::kAlStatu
 
 AlStatus load_al_status(std::uint64_t status_to_code) {
     const auto status = static_cast<std::uint16_t>(status_to_code);
+    // While the slave shows its device id, the code is that (ETG.1020).
+    const bool is_code = (status & wire::al::kDeviceIdentification) == 0;
     return {.state = static_cast<AlState>(status & wire::al::kStateMask),
             .error = (status & wire::al::kErrorIndication) != 0,
-            .code = static_cast<std::uint16_t>(status_to_code >> (8 * code_offset))};
+            .code = is_code ? static_cast<std::uint16_t>(status_to_code >> (8 * code_offset)) : std::uint16_t{0}};
 }
 
 }  // namespace

@@ -9,6 +9,7 @@ namespace margay {
 struct Plant : Bus {
     std::vector<std::byte> image = std::vector<std::byte>(1024);
     SuperviseRequest supervision;
+    Limits limits{.slaves = 32};
 
     // A slave of 8 bits each way, not connected yet. Returns its number in the segment, from 0.
     std::uint32_t make(const IoDevice& of) {
@@ -28,7 +29,7 @@ struct Plant : Bus {
         if (!nic) {
             segment.power_up(osal.now());
             nic = std::make_unique<SimulatedNic>(segment, osal);
-            ctx = std::make_unique<HostContext>(Limits{.slaves = 32});
+            ctx = std::make_unique<HostContext>(limits);
             EXPECT_TRUE(init(*ctx, *nic, osal).ok());
         }
         EXPECT_TRUE(expect(*ctx, expected).ok());
