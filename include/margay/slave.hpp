@@ -139,38 +139,39 @@ struct Slave {
 
     std::uint16_t position = 0;  // its number, 1 the first; as config_init() gave it (expect() says how)
     StationAddress station_address;
-    std::uint16_t alias = 0;     // ESC register 0x0012, loaded from the SII
+    std::uint16_t alias = 0;  // ESC register 0x0012, loaded from the SII
+    std::uint16_t dl_status = 0;
     Identity identity;
     DlInformation dl;
-    std::uint16_t dl_status = 0;
-    AlStatus al;                    // as last read
-    // Its place in the ring as seen last, 1 the first; 0: it is not there. Without hot connect groups and missing slaves the same as `position`.
+    AlStatus al;  // as last read
+    // Its place in the ring as seen last, 1 the first; 0: it is not there. Without hot connect groups and missing
+    // slaves the same as `position`.
     std::uint16_t ring = 0;
     // Explicit device id (ETG.1020), of a switch on the device mostly; asked for where expect() wants one.
     std::optional<std::uint16_t> device_id{};
     // Requested and not yet seen: what comes after it is still to come.
     Transition requested = Transition::none;
-    bool device_emulation = false;  // AL status mirrors AL control: never acknowledge an error here
-    bool seen = false;              // it has been there since config_init() began: what the ESC and the SII say is known
-    bool hook_failed = false;       // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
-    bool pdos_failed = false;       // its PDOs cannot be made what its configuration wants: likewise
-    bool pdos_compared = false;     // that sources differ on its PDOs has been told
-    bool takes_part = false;        // its process data is configured and, as far as known, exchanged
-    bool recovering = false;        // the supervision is bringing it back
-    bool told_missing = false;      // the supervision has told that its hot connect group is there without it
+    bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error here
+    bool seen : 1 = false;          // it has been there since config_init() began: what ESC and SII say is known
+    bool hook_failed : 1 = false;   // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
+    bool pdos_failed : 1 = false;   // its PDOs cannot be made what its configuration wants: likewise
+    bool pdos_compared : 1 = false;  // that sources differ on its PDOs has been told
+    bool takes_part : 1 = false;    // its process data is configured and, as far as known, exchanged
+    bool recovering : 1 = false;    // the supervision is bringing it back
+    bool told_missing : 1 = false;  // the supervision has told that its hot connect group is there without it
     std::uint8_t attempts = 0;      // of the supervision since it was last where it belongs
 
     // Topology: every slave but the first hangs at a port of another one.
-    std::uint16_t parent = 0;       // 0: the master
+    std::uint16_t parent = 0;  // 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
     std::array<Port, 4> ports{};
 
     // From the SII. sync_managers and fmmus are in the order of the SII, cut at the size of the table.
-    std::uint32_t sii_bytes = 0;      // size of the EEPROM by its own word 0x003E
+    std::uint32_t sii_bytes = 0;  // size of the EEPROM by its own word 0x003E
     MailboxInfo mailbox;
-    MailboxInfo boot_mailbox;         // protocols as in mailbox
-    std::uint8_t coe_details = 0;     // coe_detail bits
+    MailboxInfo boot_mailbox;      // protocols as in mailbox
+    std::uint8_t coe_details = 0;  // coe_detail bits
     std::uint8_t foe_details = 0;
     std::uint8_t eoe_details = 0;
     DeviceIdSource device_id_source = DeviceIdSource::none;
@@ -179,8 +180,12 @@ struct Slave {
     bool sii_read = false;
     std::uint8_t sm_count = 0;
     std::uint8_t fmmu_count = 0;
+    std::uint8_t name_bytes = 0;  // of name_text
     std::array<SmInfo, kSyncManagers> sync_managers{};
     std::array<FmmuUse, kFmmus> fmmu_use{};
+
+    // The first thing that went wrong with this slave since the last scan began; errc none when nothing has.
+    Error error;
 
     // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
     const ExpectedSlave* wanted = nullptr;
@@ -190,12 +195,9 @@ struct Slave {
     SlaveImage image;
     SlaveHooks hooks;
 
-    // The first thing that went wrong with this slave since the last scan began; errc none when nothing has.
-    Error error;
-
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};
-    std::uint8_t name_bytes = 0;
 };
+static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 512);  // many of them fit a small memory
 
 }  // namespace margay

@@ -7,8 +7,6 @@
 #include "network/pdo_sii.hpp"
 #include "network/transition.hpp"
 
-#include <utility>
-
 namespace margay {
 namespace {
 
@@ -177,7 +175,8 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     SlaveConfiguration& config = slave.config;
-    const bool compare = !std::exchange(slave.pdos_compared, true);
+    const bool compare = !slave.pdos_compared;
+    slave.pdos_compared = true;
     const bool said = by_application(config);
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty();  // which does not change
     const Error wrong = check_pdo_lists(slave);
