@@ -1,5 +1,7 @@
 #include "layers/house_check.hpp"
 
+#include <algorithm>
+
 namespace margay::layers {
 
 Faults length_faults(const SourceTree& tree) {
@@ -9,6 +11,20 @@ Faults length_faults(const SourceTree& tree) {
         if (const auto lines = lines_of(file.text).size(); lines > kMaxFileLines)
             faults.push_back(file.path + ": " + std::to_string(lines) + " lines; one subject fits in " +
                              std::to_string(kMaxFileLines));
+    }
+    return faults;
+}
+
+Faults width_faults(const SourceTree& tree) {
+    const auto columns = [](std::string_view line) {
+        return static_cast<std::size_t>(std::ranges::count_if(line, [](char c) { return (c & 0xC0) != 0x80; }));
+    };
+    Faults faults;
+    for (const auto& file : tree) {
+        const auto lines = lines_of(file.text);
+        for (std::size_t n = 0; n < lines.size(); ++n)
+            if (columns(lines[n]) > kMaxColumns)
+                faults.push_back(file.path + ":" + std::to_string(n + 1) + ": wider than " + std::to_string(kMaxColumns) + " columns");
     }
     return faults;
 }

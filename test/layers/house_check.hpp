@@ -9,9 +9,13 @@
 namespace margay::layers {
 
 inline constexpr std::size_t kMaxFileLines = 500;
+inline constexpr std::size_t kMaxColumns = 120;
 
 // Files of the library that have grown too long.
 Faults length_faults(const SourceTree& tree);
+
+// Lines that are wider than a page, of all files.
+Faults width_faults(const SourceTree& tree);
 
 // Folders with sources (a contract header alone is its own note) without a README.md. `notes` are the paths
 // of those there are.

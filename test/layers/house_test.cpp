@@ -13,6 +13,11 @@ TEST(House, FilesAreShort) {
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 
+TEST(House, LinesFitAPage) {
+    const auto faults = width_faults(load_tree(kTop));
+    EXPECT_TRUE(faults.empty()) << joined(faults);
+}
+
 TEST(House, EveryFolderHasItsReadme) {
     std::set<std::string> notes;
     for (const auto* folder : {"include", "src", "osal", "oshw", "samples", "test"})
@@ -36,6 +41,10 @@ TEST(House, CatchesLongFilesAndMissingNotes) {
     for (std::size_t i = 0; i < kMaxFileLines; ++i) text += "\n";
     EXPECT_EQ(length_faults({{"src/util/a.cpp", text}}).size(), 0U);
     EXPECT_EQ(length_faults({{"src/util/a.cpp", text + "x"}}).size(), 1U);
+    std::string wide;
+    for (std::size_t i = 0; i < kMaxColumns; ++i) wide += "é";
+    EXPECT_EQ(width_faults({{"src/util/a.cpp", wide + "\n"}}).size(), 0U);
+    EXPECT_EQ(joined(width_faults({{"test/a.cpp", "\n" + wide + "x\n"}})), "\ntest/a.cpp:2: wider than 120 columns");
     const SourceTree tree = {
         {"src/util/a.cpp", ""}, {"src/util/b.cpp", ""}, {"src/wire/c.cpp", ""}, {"test/x/y.cpp", ""}};
     EXPECT_EQ(joined(readme_faults(tree, {"src/util/README.md", "test/README.md"})),
