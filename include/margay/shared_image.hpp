@@ -47,7 +47,8 @@ class TripleBuffer {
 // The image of a group for one other thread than that of the cycle. Name it in GroupConfiguration::shared before config_map(); from then on each
 // send_processdata() sends the outputs published last, and each receive_processdata() that brings in a whole cycle publishes its inputs.
 //
-//     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));    // sizes as config_map() will have them, or more
+//     // Sizes as config_map() will have them, or more:
+//     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));
 //     SharedImage shared(memory);
 //     ctx.group(0).config.shared = &shared;
 //     … in the other thread, whenever it likes:

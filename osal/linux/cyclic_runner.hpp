@@ -1,7 +1,8 @@
 // A periodic task on Linux that is woken as punctually as the system lets it: absolute deadlines off the kernel's tick,
 // an optional spin before each, and what a thread can ask of the system for it.
 //
-//     CyclicRunner runner({.period = std::chrono::milliseconds(1), .spin = std::chrono::microseconds(50), .priority = 80});
+//     CyclicRunner runner(
+//         {.period = std::chrono::milliseconds(1), .spin = std::chrono::microseconds(50), .priority = 80});
 //     for (const auto& refusal : runner.prepare()) …;      // tell the user what was not granted
 //     runner.start();
 //     for (;;) {

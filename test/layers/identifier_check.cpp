@@ -70,7 +70,8 @@ const std::vector<Rule>& rules() {
          &timeless_layers()},
         {{"clock", "timeofday", "sleep", "this_thread"},
          std::regex(
-             R"(\b(steady_clock|system_clock|high_resolution_clock|clock_gettime|gettimeofday|clock_nanosleep|nanosleep|usleep|this_thread)\b)"),
+             R"(\b(steady_clock|system_clock|high_resolution_clock|clock_gettime|gettimeofday)"
+             R"(|clock_nanosleep|nanosleep|usleep|this_thread)\b)"),
          "a clock",
          &timeless_layers()},
         {{"alloc", "strdup"},
@@ -89,7 +90,8 @@ const std::vector<Rule>& rules() {
         // objects.
         {{"reinterpret_cast"},
          std::regex(
-             R"(\breinterpret_cast\s*<\s*(?!(const\s+)?(char|unsigned char|std::byte|std::uint8_t)(\s+const)?\s*\*\s*>|std::uintptr_t\s*>))"),
+             R"(\breinterpret_cast\s*<\s*)"
+             R"((?!(const\s+)?(char|unsigned char|std::byte|std::uint8_t)(\s+const)?\s*\*\s*>|std::uintptr_t\s*>))"),
          "a cast of a pointer",
          &wire_layers()},
     };
