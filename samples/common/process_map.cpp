@@ -5,10 +5,13 @@
 #include "network/image_layout.hpp"
 #include "wire/sii_category.hpp"
 
+#include <margay/margay.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 namespace margay::samples {
 namespace {
@@ -28,8 +31,8 @@ struct NamedEntry {
     std::string name{};
 };
 
-// The entries of all PDOs that the SII assigns to one SyncManager.
-std::vector<NamedEntry> entries_of(Bytes image, std::uint8_t sync_manager, Direction direction) {
+// The entries of all PDOs that the SII assigns to one SyncManager; without one, of all that it has of this direction.
+std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync_manager, Direction direction) {
     std::vector<NamedEntry> all;
     const Bytes strings = sii::find_category(image, sii::category::kStrings).value_or(Bytes{});
     const auto wanted = direction == Direction::outputs ? sii::category::kRxPdo : sii::category::kTxPdo;
@@ -38,10 +41,39 @@ std::vector<NamedEntry> entries_of(Bytes image, std::uint8_t sync_manager, Direc
         if (category->place.type != wanted) continue;
         sii::Pdos pdos(category->content);
         while (const auto pdo = pdos.next()) {
-            if (pdo->sync_manager != sync_manager) continue;
+            if (sync_manager && pdo->sync_manager != *sync_manager) continue;
             sii::PdoEntries entries(pdo->entries);
             while (const auto entry = entries.next())
                 all.push_back({pdo->index, text_of(strings, pdo->name), *entry, text_of(strings, entry->name)});
+        }
+    }
+    return all;
+}
+
+// The entries that the slave's dictionary has assigned, with the names that its SII knows them by; none where it does not tell.
+std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, const ProcessSm& sm, Bytes image) {
+    const auto known = entries_of(image, std::nullopt, sm.direction);
+    const auto assignment = static_cast<std::uint16_t>(0x1C10 + sm.number);
+    std::vector<NamedEntry> all;
+    const auto pdos = SDOread<std::uint8_t>(ctx, slave.position, assignment, 0);
+    for (unsigned p = 1; pdos && p <= *pdos; ++p) {
+        const auto pdo = SDOread<std::uint16_t>(ctx, slave.position, assignment, static_cast<std::uint8_t>(p));
+        const auto count = pdo ? SDOread<std::uint8_t>(ctx, slave.position, *pdo, 0) : Result<std::uint8_t>(pdo.error());
+        if (!count) return {};
+        for (unsigned n = 1; n <= *count; ++n) {
+            const auto word = SDOread<std::uint32_t>(ctx, slave.position, *pdo, static_cast<std::uint8_t>(n));
+            if (!word) return {};
+            NamedEntry e{.pdo = *pdo};
+            e.entry.index = static_cast<std::uint16_t>(*word >> 16);
+            e.entry.subindex = static_cast<std::uint8_t>(*word >> 8);
+            e.entry.bit_length = static_cast<std::uint8_t>(*word);
+            for (const auto& k : known) {
+                if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
+                if (e.entry.index == 0 || k.entry.index != e.entry.index || k.entry.subindex != e.entry.subindex) continue;
+                e.name = k.name;
+                e.entry.data_type = k.entry.data_type;
+            }
+            all.push_back(std::move(e));
         }
     }
     return all;
@@ -61,10 +93,17 @@ std::vector<std::byte> read_image(Context& ctx, const Slave& slave, ProcessMap& 
     return {};
 }
 
-void add_sync_manager(const Slave& slave, const ProcessSm& sm, std::uint32_t offset_bits, Bytes image, ProcessMap& map) {
-    const auto entries = entries_of(image, sm.number, sm.direction);
-    std::uint32_t described = 0;
-    for (const auto& e : entries) described += e.entry.bit_length;
+std::uint32_t bits_of(const std::vector<NamedEntry>& entries) {
+    std::uint32_t bits = 0;
+    for (const auto& e : entries) bits += e.entry.bit_length;
+    return bits;
+}
+
+void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std::uint32_t offset_bits, Bytes image, ProcessMap& map) {
+    std::vector<NamedEntry> entries;
+    if (slave.config.source == ConfigurationSource::coe) entries = entries_by_dictionary(ctx, slave, sm, image);
+    if (bits_of(entries) != sm.bits) entries = entries_of(image, sm.number, sm.direction);
+    const std::uint32_t described = bits_of(entries);
     if (described != sm.bits) {
         if (described != 0)
             map.remarks.push_back(fmt::format("slave {}: SyncManager {} is mapped with {} bits, the PDOs of its SII have {}", slave.position,
@@ -107,7 +146,7 @@ ProcessMap read_process_map(Context& ctx, std::uint8_t group) {
         const auto image = read_image(ctx, slave, map);
         for (std::size_t n = 0; n < slave.config.sm_count; ++n)
             if (slave.config.sms[n].bits != 0)
-                add_sync_manager(slave, slave.config.sms[n], sm_offset_bits(slave, packing, n), image, map);
+                add_sync_manager(ctx, slave, slave.config.sms[n], sm_offset_bits(slave, packing, n), image, map);
         if (slave.image.mailbox_status_bit != SlaveImage::kNone)
             map.entries.push_back({.slave = slave.position,
                                    .direction = Direction::inputs,

@@ -1,5 +1,6 @@
 // What lies where in a process image: every PDO entry with its offset, its length and its name, for people, for programs, and as a struct for the
-// compiler. The sizes are those that config_map() has laid out; the names come from the PDO categories of the slaves' SIIs.
+// compiler. The sizes are those that config_map() has laid out; the objects are those that the slave's
+// dictionary or SII assigns, the names those that its SII has for them.
 #pragma once
 
 #include <margay/context.hpp>
@@ -33,7 +34,7 @@ struct ProcessMap {
     std::vector<std::string> remarks{};  // what could not be read, and where SII and mapping disagree
 };
 
-// `ctx` has mapped the group. Reads the SII of each of its slaves; waits.
+// `ctx` has mapped the group. Reads the SII and the PDOs of each of its slaves; waits.
 [[nodiscard]] ProcessMap read_process_map(Context& ctx, std::uint8_t group = 0);
 
 // Lines of offset, bits, slave, object and name.

@@ -88,6 +88,7 @@ class StructWriter {
         at_ = bit;
     }
     void member(const MapEntry& e) {
+        if (e.index == 0 && e.pdo != 0) return skip_to(e.offset_bits + e.bits);  // a gap has no name
         const auto type = c_type(e);
         const auto name = unique(e);
         members_ += fmt::format("    {} {}{}; /* {} */\n", type.type, name, type.suffix, remark(e));

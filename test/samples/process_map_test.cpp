@@ -98,6 +98,33 @@ TEST_F(ProcessMapTest, NamesComeFromTheSii) {
     compile_and_check(header, "demo");
 }
 
+// PDOs that the application has chosen are named too, wherever the SII knows their objects; gaps have no names.
+TEST_F(ProcessMapTest, ObjectsAreThoseThatTheDictionaryAssigns) {
+    std::ofstream(folder / "odd.toml") << "[[slave]]\ndevice = \"odd_device\"\n";
+    auto source = open_source("sim:" + (folder / "odd.toml").string());
+    ASSERT_TRUE(source) << source.error();
+    HostContext ctx;
+    ASSERT_TRUE(init(ctx, source->nic(), source->osal()).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    static constexpr PdoEntry kEntries[] = {{0x7000, 2, 16}, {0, 0, 8}, {0x7000, 1, 16}, {0x7000, 3, 16}};
+    static constexpr Pdo kOutputs[] = {{0x1600, kEntries}};
+    static constexpr SmPdos kPdos[] = {{2, kOutputs}};
+    static constexpr SlaveSetup kSetup{.pdos = kPdos};
+    ctx.slave(1).config.setup = &kSetup;
+    ASSERT_TRUE(config_map(ctx, image).ok());
+    const auto map = read_process_map(ctx);
+    EXPECT_EQ(map.remarks, std::vector<std::string>());
+    ASSERT_GE(map.entries.size(), 4U);
+    EXPECT_EQ(map.entries[0].index, 0x7000);
+    EXPECT_EQ(map.entries[0].subindex, 2);
+    EXPECT_FALSE(map.entries[0].name.empty());
+    EXPECT_EQ(map.entries[1].index, 0);
+    EXPECT_EQ(map.entries[2].offset_bits, 24U);
+    const auto header = map_cstruct(ctx, map);
+    EXPECT_NE(header.find("    uint8_t pad_2[1];\n"), std::string::npos) << header;
+    compile_and_check(header, "odd");
+}
+
 // The application may map what the SII does not describe: told, and still in its place.
 TEST_F(ProcessMapTest, WhatTheSiiDoesNotDescribeIsTold) {
     bus.add(16, 16);
