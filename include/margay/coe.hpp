@@ -87,7 +87,8 @@ struct EntryDescription {
     std::uint8_t subindex = 0;
     std::uint16_t data_type = 0;
     std::uint16_t bit_length = 0;
-    std::uint16_t access = 0;  // read in PREOP, SAFEOP, OP: bits 0–2; write: 3–5; RxPDO, TxPDO mappable: 6, 7; backup, settings: 8, 9
+    // Read in PREOP, SAFEOP, OP: bits 0–2; write: 3–5; RxPDO, TxPDO mappable: 6, 7; backup, settings: 8, 9.
+    std::uint16_t access = 0;
     std::uint32_t unit = 0;    // 0: none told
     Value default_value;
     Value minimum;

@@ -13,7 +13,8 @@ namespace margay {
 struct DatagramStatus {
     std::uint16_t expected = 0;  // working counter when every slave takes part, except optional ones that are not there
     std::uint16_t got = 0;
-    std::uint16_t accepted = 0;  // when all those take part that are not known to be lost, or in need of their configuration
+    // When all those take part that are not known to be lost, or in need of their configuration.
+    std::uint16_t accepted = 0;
     std::uint16_t full = 0;      // when every slave takes part, optional ones too
     bool came = false;           // its frame came back; otherwise `got` says nothing
     // All slaves took part.

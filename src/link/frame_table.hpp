@@ -15,7 +15,8 @@ struct PreparedFrame;
 
 struct FrameSlot {
     List<Datagram> datagrams;
-    PreparedFrame* prepared = nullptr;  // the frame of the cycle that travels under this index, `datagrams` riding in it
+    // The frame of the cycle that travels under this index, `datagrams` riding in it.
+    PreparedFrame* prepared = nullptr;
     Time deadline = kNever;
     std::uint16_t length = 0;  // of all datagrams with their headers
     std::uint8_t index = 0;
