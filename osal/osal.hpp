@@ -24,7 +24,8 @@ class Osal {
     // Ends a wait() of another thread. A port with one thread leaves it empty.
     virtual void wake() noexcept {}
 
-    // Tells threads apart: the same number for the same thread, never 0 for one of several. A port with one thread leaves it.
+    // Tells threads apart: the same number for the same thread, never 0 for one of several. A port with one thread
+    // leaves it.
     [[nodiscard]] virtual std::uintptr_t calling_thread() noexcept { return 0; }
 
   protected:

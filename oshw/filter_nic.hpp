@@ -12,12 +12,8 @@ class FilterNic : public Nic {
     FilterNic(const FilterNic&) = delete;
     FilterNic& operator=(const FilterNic&) = delete;
 
-    [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
-        return inner_.send(frame);
-    }
-    [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override {
-        return inner_.receive(into);
-    }
+    [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override { return inner_.send(frame); }
+    [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override { return inner_.receive(into); }
     [[nodiscard]] LinkState link_state() noexcept override { return inner_.link_state(); }
     [[nodiscard]] MacAddress source_mac() const noexcept override { return inner_.source_mac(); }
     [[nodiscard]] int wait_handle() const noexcept override { return inner_.wait_handle(); }

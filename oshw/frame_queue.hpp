@@ -31,8 +31,7 @@ class FrameQueue {
     [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
 
     void clear() noexcept {
-        for (auto& slot : slots_)
-            slot.due = kNever;
+        for (auto& slot : slots_) slot.due = kNever;
         count_ = 0;
     }
 
@@ -77,8 +76,7 @@ class FrameQueue {
         if (count_ == 0) return best;
         for (const auto& slot : slots_) {
             if (slot.due == kNever) continue;
-            if (best == nullptr || slot.due < best->due ||
-                (slot.due == best->due && slot.order < best->order))
+            if (best == nullptr || slot.due < best->due || (slot.due == best->due && slot.order < best->order))
                 best = &slot;
         }
         return best;

@@ -4,9 +4,10 @@
 // octet before the FCS, of 14 to 1518 octets; the driver adds padding to 60 octets where its hardware does
 // not, and the FCS. The core hands in frames with source_mac() as their source address.
 //
-// One thread at a time uses a NIC, but for one case: where cycles overlap and one thread sends them while another one receives
-// (GroupConfiguration::cycles_in_flight), each of the two may be in send() and last_error(), and the receiving one in receive(), at
-// once. A NIC that allows this says so; PacketNic does. It does not look at a frame any more once the reply to it can be received.
+// One thread at a time uses a NIC, but for one case: where cycles overlap and one thread sends them while another one
+// receives (GroupConfiguration::cycles_in_flight), each of the two may be in send() and last_error(), and the receiving
+// one in receive(), at once. A NIC that allows this says so; PacketNic does. It does not look at a frame any more once
+// the reply to it can be received.
 #pragma once
 
 #include <margay/time.hpp>
@@ -43,9 +44,7 @@ class Nic {
 
     // The source address for frames. Bit 1 of the first octet must be 0: the first ESC sets it, and by this a
     // reply is told from the echo of a request.
-    [[nodiscard]] virtual MacAddress source_mac() const noexcept {
-        return {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
-    }
+    [[nodiscard]] virtual MacAddress source_mac() const noexcept { return {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59}; }
 
     // What Osal::wait() of the same system needs to wait for a frame (a file descriptor on Linux), or -1.
     [[nodiscard]] virtual int wait_handle() const noexcept { return -1; }

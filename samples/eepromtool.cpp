@@ -112,9 +112,8 @@ std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
                            options.force ? "" : " (--force writes it nevertheless)");
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
     if (size.error.empty() && image.size() > size.octets)
-        return fmt::format("{} is not written: it has {} octets, the EEPROM of {} has {}{}", options.file,
-                           image.size(), eeprom.name(), size.octets,
-                           eeprom.known_size() != 0 ? "" : "; --size says otherwise");
+        return fmt::format("{} is not written: it has {} octets, the EEPROM of {} has {}{}", options.file, image.size(),
+                           eeprom.name(), size.octets, eeprom.known_size() != 0 ? "" : "; --size says otherwise");
     return {};
 }
 
@@ -129,25 +128,23 @@ int write(Eeprom& eeprom, const Options& options) {
     const auto report = write_eeprom(eeprom, file.octets, line.progress());
     line.clear();
     if (!report.error.empty())
-        return print_error(fmt::format("{}: {}\n{} of the {} words that differ are written: {}",
-                                       eeprom.name(), report.error, report.written, report.different,
-                                       report.written == 0
-                                           ? "nothing has changed but perhaps the word above"
-                                           : "do not use the slave before it is written again"));
-    fmt::print("{}: {} of {} words were different and are written, all verified\n", eeprom.name(),
-               report.different, report.words);
+        return print_error(fmt::format("{}: {}\n{} of the {} words that differ are written: {}", eeprom.name(),
+                                       report.error, report.written, report.different,
+                                       report.written == 0 ? "nothing has changed but perhaps the word above"
+                                                           : "do not use the slave before it is written again"));
+    fmt::print("{}: {} of {} words were different and are written, all verified\n", eeprom.name(), report.different,
+               report.words);
     return 0;
 }
 
 int alias(Eeprom& eeprom, const Options& options) {
-    const auto report =
-        options.alias ? write_alias(eeprom, *options.alias, options.force) : read_alias(eeprom);
+    const auto report = options.alias ? write_alias(eeprom, *options.alias, options.force) : read_alias(eeprom);
     if (!report.error.empty()) return print_error(fmt::format("{}: {}", eeprom.name(), report.error));
     if (!options.alias)
         fmt::print("0x{:04x}\n", report.after);
     else
-        fmt::print("{}: alias 0x{:04x}, before 0x{:04x}; a slave uses it from its next power-up on\n",
-                   eeprom.name(), report.after, report.before);
+        fmt::print("{}: alias 0x{:04x}, before 0x{:04x}; a slave uses it from its next power-up on\n", eeprom.name(),
+                   report.after, report.before);
     return 0;
 }
 
@@ -177,14 +174,12 @@ int run_on_slave(Source& source, const Options& options) {
     const auto found = config_init(ctx);
     if (!found) return print_error(sentence(found.error()));
     if (options.position == 0 || options.position > *found)
-        return print_error(
-            fmt::format("there is no slave {}: there are slaves 1 to {}", options.position, *found));
+        return print_error(fmt::format("there is no slave {}: there are slaves 1 to {}", options.position, *found));
     SlaveEeprom eeprom(ctx, options.position);
     const int status = act(eeprom, options);
     const bool writes = options.action == Action::write || options.alias.has_value();
     if (writes && status == 0 && options.source.starts_with("sim:"))
-        print_note(
-            "note: a simulated slave forgets this when the program ends; file:NAME changes an image file");
+        print_note("note: a simulated slave forgets this when the program ends; file:NAME changes an image file");
     return status;
 }
 
@@ -223,21 +218,17 @@ int main(int argc, char** argv) {
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
     app.require_subcommand(1);
 
-    const std::map<std::string, ImageFormat> formats{{"bin", ImageFormat::binary},
-                                                     {"hex", ImageFormat::intel_hex}};
+    const std::map<std::string, ImageFormat> formats{{"bin", ImageFormat::binary}, {"hex", ImageFormat::intel_hex}};
     const auto command = [&](const char* name, const char* text, Action action) {
         auto* added = app.add_subcommand(name, text);
         added->callback([&options, action] { options.action = action; });
         return added;
     };
     const auto add_size = [&](CLI::App* to) {
-        to->add_option("--size", options.size,
-                       "octets of the EEPROM, where its own word 0x3e does not tell them")
+        to->add_option("--size", options.size, "octets of the EEPROM, where its own word 0x3e does not tell them")
             ->check(CLI::Range(std::size_t{2}, std::size_t{8} * 1024 * 1024));
     };
-    const auto add_force = [&](CLI::App* to, const char* text) {
-        to->add_flag("--force", options.force, text);
-    };
+    const auto add_force = [&](CLI::App* to, const char* text) { to->add_flag("--force", options.force, text); };
 
     auto* read = command("read", "read the whole EEPROM into a file", Action::read);
     read->add_option("file", options.file, "the file; - or none is standard output");
@@ -245,16 +236,16 @@ int main(int argc, char** argv) {
         ->transform(CLI::CheckedTransformer(formats));
     add_size(read);
 
-    auto* write = command("write", "write a file (binary or Intel HEX, seen by its content) and verify it",
-                          Action::write);
+    auto* write =
+        command("write", "write a file (binary or Intel HEX, seen by its content) and verify it", Action::write);
     write->add_option("file", options.file, "the file; - is standard input")->required();
     add_size(write);
     add_force(write, "write an image that no slave should have");
 
     add_size(command("dump", "show what is in it, category by category", Action::dump));
 
-    auto* alias = command("alias", "show the station alias, or write it with its checksum and verify it",
-                          Action::alias);
+    auto* alias =
+        command("alias", "show the station alias, or write it with its checksum and verify it", Action::alias);
     alias->add_option("value", options.alias, "the alias (0x for hexadecimal)")->check(CLI::Range(0, 0xFFFF));
     add_force(alias, "write it even where the checksum is wrong before");
 

@@ -6,8 +6,7 @@
 #include <CLI/CLI.hpp>
 
 int main(int argc, char** argv) {
-    CLI::App app(
-        "Compares the answers of a simulated segment with those that real hardware gave in a recording.");
+    CLI::App app("Compares the answers of a simulated segment with those that real hardware gave in a recording.");
     std::string recording;
     std::string description;
     app.add_option("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic")->required();

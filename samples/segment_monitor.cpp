@@ -1,5 +1,6 @@
-// segment_monitor: brings a segment to OP, keeps it there, and shows live how it is: states, working counters, how punctual the
-// cycle is, errors of the cables, and what happens. Keys: up and down scroll, r starts the figures anew, q ends.
+// segment_monitor: brings a segment to OP, keeps it there, and shows live how it is: states, working counters, how
+// punctual the cycle is, errors of the cables, and what happens. Keys: up and down scroll, r starts the figures anew, q
+// ends.
 #include "common/cycle_pace.hpp"
 #include "common/monitor_view.hpp"
 #include "common/slave_report.hpp"
@@ -8,9 +9,9 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <ncurses.h>
+#include <CLI/CLI.hpp>
 
 #include <array>
 #include <clocale>
@@ -57,7 +58,8 @@ class Terminal final : public Screen {
     }
     ~Terminal() override { (void)endwin(); }
     void show(const samples::MonitorModel& model, std::size_t scroll) override {
-        const auto lines = samples::monitor_lines(model, static_cast<std::size_t>(COLS), static_cast<std::size_t>(LINES), scroll);
+        const auto lines =
+            samples::monitor_lines(model, static_cast<std::size_t>(COLS), static_cast<std::size_t>(LINES), scroll);
         (void)erase();
         for (int row = 0; row < static_cast<int>(lines.size()); ++row)
             (void)mvaddstr(row, 0, lines[static_cast<std::size_t>(row)].c_str());
@@ -69,7 +71,8 @@ class Terminal final : public Screen {
 class Plain final : public Screen {
   public:
     void show(const samples::MonitorModel& model, std::size_t scroll) override {
-        for (const auto& line : samples::monitor_lines(model, 200, 11 + model.slaves.size(), scroll)) fmt::print("{}\n", line);
+        for (const auto& line : samples::monitor_lines(model, 200, 11 + model.slaves.size(), scroll))
+            fmt::print("{}\n", line);
         std::fflush(stdout);
     }
 };
@@ -157,7 +160,8 @@ int fail(const std::string& sentence) {
 
 int main(int argc, char** argv) {
     Options options;
-    CLI::App app{"Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, r (figures anew), q (end)."};
+    CLI::App app{
+        "Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, r (figures anew), q (end)."};
     app.add_option("source", options.source,
                    "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin) or recording (pcap:FILE)")
         ->required();

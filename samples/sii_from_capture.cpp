@@ -20,8 +20,7 @@ bool write_file(const std::filesystem::path& path, const char* data, std::size_t
 }  // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app(
-        "Rebuilds SII images (slaveN.bin) and a segment description (segment.toml) from a recording.");
+    CLI::App app("Rebuilds SII images (slaveN.bin) and a segment description (segment.toml) from a recording.");
     std::string recording;
     std::string folder;
     app.add_option("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic")->required();

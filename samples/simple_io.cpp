@@ -1,5 +1,5 @@
-// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. What happens to slaves meanwhile is told, and put right while the
-// others go on.
+// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. What happens to slaves meanwhile
+// is told, and put right while the others go on.
 #include "common/cycle_pace.hpp"
 #include "common/slave_report.hpp"
 #include "common/source.hpp"
@@ -7,8 +7,8 @@
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
@@ -47,8 +47,9 @@ class SimpleIo {
         const auto bytes = config_map(ctx_, image_);
         if (!bytes) return give_up(bytes.error());
         const Group& group = ctx_.group(0);
-        fmt::print("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found, group.output_bytes,
-                   group.input_bytes, group.frames, group.frames == 1 ? "" : "s", group.expected_wkc);
+        fmt::print("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
+                   group.output_bytes, group.input_bytes, group.frames, group.frames == 1 ? "" : "s",
+                   group.expected_wkc);
         tell_errors();
         if (!reach_op()) {
             tell_states();
@@ -85,7 +86,8 @@ class SimpleIo {
     void tell_states() {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
-                fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(), al_text(slave.al));
+                fmt::print(stderr, "simple_io: slave {} ({}) is in {}\n", slave.position, slave.name(),
+                           al_text(slave.al));
     }
 
     // One cycle: send, receive, and let everything else go on until the next one is due.
@@ -102,7 +104,8 @@ class SimpleIo {
         return got;
     }
 
-    // The supervision brings the slaves to OP, and back there whatever happens. Process data runs before: their watchdogs want outputs.
+    // The supervision brings the slaves to OP, and back there whatever happens. Process data runs before: their
+    // watchdogs want outputs.
     bool reach_op() {
         constexpr unsigned kMostCycles = 10'000;
         pace_.start();
@@ -120,7 +123,8 @@ class SimpleIo {
 
     void exchange() {
         for (cycles_ = 0; cycles_ < options_.cycles && stop_asked == 0; ++cycles_) {
-            for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n) image_[n] = static_cast<std::byte>(cycles_ >> 6);
+            for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n)
+                image_[n] = static_cast<std::byte>(cycles_ >> 6);
             const auto got = cycle();
             pace_.count(round_trip_, got);
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
@@ -142,7 +146,8 @@ class SimpleIo {
         for (const Slave& slave : ctx_.slaves()) {
             if (slave.image.inputs.bits == 0) continue;
             fmt::print("slave {} ({}):", slave.position, slave.name());
-            for (const std::byte octet : slave.image.inputs.bytes) fmt::print(" {:02x}", std::to_integer<unsigned>(octet));
+            for (const std::byte octet : slave.image.inputs.bytes)
+                fmt::print(" {:02x}", std::to_integer<unsigned>(octet));
             fmt::print("\n");
         }
     }

@@ -48,7 +48,8 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
         if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
         for (const margay::Slave& slave : ctx.slaves())
             if (options.sdo && has_coe(slave))
-                segment["slaves"][slave.position - 1U]["dictionary"] = dictionary_json(read_dictionary(ctx, slave.position));
+                segment["slaves"][slave.position - 1U]["dictionary"] =
+                    dictionary_json(read_dictionary(ctx, slave.position));
         fmt::print("{}\n", segment.dump(2));
         return;
     }
@@ -92,8 +93,7 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
 }
 
 int run(const Options& options) {
-    auto source =
-        margay::samples::open_source(options.source, {.record = options.record, .trace = options.trace});
+    auto source = margay::samples::open_source(options.source, {.record = options.record, .trace = options.trace});
     if (!source) return print_error(source.error());
     const int status = scan_and_print(*source, options);
     const std::string remark = source->finish();
@@ -112,8 +112,11 @@ int main(int argc, char** argv) {
     app.add_flag("--json", options.json, "print JSON for programs");
     app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
     app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
-    auto* map = app.add_flag("--map", options.map, "map the process data (slaves go to SAFEOP and back) and print what lies where in the image");
-    app.add_flag("--sdo", options.sdo, "read the object dictionary of every slave that has CoE, with values, and print it");
+    auto* map =
+        app.add_flag("--map", options.map,
+                     "map the process data (slaves go to SAFEOP and back) and print what lies where in the image");
+    app.add_flag("--sdo", options.sdo,
+                 "read the object dictionary of every slave that has CoE, with values, and print it");
     app.add_flag("--cstruct", options.cstruct, "print the image as a header with a struct for C and C++")->needs(map);
     app.add_flag("--packed", options.packed, "lay out bits without gaps")->needs(map);
     CLI11_PARSE(app, argc, argv);

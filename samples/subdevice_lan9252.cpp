@@ -1,5 +1,5 @@
-// A device of one's own on a microcontroller with a LAN9252 behind SPI: state machine, CoE with an object dictionary, FoE for
-// the firmware in BOOT, process data, without an operating system. `board` at the end is what to fill in.
+// A device of one's own on a microcontroller with a LAN9252 behind SPI: state machine, CoE with an object dictionary,
+// FoE for the firmware in BOOT, process data, without an operating system. `board` at the end is what to fill in.
 //
 // On a PC it is compiled to be checked, and ends at once, as no chip answers.
 #include "common/lan9252_spi.hpp"
@@ -115,7 +115,9 @@ class Lamps final : public Application {
 class Firmware final : public FoeStore {
   public:
     FoeAnswer open_to_read(const FoeFile&, Time) override { return FoeAnswer::error(FoeError::access_denied); }
-    FoeAnswer read(std::size_t, MutableBytes, std::size_t&, Time) override { return FoeAnswer::error(FoeError::illegal); }
+    FoeAnswer read(std::size_t, MutableBytes, std::size_t&, Time) override {
+        return FoeAnswer::error(FoeError::illegal);
+    }
     FoeAnswer open_to_write(const FoeFile& file, Time) override {
         if (file.state != AlState::boot) return FoeAnswer::error(FoeError::bootstrap_only);
         return file.name == "firmware" ? FoeAnswer::go() : FoeAnswer::error(FoeError::not_found);

@@ -1,7 +1,7 @@
 // CoE by the public API: requests and the calls that wait for them.
+#include "mail_requests.hpp"
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_mail_pdo.hpp"
-#include "mail_requests.hpp"
 
 #include <margay/margay.hpp>
 
@@ -11,12 +11,15 @@ namespace margay {
 namespace {
 
 Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
-    return check_mailbox(network, mailbox_protocol::kCoE, {.step = step, .slave = slave, .index = index, .subindex = subindex});
+    return check_mailbox(network, mailbox_protocol::kCoE,
+                         {.step = step, .slave = slave, .index = index, .subindex = subindex});
 }
 
 // Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
-Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex, bool complete) {
-    if (complete && subindex > 1) return {.code = Errc::invalid_argument, .step = step, .slave = slave, .index = index, .subindex = subindex};
+Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex,
+                bool complete) {
+    if (complete && subindex > 1)
+        return {.code = Errc::invalid_argument, .step = step, .slave = slave, .index = index, .subindex = subindex};
     return check_coe(network, slave, step, index, subindex);
 }
 
@@ -30,15 +33,21 @@ static Error check(Network& network, const SdoUpload& r) {
 static Error check(Network& network, const SdoDownload& r) {
     return check_sdo(network, r.slave, Step::sdo_download, r.index, r.subindex, r.complete_access);
 }
-static Error check(Network& network, const ObjectListRequest& r) { return check_coe(network, r.slave, Step::sdo_information, 0, 0); }
+static Error check(Network& network, const ObjectListRequest& r) {
+    return check_coe(network, r.slave, Step::sdo_information, 0, 0);
+}
 static Error check(Network& network, const ObjectDescriptionRequest& r) {
     return check_coe(network, r.slave, Step::sdo_information, r.index, 0);
 }
 static Error check(Network& network, const EntryDescriptionRequest& r) {
     return check_coe(network, r.slave, Step::sdo_information, r.index, r.subindex);
 }
-static Error check(Network& network, const MailPdoSend& r) { return check_coe(network, r.slave, Step::mailbox_send, r.number, 0); }
-static Error check(Network& network, const MailPdoFetch& r) { return check_coe(network, r.slave, Step::mailbox_receive, r.number, 0); }
+static Error check(Network& network, const MailPdoSend& r) {
+    return check_coe(network, r.slave, Step::mailbox_send, r.number, 0);
+}
+static Error check(Network& network, const MailPdoFetch& r) {
+    return check_coe(network, r.slave, Step::mailbox_receive, r.number, 0);
+}
 
 static Task<Result<>> run(Network& network, SdoUpload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
@@ -61,15 +70,16 @@ static Task<Result<>> run(Network& network, ObjectListRequest& request) {
 
 static Task<Result<>> run(Network& network, ObjectDescriptionRequest& request) {
     ObjectQuery query(request.index);
-    auto done = co_await ask_information(channel_of(network, request), query, {.index = request.index}, patience_of(request));
+    auto done =
+        co_await ask_information(channel_of(network, request), query, {.index = request.index}, patience_of(request));
     request.description = query.description;
     co_return done;
 }
 
 static Task<Result<>> run(Network& network, EntryDescriptionRequest& request) {
     EntryQuery query(request.index, request.subindex, request.with_values);
-    auto done = co_await ask_information(channel_of(network, request), query, {.index = request.index, .subindex = request.subindex},
-                                         patience_of(request));
+    auto done = co_await ask_information(channel_of(network, request), query,
+                                         {.index = request.index, .subindex = request.subindex}, patience_of(request));
     request.description = query.description;
     co_return done;
 }
@@ -94,8 +104,8 @@ Result<> submit(Context& ctx, MailPdoFetch& request) { return submit_queued(ctx,
 
 // ------------------------------------------------------------------ calls that wait
 
-Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
-                            std::span<std::byte> into, Duration timeout) {
+Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                            bool complete_access, std::span<std::byte> into, Duration timeout) {
     SdoUpload request;
     request.slave = slave;
     request.timeout = timeout;
@@ -121,7 +131,8 @@ Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
 }
 
 Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,
-                                  void (*found)(std::span<const std::uint16_t> indices, void* user), void* user, Duration timeout) {
+                                  void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
+                                  Duration timeout) {
     ObjectListRequest request;
     request.slave = slave;
     request.timeout = timeout;
@@ -143,8 +154,8 @@ Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, 
     return request.description;
 }
 
-Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool with_values,
-                                           Duration timeout) {
+Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                           std::uint8_t subindex, bool with_values, Duration timeout) {
     EntryDescriptionRequest request;
     request.slave = slave;
     request.timeout = timeout;
@@ -156,15 +167,16 @@ Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, st
     return request.description;
 }
 
-Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, std::span<char> into,
-                                      Duration timeout) {
+Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                      std::span<char> into, Duration timeout) {
     const auto read = SDOread(ctx, slave, index, subindex, false, std::as_writable_bytes(into), timeout);
     if (!read) return read.error();
     const std::string_view text(into.data(), *read);
     return text.substr(0, std::min(text.size(), text.find('\0')));
 }
 
-Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, std::string_view text, Duration timeout) {
+Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                       std::string_view text, Duration timeout) {
     return SDOwrite(ctx, slave, index, subindex, false, std::as_bytes(std::span(text)), timeout);
 }
 

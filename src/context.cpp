@@ -17,8 +17,10 @@ static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
 static_assert(sizeof(ProcessGroup) <= 384, "context_bytes(): kGroupBytes");
-static_assert(sizeof(PreparedFrame) + ProcessTables::datagrams_for(1) *
-                  (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)) <= 2048,
+static_assert(sizeof(PreparedFrame) +
+                      ProcessTables::datagrams_for(1) *
+                          (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)) <=
+                  2048,
               "context_bytes(): kProcessFrameBytes");
 
 namespace {
@@ -103,7 +105,8 @@ void Request::cancel() {
 
 Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const Limits& limits = ctx.limits();
-    if (limits.slaves == 0 || limits.frames == 0 || limits.frames > FrameTable::kMostSlots || limits.groups > kMostGroups)
+    if (limits.slaves == 0 || limits.frames == 0 || limits.frames > FrameTable::kMostSlots ||
+        limits.groups > kMostGroups)
         return Error{.code = Errc::invalid_argument, .step = Step::open_nic};
     if (ContextAccess::network(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     Carver carver(ContextAccess::memory(ctx));
@@ -113,10 +116,12 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
     const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
-    if (place == nullptr || ring.empty() || slaves.empty() || frames.empty() || mailboxes.empty()) return Error{.code = Errc::capacity, .step = Step::open_nic};
+    if (place == nullptr || ring.empty() || slaves.empty() || frames.empty() || mailboxes.empty())
+        return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
-    ContextAccess::network(ctx) = ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
+    ContextAccess::network(ctx) =
+        ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     ContextAccess::network(ctx)->process = process;
     ContextAccess::network(ctx)->context = &ctx;
     ContextAccess::osal(ctx) = &osal;

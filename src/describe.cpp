@@ -148,25 +148,26 @@ void write_cause(TextWriter& out, const Error& e) {
             (out << ", got ").hex(e.actual, e.code == Errc::sii_verify ? 4 : 2) << ")";
             break;
         case Errc::sdo_abort:
-            (out << " (abort code ").hex(e.detail, 8) << ": " << wire::coe::to_text(static_cast<wire::coe::Abort>(e.detail)) << ")";
+            (out << " (abort code ").hex(e.detail, 8)
+                << ": " << wire::coe::to_text(static_cast<wire::coe::Abort>(e.detail)) << ")";
             if (e.step == Step::configure_pdos && e.expected != e.actual) {
                 (out << "; wanted ").hex(e.expected, 8);
                 (out << ", it has ").hex(e.actual, 8);
             }
             break;
         case Errc::soe_error:
-            (out << " (error code ").hex(e.detail, 4) << ": "
-                << wire::soe::to_text(static_cast<wire::soe::ErrorCode>(e.detail)) << ")";
+            (out << " (error code ").hex(e.detail, 4)
+                << ": " << wire::soe::to_text(static_cast<wire::soe::ErrorCode>(e.detail)) << ")";
             break;
         case Errc::command_failed: (out << " (data state ").hex(e.detail, 4) << ")"; break;
         case Errc::mailbox_error:
-            (out << " (detail ").hex(e.detail, 4) << ": " << wire::to_text(static_cast<wire::MailboxErrorCode>(e.detail)) << ")";
+            (out << " (detail ").hex(e.detail, 4)
+                << ": " << wire::to_text(static_cast<wire::MailboxErrorCode>(e.detail)) << ")";
             break;
-        case Errc::wrong_size:
-            out << " (expected " << e.expected << " octets, got " << e.actual << ")";
-            break;
+        case Errc::wrong_size: out << " (expected " << e.expected << " octets, got " << e.actual << ")"; break;
         case Errc::other_slave: {
-            static constexpr std::string_view kFields[] = {"product", "vendor", "revision", "serial number", "alias", "device id"};
+            static constexpr std::string_view kFields[] = {"product",       "vendor", "revision",
+                                                           "serial number", "alias",  "device id"};
             out << " (expected " << (e.subindex < std::size(kFields) ? kFields[e.subindex] : "identity") << " ";
             out.hex(e.expected, 8) << ", got ";
             out.hex(e.actual, 8) << " of vendor ";
@@ -175,7 +176,8 @@ void write_cause(TextWriter& out, const Error& e) {
         }
         case Errc::missing_slave:
             if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
-            if (e.subindex == static_cast<unsigned>(IdentityField::device_id)) (out << " (device id ").hex(e.actual, 4) << ")";
+            if (e.subindex == static_cast<unsigned>(IdentityField::device_id))
+                (out << " (device id ").hex(e.actual, 4) << ")";
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";

@@ -99,7 +99,8 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
         }
         case EventKind::fell_short:
         case EventKind::right_again:
-            out << "group " << unsigned{e.group} << ": " << to_text(e.kind) << " (expected " << e.expected << ", got " << e.actual << ")";
+            out << "group " << unsigned{e.group} << ": " << to_text(e.kind) << " (expected " << e.expected << ", got "
+                << e.actual << ")";
             break;
         case EventKind::slave_count:
             out << e.actual << (e.actual == 1 ? " slave answers" : " slaves answer") << ", it was " << e.expected;
@@ -116,7 +117,8 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::emergency:
             write_slave(out, e);
-            (out << "emergency ").hex(e.detail, 4) << ": " << wire::emergency_text(static_cast<std::uint16_t>(e.detail));
+            (out << "emergency ").hex(e.detail, 4)
+                << ": " << wire::emergency_text(static_cast<std::uint16_t>(e.detail));
             (out << ", error register ").hex(e.actual, 2);
             break;
     }

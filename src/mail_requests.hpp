@@ -11,7 +11,8 @@
 namespace margay {
 
 [[nodiscard]] inline MailPatience patience_of(MailRequest& request) {
-    MailPatience patience{.give_up = QueueAccess::deadline(request), .priority = std::min<std::uint8_t>(request.priority, 3)};
+    MailPatience patience{.give_up = QueueAccess::deadline(request),
+                          .priority = std::min<std::uint8_t>(request.priority, 3)};
     if (request.timeout > Duration{0}) patience.each = request.timeout;
     return patience;
 }
@@ -39,7 +40,8 @@ template <class R>
 Result<> do_and_wait(Context& ctx, R& request, Step step, std::uint16_t index, std::uint8_t subindex) {
     if (ContextAccess::osal(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (cycle_runs(ctx) && is_cycle_thread(ctx))
-        return Error{.code = Errc::cycle_running, .step = step, .slave = request.slave, .index = index, .subindex = subindex};
+        return Error{
+            .code = Errc::cycle_running, .step = step, .slave = request.slave, .index = index, .subindex = subindex};
     const auto submitted = submit(ctx, request);
     return submitted ? wait(ctx, request) : submitted;
 }

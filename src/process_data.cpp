@@ -12,7 +12,9 @@ namespace margay {
 namespace {
 
 Error refused(Errc code, std::uint8_t group) {
-    return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
+    return {.code = code,
+            .step = Step::exchange_process_data,
+            .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
 // A hook finds its slave in PREOP, also when the group was mapped before.
@@ -50,7 +52,8 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     return judge_cycle(group, group.prepared, engine.link(), now);
 }
 
-// The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts from when it was sent.
+// The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts
+// from when it was sent.
 [[gnu::noinline]] Result<std::uint32_t> receive_overlapped(Context& ctx, ProcessGroup& group, Duration timeout) {
     Network& network = *ContextAccess::network(ctx);
     Engine& engine = network.engine;
@@ -95,7 +98,8 @@ Result<> send_processdata(Context& ctx, std::uint8_t group) {
     Osal& osal = *ContextAccess::osal(ctx);
     const Time now = osal.now();
     ProcessGroup& wanted = network->process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]] return send_overlapped(wanted, network->engine.link(), now);
+    if (wanted.overlap.sets > 1) [[unlikely]]
+        return send_overlapped(wanted, network->engine.link(), now);
     note_cycle(network->queue, osal, now);
     return send_cycle(wanted, network->engine.link(), now);
 }
@@ -105,11 +109,13 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     ProcessGroup& wanted = network->process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]] return receive_overlapped(ctx, wanted, timeout);
+    if (wanted.overlap.sets > 1) [[unlikely]]
+        return receive_overlapped(ctx, wanted, timeout);
     Engine& engine = network->engine;
     const Time sent = engine.link().last_cycle();
     const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);
-    if (end == CycleEnd::missing) [[unlikely]] return wait_for_cycle(ctx, wanted, timeout);
+    if (end == CycleEnd::missing) [[unlikely]]
+        return wait_for_cycle(ctx, wanted, timeout);
     return end_cycle(wanted, engine.link(), end, sent);
 }
 

@@ -15,7 +15,8 @@ Error check_registers(Context& ctx, const R& r, Step step) {
     refused = check_slave(*ContextAccess::network(ctx), r.slave, step);
     refused.index = r.address;
     if (refused.code != Errc::none) return refused;
-    const bool fits = !r.data.empty() && r.data.size() <= wire::kMaxDatagramData && r.address + r.data.size() <= 0x10000;
+    const bool fits =
+        !r.data.empty() && r.data.size() <= wire::kMaxDatagramData && r.address + r.data.size() <= 0x10000;
     if (fits) return {};
     return {.code = Errc::invalid_argument, .step = step, .slave = r.slave, .index = r.address};
 }
@@ -47,9 +48,13 @@ static Task<Result<>> run(Network& network, RegisterWriteRequest& request) {
     co_return judged(station, datagram, Step::write_register, request.address);
 }
 
-Result<> submit(Context& ctx, RegisterReadRequest& request) { return start(ctx, request, check_registers(ctx, request, Step::read_register)); }
+Result<> submit(Context& ctx, RegisterReadRequest& request) {
+    return start(ctx, request, check_registers(ctx, request, Step::read_register));
+}
 
-Result<> submit(Context& ctx, RegisterWriteRequest& request) { return start(ctx, request, check_registers(ctx, request, Step::write_register)); }
+Result<> submit(Context& ctx, RegisterWriteRequest& request) {
+    return start(ctx, request, check_registers(ctx, request, Step::write_register));
+}
 
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data) {
     RegisterReadRequest request;

@@ -82,7 +82,8 @@ void enqueue(Context& ctx, MailRequest& request, bool (*start)(Context& ctx, Mai
     MailRequest* head = queue.submitted.load(std::memory_order_relaxed);
     do {
         QueueAccess::next(request) = head;
-    } while (!queue.submitted.compare_exchange_weak(head, &request, std::memory_order_release, std::memory_order_relaxed));
+    } while (
+        !queue.submitted.compare_exchange_weak(head, &request, std::memory_order_release, std::memory_order_relaxed));
     Osal& osal = *ContextAccess::osal(ctx);
     if (queue.cycle_thread.load(std::memory_order_relaxed) != osal.calling_thread()) osal.wake();
 }
@@ -148,7 +149,8 @@ bool cycle_runs(Context& ctx) {
 }
 
 bool is_cycle_thread(Context& ctx) {
-    return ContextAccess::network(ctx)->queue.cycle_thread.load(std::memory_order_relaxed) == ContextAccess::osal(ctx)->calling_thread();
+    return ContextAccess::network(ctx)->queue.cycle_thread.load(std::memory_order_relaxed) ==
+           ContextAccess::osal(ctx)->calling_thread();
 }
 
 }  // namespace margay

@@ -17,17 +17,22 @@ struct QueueAccess {
     static Time& deadline(MailRequest& r) { return r.deadline_; }
     static std::uint8_t& passed(MailRequest& r) { return r.passed_; }
     [[nodiscard]] static bool start(MailRequest& r) { return r.start_(*r.ctx_, r); }
-    [[nodiscard]] static bool cancel_asked(const MailRequest& r) { return r.cancel_asked_.load(std::memory_order_acquire); }
+    [[nodiscard]] static bool cancel_asked(const MailRequest& r) {
+        return r.cancel_asked_.load(std::memory_order_acquire);
+    }
 };
 
 // Queues a request whose state is busy already.
 void enqueue(Context& ctx, MailRequest& request, bool (*start)(Context& ctx, MailRequest& request));
 
-// For poll(): begins what was queued, and cancels what shall be. What there is no room for waits; the highest priority goes first.
+// For poll(): begins what was queued, and cancels what shall be. What there is no room for waits; the highest priority
+// goes first.
 void start_queued(Context& ctx, Time now);
 
 // Time in milliseconds, nearly, and without a division: steps of 2^20 ns.
-[[nodiscard]] inline std::uint32_t ticks(Time time) { return static_cast<std::uint32_t>(time.time_since_epoch().count() >> 20); }
+[[nodiscard]] inline std::uint32_t ticks(Time time) {
+    return static_cast<std::uint32_t>(time.time_since_epoch().count() >> 20);
+}
 
 // When the context goes away: ends those that have not begun.
 void cancel_queued(Network& network);
@@ -87,7 +92,8 @@ bool begin_queued(Context& ctx, R& request) {
     Task<Result<>> task = drive_queued(network, request);
     if (!task) return false;
     RequestAccess::begin(request, task.address());
-    (void)network.requests.start(std::move(task));  // takes what it needs of the arena before it waits for the first time
+    (void)network.requests.start(
+        std::move(task));  // takes what it needs of the arena before it waits for the first time
     return true;
 }
 

@@ -72,7 +72,8 @@ static Task<Result<>> run(Network& network, MapRequest& request) {
 // A scan begins anew with all slaves: not while somebody looks after them.
 Result<> submit(Context& ctx, ScanRequest& request) {
     Error refused = check_init(ctx);
-    if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised) refused = {.code = Errc::busy, .step = Step::count_slaves};
+    if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised)
+        refused = {.code = Errc::busy, .step = Step::count_slaves};
     return start(ctx, request, refused);
 }
 
@@ -92,7 +93,8 @@ Result<> submit(Context& ctx, SiiWriteRequest& request) {
 
 Result<> submit(Context& ctx, StateRequest& request) {
     Error refused = check_init(ctx);
-    if (refused.code == Errc::none) refused = check_slave(*ContextAccess::network(ctx), request.slave, Step::request_state);
+    if (refused.code == Errc::none)
+        refused = check_slave(*ContextAccess::network(ctx), request.slave, Step::request_state);
     return start(ctx, request, refused);
 }
 
@@ -100,13 +102,15 @@ Result<> submit(Context& ctx, ReadStateRequest& request) { return start(ctx, req
 
 Result<> submit(Context& ctx, WriteStateRequest& request) {
     Error refused = check_init(ctx);
-    if (refused.code == Errc::none) refused = check_slave_or_all(*ContextAccess::network(ctx), request.slave, Step::request_state);
+    if (refused.code == Errc::none)
+        refused = check_slave_or_all(*ContextAccess::network(ctx), request.slave, Step::request_state);
     return start(ctx, request, refused);
 }
 
 Result<> submit(Context& ctx, StateCheckRequest& request) {
     Error refused = check_init(ctx);
-    if (refused.code == Errc::none) refused = check_slave_or_all(*ContextAccess::network(ctx), request.slave, Step::read_state);
+    if (refused.code == Errc::none)
+        refused = check_slave_or_all(*ContextAccess::network(ctx), request.slave, Step::read_state);
     return start(ctx, request, refused);
 }
 

@@ -20,7 +20,8 @@ struct RequestAccess {
     static void end(Request& r, const Error& error) {
         r.coroutine_ = nullptr;
         r.error_ = error;
-        r.state_.store(error.code == Errc::none ? RequestState::success : RequestState::error, std::memory_order_release);
+        r.state_.store(error.code == Errc::none ? RequestState::success : RequestState::error,
+                       std::memory_order_release);
     }
     // Makes it busy; false when it is already. Of several threads one succeeds.
     [[nodiscard]] static bool claim(Request& r) {

@@ -21,7 +21,9 @@ struct RequestScope<SuperviseRequest> {
 
 static Task<Result<>> run(Network& network, SuperviseRequest& request) { return supervise(network, request); }
 
-static Task<Result<>> run(Network& network, ReconfigRequest& request) { return reconfigure(network, network.slave(request.slave)); }
+static Task<Result<>> run(Network& network, ReconfigRequest& request) {
+    return reconfigure(network, network.slave(request.slave));
+}
 
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
     auto found = co_await find_lost(network);
@@ -31,8 +33,10 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
 
 Result<> submit(Context& ctx, SuperviseRequest& request) {
     Error refused = check_init(ctx);
-    if (refused.code == Errc::none && ContextAccess::network(ctx)->count == 0) refused = {.code = Errc::wrong_state, .step = Step::recover};
-    if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised) refused = {.code = Errc::busy, .step = Step::recover};
+    if (refused.code == Errc::none && ContextAccess::network(ctx)->count == 0)
+        refused = {.code = Errc::wrong_state, .step = Step::recover};
+    if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised)
+        refused = {.code = Errc::busy, .step = Step::recover};
     if (refused.code == Errc::none && request.target != AlState::op && request.target != AlState::safeop)
         refused = {.code = Errc::invalid_argument, .step = Step::recover};
     return start(ctx, request, refused);
@@ -68,7 +72,10 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave) {
     const bool there = slave == 0 ? request.found > 0 : ctx.slave(slave).al.state != AlState::none;
     if (there) return Result<>();
     if (slave != 0 && ctx.slave(slave).error.code == Errc::other_slave) return ctx.slave(slave).error;
-    return Error{.code = Errc::unknown_slave, .step = Step::recover, .slave = slave, .expected = static_cast<std::uint32_t>(ctx.slaves().size())};
+    return Error{.code = Errc::unknown_slave,
+                 .step = Step::recover,
+                 .slave = slave,
+                 .expected = static_cast<std::uint32_t>(ctx.slaves().size())};
 }
 
 }  // namespace margay

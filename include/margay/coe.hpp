@@ -1,4 +1,5 @@
-// CANopen over EtherCAT as the application sees it: the object dictionary of a slave, by requests that run beside the cycle and by calls that wait.
+// CANopen over EtherCAT as the application sees it: the object dictionary of a slave, by requests that run beside the
+// cycle and by calls that wait.
 //
 //     margay::SdoUpload request;                       // lives in the caller's memory, may be used again and again
 //     request.slave = 3;
@@ -30,8 +31,9 @@ class Context;
 
 // ------------------------------------------------------------------ requests
 
-// Reads an object, or with complete_access all subindices from subindex (0 or 1) on. What a slave refuses to give that way is read subindex by subindex, and
-// laid out as a complete access is: subindex 0 in two octets, the others one behind the other.
+// Reads an object, or with complete_access all subindices from subindex (0 or 1) on. What a slave refuses to give that
+// way is read subindex by subindex, and laid out as a complete access is: subindex 0 in two octets, the others one
+// behind the other.
 struct SdoUpload : MailRequest {
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
@@ -48,7 +50,8 @@ struct SdoDownload : MailRequest {
     std::span<const std::byte> data;
 };
 
-// The lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` gives five numbers: how many objects each of the others has.
+// The lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` gives five numbers: how many objects each of the
+// others has.
 enum class ObjectList : std::uint16_t { lengths, all, rx_mappable, tx_mappable, backup, settings };
 
 // Lists objects. They are handed over as they come, a few at a time: a dictionary may be of any size.
@@ -89,7 +92,7 @@ struct EntryDescription {
     std::uint16_t bit_length = 0;
     // Read in PREOP, SAFEOP, OP: bits 0–2; write: 3–5; RxPDO, TxPDO mappable: 6, 7; backup, settings: 8, 9.
     std::uint16_t access = 0;
-    std::uint32_t unit = 0;    // 0: none told
+    std::uint32_t unit = 0;  // 0: none told
     Value default_value;
     Value minimum;
     Value maximum;
@@ -120,8 +123,8 @@ struct MailPdoFetch : MailRequest {
     std::size_t bytes = 0;  // result
 };
 
-// Starts a request; from any thread, without a lock. It begins at the next poll(). Errc::busy when it runs already; Errc::wrong_state before init(). What else
-// is wrong with it (no such slave, no mailbox …) is its error().
+// Starts a request; from any thread, without a lock. It begins at the next poll(). Errc::busy when it runs already;
+// Errc::wrong_state before init(). What else is wrong with it (no such slave, no mailbox …) is its error().
 Result<> submit(Context& ctx, SdoUpload& request);
 Result<> submit(Context& ctx, SdoDownload& request);
 Result<> submit(Context& ctx, ObjectListRequest& request);
@@ -132,22 +135,25 @@ Result<> submit(Context& ctx, MailPdoFetch& request);
 
 // ------------------------------------------------------------------ calls that wait
 //
-// Each submits the request of its kind and waits for it. From another thread than the one that runs a cycle it waits for that one to get it done; from the
-// thread of a running cycle it is refused with Errc::cycle_running, as it would stop the cycle.
+// Each submits the request of its kind and waits for it. From another thread than the one that runs a cycle it waits
+// for that one to get it done; from the thread of a running cycle it is refused with Errc::cycle_running, as it would
+// stop the cycle.
 
-// Reads an object, returns the octets of its value. Errors: sdo_abort (detail: the abort code, which describe() puts in words), capacity (expected: the octets
-// of the value), timeout, mailbox_error, protocol, unsupported, unknown_slave …
-Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
-                            std::span<std::byte> into, Duration timeout = Duration{0});
+// Reads an object, returns the octets of its value. Errors: sdo_abort (detail: the abort code, which describe() puts in
+// words), capacity (expected: the octets of the value), timeout, mailbox_error, protocol, unsupported, unknown_slave …
+Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                            bool complete_access, std::span<std::byte> into, Duration timeout = Duration{0});
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 
 Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,
                                   void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
                                   Duration timeout = Duration{0});
-Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index, Duration timeout = Duration{0});
-Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                                           bool with_values = false, Duration timeout = Duration{0});
+Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                             Duration timeout = Duration{0});
+Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                           std::uint8_t subindex, bool with_values = false,
+                                           Duration timeout = Duration{0});
 
 // Values that a slave keeps as they are: integers, enumerations, bool (one octet), float and double.
 template <class T>
@@ -173,12 +179,14 @@ template <SdoValue T>
 //
 //     const auto speed = margay::SDOread<std::int32_t>(ctx, 2, 0x606C, 0);
 template <SdoValue T>
-Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, Duration timeout = Duration{0}) {
+Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                  Duration timeout = Duration{0}) {
     std::array<std::byte, sizeof(T)> octets{};
     const auto read = SDOread(ctx, slave, index, subindex, false, octets, timeout);
     if (!read) return read.error();
     if (*read != sizeof(T)) {
-        Error error{.code = Errc::wrong_size, .step = Step::sdo_upload, .slave = slave, .index = index, .subindex = subindex};
+        Error error{
+            .code = Errc::wrong_size, .step = Step::sdo_upload, .slave = slave, .index = index, .subindex = subindex};
         error.expected = static_cast<std::uint32_t>(sizeof(T));
         error.actual = static_cast<std::uint32_t>(*read);
         return error;
@@ -187,16 +195,17 @@ Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
 }
 
 template <SdoValue T>
-Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, T value, Duration timeout = Duration{0}) {
+Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, T value,
+                  Duration timeout = Duration{0}) {
     const auto octets = octets_of(value);
     return SDOwrite(ctx, slave, index, subindex, false, std::span<const std::byte>(octets), timeout);
 }
 
 // Reads a text (VISIBLE_STRING) into `into` and returns the part that was written, without zeros behind it.
-Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, std::span<char> into,
-                                      Duration timeout = Duration{0});
-Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, std::string_view text,
-                       Duration timeout = Duration{0});
+Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                      std::span<char> into, Duration timeout = Duration{0});
+Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                       std::string_view text, Duration timeout = Duration{0});
 
 // An abort code in words, as of the standard's table. A static string, callable from anywhere.
 [[nodiscard]] std::string_view sdo_abort_text(std::uint32_t code);
@@ -206,8 +215,9 @@ Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, s
 // The emergencies of a slave; take() may be called by one other thread. Of a slave that does not exist: an empty ring.
 [[nodiscard]] EmergencyRing& emergencies(Context& ctx, std::uint16_t slave);
 
-// Has poll() look every so often, with one datagram for all slaves, for mail that nobody has asked for. Zero, as after init(): such mail is found when a
-// request has to do with the slave, or in the cycle of a slave whose mailbox status is mapped (SlaveConfiguration::mailbox_status).
+// Has poll() look every so often, with one datagram for all slaves, for mail that nobody has asked for. Zero, as after
+// init(): such mail is found when a request has to do with the slave, or in the cycle of a slave whose mailbox status
+// is mapped (SlaveConfiguration::mailbox_status).
 void watch_mailboxes(Context& ctx, Duration every);
 
 // What the mailbox of a slave has counted since it was found.

@@ -1,5 +1,5 @@
-// What a segment shall be: plain data, the same whether the slaves themselves, a file or the application said it. The mapping of process
-// data executes it, and executes it again for a slave that comes back.
+// What a segment shall be: plain data, the same whether the slaves themselves, a file or the application said it. The
+// mapping of process data executes it, and executes it again for a slave that comes back.
 #pragma once
 
 #include <margay/address.hpp>
@@ -80,10 +80,10 @@ struct SlaveConfiguration {
     ConfigurationSource source = ConfigurationSource::none;  // of `sms`
 
     std::uint8_t group = 0;
-    bool block_lrw : 1 = false;       // this slave cannot do LRW: its group exchanges by LRD and LWR
-    bool mailbox_status : 1 = false;  // a bit of the image says whether the slave's mailbox has something to read
-    bool optional : 1 = false;        // may be missing: its group is right without it
-    bool no_mailbox : 1 = false;      // its mailbox is left alone. To be set before it leaves INIT, by expect()
+    bool block_lrw : 1 = false;           // this slave cannot do LRW: its group exchanges by LRD and LWR
+    bool mailbox_status : 1 = false;      // a bit of the image says whether the slave's mailbox has something to read
+    bool optional : 1 = false;            // may be missing: its group is right without it
+    bool no_mailbox : 1 = false;          // its mailbox is left alone. To be set before it leaves INIT, by expect()
     bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex
     bool fixed_pdos : 1 = false;          // the PDOs of `setup` tell what the slave has, nothing of them is written
     // The highest state that it is brought to: PREOP (no process data), SAFEOP or OP.
@@ -117,8 +117,8 @@ enum class Packing : std::uint8_t {
     bits,   // what has less than 8 bits follows without a gap; what has more begins on an octet
 };
 
-// Some bits of one slave's inputs become another one's outputs, in each cycle: those that the last cycle has brought go out with the next. Slaves of one
-// group; bits count from the start of the slave's data in the image.
+// Some bits of one slave's inputs become another one's outputs, in each cycle: those that the last cycle has brought go
+// out with the next. Slaves of one group; bits count from the start of the slave's data in the image.
 struct SlaveToSlave {
     std::uint16_t from_slave = 0;
     std::uint16_t to_slave = 0;
@@ -131,26 +131,30 @@ class SharedImage;
 
 // Of one group: slaves that share an image and are exchanged together.
 struct GroupConfiguration {
-    LogicalAddress start;                // of the image in the logical address space
+    LogicalAddress start;  // of the image in the logical address space
     Packing packing = Packing::bytes;
-    bool overlapped = false;             // inputs and outputs of a slave at the same logical address
-    bool block_lrw = false;              // LRD and LWR in place of LRW
-    // Datagrams that travel in the first frame of each cycle; what they bring is in Group::al_status and Group::dc_time. The working counter of the cycle
-    // is that of the process data alone. A group that has one of them may be without process data.
-    bool al_status = false;              // reads the AL status of all slaves at once (BRD of ESC register 0x0130)
-    // Number of the slave whose system time all others behind it take over (FRMW of 0x0910); 0: none. No slave before it in the ring may have a clock.
+    bool overlapped = false;  // inputs and outputs of a slave at the same logical address
+    bool block_lrw = false;   // LRD and LWR in place of LRW
+    // Datagrams that travel in the first frame of each cycle; what they bring is in Group::al_status and
+    // Group::dc_time. The working counter of the cycle is that of the process data alone. A group that has one of them
+    // may be without process data.
+    bool al_status = false;  // reads the AL status of all slaves at once (BRD of ESC register 0x0130)
+    // Number of the slave whose system time all others behind it take over (FRMW of 0x0910); 0: none. No slave before
+    // it in the ring may have a clock.
     std::uint16_t dc_reference = 0;
-    std::uint16_t reserve_bytes = 0;     // of the first frame, left free for other datagrams of the cycle
-    // Octets of other datagrams (mailboxes, states …), with their headers, that may travel with a cycle: in the space its frames have
-    // left, and in a frame of their own beyond that. One datagram always may. Zero: they do not wait for cycles, each poll() sends them.
+    std::uint16_t reserve_bytes = 0;  // of the first frame, left free for other datagrams of the cycle
+    // Octets of other datagrams (mailboxes, states …), with their headers, that may travel with a cycle: in the space
+    // its frames have left, and in a frame of their own beyond that. One datagram always may. Zero: they do not wait
+    // for cycles, each poll() sends them.
     std::uint16_t acyclic_bytes = 1498;
-    // How many cycles may be on their way at once, kMostCyclesInFlight at most: with 2 the next one can be sent before this one is received, also by another
-    // thread. See send_processdata(). Each takes prepared frames of its own (limits().process_frames). From 2 on the datagrams of acyclic_bytes do not travel
-    // with the cycle; poll() sends them.
+    // How many cycles may be on their way at once, kMostCyclesInFlight at most: with 2 the next one can be sent before
+    // this one is received, also by another thread. See send_processdata(). Each takes prepared frames of its own
+    // (limits().process_frames). From 2 on the datagrams of acyclic_bytes do not travel with the cycle; poll() sends
+    // them.
     std::uint8_t cycles_in_flight = 1;
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
     std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
-    SharedImage* shared = nullptr;         // for another thread: see shared_image.hpp
+    SharedImage* shared = nullptr;           // for another thread: see shared_image.hpp
 };
 
 }  // namespace margay

@@ -23,7 +23,8 @@ struct Network;
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     constexpr std::size_t kFixedBytes = 16384;  // the engine, errors and events, one frame buffer
     constexpr std::size_t kFrameBytes = 64;     // a frame in flight
-    // The coroutine frames of one slave being worked on, and a mailbox of 1 KiB; half of it where pointers are half as long.
+    // The coroutine frames of one slave being worked on, and a mailbox of 1 KiB; half of it where pointers are half as
+    // long.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t arena = (tasks + 4) * kTaskBytes;

@@ -19,7 +19,8 @@ struct Emergency {
     Time at{};                        // when the master fetched it
 };
 
-// One thread writes (the one that polls), one reads, neither waits. When nobody takes them the oldest stay, and what comes is counted.
+// One thread writes (the one that polls), one reads, neither waits. When nobody takes them the oldest stay, and what
+// comes is counted.
 class EmergencyRing {
   public:
     EmergencyRing() = default;

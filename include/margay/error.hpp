@@ -10,58 +10,61 @@ namespace margay {
 // The kind of failure.
 enum class Errc : std::uint8_t {
     none,
-    timeout,            // no final answer within the time allowed
-    no_frame,           // a frame did not come back, retries included
-    working_counter,    // a frame came back but not everyone addressed took part (expected, actual)
-    link_down,          // the NIC reports no carrier
-    nic,                // the NIC refused to send (actual: the system's error number)
-    capacity,           // a buffer or table that the caller sized is full (expected: needed, actual: available)
-    no_slaves,          // nobody answered a broadcast
-    unstable,           // the number of slaves changed while it was being counted (expected, actual)
-    unknown_slave,      // no slave at this position
-    invalid_argument,   // a parameter outside its range
-    wrong_state,        // the call does not fit the state of the context or of the slave (expected, actual)
-    busy,               // already being done by somebody else
-    canceled,           // given up by the caller
-    al_status,          // the slave refused a state change (expected state, actual state, code: AL status code)
-    sii_busy,           // the SII interface stayed busy
-    sii_nack,           // the EEPROM did not acknowledge, retries included
-    sii_verify,         // what was read back is not what was written (expected, actual)
-    sii_checksum,       // CRC of the configuration area (expected, actual)
-    sii_blank,          // the EEPROM is erased (all 0xFF)
-    sii_truncated,      // content ends before its own description says so
-    sii_format,         // content that contradicts itself
-    sii_write_denied,   // EEPROM refused the write (write enable missing)
-    protocol,           // a reply that the standard does not allow
-    mailbox_error,      // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
-    sdo_abort,          // SDO abort (code: the abort code)
-    soe_error,          // error reply of a drive (code: the SoE error code)
-    command_failed,     // a procedure command of a drive ended with an error (code: its data state)
-    unsupported,        // the slave does not have it
-    other_slave,        // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail: vendor that is there)
-    missing_slave,      // an expected slave is not there (subindex: by what it would have been known, alias or device_id, and actual: that)
-    unexpected_slave,   // a slave that nobody expects
-    no_place,           // a slave that came later has process data, and none was kept free in the image (expected: bits)
-    unknown_group,      // no group with this number, or nothing is mapped in it (index: the group)
-    image_too_large,    // the process image does not fit the buffer (expected, actual: octets)
-    fmmu_shortage,      // the slave has too few FMMUs (expected, actual)
-    sm_shortage,        // the slave has no such SyncManager (index: its register, expected, actual: how many)
-    sm_memory,          // a SyncManager outside the slave's process data memory or on top of another one (index: its register)
-    too_many_frames,    // process data needs more frames than the context has prepared ones (expected, actual)
-    mailbox_full,       // the slave does not take mail: its mailbox is full, or not enabled in this state
-    wrong_size,         // a value has another size than was asked for (expected, actual: octets)
-    pdo_list,           // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
-    pdo_unknown,        // nobody tells what a PDO of a list has in it (index: the PDO)
-    not_process_sm,     // a list of PDOs for a SyncManager of the mailbox (index: its register)
-    wrong_direction,    // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
-    pdo_size,           // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
-    sizes_differ,       // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
-                        // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
-    types_differ,       // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
-                        // SyncManager (index: its register)
-    above_highest,      // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
-    check_failed,       // a register is not as a command wants it (expected, actual: the lowest 32 bits)
-    cycle_running,      // a call that waits, from the thread of a running cycle: submit the request of the same name instead
+    timeout,           // no final answer within the time allowed
+    no_frame,          // a frame did not come back, retries included
+    working_counter,   // a frame came back but not everyone addressed took part (expected, actual)
+    link_down,         // the NIC reports no carrier
+    nic,               // the NIC refused to send (actual: the system's error number)
+    capacity,          // a buffer or table that the caller sized is full (expected: needed, actual: available)
+    no_slaves,         // nobody answered a broadcast
+    unstable,          // the number of slaves changed while it was being counted (expected, actual)
+    unknown_slave,     // no slave at this position
+    invalid_argument,  // a parameter outside its range
+    wrong_state,       // the call does not fit the state of the context or of the slave (expected, actual)
+    busy,              // already being done by somebody else
+    canceled,          // given up by the caller
+    al_status,         // the slave refused a state change (expected state, actual state, code: AL status code)
+    sii_busy,          // the SII interface stayed busy
+    sii_nack,          // the EEPROM did not acknowledge, retries included
+    sii_verify,        // what was read back is not what was written (expected, actual)
+    sii_checksum,      // CRC of the configuration area (expected, actual)
+    sii_blank,         // the EEPROM is erased (all 0xFF)
+    sii_truncated,     // content ends before its own description says so
+    sii_format,        // content that contradicts itself
+    sii_write_denied,  // EEPROM refused the write (write enable missing)
+    protocol,          // a reply that the standard does not allow
+    mailbox_error,     // mailbox error reply (code: detail code, ETG.1000.6 table "Mailbox error reply")
+    sdo_abort,         // SDO abort (code: the abort code)
+    soe_error,         // error reply of a drive (code: the SoE error code)
+    command_failed,    // a procedure command of a drive ended with an error (code: its data state)
+    unsupported,       // the slave does not have it
+    other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
+                    // vendor that is there)
+    missing_slave,  // an expected slave is not there (subindex: by what it would have been known, alias or device_id,
+                    // and actual: that)
+    unexpected_slave,  // a slave that nobody expects
+    no_place,          // a slave that came later has process data, and none was kept free in the image (expected: bits)
+    unknown_group,     // no group with this number, or nothing is mapped in it (index: the group)
+    image_too_large,   // the process image does not fit the buffer (expected, actual: octets)
+    fmmu_shortage,     // the slave has too few FMMUs (expected, actual)
+    sm_shortage,       // the slave has no such SyncManager (index: its register, expected, actual: how many)
+    sm_memory,  // a SyncManager outside the slave's process data memory or on top of another one (index: its register)
+    too_many_frames,  // process data needs more frames than the context has prepared ones (expected, actual)
+    mailbox_full,     // the slave does not take mail: its mailbox is full, or not enabled in this state
+    wrong_size,       // a value has another size than was asked for (expected, actual: octets)
+    pdo_list,         // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
+    pdo_unknown,      // nobody tells what a PDO of a list has in it (index: the PDO)
+    not_process_sm,   // a list of PDOs for a SyncManager of the mailbox (index: its register)
+    wrong_direction,  // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
+    pdo_size,         // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
+    sizes_differ,     // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
+                      // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
+    types_differ,     // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
+                      // SyncManager (index: its register)
+    above_highest,    // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
+    check_failed,     // a register is not as a command wants it (expected, actual: the lowest 32 bits)
+    cycle_running,    // a call that waits, from the thread of a running cycle: submit the request of the same name
+                      // instead
 };
 
 // What was being done.
@@ -114,11 +117,11 @@ enum class Step : std::uint8_t {
 struct Error {
     Errc code = Errc::none;
     Step step = Step::none;
-    std::uint16_t slave = 0;     // 1 is the first slave, 0 the segment as a whole
-    std::uint16_t index = 0;     // register address, SII word address, object index or IDN, as the step has it
-    std::uint8_t subindex = 0;   // or the number of the drive
-    std::uint8_t place = 0;      // of a command in its list, 1 the first
-    std::uint32_t detail = 0;    // AL status code, abort code, mailbox error detail, SoE error code; k…Command
+    std::uint16_t slave = 0;    // 1 is the first slave, 0 the segment as a whole
+    std::uint16_t index = 0;    // register address, SII word address, object index or IDN, as the step has it
+    std::uint8_t subindex = 0;  // or the number of the drive
+    std::uint8_t place = 0;     // of a command in its list, 1 the first
+    std::uint32_t detail = 0;   // AL status code, abort code, mailbox error detail, SoE error code; k…Command
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 

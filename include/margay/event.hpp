@@ -1,5 +1,5 @@
-// What happens to a segment while it runs: told by the supervision, and emergencies by whoever fetches mail (see watch_mailboxes()), as a queue that
-// another thread may read and as a callback.
+// What happens to a segment while it runs: told by the supervision, and emergencies by whoever fetches mail (see
+// watch_mailboxes()), as a queue that another thread may read and as a callback.
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -16,18 +16,22 @@
 namespace margay {
 
 enum class EventKind : std::uint8_t {
-    state,            // a slave is in another state than it was: before, now
-    lost,             // a slave does not answer any more; slave 0: no frame comes back from the segment
-    found,            // a lost slave answers again; slave 0: frames come back again
-    other_slave,      // in the place of a lost slave there is another one (expected, actual: product codes; detail: its vendor; error: what differs)
-    stranger,         // somebody whom nobody expects hangs at `port` of `slave` (actual: product, expected: its revision, detail: vendor)
-    missing,          // the hot connect group of `slave` is there, its head `other`, and `slave` is not
-    recovered,        // a slave is where it belongs again
+    state,        // a slave is in another state than it was: before, now
+    lost,         // a slave does not answer any more; slave 0: no frame comes back from the segment
+    found,        // a lost slave answers again; slave 0: frames come back again
+    other_slave,  // in the place of a lost slave there is another one (expected, actual: product codes; detail: its
+                  // vendor; error: what differs)
+    stranger,     // somebody whom nobody expects hangs at `port` of `slave` (actual: product, expected: its revision,
+                  // detail: vendor)
+    missing,      // the hot connect group of `slave` is there, its head `other`, and `slave` is not
+    recovered,    // a slave is where it belongs again
     recovery_failed,  // why is in `error`; it will be tried again
-    fell_short,       // the working counter of a group's cycle is short of that of the slaves that should take part (expected, actual)
+    fell_short,       // the working counter of a group's cycle is short of that of the slaves that should take part
+                      // (expected, actual)
     right_again,      // and it is right again
     slave_count,      // so many slaves answer now (expected: before, actual: now)
-    line_errors,      // frames were damaged on the way into a port: the cable between `slave` at `port` and `other` (actual: how many)
+    line_errors,      // frames were damaged on the way into a port: the cable between `slave` at `port` and `other`
+                      // (actual: how many)
     link_lost,        // that cable was interrupted (actual: how often)
     emergency,        // a slave has sent a CoE emergency (detail: its code, actual: its error register)
 };
@@ -49,8 +53,8 @@ struct Event {
 
 [[nodiscard]] std::string_view to_text(EventKind kind);
 
-// Writes one sentence into `out` (cut where it does not fit, no zero behind it) and returns the part that was written. No allocation; callable from
-// the cycle.
+// Writes one sentence into `out` (cut where it does not fit, no zero behind it) and returns the part that was written.
+// No allocation; callable from the cycle.
 std::string_view describe(const Event& event, std::span<char> out);
 
 // Oldest first: one thread writes (the one that polls), one reads, neither ever waits.
@@ -58,7 +62,8 @@ class EventQueue {
   public:
     static constexpr std::uint32_t kCapacity = 64;
 
-    // Called for each event by the thread that polls, from within poll(): must neither wait nor poll. Set it from that thread.
+    // Called for each event by the thread that polls, from within poll(): must neither wait nor poll. Set it from that
+    // thread.
     void (*callback)(const Event& event, void* user) = nullptr;
     void* user = nullptr;
 

@@ -15,8 +15,8 @@ struct DatagramStatus {
     std::uint16_t got = 0;
     // When all those take part that are not known to be lost, or in need of their configuration.
     std::uint16_t accepted = 0;
-    std::uint16_t full = 0;      // when every slave takes part, optional ones too
-    bool came = false;           // its frame came back; otherwise `got` says nothing
+    std::uint16_t full = 0;  // when every slave takes part, optional ones too
+    bool came = false;       // its frame came back; otherwise `got` says nothing
     // All slaves took part.
     [[nodiscard]] constexpr bool right() const { return came && (got == expected || got == full); }
     // All took part that can: its inputs are in the image. Those of the others stay as they were last.
@@ -36,23 +36,23 @@ struct Group {
 
     // What config_map() made of it. Empty until then.
     bool mapped = false;
-    std::span<std::byte> image;      // outputs, then inputs; the caller's memory
+    std::span<std::byte> image;  // outputs, then inputs; the caller's memory
     std::uint32_t output_bytes = 0;
     std::uint32_t input_bytes = 0;
     std::uint32_t expected_wkc = 0;  // of all datagrams together
     std::uint16_t frames = 0;        // a cycle takes
     std::span<const DatagramStatus> datagrams;
 
-    // Cycles are counted from 1 on, since config_map(): how many were sent, and which one the last receive_processdata() has ended. Each is for the thread
-    // that calls the one or the other.
+    // Cycles are counted from 1 on, since config_map(): how many were sent, and which one the last
+    // receive_processdata() has ended. Each is for the thread that calls the one or the other.
     std::uint32_t cycles_sent = 0;
     std::uint32_t cycle_received = 0;
 
-    // By GroupConfiguration::al_status: AL status (ESC register 0x0130) of all slaves of the segment, each bit set that any of them has set. `slaves`: how
-    // many there are.
+    // By GroupConfiguration::al_status: AL status (ESC register 0x0130) of all slaves of the segment, each bit set that
+    // any of them has set. `slaves`: how many there are.
     RegisterReading al_status;
-    // By GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of that slave when the frame passed it, in ns. `slaves`: it and those that took the time
-    // over.
+    // By GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of that slave when the frame passed
+    // it, in ns. `slaves`: it and those that took the time over.
     RegisterReading dc_time;
 };
 

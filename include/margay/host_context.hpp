@@ -11,7 +11,8 @@ namespace margay {
 // A context that allocates its memory once, when it is made.
 class HostContext : public Context {
   public:
-    explicit HostContext(const Limits& limits = {}) : HostContext(std::make_unique<std::byte[]>(context_bytes(limits)), limits) {}
+    explicit HostContext(const Limits& limits = {})
+        : HostContext(std::make_unique<std::byte[]>(context_bytes(limits)), limits) {}
     ~HostContext() { close(); }
 
   private:

@@ -7,7 +7,8 @@ namespace margay {
 
 struct Limits {
     std::uint16_t slaves = 64;
-    // Slaves that are worked on at the same time by one operation (scan, state change …); the others wait their turn. 0: all.
+    // Slaves that are worked on at the same time by one operation (scan, state change …); the others wait their turn.
+    // 0: all.
     std::uint16_t tasks = 0;
     // Frames in flight at once, 1 to 128.
     std::uint16_t frames = 64;

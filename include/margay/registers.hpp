@@ -1,5 +1,5 @@
-// Registers and memory of a slave's ESC, as the data sheets number them: for what no other call does. The library knows nothing of what is written here;
-// it may write the same registers itself.
+// Registers and memory of a slave's ESC, as the data sheets number them: for what no other call does. The library knows
+// nothing of what is written here; it may write the same registers itself.
 //
 //     margay::RegisterReadRequest request;                // beside the cycle: rides in its frames
 //     request.slave = 2;
@@ -33,7 +33,8 @@ struct RegisterWriteRequest : Request {
 Result<> submit(Context& ctx, RegisterReadRequest& request);
 Result<> submit(Context& ctx, RegisterWriteRequest& request);
 
-// The same, waiting. Errors besides: working_counter (the slave does not answer, or has no such register), no_frame. Not callable from the cycle.
+// The same, waiting. Errors besides: working_counter (the slave does not answer, or has no such register), no_frame.
+// Not callable from the cycle.
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data);
 Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data);
 

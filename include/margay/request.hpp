@@ -1,6 +1,6 @@
-// Requests: operations that run while the application goes on polling. A request lives in the caller's memory, is given to
-// submit(), and is busy until poll() has brought it to its end. It may be used again afterwards. Destroying a busy request cancels
-// it: what is under way on the bus is forgotten, the context stays usable.
+// Requests: operations that run while the application goes on polling. A request lives in the caller's memory, is given
+// to submit(), and is busy until poll() has brought it to its end. It may be used again afterwards. Destroying a busy
+// request cancels it: what is under way on the bus is forgotten, the context stays usable.
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -40,12 +40,14 @@ class Request {
 
 class Context;
 
-// A request to the mailbox of a slave. Any thread may submit it, look at state() and, once it is not busy, use its results and change it. cancel() and the
-// destructor of a busy one are for the thread that polls; others call ask_cancel() and wait until it is not busy any more.
+// A request to the mailbox of a slave. Any thread may submit it, look at state() and, once it is not busy, use its
+// results and change it. cancel() and the destructor of a busy one are for the thread that polls; others call
+// ask_cancel() and wait until it is not busy any more.
 class MailRequest : public Request {
   public:
     std::uint16_t slave = 0;
-    // For the whole: waiting for its turn and all messages. Zero: no limit for the whole, and 3 s for each answer of the slave.
+    // For the whole: waiting for its turn and all messages. Zero: no limit for the whole, and 3 s for each answer of
+    // the slave.
     Duration timeout{0};
     std::uint8_t priority = 0;  // 0 to 3; of requests that wait the highest goes first
 
@@ -79,8 +81,8 @@ struct SiiReadRequest : Request {
     std::span<std::byte> data;
 };
 
-// Writes an even number of octets to the SII EEPROM, each word read back. On an error error().index is the first word that is not
-// sure to hold what was asked for; the words before it do.
+// Writes an even number of octets to the SII EEPROM, each word read back. On an error error().index is the first word
+// that is not sure to hold what was asked for; the words before it do.
 struct SiiWriteRequest : Request {
     std::uint16_t slave = 0;
     std::uint32_t word = 0;
@@ -113,8 +115,8 @@ struct StateCheckRequest : Request {
     AlStatus reached;  // result
 };
 
-// Finds out what process data the slaves of a group have, lays it into `image`, and brings the slaves to SAFEOP. See config_map(), which
-// also calls the slaves' hooks; this does not.
+// Finds out what process data the slaves of a group have, lays it into `image`, and brings the slaves to SAFEOP. See
+// config_map(), which also calls the slaves' hooks; this does not.
 struct MapRequest : Request {
     std::uint8_t group = 0;
     std::span<std::byte> image;

@@ -10,7 +10,8 @@
 
 namespace margay {
 
-// A value of some octets that one thread writes whole and another one reads whole: neither ever waits, the reader has the newest one.
+// A value of some octets that one thread writes whole and another one reads whole: neither ever waits, the reader has
+// the newest one.
 class TripleBuffer {
   public:
     TripleBuffer() = default;
@@ -24,7 +25,9 @@ class TripleBuffer {
 
     // The writer's: what it writes into, as it left it two publications before, and its hand-over.
     [[nodiscard]] std::span<std::byte> back() const { return parts_[back_]; }
-    void publish() { back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | kFresh), std::memory_order_acq_rel) & kIndex; }
+    void publish() {
+        back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | kFresh), std::memory_order_acq_rel) & kIndex;
+    }
 
     // The reader's: takes over the newest value; false when there is none since the last time.
     bool refresh() {
@@ -44,8 +47,9 @@ class TripleBuffer {
     std::atomic<std::uint8_t> middle_{2};
 };
 
-// The image of a group for one other thread than that of the cycle. Name it in GroupConfiguration::shared before config_map(); from then on each
-// send_processdata() sends the outputs published last, and each receive_processdata() that brings in a whole cycle publishes its inputs.
+// The image of a group for one other thread than that of the cycle. Name it in GroupConfiguration::shared before
+// config_map(); from then on each send_processdata() sends the outputs published last, and each receive_processdata()
+// that brings in a whole cycle publishes its inputs.
 //
 //     // Sizes as config_map() will have them, or more:
 //     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));
@@ -65,10 +69,12 @@ class SharedImage {
     }
 
     // --- The other thread, once config_map() is through ---
-    // To be written; offsets as in the image. After publishing it holds an older value again: write all of it, or keep a copy.
+    // To be written; offsets as in the image. After publishing it holds an older value again: write all of it, or keep
+    // a copy.
     [[nodiscard]] std::span<std::byte> outputs() { return outputs_.back(); }
     void publish_outputs() { outputs_.publish(); }
-    // Takes over the newest inputs; false when no cycle has brought any since the last time. inputs() begins where the image's inputs begin.
+    // Takes over the newest inputs; false when no cycle has brought any since the last time. inputs() begins where the
+    // image's inputs begin.
     bool refresh_inputs() { return inputs_.refresh(); }
     [[nodiscard]] std::span<const std::byte> inputs() const { return inputs_.front(); }
 

@@ -1,5 +1,5 @@
-// What is known of a slave: plain values, filled by config_init() and kept up by the calls that say so. Read them from the
-// thread that polls.
+// What is known of a slave: plain values, filled by config_init() and kept up by the calls that say so. Read them from
+// the thread that polls.
 #pragma once
 
 #include <margay/address.hpp>
@@ -77,7 +77,7 @@ inline constexpr std::uint16_t kVoE = 0x20;
 struct MailboxInfo {
     std::uint16_t out_start = 0;  // master writes here (SyncManager 0)
     std::uint16_t out_bytes = 0;
-    std::uint16_t in_start = 0;   // master reads here (SyncManager 1)
+    std::uint16_t in_start = 0;  // master reads here (SyncManager 1)
     std::uint16_t in_bytes = 0;
     std::uint16_t protocols = 0;  // mailbox_protocol bits
     [[nodiscard]] constexpr bool present() const { return out_bytes != 0 && in_bytes != 0; }
@@ -109,8 +109,8 @@ struct SoeNotification {
 
 // Functions of the application that are called on the way of one slave. `user` is what stands in the same place.
 struct SlaveHooks {
-    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. Called by config_map() itself,
-    // never by poll(), so it may wait. An error keeps the slave in PREOP.
+    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. Called
+    // by config_map() itself, never by poll(), so it may wait. An error keeps the slave in PREOP.
     Result<> (*preop_to_safeop)(Context& ctx, std::uint16_t slave, void* user) = nullptr;
     void* user = nullptr;
     // Around the changes of state that the library makes: before the state is requested, behind the commands of
@@ -119,11 +119,12 @@ struct SlaveHooks {
     // is told in errors(), and the slave goes all the same. What has failed afterwards is an error of the slave.
     Result<> (*transition)(Context& ctx, std::uint16_t slave, Transition which, Moment moment, void* user) = nullptr;
 
-    // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait nor call the library. `data` is
-    // valid until it returns.
-    void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data, void* user) = nullptr;
-    // The slave asks for an RxPDO (CoE service RxPDO remote request): a MailPdoSend, submitted once poll() has returned, answers it. Called
-    // as mailbox_pdo is, with the same user.
+    // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait
+    // nor call the library. `data` is valid until it returns.
+    void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data,
+                        void* user) = nullptr;
+    // The slave asks for an RxPDO (CoE service RxPDO remote request): a MailPdoSend, submitted once poll() has
+    // returned, answers it. Called as mailbox_pdo is, with the same user.
     void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
     void* mailbox_pdo_user = nullptr;
 
@@ -152,14 +153,14 @@ struct Slave {
     // Requested and not yet seen: what comes after it is still to come.
     Transition requested = Transition::none;
     bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error here
-    bool seen : 1 = false;          // it has been there since config_init() began: what ESC and SII say is known
-    bool hook_failed : 1 = false;   // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
-    bool pdos_failed : 1 = false;   // its PDOs cannot be made what its configuration wants: likewise
+    bool seen : 1 = false;              // it has been there since config_init() began: what ESC and SII say is known
+    bool hook_failed : 1 = false;    // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
+    bool pdos_failed : 1 = false;    // its PDOs cannot be made what its configuration wants: likewise
     bool pdos_compared : 1 = false;  // that sources differ on its PDOs has been told
-    bool takes_part : 1 = false;    // its process data is configured and, as far as known, exchanged
-    bool recovering : 1 = false;    // the supervision is bringing it back
-    bool told_missing : 1 = false;  // the supervision has told that its hot connect group is there without it
-    std::uint8_t attempts = 0;      // of the supervision since it was last where it belongs
+    bool takes_part : 1 = false;     // its process data is configured and, as far as known, exchanged
+    bool recovering : 1 = false;     // the supervision is bringing it back
+    bool told_missing : 1 = false;   // the supervision has told that its hot connect group is there without it
+    std::uint8_t attempts = 0;       // of the supervision since it was last where it belongs
 
     // Topology: every slave but the first hangs at a port of another one.
     std::uint16_t parent = 0;  // 0: the master

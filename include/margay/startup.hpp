@@ -183,10 +183,8 @@ template <std::integral T>
             .data = data};
 }
 [[nodiscard]] constexpr StartupCommand execute_parameter(Transition when, std::uint8_t drive, Idn idn) {
-    return {.kind = StartupCommand::Kind::execute_parameter,
-            .transitions = when,
-            .index = idn.value,
-            .subindex = drive};
+    return {
+        .kind = StartupCommand::Kind::execute_parameter, .transitions = when, .index = idn.value, .subindex = drive};
 }
 
 }  // namespace margay

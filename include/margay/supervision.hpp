@@ -10,11 +10,12 @@
 
 namespace margay {
 
-// What the counters of a slave's port have counted since the supervision began (ESC registers 0x0300–0x0313, which stop at 255 and are cleared in time).
+// What the counters of a slave's port have counted since the supervision began (ESC registers 0x0300–0x0313, which stop
+// at 255 and are cleared in time).
 struct PortErrors {
     std::uint32_t invalid_frames = 0;  // damaged on the way into this port: CRC, alignment
     std::uint32_t rx_errors = 0;       // of the physical layer
-    std::uint32_t forwarded = 0;       // damaged before the slave in front, which has counted them: not this cable's fault
+    std::uint32_t forwarded = 0;  // damaged before the slave in front, which has counted them: not this cable's fault
     std::uint32_t lost_links = 0;
 };
 struct LineErrors {
@@ -25,23 +26,25 @@ struct LineErrors {
     bool primed = false;                  // they were read
 };
 
-// The supervision. It takes the roll of the slaves with every cycle (one BRD of AL status, in what is left of a frame), and looks closer when the
-// number of slaves or their states have changed or a working counter fell short: it finds the slave and tells by an event what has happened to it. Then it
-// acknowledges errors, gives slaves that have lost their power their addresses back, goes through their whole start-up again and brings them to
-// `target`, all at once, while the others' process data goes on. A slave in whose place there is another one is left alone, and told.
+// The supervision. It takes the roll of the slaves with every cycle (one BRD of AL status, in what is left of a frame),
+// and looks closer when the number of slaves or their states have changed or a working counter fell short: it finds the
+// slave and tells by an event what has happened to it. Then it acknowledges errors, gives slaves that have lost their
+// power their addresses back, goes through their whole start-up again and brings them to `target`, all at once, while
+// the others' process data goes on. A slave in whose place there is another one is left alone, and told.
 //
 // When the number of slaves has changed it goes through the ring and keeps slave(n).ring, parent and ports right.
 // Expected slaves that were missing are taken in when they appear, from nothing: SII, mailboxes, start-up lists, hooks,
 // process data (ExpectedSlave says how they are known). Whoever is nobody's is told as stranger, with where it hangs,
 // once it was found twice, `retry` apart, and left alone until config_init() scans anew.
 //
-// Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of slaves are called from poll() here:
-// they must not wait, but may return Errc::busy to be asked again.
+// Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of
+// slaves are called from poll() here: they must not wait, but may return Errc::busy to be asked again.
 struct SuperviseRequest : Request {
-    AlState target = AlState::op;                        // OP, or SAFEOP
-    Duration interval = std::chrono::milliseconds(10);   // between rolls while there are no cycles
-    Duration retry = std::chrono::milliseconds(500);     // after an attempt to bring a slave back has failed
-    // The error counters of all slaves are read this often; zero: never. Sums go to line_errors, as far as it reaches: slave 1 first. The caller's memory.
+    AlState target = AlState::op;                       // OP, or SAFEOP
+    Duration interval = std::chrono::milliseconds(10);  // between rolls while there are no cycles
+    Duration retry = std::chrono::milliseconds(500);    // after an attempt to bring a slave back has failed
+    // The error counters of all slaves are read this often; zero: never. Sums go to line_errors, as far as it reaches:
+    // slave 1 first. The caller's memory.
     Duration line_interval{0};
     std::span<LineErrors> line_errors;
 };

@@ -78,8 +78,7 @@ void CyclicRunner::stay_on_cpu() noexcept {
     CPU_ZERO(&only);
     if (options_.cpu >= CPU_SETSIZE) return refuse("not kept on its processor (there is none of that number)", EINVAL);
     CPU_SET(options_.cpu, &only);
-    if (::sched_setaffinity(0, sizeof only, &only) != 0)
-        refuse("not kept on its processor (sched_setaffinity)", errno);
+    if (::sched_setaffinity(0, sizeof only, &only) != 0) refuse("not kept on its processor (sched_setaffinity)", errno);
 }
 
 void CyclicRunner::hold_latency() noexcept {

@@ -24,16 +24,16 @@ struct CyclicOptions {
     // How long before a deadline sleeping ends and watching the clock begins. It costs that share of a processor and
     // hides how late the kernel wakes threads; 50 to 100 µs cover most of it.
     Duration spin{};
-    int priority = 0;  // of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
-    int cpu = -1;      // the processor to stay on; -1: any
+    int priority = 0;          // of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
+    int cpu = -1;              // the processor to stay on; -1: any
     bool lock_memory = true;   // mlockall(): no page fault later
     bool hold_latency = true;  // /dev/cpu_dma_latency at 0: processors do not go into deep sleep
 };
 
 // What the system did not grant. The task runs nevertheless, less punctually.
 struct CyclicRefusal {
-    const char* what = "";    // and what would help
-    int error = 0;            // errno
+    const char* what = "";  // and what would help
+    int error = 0;          // errno
 };
 
 class CyclicRunner {

@@ -14,8 +14,7 @@ class DropNic final : public FilterNic {
         Rate received{};  // lost behind the last slave: all have acted on it
     };
 
-    DropNic(Nic& inner, const Options& options) noexcept
-        : FilterNic(inner), options_(options), chance_(options.seed) {}
+    DropNic(Nic& inner, const Options& options) noexcept : FilterNic(inner), options_(options), chance_(options.seed) {}
 
     // A lost frame counts as sent, as it does for a real NIC.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {

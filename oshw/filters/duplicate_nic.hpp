@@ -23,8 +23,7 @@ class DuplicateNic final : public FilterNic {
     // The answer is that for the first of the two.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
         const auto status = inner().send(frame);
-        if (chance_.happens(options_.sent) && status == SendStatus::sent &&
-            inner().send(frame) == SendStatus::sent)
+        if (chance_.happens(options_.sent) && status == SendStatus::sent && inner().send(frame) == SendStatus::sent)
             ++duplicated_;
         return status;
     }
@@ -45,9 +44,7 @@ class DuplicateNic final : public FilterNic {
         return length;
     }
     // A duplicate that waits is there already, which any time in the past says.
-    [[nodiscard]] Time next_arrival() const noexcept override {
-        return length_ != 0 ? Time{} : inner().next_arrival();
-    }
+    [[nodiscard]] Time next_arrival() const noexcept override { return length_ != 0 ? Time{} : inner().next_arrival(); }
 
     [[nodiscard]] std::uint64_t duplicated() const noexcept { return duplicated_; }
 

@@ -13,12 +13,10 @@ void put_time(TextWriter& to, Time time) {
     constexpr std::int64_t kSecond = 1'000'000'000;
     const auto ns = time.time_since_epoch().count();
     if (ns < 0) to << "-";
-    const auto magnitude =
-        ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
+    const auto magnitude = ns < 0 ? std::uint64_t{0} - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
     to << magnitude / kSecond << ".";
     const auto fraction = magnitude % kSecond;
-    for (std::uint64_t digit = kSecond / 10; digit > 0; digit /= 10)
-        to << fraction / digit % 10;
+    for (std::uint64_t digit = kSecond / 10; digit > 0; digit /= 10) to << fraction / digit % 10;
 }
 
 }  // namespace
@@ -36,8 +34,7 @@ std::size_t TraceNic::receive(std::span<std::byte> into) noexcept {
     return length;
 }
 
-void TraceNic::show(std::string_view direction, std::uint64_t number,
-                    std::span<const std::byte> frame) noexcept {
+void TraceNic::show(std::string_view direction, std::uint64_t number, std::span<const std::byte> frame) noexcept {
     std::array<char, kLineBytes> buffer;
     TextWriter head(buffer);
     put_time(head, clock_.now());
@@ -47,8 +44,7 @@ void TraceNic::show(std::string_view direction, std::uint64_t number,
     const auto emit = [&](std::size_t tail) { sink_.line({buffer.data(), head_size + tail}); };
 
     wire::DatagramReader reader(frame);
-    while (const auto datagram = reader.next())
-        emit(wire::describe(*datagram, rest).size());
+    while (const auto datagram = reader.next()) emit(wire::describe(*datagram, rest).size());
     if (reader.fault() == wire::FrameFault::none) return;
     TextWriter fault(rest);
     fault << std::uint64_t{frame.size()} << " octets: " << wire::to_text(reader.fault());

@@ -25,8 +25,7 @@ class TraceSink {
 class TraceNic final : public FilterNic {
   public:
     // All three must outlive the filter.
-    TraceNic(Nic& inner, Osal& clock, TraceSink& sink) noexcept
-        : FilterNic(inner), clock_(clock), sink_(sink) {}
+    TraceNic(Nic& inner, Osal& clock, TraceSink& sink) noexcept : FilterNic(inner), clock_(clock), sink_(sink) {}
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;

@@ -210,8 +210,7 @@ LinkState PacketNic::link_state() noexcept {
     ethtool_value carrier{};
     carrier.cmd = ETHTOOL_GLINK;
     request.ifr_data = reinterpret_cast<char*>(&carrier);
-    if (::ioctl(socket_, SIOCETHTOOL, &request) == 0)
-        return carrier.data != 0 ? LinkState::up : LinkState::down;
+    if (::ioctl(socket_, SIOCETHTOOL, &request) == 0) return carrier.data != 0 ? LinkState::up : LinkState::down;
     if (errno != EOPNOTSUPP) return LinkState::down;  // pulled out, or never opened
     request = request_for(name_);
     constexpr auto kBoth = IFF_UP | IFF_RUNNING;

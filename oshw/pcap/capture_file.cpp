@@ -23,8 +23,7 @@ bool is_vlan_tag(std::uint16_t ether_type) { return ether_type == 0x8100 || ethe
 std::string open_problem(std::string_view said) {
     if (said.find("unknown file format") != said.npos || said.find("bad dump file format") != said.npos)
         return "it is neither pcap nor pcapng";
-    if (said.find("truncated") != said.npos)
-        return "it is too short for a recording (" + std::string(said) + ")";
+    if (said.find("truncated") != said.npos) return "it is too short for a recording (" + std::string(said) + ")";
     return "it cannot be read (" + std::string(said) + ")";
 }
 
@@ -62,8 +61,8 @@ Result<> CaptureFile::load(const std::string& path) {
         const auto seconds = static_cast<std::int64_t>(static_cast<std::uint64_t>(header->ts.tv_sec) -
                                                        static_cast<std::uint64_t>(first.ts.tv_sec));
         if (seconds < -kLongestSeconds || seconds > kLongestSeconds)
-            return fail(path, "packet " + std::to_string(number) +
-                                  " is years away from the first; its time is damaged");
+            return fail(path,
+                        "packet " + std::to_string(number) + " is years away from the first; its time is damaged");
         // With the precision asked for, the second field counts nanoseconds.
         const Duration at = std::chrono::seconds(seconds) + Duration(header->ts.tv_usec - first.ts.tv_usec);
         const auto problem = add(at, number, std::as_bytes(std::span(data, header->caplen)), header->len);
@@ -90,8 +89,8 @@ std::string CaptureFile::add(Duration at, std::uint64_t number, Bytes packet, st
         return {};
     }
     if (packet.size() < length_on_wire)
-        return "was recorded cut to " + std::to_string(packet.size()) + " of its " +
-               std::to_string(length_on_wire) + " octets; record with full length";
+        return "was recorded cut to " + std::to_string(packet.size()) + " of its " + std::to_string(length_on_wire) +
+               " octets; record with full length";
     const bool reply = (packet[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
     frames_.push_back({at, reply, number, bytes_.size(), packet.size()});
     bytes_.insert(bytes_.end(), packet.begin(), packet.end());

@@ -42,8 +42,7 @@ class CaptureFile {
   private:
     [[nodiscard]] Result<> fail(const std::string& path, const std::string& what);
     // Empty when the packet was taken or passed over, else what is wrong with it.
-    [[nodiscard]] std::string add(Duration at, std::uint64_t number, Bytes packet,
-                                  std::size_t length_on_wire);
+    [[nodiscard]] std::string add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire);
 
     std::string problem_;
     std::vector<CapturedFrame> frames_;

@@ -43,8 +43,7 @@ Result<> PcapRecorder::close() {
     file_ = nullptr;
     pcap_ = nullptr;
     if (whole) return {};
-    return fail(std::string("the file is not complete (") +
-                (error != 0 ? std::strerror(error) : "write failed") + ")");
+    return fail(std::string("the file is not complete (") + (error != 0 ? std::strerror(error) : "write failed") + ")");
 }
 
 SendStatus PcapRecorder::send(std::span<const std::byte> frame) noexcept {

@@ -47,8 +47,7 @@ Result<> ReplayNic::load(const std::string& path) {
         return loaded;
     }
     const auto& frames = capture_.frames();
-    const auto request =
-        std::find_if(frames.begin(), frames.end(), [](const auto& frame) { return !frame.reply; });
+    const auto request = std::find_if(frames.begin(), frames.end(), [](const auto& frame) { return !frame.reply; });
     if (request == frames.end()) {
         problem_ = "recording " + path +
                    ": no frame is a request; all source addresses have the bit set by which the first slave "
@@ -131,10 +130,9 @@ void PcapReplayNic::take_reply(std::size_t frame) {
         return std::max(Duration::zero(), reply.at - capture().frames()[request.frame].at);
     };
     const auto limit = age(*newest);
-    const auto found =
-        std::find_if(outstanding_.begin(), outstanding_.end(), [&](const Outstanding& request) {
-            return age(request) / kRoundTripsUntilRetry <= limit && fits(request);
-        });
+    const auto found = std::find_if(outstanding_.begin(), outstanding_.end(), [&](const Outstanding& request) {
+        return age(request) / kRoundTripsUntilRetry <= limit && fits(request);
+    });
     connect(*found, frame);
     outstanding_.erase(found);
 }
@@ -148,12 +146,11 @@ void PcapReplayNic::connect(const Outstanding& request, std::size_t reply_frame)
         const auto a = requests.next();
         const auto b = replies.next();
         if (!a || !b) return;  // cannot be: answers() has walked both
-        series_[key_of(a->header)].exchanges[at] = {
-            .answered = true,
-            .used = false,
-            .answer_offset = static_cast<std::uint32_t>(b->offset),
-            .answer_frame = static_cast<std::uint32_t>(reply_frame),
-            .latency = std::max(Duration::zero(), said.at - asked.at)};
+        series_[key_of(a->header)].exchanges[at] = {.answered = true,
+                                                    .used = false,
+                                                    .answer_offset = static_cast<std::uint32_t>(b->offset),
+                                                    .answer_frame = static_cast<std::uint32_t>(reply_frame),
+                                                    .latency = std::max(Duration::zero(), said.at - asked.at)};
     }
 }
 
@@ -171,8 +168,8 @@ PcapReplayNic::Use PcapReplayNic::find(const wire::DatagramHeader& header) noexc
                                    [](const Exchange& exchange) { return exchange.answered; });
     if (used_up_ == UsedUp::unanswered || last == series.exchanges.rend()) {
         ++counters_.used_up;
-        complain("the recording has " + in_words(header) + " only " +
-                 std::to_string(series.exchanges.size()) + " times");
+        complain("the recording has " + in_words(header) + " only " + std::to_string(series.exchanges.size()) +
+                 " times");
         return {};
     }
     return {&series, static_cast<std::size_t>(series.exchanges.rend() - last) - 1, false};
@@ -230,8 +227,7 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
 
 void PcapReplayNic::write_answer(const Exchange& exchange, const wire::DatagramView& request,
                                  MutableBytes frame) const noexcept {
-    const auto recorded =
-        capture().bytes(capture().frames()[exchange.answer_frame]).subspan(exchange.answer_offset);
+    const auto recorded = capture().bytes(capture().frames()[exchange.answer_frame]).subspan(exchange.answer_offset);
     const auto said = wire::load_datagram_header(recorded);
     auto header = request.header;
     header.address = said.address;
@@ -240,8 +236,7 @@ void PcapReplayNic::write_answer(const Exchange& exchange, const wire::DatagramV
     wire::store_datagram_header(frame.subspan(request.offset), header);
     const auto data = recorded.subspan(wire::kDatagramHeaderBytes, said.length);
     const auto data_at = request.offset + wire::kDatagramHeaderBytes;
-    if (data_comes_back_changed(header.command))
-        std::copy(data.begin(), data.end(), frame.subspan(data_at).begin());
+    if (data_comes_back_changed(header.command)) std::copy(data.begin(), data.end(), frame.subspan(data_at).begin());
     store_le<std::uint16_t>(frame, data_at + said.length,
                             load_le<std::uint16_t>(recorded, wire::kDatagramHeaderBytes + said.length));
 }

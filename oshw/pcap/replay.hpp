@@ -69,11 +69,11 @@ class PcapReplayNic final : public ReplayNic {
     struct Counters {
         std::uint64_t answered = 0;          // frames
         std::uint64_t lost_as_recorded = 0;  // frames left unanswered because a datagram of theirs was, then
-        std::uint64_t unknown = 0;    // frames left unanswered because a datagram is not in the recording
-        std::uint64_t used_up = 0;    // … or not so often
-        std::uint64_t repeated = 0;   // datagrams answered by the last answer again
-        std::uint64_t malformed = 0;  // frames whose datagrams cannot be read, sent or in the file
-        std::uint64_t stray = 0;      // replies in the file that belong to no request
+        std::uint64_t unknown = 0;           // frames left unanswered because a datagram is not in the recording
+        std::uint64_t used_up = 0;           // … or not so often
+        std::uint64_t repeated = 0;          // datagrams answered by the last answer again
+        std::uint64_t malformed = 0;         // frames whose datagrams cannot be read, sent or in the file
+        std::uint64_t stray = 0;             // replies in the file that belong to no request
     };
 
     explicit PcapReplayNic(Osal& clock, UsedUp used_up = UsedUp::repeat_last) noexcept
@@ -119,8 +119,7 @@ class PcapReplayNic final : public ReplayNic {
     void connect(const Outstanding& request, std::size_t reply_frame);
     // The exchange that answers this datagram now; no series when there is none.
     [[nodiscard]] Use find(const wire::DatagramHeader& header) noexcept;
-    void write_answer(const Exchange& exchange, const wire::DatagramView& request,
-                      MutableBytes frame) const noexcept;
+    void write_answer(const Exchange& exchange, const wire::DatagramView& request, MutableBytes frame) const noexcept;
 
     UsedUp used_up_;
     Counters counters_;

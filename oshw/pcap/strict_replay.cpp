@@ -10,8 +10,7 @@ namespace {
 std::string in_words(Bytes frame) {
     std::array<char, 192> buffer;
     wire::DatagramReader reader(frame);
-    if (const auto datagram = reader.next())
-        return "[" + std::string(wire::describe(*datagram, buffer)) + "]";
+    if (const auto datagram = reader.next()) return "[" + std::string(wire::describe(*datagram, buffer)) + "]";
     return "[" + std::string(wire::to_text(reader.fault())) + "]";
 }
 
@@ -36,8 +35,8 @@ SendStatus PcapStrictReplayNic::send(std::span<const std::byte> frame) noexcept 
     const auto expected = capture().bytes(request);
     if (!std::equal(expected.begin(), expected.end(), frame.begin(), frame.end())) {
         diverged_ = true;
-        const auto same = std::mismatch(expected.begin(), expected.end(), frame.begin(), frame.end()).first -
-                          expected.begin();
+        const auto same =
+            std::mismatch(expected.begin(), expected.end(), frame.begin(), frame.end()).first - expected.begin();
         complain("packet " + std::to_string(request.number) + " of the recording differs from octet " +
                  std::to_string(same) + ": recorded " + std::to_string(expected.size()) + " octets " +
                  in_words(expected) + ", now " + std::to_string(frame.size()) + " octets " + in_words(frame));
@@ -48,8 +47,7 @@ SendStatus PcapStrictReplayNic::send(std::span<const std::byte> frame) noexcept 
         const auto due = now + std::max(Duration::zero(), frames[next_].at - request.at);
         if (!queue().put(due, capture().bytes(frames[next_]))) {
             diverged_ = true;
-            complain("more replies at a time than a replay holds, from packet " +
-                     std::to_string(frames[next_].number));
+            complain("more replies at a time than a replay holds, from packet " + std::to_string(frames[next_].number));
             break;
         }
     }

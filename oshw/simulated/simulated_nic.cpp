@@ -7,10 +7,7 @@
 namespace margay {
 
 SimulatedNic::SimulatedNic(sim::Segment& segment, Osal& osal, const Options& options)
-    : segment_(segment),
-      osal_(osal),
-      options_(options),
-      slots_(std::max<std::size_t>(options.queue_frames, 1)) {}
+    : segment_(segment), osal_(osal), options_(options), slots_(std::max<std::size_t>(options.queue_frames, 1)) {}
 
 SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     if (frame.size() < wire::kEthernetHeaderBytes || frame.size() > kMaxBytes) return SendStatus::failed;

@@ -12,11 +12,10 @@ namespace margay {
 class SimulatedNic final : public Nic {
   public:
     struct Options {
-        Duration round_trip =
-            std::chrono::microseconds(100);  // of the host: both drivers and what lies between
-        bool wire_time = false;              // frames take 80 ns an octet and queue behind each other
-        unsigned master_port = 0;            // of the segment
-        std::size_t queue_frames = 256;      // frames on their way at most; more are "busy"
+        Duration round_trip = std::chrono::microseconds(100);  // of the host: both drivers and what lies between
+        bool wire_time = false;                                // frames take 80 ns an octet and queue behind each other
+        unsigned master_port = 0;                              // of the segment
+        std::size_t queue_frames = 256;                        // frames on their way at most; more are "busy"
         MacAddress mac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
     };
 

@@ -43,8 +43,7 @@ Capture load_capture(const std::string& path) {
     for (const auto& frame : file.frames()) {
         const auto bytes = file.bytes(frame);
         if (!frame.reply) {
-            all.push_back(
-                {static_cast<std::size_t>(frame.number), frame.at, {bytes.begin(), bytes.end()}, {}, 0});
+            all.push_back({static_cast<std::size_t>(frame.number), frame.at, {bytes.begin(), bytes.end()}, {}, 0});
             continue;
         }
         if (all.size() > kWindow) oldest = std::max(oldest, all.size() - kWindow);

@@ -16,8 +16,8 @@ using wire::Command;
 namespace reg = wire::reg;
 
 bool wanted(std::uint32_t address) {
-    return address < reg::kDlInformation.end() || address == 0x0140 || address == 0x0141 ||
-           address == 0x0502 || address == 0x0503 || (address >= 0x0E00 && address < 0x0E10);
+    return address < reg::kDlInformation.end() || address == 0x0140 || address == 0x0141 || address == 0x0502 ||
+           address == 0x0503 || (address >= 0x0E00 && address < 0x0E10);
 }
 
 class Reader {
@@ -77,8 +77,7 @@ class Reader {
             return address - ado;
         };
         if (write) {
-            if (const auto at = offset_of(reg::kStationAddress.address, 2);
-                at && pair.request.command == Command::APWR)
+            if (const auto at = offset_of(reg::kStationAddress.address, 2); at && pair.request.command == Command::APWR)
                 stations_[load_le<std::uint16_t>(pair.sent, *at)] = slave->position;
             if (const auto at = offset_of(reg::kSiiAddress.address, 4))
                 words_[slave] = load_le<std::uint32_t>(pair.sent, *at);
@@ -102,8 +101,7 @@ class Reader {
         const auto word = words_.find(&slave);
         if (word == words_.end() || !reading_[&slave]) return;
         const auto status = slave.registers.find(reg::kSiiControl.address);
-        const bool eight =
-            status != slave.registers.end() && (status->second & std::byte{0x40}) != std::byte{0};
+        const bool eight = status != slave.registers.end() && (status->second & std::byte{0x40}) != std::byte{0};
         const std::size_t at = std::size_t{word->second} * 2;
         const auto count = std::min<std::size_t>(data.size(), eight ? 8 : 4);
         if (at + count > 0x20000) return;
@@ -173,8 +171,8 @@ std::string describe_segment(const std::vector<SeenSlave>& slaves, const std::st
         if (const auto ports = slave.registers.find(0x0007); ports != slave.registers.end()) {
             constexpr std::array<std::string_view, 4> kKinds{"none", "unused", "ebus", "mii"};
             const auto bits = std::to_integer<unsigned>(ports->second);
-            text += fmt::format("ports = [\"{}\", \"{}\", \"{}\", \"{}\"]\n", kKinds[bits & 3],
-                                kKinds[bits >> 2 & 3], kKinds[bits >> 4 & 3], kKinds[bits >> 6]);
+            text += fmt::format("ports = [\"{}\", \"{}\", \"{}\", \"{}\"]\n", kKinds[bits & 3], kKinds[bits >> 2 & 3],
+                                kKinds[bits >> 4 & 3], kKinds[bits >> 6]);
         }
         if (const auto status = slave.registers.find(0x0502); status != slave.registers.end()) {
             const auto bits = std::to_integer<unsigned>(status->second);

@@ -2,8 +2,8 @@
 
 #include <margay/margay.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cerrno>
@@ -30,12 +30,15 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
 
 void add_pace_options(CLI::App& app, PaceOptions& options) {
     app.add_option("--period", options.period_us, "of a cycle, in µs")->check(CLI::Range(50U, 1'000'000U));
-    app.add_option("--spin", options.spin_us, "watch the clock this long before each cycle, in µs, in place of sleeping")
+    app.add_option("--spin", options.spin_us,
+                   "watch the clock this long before each cycle, in µs, in place of sleeping")
         ->check(CLI::Range(0U, 1'000'000U));
-    app.add_option("--priority", options.priority, "real-time priority (SCHED_FIFO), with memory locked and no deep sleep")
+    app.add_option("--priority", options.priority,
+                   "real-time priority (SCHED_FIFO), with memory locked and no deep sleep")
         ->check(CLI::Range(0, 99));
     app.add_option("--cpu", options.cpu, "the processor to stay on")->check(CLI::Range(0, 1023));
-    app.add_option("--histogram", options.histogram, "print how punctual the cycles were, and draw it into this SVG file");
+    app.add_option("--histogram", options.histogram,
+                   "print how punctual the cycles were, and draw it into this SVG file");
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)

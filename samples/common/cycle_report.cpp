@@ -50,8 +50,8 @@ std::string quantiles(const DurationHistogram& h) {
 }
 
 std::string counts(const CycleFigures& f) {
-    return fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles, f.overruns,
-                       f.no_frame, f.wrong_wkc);
+    return fmt::format("{} cycles, {} overruns, {} without all frames, {} with a wrong working counter", f.cycles,
+                       f.overruns, f.no_frame, f.wrong_wkc);
 }
 
 std::string histogram_text(std::string_view name, const DurationHistogram& histogram) {
@@ -81,8 +81,8 @@ constexpr double kBars = 150;
 std::string panel_svg(std::string_view name, const DurationHistogram& histogram, double top) {
     const auto bars = bars_of(histogram);
     const double base = top + 40 + kBars;
-    auto svg = fmt::format("<text x=\"{}\" y=\"{}\" class=\"title\">{}</text>\n<text x=\"{}\" y=\"{}\">{}</text>\n", kLeft, top + 14,
-                           name, kLeft, top + 32, quantiles(histogram));
+    auto svg = fmt::format("<text x=\"{}\" y=\"{}\" class=\"title\">{}</text>\n<text x=\"{}\" y=\"{}\">{}</text>\n",
+                           kLeft, top + 14, name, kLeft, top + 32, quantiles(histogram));
     if (bars.empty()) return svg;
     const auto scale = [](Duration time) { return std::log2(std::max(1.0, static_cast<double>(time.count()))); };
     const double from = scale(bars.front().from);
@@ -92,20 +92,23 @@ std::string panel_svg(std::string_view name, const DurationHistogram& histogram,
         if (bar.count == 0) continue;
         const double x = kLeft + (scale(bar.from) - from) * per_unit;
         const double high = height(bar.count) / full * kBars;
-        svg += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\"><title>{} to {}: {}</title></rect>\n", x,
-                           base - high, std::max(1.0, (scale(bar.to) - scale(bar.from)) * per_unit - 1), high, time_text(bar.from),
-                           time_text(bar.to), bar.count);
+        svg += fmt::format(
+            "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\"><title>{} to {}: {}</title></rect>\n",
+            x, base - high, std::max(1.0, (scale(bar.to) - scale(bar.from)) * per_unit - 1), high, time_text(bar.from),
+            time_text(bar.to), bar.count);
     }
     for (std::uint64_t count = 1; height(count) <= full; count *= 10) {
         const double y = base - height(count) / full * kBars;
-        svg += fmt::format("<line x1=\"{}\" y1=\"{:.1f}\" x2=\"{}\" y2=\"{:.1f}\"/><text x=\"{}\" y=\"{:.1f}\" class=\"count\">{}</text>\n",
-                           kLeft, y, kWidth - 20, y, kLeft - 6, y + 4, count);
+        svg += fmt::format(
+            "<line x1=\"{}\" y1=\"{:.1f}\" x2=\"{}\" y2=\"{:.1f}\"/><text x=\"{}\" y=\"{:.1f}\" "
+            "class=\"count\">{}</text>\n",
+            kLeft, y, kWidth - 20, y, kLeft - 6, y + 4, count);
     }
     constexpr std::size_t kLabels = 8;
     const std::size_t every = (bars.size() + kLabels - 1) / kLabels;
     for (std::size_t i = 0; i < bars.size(); i += every)
-        svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", kLeft + (scale(bars[i].from) - from) * per_unit, base + 16,
-                           time_text(bars[i].from));
+        svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n",
+                           kLeft + (scale(bars[i].from) - from) * per_unit, base + 16, time_text(bars[i].from));
     return svg;
 }
 

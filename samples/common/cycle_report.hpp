@@ -12,9 +12,9 @@ struct CycleFigures {
     DurationHistogram lateness;    // from the deadline until the program went on
     DurationHistogram round_trip;  // from the call that sends until all frames were back
     std::uint64_t cycles = 0;
-    std::uint64_t overruns = 0;    // deadlines passed over because a cycle took too long
-    std::uint64_t no_frame = 0;    // cycles without all their frames
-    std::uint64_t wrong_wkc = 0;   // cycles with a working counter that was not the expected one
+    std::uint64_t overruns = 0;   // deadlines passed over because a cycle took too long
+    std::uint64_t no_frame = 0;   // cycles without all their frames
+    std::uint64_t wrong_wkc = 0;  // cycles with a working counter that was not the expected one
 };
 
 // A table and bars of characters, for a terminal or a log.

@@ -37,11 +37,16 @@ std::string type_text(std::uint16_t type) {
 
 // In which states it can be read and written: PREOP, SAFEOP, OP.
 std::string access_text(std::uint16_t access) {
-    std::string text = (access & 0x38) == 0 ? ((access & 0x07) == 0 ? "--" : "ro") : ((access & 0x07) == 0 ? "wo" : "rw");
+    std::string text =
+        (access & 0x38) == 0 ? ((access & 0x07) == 0 ? "--" : "ro") : ((access & 0x07) == 0 ? "wo" : "rw");
     const unsigned reads = access & 7U;
     const unsigned writes = (access >> 3) & 7U;
-    if (writes != 0 && writes != 7) text += fmt::format(" (w:{}{}{})", (writes & 1U) != 0 ? "P" : "", (writes & 2U) != 0 ? "S" : "", (writes & 4U) != 0 ? "O" : "");
-    if (reads != 0 && reads != 7) text += fmt::format(" (r:{}{}{})", (reads & 1U) != 0 ? "P" : "", (reads & 2U) != 0 ? "S" : "", (reads & 4U) != 0 ? "O" : "");
+    if (writes != 0 && writes != 7)
+        text += fmt::format(" (w:{}{}{})", (writes & 1U) != 0 ? "P" : "", (writes & 2U) != 0 ? "S" : "",
+                            (writes & 4U) != 0 ? "O" : "");
+    if (reads != 0 && reads != 7)
+        text += fmt::format(" (r:{}{}{})", (reads & 1U) != 0 ? "P" : "", (reads & 2U) != 0 ? "S" : "",
+                            (reads & 4U) != 0 ? "O" : "");
     if ((access & 0x40) != 0) text += " RxPDO";
     if ((access & 0x80) != 0) text += " TxPDO";
     return text;
@@ -49,7 +54,8 @@ std::string access_text(std::uint16_t access) {
 
 std::uint64_t number(std::span<const std::byte> value) {
     std::uint64_t out = 0;
-    for (std::size_t i = 0; i < value.size() && i < 8; ++i) out |= std::uint64_t{std::to_integer<std::uint8_t>(value[i])} << (8 * i);
+    for (std::size_t i = 0; i < value.size() && i < 8; ++i)
+        out |= std::uint64_t{std::to_integer<std::uint8_t>(value[i])} << (8 * i);
     return out;
 }
 
@@ -116,7 +122,8 @@ void read_value(Context& ctx, std::uint16_t slave, DictionaryEntry& entry) {
         read = SDOread(ctx, slave, entry.description.index, entry.description.subindex, false, buffer);
     }
     if (!read) {
-        entry.problem = read.error().code == Errc::sdo_abort ? std::string(sdo_abort_text(read.error().detail)) : sentence(read.error());
+        entry.problem = read.error().code == Errc::sdo_abort ? std::string(sdo_abort_text(read.error().detail))
+                                                             : sentence(read.error());
         return;
     }
     buffer.resize(*read);
@@ -204,9 +211,10 @@ std::string dictionary_text(const Dictionary& dictionary) {
         text += fmt::format("    {:#06x}     {:<9} {}\n", d.index, code_text(d.object_code), d.name());
         for (const DictionaryEntry& entry : object.entries) {
             const auto& e = entry.description;
-            text += fmt::format("      :{:<3}     {:<16} {:>4} bit  {:<8} {} = {}\n", e.subindex, type_text(e.data_type), e.bit_length,
-                                access_text(e.access), e.name(),
-                                entry.problem.empty() ? value_text(e.data_type, entry.value) : fmt::format("({})", entry.problem));
+            text += fmt::format(
+                "      :{:<3}     {:<16} {:>4} bit  {:<8} {} = {}\n", e.subindex, type_text(e.data_type), e.bit_length,
+                access_text(e.access), e.name(),
+                entry.problem.empty() ? value_text(e.data_type, entry.value) : fmt::format("({})", entry.problem));
         }
         if (!object.problem.empty()) text += fmt::format("      ({})\n", object.problem);
     }
@@ -227,18 +235,22 @@ nlohmann::ordered_json dictionary_json(const Dictionary& dictionary) {
                                {"access", e.access},
                                {"access_text", access_text(e.access)},
                                {"value", value_json(entry)},
-                               {"octets", entry.problem.empty() ? nlohmann::ordered_json(hex(entry.value)) : nlohmann::ordered_json(nullptr)},
-                               {"problem", entry.problem.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(entry.problem)}});
+                               {"octets", entry.problem.empty() ? nlohmann::ordered_json(hex(entry.value))
+                                                                : nlohmann::ordered_json(nullptr)},
+                               {"problem", entry.problem.empty() ? nlohmann::ordered_json(nullptr)
+                                                                 : nlohmann::ordered_json(entry.problem)}});
         }
         objects.push_back({{"index", object.description.index},
                            {"name", std::string(object.description.name())},
                            {"object_code", code_text(object.description.object_code)},
                            {"data_type", object.description.data_type},
                            {"max_subindex", object.description.max_subindex},
-                           {"problem", object.problem.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(object.problem)},
+                           {"problem", object.problem.empty() ? nlohmann::ordered_json(nullptr)
+                                                              : nlohmann::ordered_json(object.problem)},
                            {"entries", entries}});
     }
-    return {{"problem", dictionary.problem.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(dictionary.problem)},
+    return {{"problem",
+             dictionary.problem.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(dictionary.problem)},
             {"objects", objects}};
 }
 

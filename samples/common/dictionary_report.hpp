@@ -27,7 +27,8 @@ struct Dictionary {
     std::string problem;  // why there is none; empty: there is one
 };
 
-// Asks the slave for its list of all objects, then for each object and entry, and reads what can be read in PREOP. Waits.
+// Asks the slave for its list of all objects, then for each object and entry, and reads what can be read in PREOP.
+// Waits.
 [[nodiscard]] Dictionary read_dictionary(Context& ctx, std::uint16_t slave);
 
 // A value by its type: numbers, texts, else octets.

@@ -16,9 +16,7 @@ namespace sii = wire::sii;
 constexpr std::size_t kReadOctets = 256;  // at once, between two calls of progress
 constexpr std::size_t kWriteWords = 8;
 
-std::uint16_t word_of(Bytes octets, std::size_t word) {
-    return load_le<std::uint16_t>(octets, word * sii::kWordBytes);
-}
+std::uint16_t word_of(Bytes octets, std::size_t word) { return load_le<std::uint16_t>(octets, word * sii::kWordBytes); }
 
 }  // namespace
 
@@ -89,9 +87,7 @@ class ImageWriter {
     }
 
   private:
-    [[nodiscard]] bool differs(std::size_t word) const {
-        return word_of(before_, word) != word_of(image_, word);
-    }
+    [[nodiscard]] bool differs(std::size_t word) const { return word_of(before_, word) != word_of(image_, word); }
 
     WriteReport failed(std::string error) {
         report_.error = std::move(error);
@@ -111,13 +107,12 @@ class ImageWriter {
             }
             std::size_t run_end = from + 1;
             while (run_end < end && run_end - from < kWriteWords && differs(run_end)) ++run_end;
-            auto written =
-                eeprom_.write(static_cast<std::uint32_t>(from),
-                              image_.subspan(from * sii::kWordBytes, (run_end - from) * sii::kWordBytes));
+            auto written = eeprom_.write(static_cast<std::uint32_t>(from),
+                                         image_.subspan(from * sii::kWordBytes, (run_end - from) * sii::kWordBytes));
             report_.written += written.words;
             if (!written.error.empty()) {
-                report_.error = fmt::format("word 0x{:04x} is not written for sure: {}", from + written.words,
-                                            written.error);
+                report_.error =
+                    fmt::format("word 0x{:04x} is not written for sure: {}", from + written.words, written.error);
                 return false;
             }
             from = run_end;
@@ -142,9 +137,9 @@ class ImageWriter {
                                         word_of(back.octets, word), word_of(image_, word));
         }
         if (wrong != 0) {
-            report_.error += fmt::format(
-                " ({} of {} words are wrong; an EEPROM that is smaller than it should be does that)", wrong,
-                report_.words);
+            report_.error +=
+                fmt::format(" ({} of {} words are wrong; an EEPROM that is smaller than it should be does that)", wrong,
+                            report_.words);
             return;
         }
         report_.verified = true;
@@ -185,8 +180,8 @@ AliasReport write_alias(Eeprom& eeprom, std::uint16_t alias, bool force) {
     if (!area.error.empty()) return {0, 0, area.error};
     AliasReport report{.before = sii::load_configuration(area.octets).alias, .after = alias};
     if (!force && sii::is_blank(area.octets))
-        report.error = fmt::format(
-            "the EEPROM of {} is blank; an alias alone does not make it one of a slave", eeprom.name());
+        report.error =
+            fmt::format("the EEPROM of {} is blank; an alias alone does not make it one of a slave", eeprom.name());
     else if (!force && !sii::checksum_right(area.octets))
         report.error = fmt::format(
             "the checksum of words 0x00 to 0x06 is 0x{:02x}, of what is there it is 0x{:02x}; --force makes "

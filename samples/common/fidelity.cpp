@@ -16,12 +16,9 @@ namespace {
 using wire::Command;
 namespace reg = wire::reg;
 
-constexpr Duration kSwitchedOn =
-    std::chrono::seconds(1);  // before the recording starts: everything has settled
+constexpr Duration kSwitchedOn = std::chrono::seconds(1);  // before the recording starts: everything has settled
 
-bool within(std::uint32_t address, std::uint32_t from, std::uint32_t to) {
-    return from <= address && address < to;
-}
+bool within(std::uint32_t address, std::uint32_t from, std::uint32_t to) { return from <= address && address < to; }
 
 // Whether request and device decide what stands at an ESC address. Not so: clocks, counters, events, mailbox
 // and process data, and what depends on how quick a processor is.
@@ -33,14 +30,14 @@ bool determined(std::uint32_t address) {
         return false;
     if (within(address, 0x0984, 0x09A0) || within(address, 0x09AE, 0x09D0)) return false;
     // Whether a mailbox is full yet.
-    const bool sync_manager = within(address, reg::kSyncManagerBase, reg::kSyncManagerBase + 16u * reg::kSyncManagerStride);
+    const bool sync_manager =
+        within(address, reg::kSyncManagerBase, reg::kSyncManagerBase + 16u * reg::kSyncManagerStride);
     return !sync_manager || address % reg::kSyncManagerStride != wire::SyncManagerLayout::status::offset;
 }
 
 // Bits that only tell whether the EEPROM has finished: the simulated one need not be as slow.
 std::byte masked(std::uint32_t address, std::byte value) {
-    if (address == reg::kSiiControl.address)
-        return value & std::byte{0xEF};  // bit 4 is reserved, and not constant
+    if (address == reg::kSiiControl.address) return value & std::byte{0xEF};  // bit 4 is reserved, and not constant
     return address == reg::kSiiControl.address + 1u ? value & std::byte{0x78} : value;
 }
 
@@ -53,8 +50,7 @@ bool answered_while_busy(const DatagramPair& pair) {
 }
 
 std::string name_of(const wire::DatagramHeader& header, std::uint32_t address) {
-    if (wire::is_logical(header.command))
-        return fmt::format("{} process data", wire::to_text(header.command));
+    if (wire::is_logical(header.command)) return fmt::format("{} process data", wire::to_text(header.command));
     std::array<char, 64> buffer{};
     TextWriter name(buffer);
     wire::describe_register(name, static_cast<std::uint16_t>(address));
@@ -81,8 +77,7 @@ void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simula
     for (std::size_t i = 0; i < simulated.size(); ++i) {
         const auto address = static_cast<std::uint32_t>(ado + i);
         // Of process data only what the master itself sent and nobody overwrites is determined.
-        if (logical ? pair.request.command != Command::LWR && pair.received[i] != pair.sent[i]
-                    : !determined(address))
+        if (logical ? pair.request.command != Command::LWR && pair.received[i] != pair.sent[i] : !determined(address))
             continue;
         if (busy && within(address, reg::kSiiData.address, reg::kSiiData.end())) continue;
         ++report.data_octets;
@@ -94,8 +89,8 @@ void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simula
             first_difference = i;
     }
     if (first_difference != simulated.size())
-        note(report, "data of " + name_of(pair.request, static_cast<std::uint32_t>(ado + first_difference)),
-             pair.frame, fmt::format("hardware {}, simulation {}", hex(pair.received), hex(simulated)));
+        note(report, "data of " + name_of(pair.request, static_cast<std::uint32_t>(ado + first_difference)), pair.frame,
+             fmt::format("hardware {}, simulation {}", hex(pair.received), hex(simulated)));
 }
 
 }  // namespace
@@ -122,10 +117,8 @@ FidelityReport measure_fidelity(const Capture& capture, SimulatedSegment& simula
             if (answer->wkc == pair.wkc)
                 ++report.equal_wkc;
             else
-                note(report, "working counter of " + name_of(pair.request, pair.request.address.ado()),
-                     pair.frame,
-                     fmt::format("{} octets: hardware {}, simulation {}", pair.sent.size(), pair.wkc,
-                                 answer->wkc));
+                note(report, "working counter of " + name_of(pair.request, pair.request.address.ado()), pair.frame,
+                     fmt::format("{} octets: hardware {}, simulation {}", pair.sent.size(), pair.wkc, answer->wkc));
             if (answer->wkc != 0 && pair.wkc != 0) compare_data(report, pair, answer->data);
         }
     }
@@ -138,12 +131,11 @@ std::string to_text(const FidelityReport& report) {
     };
     std::string text;
     auto out = std::back_inserter(text);
-    fmt::format_to(out, "{} frames, {} of them without an answer in the recording\n", report.frames,
-                   report.unanswered);
+    fmt::format_to(out, "{} frames, {} of them without an answer in the recording\n", report.frames, report.unanswered);
     fmt::format_to(out, "working counters  {} of {} equal, {:.3f} %\n", report.equal_wkc, report.datagrams,
                    share(report.equal_wkc, report.datagrams));
-    fmt::format_to(out, "determined data   {} of {} octets equal, {:.3f} %\n", report.equal_octets,
-                   report.data_octets, share(report.equal_octets, report.data_octets));
+    fmt::format_to(out, "determined data   {} of {} octets equal, {:.3f} %\n", report.equal_octets, report.data_octets,
+                   share(report.equal_octets, report.data_octets));
     for (const auto& [kind, entry] : report.kinds)
         fmt::format_to(out, "  {:5} × {}; first in frame {}{}{}\n", entry.count, kind, entry.first_frame,
                        entry.example.empty() ? "" : ": ", entry.example);

@@ -20,8 +20,7 @@ struct FidelityReport {
     std::size_t unanswered = 0;  // of them without an answer in the recording: nothing to compare
     std::size_t datagrams = 0;   // compared
     std::size_t equal_wkc = 0;
-    std::size_t data_octets =
-        0;  // determined: what the request and the device decide, no clocks and no counters
+    std::size_t data_octets = 0;  // determined: what the request and the device decide, no clocks and no counters
     std::size_t equal_octets = 0;
     std::map<std::string, Kind> kinds;
 };

@@ -89,8 +89,7 @@ std::string save_image(const std::string& path, ImageFormat format, Bytes image)
     if (format == ImageFormat::intel_hex)
         content = to_intel_hex(image);
     else
-        std::ranges::transform(image, std::back_inserter(content),
-                               [](std::byte b) { return static_cast<char>(b); });
+        std::ranges::transform(image, std::back_inserter(content), [](std::byte b) { return static_cast<char>(b); });
     if (path == "-") return save_to(stdout, "standard output", content);
     std::error_code error;
     const auto kind = fs::status(path, error).type();

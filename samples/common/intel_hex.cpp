@@ -51,8 +51,7 @@ class Parser {
   private:
     template <class... Arguments>
     void fail(fmt::format_string<Arguments...> format, Arguments&&... arguments) {
-        out_.error =
-            fmt::format("line {}: ", line_) + fmt::format(format, std::forward<Arguments>(arguments)...);
+        out_.error = fmt::format("line {}: ", line_) + fmt::format(format, std::forward<Arguments>(arguments)...);
     }
 
     void take_line(std::string_view line) {
@@ -87,8 +86,7 @@ class Parser {
             case RecordType::linear_address: {
                 if (data.size() != 2) return fail("an address record has two octets, not {}", data.size());
                 const auto value = data[0] * std::size_t{0x100} + data[1];
-                base_ =
-                    static_cast<RecordType>(type) == RecordType::linear_address ? value << 16 : value << 4;
+                base_ = static_cast<RecordType>(type) == RecordType::linear_address ? value << 16 : value << 4;
                 return;
             }
             case RecordType::segment_start:
@@ -145,8 +143,7 @@ std::string to_intel_hex(Bytes octets) {
             const std::byte upper[] = {static_cast<std::byte>(at >> 24), static_cast<std::byte>(at >> 16)};
             put_record(out, 0, RecordType::linear_address, upper);
         }
-        put_record(out, at & 0xFFFF, RecordType::data,
-                   octets.subspan(at, std::min(kRecordOctets, octets.size() - at)));
+        put_record(out, at & 0xFFFF, RecordType::data, octets.subspan(at, std::min(kRecordOctets, octets.size() - at)));
     }
     put_record(out, 0, RecordType::end, {});
     return out;

@@ -1,5 +1,6 @@
-// The slave stack's ESC access over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and 12 "EtherCAT"):
-// registers of the ESC by the CSR pair, process memory by the two FIFOs. No heap, no exceptions, nothing but the SPI below it.
+// The slave stack's ESC access over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and 12
+// "EtherCAT"): registers of the ESC by the CSR pair, process memory by the two FIFOs. No heap, no exceptions, nothing
+// but the SPI below it.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -23,7 +24,8 @@ class Lan9252 final : public subdevice::EscAccess {
   public:
     explicit Lan9252(SpiBus& spi) : spi_(spi) {}
 
-    // After reset: waits until the chip tells its byte order and that it is ready. False: it did not within `tries` reads.
+    // After reset: waits until the chip tells its byte order and that it is ready. False: it did not within `tries`
+    // reads.
     [[nodiscard]] bool begin(unsigned tries = 100'000) noexcept {
         for (; tries > 0; --tries)
             if (load(kByteTest) == kByteTestValue && (load(kHardwareConfig) & kReady) != 0) return true;
@@ -39,8 +41,8 @@ class Lan9252 final : public subdevice::EscAccess {
 
     void read(std::uint16_t address, MutableBytes into) noexcept override {
         while (!into.empty()) {
-            const auto bytes = address < kProcessRam ? csr_bytes(address, into.size())
-                                                     : std::min(into.size(), kBlockBytes);
+            const auto bytes =
+                address < kProcessRam ? csr_bytes(address, into.size()) : std::min(into.size(), kBlockBytes);
             const auto part = into.first(bytes);
             if (address < kProcessRam) {
                 read_csr(address, part);
@@ -53,8 +55,8 @@ class Lan9252 final : public subdevice::EscAccess {
     }
     void write(std::uint16_t address, Bytes data) noexcept override {
         while (!data.empty()) {
-            const auto bytes = address < kProcessRam ? csr_bytes(address, data.size())
-                                                     : std::min(data.size(), kBlockBytes);
+            const auto bytes =
+                address < kProcessRam ? csr_bytes(address, data.size()) : std::min(data.size(), kBlockBytes);
             const auto part = data.first(bytes);
             if (address < kProcessRam) {
                 write_csr(address, part);

@@ -50,8 +50,8 @@ std::string cycle_line(const MonitorModel& model) {
 
 std::string times_line(std::string_view name, const DurationHistogram& h) {
     const auto us = [](Duration d) { return static_cast<double>(d.count()) / 1000; };
-    return fmt::format("{:<11} half {:>8.1f}  99 % {:>8.1f}  most {:>8.1f} µs  64 ns|{}|16 ms", name, us(h.quantile(0.5)),
-                       us(h.quantile(0.99)), us(h.max()), spark_line(h));
+    return fmt::format("{:<11} half {:>8.1f}  99 % {:>8.1f}  most {:>8.1f} µs  64 ns|{}|16 ms", name,
+                       us(h.quantile(0.5)), us(h.quantile(0.99)), us(h.max()), spark_line(h));
 }
 
 std::string slave_line(const Slave& slave, const LineErrors* errors) {
@@ -77,7 +77,8 @@ std::string spark_line(const DurationHistogram& histogram) {
     for (std::size_t i = 0; i < DurationHistogram::kBuckets; ++i) {
         const auto bucket = histogram.bucket(i);
         if (bucket.count == 0) continue;
-        const auto power = static_cast<unsigned>(std::bit_width(static_cast<std::uint64_t>(bucket.from.count()) | 1)) - 1;
+        const auto power =
+            static_cast<unsigned>(std::bit_width(static_cast<std::uint64_t>(bucket.from.count()) | 1)) - 1;
         counts[std::clamp(power, kFirst, kLast) - kFirst] += bucket.count;
     }
     const auto most = std::max<std::uint64_t>(1, *std::max_element(counts.begin(), counts.end()));
@@ -90,10 +91,11 @@ std::string spark_line(const DurationHistogram& histogram) {
     return line;
 }
 
-std::vector<std::string> monitor_lines(const MonitorModel& model, std::size_t width, std::size_t height, std::size_t scroll) {
+std::vector<std::string> monitor_lines(const MonitorModel& model, std::size_t width, std::size_t height,
+                                       std::size_t scroll) {
     std::vector<std::string> lines{fmt::format("{}   {}", model.source, states_text(model.slaves)), cycle_line(model),
-                                   times_line("wake-up", model.figures.lateness), times_line("round trip", model.figures.round_trip),
-                                   "slave  state            name"};
+                                   times_line("wake-up", model.figures.lateness),
+                                   times_line("round trip", model.figures.round_trip), "slave  state            name"};
     const std::size_t events = std::min(kEvents, model.events.size());
     const std::size_t rows = height > lines.size() + kEvents ? height - lines.size() - kEvents : 0;
     const std::size_t first = std::min(scroll, model.slaves.size() > rows ? model.slaves.size() - rows : 0);

@@ -23,7 +23,8 @@ struct MonitorModel {
     std::deque<std::string> events;  // newest last
 };
 
-// As many lines as `height`, none longer than `width` columns: head, slaves from number `scroll` + 1 on, and the newest events.
+// As many lines as `height`, none longer than `width` columns: head, slaves from number `scroll` + 1 on, and the newest
+// events.
 [[nodiscard]] std::vector<std::string> monitor_lines(const MonitorModel& model, std::size_t width, std::size_t height,
                                                      std::size_t scroll);
 

@@ -50,7 +50,8 @@ std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync
     return all;
 }
 
-// The entries that the slave's dictionary has assigned, with the names that its SII knows them by; none where it does not tell.
+// The entries that the slave's dictionary has assigned, with the names that its SII knows them by; none where it does
+// not tell.
 std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, const ProcessSm& sm, Bytes image) {
     const auto known = entries_of(image, std::nullopt, sm.direction);
     const auto assignment = static_cast<std::uint16_t>(0x1C10 + sm.number);
@@ -58,7 +59,8 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
     const auto pdos = SDOread<std::uint8_t>(ctx, slave.position, assignment, 0);
     for (unsigned p = 1; pdos && p <= *pdos; ++p) {
         const auto pdo = SDOread<std::uint16_t>(ctx, slave.position, assignment, static_cast<std::uint8_t>(p));
-        const auto count = pdo ? SDOread<std::uint8_t>(ctx, slave.position, *pdo, 0) : Result<std::uint8_t>(pdo.error());
+        const auto count =
+            pdo ? SDOread<std::uint8_t>(ctx, slave.position, *pdo, 0) : Result<std::uint8_t>(pdo.error());
         if (!count) return {};
         for (unsigned n = 1; n <= *count; ++n) {
             const auto word = SDOread<std::uint32_t>(ctx, slave.position, *pdo, static_cast<std::uint8_t>(n));
@@ -69,7 +71,8 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
             e.entry.bit_length = static_cast<std::uint8_t>(*word);
             for (const auto& k : known) {
                 if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
-                if (e.entry.index == 0 || k.entry.index != e.entry.index || k.entry.subindex != e.entry.subindex) continue;
+                if (e.entry.index == 0 || k.entry.index != e.entry.index || k.entry.subindex != e.entry.subindex)
+                    continue;
                 e.name = k.name;
                 e.entry.data_type = k.entry.data_type;
             }
@@ -99,22 +102,27 @@ std::uint32_t bits_of(const std::vector<NamedEntry>& entries) {
     return bits;
 }
 
-void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std::uint32_t offset_bits, Bytes image, ProcessMap& map) {
+void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std::uint32_t offset_bits, Bytes image,
+                      ProcessMap& map) {
     std::vector<NamedEntry> entries;
     if (slave.config.source == ConfigurationSource::coe) entries = entries_by_dictionary(ctx, slave, sm, image);
     if (bits_of(entries) != sm.bits) entries = entries_of(image, sm.number, sm.direction);
     const std::uint32_t described = bits_of(entries);
     if (described != sm.bits) {
         if (described != 0)
-            map.remarks.push_back(fmt::format("slave {}: SyncManager {} is mapped with {} bits, the PDOs of its SII have {}", slave.position,
-                                              sm.number, sm.bits, described));
-        map.entries.push_back(
-            {.slave = slave.position, .direction = sm.direction, .sync_manager = sm.number, .offset_bits = offset_bits, .bits = sm.bits});
+            map.remarks.push_back(
+                fmt::format("slave {}: SyncManager {} is mapped with {} bits, the PDOs of its SII have {}",
+                            slave.position, sm.number, sm.bits, described));
+        map.entries.push_back({.slave = slave.position,
+                               .direction = sm.direction,
+                               .sync_manager = sm.number,
+                               .offset_bits = offset_bits,
+                               .bits = sm.bits});
         return;
     }
     for (const auto& e : entries) {
-        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_name, e.entry.index, e.entry.subindex, e.name,
-                               e.entry.data_type, offset_bits, e.entry.bit_length});
+        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_name, e.entry.index,
+                               e.entry.subindex, e.name, e.entry.data_type, offset_bits, e.entry.bit_length});
         offset_bits += e.entry.bit_length;
     }
 }
@@ -124,7 +132,8 @@ const char* direction_text(Direction direction) { return direction == Direction:
 std::string offset_text(std::uint32_t bits) { return fmt::format("{}.{}", bits / 8, bits % 8); }
 
 std::string length_text(std::uint32_t bits) {
-    return bits % 8 == 0 ? fmt::format("{} octet{}", bits / 8, bits == 8 ? "" : "s") : fmt::format("{} bit{}", bits, bits == 1 ? "" : "s");
+    return bits % 8 == 0 ? fmt::format("{} octet{}", bits / 8, bits == 8 ? "" : "s")
+                         : fmt::format("{} bit{}", bits, bits == 1 ? "" : "s");
 }
 
 std::string what(const MapEntry& e) {
@@ -162,16 +171,18 @@ ProcessMap read_process_map(Context& ctx, std::uint8_t group) {
 
 std::string map_text(Context& ctx, const ProcessMap& map) {
     std::string text =
-        fmt::format("Process image: {} octets, outputs 0 to {}, inputs {} to {}\n", map.output_bytes + map.input_bytes, map.output_bytes,
-                    map.output_bytes, map.output_bytes + map.input_bytes);
+        fmt::format("Process image: {} octets, outputs 0 to {}, inputs {} to {}\n", map.output_bytes + map.input_bytes,
+                    map.output_bytes, map.output_bytes, map.output_bytes + map.input_bytes);
     std::uint16_t slave = 0;
     auto direction = Direction::outputs;
     for (const MapEntry& e : map.entries) {
         if (e.slave != slave || e.direction != direction)
-            text += fmt::format("  slave {} {}, {}\n", e.slave, ctx.slave(e.slave).name(), e.direction == Direction::outputs ? "outputs" : "inputs");
+            text += fmt::format("  slave {} {}, {}\n", e.slave, ctx.slave(e.slave).name(),
+                                e.direction == Direction::outputs ? "outputs" : "inputs");
         slave = e.slave;
         direction = e.direction;
-        text += fmt::format("    {:>8}  {:<10}  SM{}  {}\n", offset_text(e.offset_bits), length_text(e.bits), e.sync_manager, what(e));
+        text += fmt::format("    {:>8}  {:<10}  SM{}  {}\n", offset_text(e.offset_bits), length_text(e.bits),
+                            e.sync_manager, what(e));
     }
     for (const auto& remark : map.remarks) text += "  note: " + remark + "\n";
     return text;
@@ -192,7 +203,10 @@ nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map) {
                            {"subindex", e.subindex},
                            {"name", e.name},
                            {"data_type", e.data_type}});
-    return {{"output_bytes", map.output_bytes}, {"input_bytes", map.input_bytes}, {"entries", entries}, {"remarks", map.remarks}};
+    return {{"output_bytes", map.output_bytes},
+            {"input_bytes", map.input_bytes},
+            {"entries", entries},
+            {"remarks", map.remarks}};
 }
 
 }  // namespace margay::samples

@@ -1,6 +1,6 @@
-// What lies where in a process image: every PDO entry with its offset, its length and its name, for people, for programs, and as a struct for the
-// compiler. The sizes are those that config_map() has laid out; the objects are those that the slave's
-// dictionary or SII assigns, the names those that its SII has for them.
+// What lies where in a process image: every PDO entry with its offset, its length and its name, for people, for
+// programs, and as a struct for the compiler. The sizes are those that config_map() has laid out; the objects are those
+// that the slave's dictionary or SII assigns, the names those that its SII has for them.
 #pragma once
 
 #include <margay/context.hpp>
@@ -17,13 +17,13 @@ struct MapEntry {
     std::uint16_t slave = 0;
     Direction direction = Direction::outputs;
     std::uint8_t sync_manager = 0;
-    std::uint16_t pdo = 0;           // its index; 0: nobody told what is in this SyncManager
+    std::uint16_t pdo = 0;  // its index; 0: nobody told what is in this SyncManager
     std::string pdo_name{};
-    std::uint16_t index = 0;         // of the object; 0: a gap
+    std::uint16_t index = 0;  // of the object; 0: a gap
     std::uint8_t subindex = 0;
     std::string name{};
-    std::uint8_t data_type = 0;      // of CoE; 0: not told
-    std::uint32_t offset_bits = 0;   // in the image
+    std::uint8_t data_type = 0;     // of CoE; 0: not told
+    std::uint32_t offset_bits = 0;  // in the image
     std::uint32_t bits = 0;
 };
 

@@ -42,7 +42,8 @@ CType c_type(const MapEntry& e) {
     const bool is_signed = (e.data_type >= 0x02 && e.data_type <= 0x04) || e.data_type == 0x15;
     if (e.data_type == 0x08 && e.bits == 32) return {"float"};
     if (e.data_type == 0x11 && e.bits == 64) return {"double"};
-    if (e.bits == 8 || e.bits == 16 || e.bits == 32 || e.bits == 64) return {fmt::format("{}int{}_t", is_signed ? "" : "u", e.bits)};
+    if (e.bits == 8 || e.bits == 16 || e.bits == 32 || e.bits == 64)
+        return {fmt::format("{}int{}_t", is_signed ? "" : "u", e.bits)};
     return {"uint8_t", fmt::format("[{}]", e.bits / 8)};
 }
 
@@ -50,7 +51,11 @@ CType c_type(const MapEntry& e) {
 class StructWriter {
   public:
     StructWriter(Context& ctx, std::string name, std::uint32_t begin_bytes, std::uint32_t bytes)
-        : ctx_(ctx), name_(std::move(name)), at_(begin_bytes * 8), begin_(begin_bytes * 8), end_((begin_bytes + bytes) * 8) {}
+        : ctx_(ctx),
+          name_(std::move(name)),
+          at_(begin_bytes * 8),
+          begin_(begin_bytes * 8),
+          end_((begin_bytes + bytes) * 8) {}
 
     std::string run(std::span<const MapEntry> entries) {
         for (std::size_t n = 0; n < entries.size();) {
@@ -63,8 +68,8 @@ class StructWriter {
         skip_to(end_);
         const std::uint32_t bytes = (end_ - begin_) / 8;
         if (bytes == 0) return {};
-        return fmt::format("typedef struct {} {{\n{}}} {};\n\n{}static_assert(sizeof({}) == {}, \"\");\n\n", name_, members_, name_, asserts_, name_,
-                           bytes);
+        return fmt::format("typedef struct {} {{\n{}}} {};\n\n{}static_assert(sizeof({}) == {}, \"\");\n\n", name_,
+                           members_, name_, asserts_, name_, bytes);
     }
 
   private:
@@ -72,15 +77,17 @@ class StructWriter {
         std::string name = identifier(e.pdo_name);
         const std::string own = identifier(e.name);
         if (!own.empty()) name += (name.empty() ? "" : "_") + own;
-        if (name.empty()) name = e.pdo == 0 ? fmt::format("sm{}", e.sync_manager) : fmt::format("x{:04x}_{:02x}", e.index, e.subindex);
+        if (name.empty())
+            name =
+                e.pdo == 0 ? fmt::format("sm{}", e.sync_manager) : fmt::format("x{:04x}_{:02x}", e.index, e.subindex);
         name = fmt::format("s{}_{}", e.slave, name);
         std::string candidate = name;
         for (int n = 2; !names_.insert(candidate).second; ++n) candidate = fmt::format("{}_{}", name, n);
         return candidate;
     }
     std::string remark(const MapEntry& e) {
-        return comment(fmt::format("slave {} {} {:#06x}:{:02x} at {}.{}", e.slave, ctx_.slave(e.slave).name(), e.index, e.subindex,
-                                   e.offset_bits / 8, e.offset_bits % 8));
+        return comment(fmt::format("slave {} {} {:#06x}:{:02x} at {}.{}", e.slave, ctx_.slave(e.slave).name(), e.index,
+                                   e.subindex, e.offset_bits / 8, e.offset_bits % 8));
     }
     void skip_to(std::uint32_t bit) {
         if (at_ >= bit) return;
@@ -92,10 +99,12 @@ class StructWriter {
         const auto type = c_type(e);
         const auto name = unique(e);
         members_ += fmt::format("    {} {}{}; /* {} */\n", type.type, name, type.suffix, remark(e));
-        asserts_ += fmt::format("static_assert(offsetof({}, {}) == {}, \"\");\n", name_, name, (e.offset_bits - begin_) / 8);
+        asserts_ +=
+            fmt::format("static_assert(offsetof({}, {}) == {}, \"\");\n", name_, name, (e.offset_bits - begin_) / 8);
         at_ += e.bits;
     }
-    // Entries that share octets, up to where one ends with its octet. Too many bits for a bit-field: an array that holds them all.
+    // Entries that share octets, up to where one ends with its octet. Too many bits for a bit-field: an array that
+    // holds them all.
     std::size_t fields(std::span<const MapEntry> entries, std::size_t n) {
         std::size_t last = n;
         std::uint32_t end = entries[n].offset_bits + entries[n].bits;
@@ -108,7 +117,8 @@ class StructWriter {
         const std::uint32_t octets_end = (end + 7) / 8 * 8;
         if (long_one) {
             members_ += fmt::format("    uint8_t bits_{}[{}];", (at_ - begin_) / 8, (octets_end - at_) / 8);
-            for (std::size_t i = n; i <= last; ++i) members_ += fmt::format(" /* {} bits: {} */", entries[i].bits, remark(entries[i]));
+            for (std::size_t i = n; i <= last; ++i)
+                members_ += fmt::format(" /* {} bits: {} */", entries[i].bits, remark(entries[i]));
             members_ += "\n";
             at_ = octets_end;
             return last + 1;
@@ -116,8 +126,10 @@ class StructWriter {
         std::uint32_t bit = at_;
         for (std::size_t i = n; i <= last; ++i) {
             gap(entries[i].offset_bits - bit, octets_end - at_);
-            const std::string name = entries[i].index == 0 && entries[i].pdo != 0 ? std::string() : " " + unique(entries[i]);
-            members_ += fmt::format("    {}{} : {}; /* {} */\n", field_type(octets_end - at_), name, entries[i].bits, remark(entries[i]));
+            const std::string name =
+                entries[i].index == 0 && entries[i].pdo != 0 ? std::string() : " " + unique(entries[i]);
+            members_ += fmt::format("    {}{} : {}; /* {} */\n", field_type(octets_end - at_), name, entries[i].bits,
+                                    remark(entries[i]));
             bit = entries[i].offset_bits + entries[i].bits;
         }
         gap(octets_end - bit, octets_end - at_);
@@ -125,9 +137,12 @@ class StructWriter {
         return last + 1;
     }
     // All fields of a run have one type; packed, it takes no more octets than its fields need.
-    static const char* field_type(std::uint32_t run_bits) { return run_bits <= 8 ? "uint8_t" : run_bits <= 16 ? "uint16_t" : run_bits <= 32 ? "uint32_t" : "uint64_t"; }
+    static const char* field_type(std::uint32_t run_bits) {
+        return run_bits <= 8 ? "uint8_t" : run_bits <= 16 ? "uint16_t" : run_bits <= 32 ? "uint32_t" : "uint64_t";
+    }
     void gap(std::uint32_t bits, std::uint32_t run_bits) {
-        for (; bits > 0; bits -= std::min(bits, 8U)) members_ += fmt::format("    {} : {};\n", field_type(run_bits), std::min(bits, 8U));
+        for (; bits > 0; bits -= std::min(bits, 8U))
+            members_ += fmt::format("    {} : {};\n", field_type(run_bits), std::min(bits, 8U));
     }
 
     Context& ctx_;
@@ -147,11 +162,13 @@ std::string map_cstruct(Context& ctx, const ProcessMap& map) {
     while (outputs < map.entries.size() && map.entries[outputs].offset_bits < map.output_bytes * 8) ++outputs;
     const std::span<const MapEntry> all(map.entries);
     std::string text =
-        "/* Process image of an EtherCAT segment, for little-endian machines: outputs at octet 0 of the image, inputs behind them. */\n"
+        "/* Process image of an EtherCAT segment, for little-endian machines: outputs at octet 0 of the image, inputs "
+        "behind them. */\n"
         "#pragma once\n\n#include <assert.h>\n#include <stddef.h>\n#include <stdint.h>\n\n#pragma pack(push, 1)\n\n";
     text += StructWriter(ctx, "process_outputs", 0, map.output_bytes).run(all.first(outputs));
     text += StructWriter(ctx, "process_inputs", map.output_bytes, map.input_bytes).run(all.subspan(outputs));
-    text += fmt::format("#pragma pack(pop)\n\nenum {{ kProcessOutputsOffset = 0, kProcessInputsOffset = {} }};\n", map.output_bytes);
+    text += fmt::format("#pragma pack(pop)\n\nenum {{ kProcessOutputsOffset = 0, kProcessInputsOffset = {} }};\n",
+                        map.output_bytes);
     return text;
 }
 

@@ -5,9 +5,9 @@
 
 namespace margay::samples {
 
-// A whole header. One struct for the outputs and one for the inputs, whose members lie where the entries lie on a little-endian machine; what
-// begins or ends inside an octet becomes a bit-field. The header asserts the offset of every other member and the size of both structs, so that a
-// compiler that lays them out differently refuses it.
+// A whole header. One struct for the outputs and one for the inputs, whose members lie where the entries lie on a
+// little-endian machine; what begins or ends inside an octet becomes a bit-field. The header asserts the offset of
+// every other member and the size of both structs, so that a compiler that lays them out differently refuses it.
 [[nodiscard]] std::string map_cstruct(Context& ctx, const ProcessMap& map);
 
 }  // namespace margay::samples

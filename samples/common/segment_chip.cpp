@@ -31,9 +31,8 @@ Fault ports(const DescriptionReader& reader, const toml::table& table, sim::EscD
         else if (kind == "none")
             port = {};
         else
-            return reader.at(
-                (*list)[p],
-                fmt::format("there is no kind of port '{}'; there are: mii, ebus, unused, none", kind));
+            return reader.at((*list)[p],
+                             fmt::format("there is no kind of port '{}'; there are: mii, ebus, unused, none", kind));
     }
     return {};
 }
@@ -48,15 +47,13 @@ Fault dc(const DescriptionReader& reader, const toml::table& table, sim::EscDesc
     std::string name;
     if (const auto fault = reader.text(*node, "dc", name)) return fault;
     const auto found = kUnits.find(name);
-    if (found == kUnits.end())
-        return reader.at(*node, "'dc' is \"none\", \"receive_times\", \"32\" or \"64\"");
+    if (found == kUnits.end()) return reader.at(*node, "'dc' is \"none\", \"receive_times\", \"32\" or \"64\"");
     chip.dc = found->second;
     chip.dc_needs_enable = false;
     namespace f = wire::features;
-    chip.features =
-        static_cast<std::uint16_t>((chip.features & ~(f::kDistributedClocks | f::kDistributedClocks64Bit)) |
-                                   (chip.dc >= sim::DcUnit::bits32 ? f::kDistributedClocks : 0) |
-                                   (chip.dc == sim::DcUnit::bits64 ? f::kDistributedClocks64Bit : 0));
+    chip.features = static_cast<std::uint16_t>((chip.features & ~(f::kDistributedClocks | f::kDistributedClocks64Bit)) |
+                                               (chip.dc >= sim::DcUnit::bits32 ? f::kDistributedClocks : 0) |
+                                               (chip.dc == sim::DcUnit::bits64 ? f::kDistributedClocks64Bit : 0));
     return {};
 }
 
@@ -67,10 +64,8 @@ Fault adjust_image(const DescriptionReader& reader, const toml::table& table, Mu
     if (image.size() < sii::kFixedBytes) return {};
     auto configuration = sii::load_configuration(image);
     auto identity = sii::load_identity(Bytes(image).subspan(sii::word::kIdentity * 2));
-    if (const auto fault = reader.optional_integer(table, "alias", 0, 0xFFFF, configuration.alias))
-        return fault;
-    if (const auto fault = reader.optional_integer(table, "serial", 0, 0xFFFFFFFF, identity.serial))
-        return fault;
+    if (const auto fault = reader.optional_integer(table, "alias", 0, 0xFFFF, configuration.alias)) return fault;
+    if (const auto fault = reader.optional_integer(table, "serial", 0, 0xFFFFFFFF, identity.serial)) return fault;
     if (table.contains("alias")) sii::store_configuration(image, configuration);
     if (table.contains("serial")) sii::store_identity(image.subspan(sii::word::kIdentity * 2), identity);
     return {};
@@ -84,28 +79,23 @@ Fault adjust_chip(const DescriptionReader& reader, const toml::table& table, sim
         if (!found)
             return reader.at(
                 *node,
-                fmt::format("there is no chip '{}'; there are: et1100, et1200, ip_core, lan9252, junction",
-                            name));
+                fmt::format("there is no chip '{}'; there are: et1100, et1200, ip_core, lan9252, junction", name));
         chip = *found;
     }
     if (const auto fault = reader.optional_integer(table, "type", 0, 0xFF, chip.type)) return fault;
     if (const auto fault = reader.optional_integer(table, "revision", 0, 0xFF, chip.revision)) return fault;
     if (const auto fault = reader.optional_integer(table, "build", 0, 0xFFFF, chip.build)) return fault;
-    if (const auto fault = reader.optional_integer(table, "fmmus", 0, sim::kMaxFmmus, chip.fmmus))
-        return fault;
+    if (const auto fault = reader.optional_integer(table, "fmmus", 0, sim::kMaxFmmus, chip.fmmus)) return fault;
     if (const auto fault =
             reader.optional_integer(table, "sync_managers", 0, sim::kMaxSyncManagers, chip.sync_managers))
         return fault;
     if (const auto fault = reader.optional_integer(table, "ram_kib", 0, 60, chip.ram_kib)) return fault;
     if (const auto fault = reader.optional_integer(table, "features", 0, 0xFFFF, chip.features)) return fault;
-    if (const auto fault =
-            reader.optional_integer(table, "drift_ppb", -100'000'000, 100'000'000, chip.clock.drift_ppb))
+    if (const auto fault = reader.optional_integer(table, "drift_ppb", -100'000'000, 100'000'000, chip.clock.drift_ppb))
         return fault;
-    if (const auto fault =
-            reader.optional_integer(table, "clock_start_ns", 0, INT64_MAX, chip.clock.start_ns))
+    if (const auto fault = reader.optional_integer(table, "clock_start_ns", 0, INT64_MAX, chip.clock.start_ns))
         return fault;
-    if (const auto fault = reader.optional_integer(table, "sii_status", 0, 0xFFFF, chip.sii.status_bits))
-        return fault;
+    if (const auto fault = reader.optional_integer(table, "sii_status", 0, 0xFFFF, chip.sii.status_bits)) return fault;
     if (const auto fault = reader.microseconds(table, "sii_read_us", chip.sii.read)) return fault;
     if (const auto fault = reader.microseconds(table, "sii_write_us", chip.sii.write)) return fault;
     if (const auto fault = reader.boolean(table, "sii_8_bytes", chip.sii.reads_8_bytes)) return fault;

@@ -30,8 +30,7 @@ class DescriptionReader {
     }
 
     template <std::size_t N>
-    Fault check_keys(const toml::table& table, const std::string_view (&known)[N],
-                     std::string_view where) const {
+    Fault check_keys(const toml::table& table, const std::string_view (&known)[N], std::string_view where) const {
         for (const auto& [key, node] : table)
             if (std::find(std::begin(known), std::end(known), key.str()) == std::end(known))
                 return at(node, fmt::format("'{}' is nothing that {} has; it has: {}", key.str(), where,
@@ -51,8 +50,8 @@ class DescriptionReader {
 
     // Takes an integer into a field of any type where the table has it.
     template <class T>
-    Fault optional_integer(const toml::table& table, std::string_view name, std::int64_t least,
-                           std::int64_t most, T& field) const {
+    Fault optional_integer(const toml::table& table, std::string_view name, std::int64_t least, std::int64_t most,
+                           T& field) const {
         const auto* node = table.get(name);
         if (node == nullptr) return {};
         std::int64_t value = 0;
@@ -89,10 +88,8 @@ class DescriptionReader {
 };
 
 // Serial number and alias into an image.
-[[nodiscard]] Fault adjust_image(const DescriptionReader& reader, const toml::table& table,
-                                 MutableBytes image);
+[[nodiscard]] Fault adjust_image(const DescriptionReader& reader, const toml::table& table, MutableBytes image);
 // Everything that a description may change of a chip.
-[[nodiscard]] Fault adjust_chip(const DescriptionReader& reader, const toml::table& table,
-                                sim::EscDescription& chip);
+[[nodiscard]] Fault adjust_chip(const DescriptionReader& reader, const toml::table& table, sim::EscDescription& chip);
 
 }  // namespace margay::samples

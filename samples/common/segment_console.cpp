@@ -53,8 +53,7 @@ std::optional<std::uint64_t> number(const std::string& word) {
 
 class Console {
   public:
-    Console(SimulatedSegment& simulated, Time now)
-        : simulated_(simulated), segment_(simulated.segment), now_(now) {}
+    Console(SimulatedSegment& simulated, Time now) : simulated_(simulated), segment_(simulated.segment), now_(now) {}
 
     std::string run(const Words& words) {
         const auto& what = words[0];
@@ -78,8 +77,7 @@ class Console {
         if (const auto n = number(word); n && *n >= 1 && *n <= segment_.size())
             return static_cast<std::uint32_t>(*n - 1);
         const auto found = std::find(simulated_.names.begin(), simulated_.names.end(), word);
-        if (found != simulated_.names.end())
-            return static_cast<std::uint32_t>(found - simulated_.names.begin());
+        if (found != simulated_.names.end()) return static_cast<std::uint32_t>(found - simulated_.names.begin());
         problem = fmt::format("there is no slave '{}'; they are 1 to {}", word, segment_.size());
         return std::nullopt;
     }
@@ -102,8 +100,7 @@ class Console {
             port = *given;
         }
         segment_.set_cable({*n, static_cast<std::uint8_t>(port)}, intact);
-        return fmt::format("the cable at port {} of slave {} is {}", port, *n + 1,
-                           intact ? "whole" : "broken");
+        return fmt::format("the cable at port {} of slave {} is {}", port, *n + 1, intact ? "whole" : "broken");
     }
 
     std::string power(const std::string& word, bool on) {
@@ -145,8 +142,7 @@ class Console {
         const auto n = slave(words[1], problem);
         if (!n) return problem;
         const auto input = number(words[2]);
-        if (!input || *input > 1 || (words[3] != "rise" && words[3] != "fall"))
-            return "latch S 0|1 rise|fall";
+        if (!input || *input > 1 || (words[3] != "rise" && words[3] != "fall")) return "latch S 0|1 rise|fall";
         segment_.slave(*n).latch(static_cast<unsigned>(*input), words[3] == "rise", now_);
         segment_.reconsider();
         return fmt::format("latch {} of slave {}", *input, *n + 1);
@@ -235,8 +231,7 @@ std::string state_of(const sim::Esc& esc) {
     }
     if ((status & wire::al::kErrorIndication) == 0) return text;
     const auto code = esc.registers().get<std::uint16_t>(reg::kAlStatusCode.address);
-    return fmt::format("{} + ERROR 0x{:04x} ({})", text, code,
-                       wire::to_text(static_cast<wire::AlStatusCode>(code)));
+    return fmt::format("{} + ERROR 0x{:04x} ({})", text, code, wire::to_text(static_cast<wire::AlStatusCode>(code)));
 }
 
 std::string execute(SimulatedSegment& simulated, std::string_view command, Time now) {

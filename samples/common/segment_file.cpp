@@ -51,8 +51,7 @@ std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& pat
     if (!in) return std::nullopt;
     const std::string content((std::istreambuf_iterator<char>(in)), {});
     std::vector<std::byte> bytes(content.size());
-    std::transform(content.begin(), content.end(), bytes.begin(),
-                   [](char c) { return static_cast<std::byte>(c); });
+    std::transform(content.begin(), content.end(), bytes.begin(), [](char c) { return static_cast<std::byte>(c); });
     return bytes;
 }
 
@@ -65,8 +64,8 @@ std::string load_image(const std::filesystem::path& path, std::vector<std::byte>
     auto bytes = read_file(path);
     if (!bytes) return fmt::format("cannot read the SII image '{}'", path.string());
     if (bytes->size() < wire::sii::kFixedBytes)
-        return fmt::format("'{}' is no SII image: {} octets, where the fixed part alone takes {}",
-                           path.string(), bytes->size(), wire::sii::kFixedBytes);
+        return fmt::format("'{}' is no SII image: {} octets, where the fixed part alone takes {}", path.string(),
+                           bytes->size(), wire::sii::kFixedBytes);
     const auto printable = [](std::byte octet) {
         const auto c = std::to_integer<unsigned>(octet);
         return (c >= 0x20 && c < 0x7F) || c == '\n' || c == '\r' || c == '\t';
@@ -186,8 +185,7 @@ class Builder : private DescriptionReader {
     Fault presets(const toml::table& table, std::uint32_t number) {
         std::int64_t station = -1;
         if (const auto fault = optional_integer(table, "station", 0, 0xFFFF, station)) return fault;
-        if (station >= 0)
-            presets_.push_back({number, 0x0010, {std::byte(station & 0xFF), std::byte(station >> 8)}});
+        if (station >= 0) presets_.push_back({number, 0x0010, {std::byte(station & 0xFF), std::byte(station >> 8)}});
         const auto* node = table.get("preset");
         if (node == nullptr) return {};
         const auto* list = node->as_array();
@@ -199,8 +197,7 @@ class Builder : private DescriptionReader {
             Preset preset{number, 0, {}};
             for (std::size_t i = 0; i < numbers->size(); ++i) {
                 std::int64_t value = 0;
-                if (const auto fault = integer((*numbers)[i], "preset", 0, i == 0 ? 0xFFFF : 0xFF, value))
-                    return fault;
+                if (const auto fault = integer((*numbers)[i], "preset", 0, i == 0 ? 0xFFFF : 0xFF, value)) return fault;
                 if (i == 0)
                     preset.address = static_cast<std::uint16_t>(value);
                 else
@@ -231,8 +228,7 @@ class Builder : private DescriptionReader {
         if (by_image != nullptr) {
             if (const auto fault = text(*by_image, "sii", what)) return fault;
             std::vector<std::byte> image;
-            if (const auto fault = load_image(folder_ / what, image); !fault.empty())
-                return at(*by_image, fault);
+            if (const auto fault = load_image(folder_ / what, image); !fault.empty()) return at(*by_image, fault);
             device = sim::device_from_sii(std::move(image));
             return {};
         }
@@ -257,7 +253,8 @@ class Builder : private DescriptionReader {
             if (sim::add_quirk(device, name)) continue;
             const auto all = sim::quirks();
             if (std::any_of(all.begin(), all.end(), [&](const auto& q) { return q.name == name; }))
-                return at(entry, fmt::format("'{}' is a manner of the slave stack, which this device does not run", name));
+                return at(entry,
+                          fmt::format("'{}' is a manner of the slave stack, which this device does not run", name));
             std::string names;
             for (const auto& quirk : all) names += fmt::format("{}{}", names.empty() ? "" : ", ", quirk.name);
             return at(entry, fmt::format("there is no quirk '{}'; there are: {}", name, names));
@@ -301,16 +298,13 @@ class Builder : private DescriptionReader {
                         !used_.contains({parent, candidate}) &&
                         (!same || parent_chip.ports[static_cast<std::size_t>(candidate)].kind == kind))
                         port = candidate;
-            if (port < 0)
-                return at(table, fmt::format("the slave '{}' has no free port", result_->names[parent]));
+            if (port < 0) return at(table, fmt::format("the slave '{}' has no free port", result_->names[parent]));
         }
-        const auto& where =
-            table.contains("port") ? *table.get("port") : static_cast<const toml::node&>(table);
+        const auto& where = table.contains("port") ? *table.get("port") : static_cast<const toml::node&>(table);
         if (!exists(parent_chip, static_cast<unsigned>(port)))
             return at(where, fmt::format("the slave '{}' has no port {}", result_->names[parent], port));
         if (used_.contains({parent, port}))
-            return at(where, fmt::format("port {} of the slave '{}' is taken already", port,
-                                         result_->names[parent]));
+            return at(where, fmt::format("port {} of the slave '{}' is taken already", port, result_->names[parent]));
         segment.add(std::move(device).assemble());
         (void)segment.connect({parent, static_cast<std::uint8_t>(port)}, own, Duration(cable_ns));
         used_[{parent, port}] = true;
@@ -349,21 +343,18 @@ class Builder : private DescriptionReader {
         std::int64_t port = 1;
         if (const auto fault = optional_integer(*table, "port", 0, kMaxPorts - 1, port)) return fault;
         if (!result_->segment.connect_master({number, static_cast<std::uint8_t>(port)}, 1))
-            return at(node, fmt::format("port {} of the slave '{}' does not exist or is taken already", port,
-                                        name));
+            return at(node, fmt::format("port {} of the slave '{}' does not exist or is taken already", port, name));
         return {};
     }
 
     // noise = { lost = 0.01, corrupted = 0.001, seed = 1 }
     Fault noise(const toml::node& node) {
         const auto* table = node.as_table();
-        if (table == nullptr)
-            return at(node, "'noise' is a table: { lost = 0.01, corrupted = 0.0, seed = 1 }");
+        if (table == nullptr) return at(node, "'noise' is a table: { lost = 0.01, corrupted = 0.0, seed = 1 }");
         static constexpr std::string_view kKnown[] = {"lost", "corrupted", "seed"};
         if (const auto fault = check_keys(*table, kKnown, "noise")) return fault;
         sim::Segment::Noise noise;
-        for (const auto& [name, field] :
-             {std::pair{"lost", &noise.lost}, std::pair{"corrupted", &noise.corrupted}}) {
+        for (const auto& [name, field] : {std::pair{"lost", &noise.lost}, std::pair{"corrupted", &noise.corrupted}}) {
             const auto* value_node = table->get(name);
             if (value_node == nullptr) continue;
             const auto value = value_node->value<double>();
@@ -409,13 +400,11 @@ LoadedSegment load_line_of_images(const std::string& paths, Time now) {
 
 }  // namespace
 
-LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder,
-                            Time now) {
+LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder, Time now) {
     try {
         return Builder(origin, folder, now).build(toml::parse(text));
     } catch (const toml::parse_error& error) {
-        return LoadedSegment(
-            fmt::format("{}: line {}: {}", origin, error.source().begin.line, error.description()));
+        return LoadedSegment(fmt::format("{}: line {}: {}", origin, error.source().begin.line, error.description()));
     }
 }
 
@@ -429,8 +418,8 @@ LoadedSegment load_segment(const std::string& what, Time now) {
                              path.has_parent_path() ? path.parent_path().string() : ".", now);
     }
     if (what.empty())
-        return LoadedSegment(std::string(
-            "no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
+        return LoadedSegment(
+            std::string("no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
     return load_line_of_images(what, now);
 }
 

@@ -40,7 +40,7 @@ class LoadedSegment {
 
 // The same from the text of a description; `origin` is what errors call it, `folder` where its relative paths
 // start.
-[[nodiscard]] LoadedSegment parse_segment(const std::string& text, const std::string& origin,
-                                          const std::string& folder, Time now = Time{});
+[[nodiscard]] LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder,
+                                          Time now = Time{});
 
 }  // namespace margay::samples

@@ -48,10 +48,8 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     }
     if (!options.record.empty()) {
         auto& recorder = recorder_.emplace(*nic_, osal_);
-        const auto epoch =
-            std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
-        if (!recorder.open(options.record, std::chrono::duration_cast<Duration>(epoch)))
-            return recorder.problem();
+        const auto epoch = std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
+        if (!recorder.open(options.record, std::chrono::duration_cast<Duration>(epoch))) return recorder.problem();
         nic_ = &recorder;
     }
     sigset_t set;
@@ -134,8 +132,7 @@ void SegmentServer::look(std::span<const std::byte> frame) {
 
 void SegmentServer::print_states() {
     for (std::uint32_t n = 0; n < states_.size(); ++n) {
-        auto state =
-            simulated_->segment.powered(n) ? state_of(simulated_->segment.slave(n)) : std::string("off");
+        auto state = simulated_->segment.powered(n) ? state_of(simulated_->segment.slave(n)) : std::string("off");
         if (state == states_[n]) continue;
         if (!states_[n].empty()) say(fmt::format("slave {} ({}): {}", n + 1, simulated_->names[n], state));
         states_[n] = std::move(state);

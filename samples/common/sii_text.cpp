@@ -129,13 +129,11 @@ class Text {
         line("size                   {} octets by word 0x003e, {} here", fixed.eeprom_bytes, image_.size());
         line("version                {}", fixed.version);
         line("PDI control            0x{:04x}", c.pdi_control);
-        line("PDI configuration      0x{:04x}, extended 0x{:04x}", c.pdi_configuration,
-             c.extended_pdi_configuration);
+        line("PDI configuration      0x{:04x}, extended 0x{:04x}", c.pdi_configuration, c.extended_pdi_configuration);
         line("SYNC pulse length      {} ns", c.sync_pulse_length_10ns * 10U);
         line("alias                  0x{:04x}", c.alias);
         line("checksum               0x{:02x}, {}", c.checksum & 0xFF,
-             fault == sii::Fault::checksum ? fmt::format("should be 0x{:02x}", sii::checksum(image_))
-                                           : "right");
+             fault == sii::Fault::checksum ? fmt::format("should be 0x{:02x}", sii::checksum(image_)) : "right");
         line("vendor                 0x{:08x}", fixed.identity.vendor);
         line("product                0x{:08x}", fixed.identity.product);
         line("revision               0x{:08x}", fixed.identity.revision);
@@ -153,8 +151,8 @@ class Text {
 
     void mailbox(std::string_view what, const MailboxInfo& m) {
         if (m.out_bytes == 0 && m.in_bytes == 0) return line("{:<22} none", what);
-        line("{:<22} out 0x{:04x} {} octets, in 0x{:04x} {} octets", what, m.out_start, m.out_bytes,
-             m.in_start, m.in_bytes);
+        line("{:<22} out 0x{:04x} {} octets, in 0x{:04x} {} octets", what, m.out_start, m.out_bytes, m.in_start,
+             m.in_bytes);
     }
 
     void category(const sii::Category& found) {
@@ -220,8 +218,8 @@ class Text {
     void sync_managers(Bytes content) {
         sii::SyncManagers managers(content);
         for (unsigned number = 0; const auto sm = managers.next(); ++number)
-            line("  SM {}  0x{:04x} {:>5} octets  control 0x{:02x}  {}  {}", number, sm->start,
-                 sm->length_bytes, sm->control, sm_type_text(sm->type),
+            line("  SM {}  0x{:04x} {:>5} octets  control 0x{:02x}  {}  {}", number, sm->start, sm->length_bytes,
+                 sm->control, sm_type_text(sm->type),
                  bit_names(sm->enable, {{sii::sm_enable::kEnable, "enabled"},
                                         {sii::sm_enable::kFixedContent, "fixed-content"},
                                         {sii::sm_enable::kVirtual, "virtual"},
@@ -231,8 +229,7 @@ class Text {
     void pdos(Bytes content) {
         sii::Pdos all(content);
         while (const auto pdo = all.next()) {
-            const auto where =
-                pdo->assigned() ? fmt::format("SM {}", pdo->sync_manager) : std::string("not assigned");
+            const auto where = pdo->assigned() ? fmt::format("SM {}", pdo->sync_manager) : std::string("not assigned");
             line("  PDO 0x{:04x}  {}  {}  {}", pdo->index, where,
                  bit_names(pdo->flags, {{sii::pdo_flag::kMandatory, "mandatory"},
                                         {sii::pdo_flag::kDefault, "default"},
@@ -255,8 +252,8 @@ class Text {
         while (const auto mode = modes.next()) {
             line("  mode {}  {}", name(mode->name), name(mode->description));
             line("    AssignActivate 0x{:04x}", mode->assign_activate);
-            line("    SYNC0 cycle {} ns, factor {}, shift {} ns", mode->sync0_cycle_time_ns,
-                 mode->sync0_cycle_factor, mode->sync0_shift_time_ns);
+            line("    SYNC0 cycle {} ns, factor {}, shift {} ns", mode->sync0_cycle_time_ns, mode->sync0_cycle_factor,
+                 mode->sync0_shift_time_ns);
             line("    SYNC1 factor {}, shift {} ns", mode->sync1_cycle_factor, mode->sync1_shift_time_ns);
         }
     }

@@ -76,8 +76,8 @@ std::string ports_text(const Slave& slave) {
     for (std::size_t p = 0; p < slave.ports.size(); ++p) {
         const Port& port = slave.ports[p];
         if (port.type == PortType::not_implemented && !port.link) continue;
-        text += fmt::format("  Port {}            {}, {}, {}", p, port_type(port.type),
-                            port.link ? "link" : "no link", port.open ? "open" : "closed");
+        text += fmt::format("  Port {}            {}, {}, {}", p, port_type(port.type), port.link ? "link" : "no link",
+                            port.open ? "open" : "closed");
         if (port.neighbour != 0)
             text += fmt::format(", to slave {}", port.neighbour);
         else if (slave.parent == 0 && p == slave.entry_port)
@@ -91,15 +91,14 @@ std::string mailbox_text(const Slave& slave) {
     if (!slave.mailbox.present()) return "  Mailbox           none\n";
     std::string text =
         fmt::format("  Mailbox           out {} bytes at {:#06x}, in {} bytes at {:#06x}: {}\n",
-                    slave.mailbox.out_bytes, slave.mailbox.out_start, slave.mailbox.in_bytes,
-                    slave.mailbox.in_start, fmt::join(names_of(slave.mailbox.protocols, kProtocols), ", "));
+                    slave.mailbox.out_bytes, slave.mailbox.out_start, slave.mailbox.in_bytes, slave.mailbox.in_start,
+                    fmt::join(names_of(slave.mailbox.protocols, kProtocols), ", "));
     if (slave.boot_mailbox.present())
         text += fmt::format("  Boot mailbox      out {} bytes at {:#06x}, in {} bytes at {:#06x}\n",
-                            slave.boot_mailbox.out_bytes, slave.boot_mailbox.out_start,
-                            slave.boot_mailbox.in_bytes, slave.boot_mailbox.in_start);
+                            slave.boot_mailbox.out_bytes, slave.boot_mailbox.out_start, slave.boot_mailbox.in_bytes,
+                            slave.boot_mailbox.in_start);
     if ((slave.mailbox.protocols & mailbox_protocol::kCoE) != 0)
-        text += fmt::format("  CoE details       {}\n",
-                            fmt::join(names_of(slave.coe_details, kCoeDetails), ", "));
+        text += fmt::format("  CoE details       {}\n", fmt::join(names_of(slave.coe_details, kCoeDetails), ", "));
     return text;
 }
 
@@ -114,10 +113,8 @@ nlohmann::ordered_json mailbox_json(const MailboxInfo& mailbox) {
 nlohmann::ordered_json ports_json(const Slave& slave) {
     auto ports = nlohmann::ordered_json::array();
     for (const Port& port : slave.ports)
-        ports.push_back({{"type", port_type(port.type)},
-                         {"link", port.link},
-                         {"open", port.open},
-                         {"neighbour", port.neighbour}});
+        ports.push_back(
+            {{"type", port_type(port.type)}, {"link", port.link}, {"open", port.open}, {"neighbour", port.neighbour}});
     return ports;
 }
 
@@ -133,39 +130,36 @@ nlohmann::ordered_json slave_json(const Slave& s) {
     }
     auto fmmus = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < s.fmmu_count; ++i) fmmus.push_back(fmmu_use(s.fmmu_use[i]));
-    return {{"position", s.position},
-            {"station_address", s.station_address.value},
-            {"alias", s.alias},
-            {"name", std::string(s.name())},
-            {"vendor", s.identity.vendor},
-            {"product", s.identity.product},
-            {"revision", s.identity.revision},
-            {"serial", s.identity.serial},
-            {"al_state", al_text(s.al)},
-            {"al_status_code", s.al.code},
-            {"al_status_text", wire::al_status_text(s.al.code)},
-            {"esc",
-             {{"type", s.dl.type},
-              {"revision", s.dl.revision},
-              {"build", s.dl.build},
-              {"ram_kib", s.dl.ram_kib}}},
-            {"dc", dc_text(s.dl)},
-            {"parent", s.parent},
-            {"parent_port", s.parent_port},
-            {"entry_port", s.entry_port},
-            {"ports", ports_json(s)},
-            {"sync_managers", sms},
-            {"fmmus", fmmus},
-            {"fmmus_of_esc", s.dl.fmmus},
-            {"sync_managers_of_esc", s.dl.sync_managers},
-            {"mailbox", mailbox_json(s.mailbox)},
-            {"boot_mailbox", mailbox_json(s.boot_mailbox)},
-            {"protocols", names_of(s.mailbox.protocols, kProtocols)},
-            {"coe_details", names_of(s.coe_details, kCoeDetails)},
-            {"ebus_current_ma", s.ebus_current_ma},
-            {"sii_bytes", s.sii_bytes},
-            {"error", s.error.code == Errc::none ? nlohmann::ordered_json(nullptr)
-                                                 : nlohmann::ordered_json(sentence(s.error))}};
+    return {
+        {"position", s.position},
+        {"station_address", s.station_address.value},
+        {"alias", s.alias},
+        {"name", std::string(s.name())},
+        {"vendor", s.identity.vendor},
+        {"product", s.identity.product},
+        {"revision", s.identity.revision},
+        {"serial", s.identity.serial},
+        {"al_state", al_text(s.al)},
+        {"al_status_code", s.al.code},
+        {"al_status_text", wire::al_status_text(s.al.code)},
+        {"esc", {{"type", s.dl.type}, {"revision", s.dl.revision}, {"build", s.dl.build}, {"ram_kib", s.dl.ram_kib}}},
+        {"dc", dc_text(s.dl)},
+        {"parent", s.parent},
+        {"parent_port", s.parent_port},
+        {"entry_port", s.entry_port},
+        {"ports", ports_json(s)},
+        {"sync_managers", sms},
+        {"fmmus", fmmus},
+        {"fmmus_of_esc", s.dl.fmmus},
+        {"sync_managers_of_esc", s.dl.sync_managers},
+        {"mailbox", mailbox_json(s.mailbox)},
+        {"boot_mailbox", mailbox_json(s.boot_mailbox)},
+        {"protocols", names_of(s.mailbox.protocols, kProtocols)},
+        {"coe_details", names_of(s.coe_details, kCoeDetails)},
+        {"ebus_current_ma", s.ebus_current_ma},
+        {"sii_bytes", s.sii_bytes},
+        {"error",
+         s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
 void add_branch(Context& ctx, const Slave& slave, const std::string& indent, std::string& text) {
@@ -174,8 +168,8 @@ void add_branch(Context& ctx, const Slave& slave, const std::string& indent, std
         if (other.parent == slave.position && other.position != slave.position) children.push_back(&other);
     for (const Slave* child : children) {
         const bool last = child == children.back();
-        text += fmt::format("{}{} {} {} (port {})\n", indent, last ? "└─" : "├─", child->position,
-                            title(*child), child->parent_port);
+        text += fmt::format("{}{} {} {} (port {})\n", indent, last ? "└─" : "├─", child->position, title(*child),
+                            child->parent_port);
         add_branch(ctx, *child, indent + (last ? "   " : "│  "), text);
     }
 }
@@ -187,29 +181,26 @@ std::string sentence(const Error& error) {
     return std::string(describe(error, buffer));
 }
 
-std::string al_text(const AlStatus& al) {
-    return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : "");
-}
+std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }
 
 std::string slave_text(const Slave& s) {
     std::string text = fmt::format("Slave {}: {}\n", s.position, title(s));
     text += fmt::format("  Station address   {:#06x}    alias {}\n", s.station_address.value, s.alias);
-    text += fmt::format("  Vendor {:#010x}  product {:#010x}  revision {:#010x}  serial {:#010x}\n",
-                        s.identity.vendor, s.identity.product, s.identity.revision, s.identity.serial);
+    text += fmt::format("  Vendor {:#010x}  product {:#010x}  revision {:#010x}  serial {:#010x}\n", s.identity.vendor,
+                        s.identity.product, s.identity.revision, s.identity.serial);
     text += fmt::format("  AL state          {}", al_text(s.al));
-    if (s.al.code != 0 || s.al.error)
-        text += fmt::format(", {:#06x}: {}", s.al.code, wire::al_status_text(s.al.code));
+    if (s.al.code != 0 || s.al.error) text += fmt::format(", {:#06x}: {}", s.al.code, wire::al_status_text(s.al.code));
     text += fmt::format(
-        "\n  ESC               type {:#04x}, revision {}, build {}, {} FMMUs, {} SyncManagers, {} KiB RAM\n",
-        s.dl.type, s.dl.revision, s.dl.build, s.dl.fmmus, s.dl.sync_managers, s.dl.ram_kib);
+        "\n  ESC               type {:#04x}, revision {}, build {}, {} FMMUs, {} SyncManagers, {} KiB RAM\n", s.dl.type,
+        s.dl.revision, s.dl.build, s.dl.fmmus, s.dl.sync_managers, s.dl.ram_kib);
     text += fmt::format("  Distributed clock {}\n", dc_text(s.dl));
     text += s.parent == 0 ? std::string("  Parent            the master\n")
                           : fmt::format("  Parent            slave {}, port {}\n", s.parent, s.parent_port);
     text += ports_text(s);
     for (std::size_t i = 0; i < s.sm_count; ++i) {
         const SmInfo& sm = s.sync_managers[i];
-        text += fmt::format("  SM{}               {:#06x}, {:4} bytes, control {:#04x}, enable {}, {}\n", i,
-                            sm.start, sm.length_bytes, sm.control, sm.enable, sm_type(sm.type));
+        text += fmt::format("  SM{}               {:#06x}, {:4} bytes, control {:#04x}, enable {}, {}\n", i, sm.start,
+                            sm.length_bytes, sm.control, sm.enable, sm_type(sm.type));
     }
     for (std::size_t i = 0; i < s.fmmu_count; ++i)
         text += fmt::format("  FMMU{}             {}\n", i, fmmu_use(s.fmmu_use[i]));

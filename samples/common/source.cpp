@@ -79,8 +79,7 @@ class SourceOpener {
         // Wall-clock time on hardware; none in virtual time, so that the same run gives the same file.
         Duration epoch{};
         if (!source_->virtual_time())
-            epoch = std::chrono::system_clock::now().time_since_epoch() -
-                    source_->osal_->now().time_since_epoch();
+            epoch = std::chrono::system_clock::now().time_since_epoch() - source_->osal_->now().time_since_epoch();
         return recorder.open(file, epoch) ? std::string() : recorder.problem();
     }
 

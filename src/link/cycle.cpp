@@ -1,4 +1,5 @@
-// The link's part in the cycle: what is not as simple as it is nearly always. Riders, losses, slaves that do not take part, several datagrams in a frame.
+// The link's part in the cycle: what is not as simple as it is nearly always. Riders, losses, slaves that do not take
+// part, several datagrams in a frame.
 #include "link/cycle.hpp"
 
 #include <algorithm>
@@ -157,7 +158,8 @@ void take_reading(const PreparedReading& reading, const std::byte* data) {
     reading.into->slaves = load_le<std::uint16_t>(Bytes(data + reading.bytes, 2));
     if (reading.into->slaves == 0) return;
     reading.into->value = 0;
-    for (std::size_t n = reading.bytes; n-- > 0;) reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
+    for (std::size_t n = reading.bytes; n-- > 0;)
+        reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
-// The link's part in the cycle that every cycle goes through, to be compiled into whoever sends and receives: frames of one datagram in which every slave
-// takes part, alone in their frames, and coming back as they were sent. Nothing is called but the NIC. All else is in cycle.cpp.
+// The link's part in the cycle that every cycle goes through, to be compiled into whoever sends and receives: frames of
+// one datagram in which every slave takes part, alone in their frames, and coming back as they were sent. Nothing is
+// called but the NIC. All else is in cycle.cpp.
 #pragma once
 
 #include "link/link.hpp"
@@ -15,21 +16,25 @@ inline constexpr std::uint64_t kComparedBits = ~(std::uint64_t{0x4000} << 48);
 
 inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(Bytes(at, 8)); }
 
-[[nodiscard]] inline bool same_head(const std::byte* a, const std::byte* b) { return ((load(a) ^ load(b)) & kComparedBits) == 0; }
+[[nodiscard]] inline bool same_head(const std::byte* a, const std::byte* b) {
+    return ((load(a) ^ load(b)) & kComparedBits) == 0;
+}
 
-// The reply to a plain frame has passed a slave, has all that was sent, and its EtherType, length and datagram. The first comparison has both of these and
-// the first half of the datagram's header, the second all of that.
+// The reply to a plain frame has passed a slave, has all that was sent, and its EtherType, length and datagram. The
+// first comparison has both of these and the first half of the datagram's header, the second all of that.
 [[nodiscard, gnu::always_inline]] inline bool same(const PreparedFrame& sent, Bytes reply) {
     constexpr std::size_t kTypeOffset = wire::kEthernetHeaderBytes - 2;
     const std::byte* own = sent.bytes.data();
     const std::byte* at = reply.data();
     return reply.size() >= sent.size && (at[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0} &&
-           load(at + kTypeOffset) == load(own + kTypeOffset) && same_head(at + wire::kFramePrefixBytes, own + wire::kFramePrefixBytes);
+           load(at + kTypeOffset) == load(own + kTypeOffset) &&
+           same_head(at + wire::kFramePrefixBytes, own + wire::kFramePrefixBytes);
 }
 
 // memcpy() wants addresses even where there is nothing to copy.
 inline void copy(std::byte* to, Bytes from) {
-    if (!from.empty()) [[likely]] std::memcpy(to, from.data(), from.size());
+    if (!from.empty()) [[likely]]
+        std::memcpy(to, from.data(), from.size());
 }
 
 }  // namespace cycle
@@ -50,8 +55,10 @@ inline void copy(std::byte* to, Bytes from) {
 }
 
 [[gnu::always_inline]] inline SendStatus Link::send_prepared(PreparedFrame& frame, Time now) {
-    if (frame.slot != nullptr) [[unlikely]] give_up_prepared(frame, now);
-    if (!frames_.claim(frame.own, now)) [[unlikely]] return no_index(frame);
+    if (frame.slot != nullptr) [[unlikely]]
+        give_up_prepared(frame, now);
+    if (!frames_.claim(frame.own, now)) [[unlikely]]
+        return no_index(frame);
     if (frame.plain) [[likely]]
         fill_plain(frame, frame.own.index);
     else
@@ -67,14 +74,17 @@ inline void copy(std::byte* to, Bytes from) {
     return status;
 }
 
-[[gnu::always_inline]] inline SendStatus Link::send_cycle(std::span<PreparedFrame> frames, Time now, std::size_t rider_budget_bytes) {
+[[gnu::always_inline]] inline SendStatus Link::send_cycle(std::span<PreparedFrame> frames, Time now,
+                                                          std::size_t rider_budget_bytes) {
     cycle_before_ = last_cycle_;
     last_cycle_ = now;
     cycle_budget_ = rider_budget_bytes;
-    if (!queue_.empty()) [[unlikely]] return send_with_queue(frames, now);
+    if (!queue_.empty()) [[unlikely]]
+        return send_with_queue(frames, now);
     for (PreparedFrame& frame : frames) {
         const SendStatus status = send_prepared(frame, now);
-        if (status != SendStatus::sent) [[unlikely]] return send_rest({&frame + 1, frames.data() + frames.size()}, status, now);
+        if (status != SendStatus::sent) [[unlikely]]
+            return send_rest({&frame + 1, frames.data() + frames.size()}, status, now);
     }
     return SendStatus::sent;
 }
@@ -97,18 +107,21 @@ inline void copy(std::byte* to, Bytes from) {
     cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
 }
 
-[[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
+[[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,
+                                                           List<Waiter>& ready) {
     for (PreparedFrame& frame : frames) {
         while (frame.slot != nullptr) {
             const std::size_t length = nic_.receive(buffer_);
-            if (length == 0) [[unlikely]] return CycleEnd::missing;
+            if (length == 0) [[unlikely]]
+                return CycleEnd::missing;
             const Bytes reply(buffer_.data(), length);
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
                 take_plain(frame);
             else
                 take_any(reply, now, ready);
         }
-        if (frame.end != CycleEnd::right) [[unlikely]] return receive_rest({&frame + 1, frames.data() + frames.size()}, now, ready);
+        if (frame.end != CycleEnd::right) [[unlikely]]
+            return receive_rest({&frame + 1, frames.data() + frames.size()}, now, ready);
     }
     return CycleEnd::right;
 }

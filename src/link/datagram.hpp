@@ -34,13 +34,14 @@ struct Reply {
     [[nodiscard]] bool ok() const { return errc == Errc::none; }
 };
 
-// Whether the link sends a datagram again when its frame is lost. What has an effect beyond its data (a mailbox write or
-// read) is not repeated by the link: its owner knows better.
+// Whether the link sends a datagram again when its frame is lost. What has an effect beyond its data (a mailbox write
+// or read) is not repeated by the link: its owner knows better.
 enum class Repeat : std::uint8_t { yes, no };
 
 class Datagram : public ListNode {
   public:
-    // Reads into, or exchanges with, `data`, which lives as long as the datagram and has at most kMaxDatagramData octets.
+    // Reads into, or exchanges with, `data`, which lives as long as the datagram and has at most kMaxDatagramData
+    // octets.
     Datagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data,
              Repeat repeat = Repeat::yes)
         : link_(link), sent_data_(data), reply_data_(data), address_(address), command_(command), repeat_(repeat) {}
@@ -80,7 +81,8 @@ class Datagram : public ListNode {
     std::uint16_t offset_ = 0;  // in its frame
 };
 
-// Awaits several datagrams, sent in this order and in one frame where they fit. Their replies are asked of each afterwards.
+// Awaits several datagrams, sent in this order and in one frame where they fit. Their replies are asked of each
+// afterwards.
 template <std::size_t N>
 struct Together {
     std::array<Datagram*, N> datagrams;

@@ -21,9 +21,13 @@ class Engine {
     // For the cycle: takes in one frame and resumes nobody before the next poll(). False when there is none.
     bool receive_one(Time now) { return link_.receive_one(now, ready_); }
     // The same until all of these frames are back.
-    [[nodiscard, gnu::always_inline]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now) { return link_.receive_cycle(frames, now, ready_); }
+    [[nodiscard, gnu::always_inline]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now) {
+        return link_.receive_cycle(frames, now, ready_);
+    }
 
-    [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now) { return link_.receive_overlapped(frames, now, ready_); }
+    [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now) {
+        return link_.receive_overlapped(frames, now, ready_);
+    }
 
     [[nodiscard]] Arena& arena() { return arena_; }
     [[nodiscard]] Link& link() { return link_; }
@@ -57,13 +61,12 @@ class Engine {
     [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
     [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, now_ + duration}; }
 
-    // For awaitables of other layers: resumes the timer's coroutine when its time has come, or any waiter in this poll() or the
-    // next one, whatever it was waiting for. Never resumes at once.
+    // For awaitables of other layers: resumes the timer's coroutine when its time has come, or any waiter in this
+    // poll() or the next one, whatever it was waiting for. Never resumes at once.
     void add_timer(Sleep::Timer& timer);
     void wake(Waiter& waiter) { ready_.push_back(waiter); }
 
   private:
-
     Link link_;
     Arena arena_;
     List<Waiter> ready_;

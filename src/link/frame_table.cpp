@@ -17,8 +17,8 @@ FrameSlot* FrameTable::open(Time now) {
     return &slot;
 }
 
-// Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that has rested longest is next in turn
-// anyway.
+// Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that
+// has rested longest is next in turn anyway.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
     refresh(now);
     std::uint8_t index = next_index_;

@@ -21,7 +21,7 @@ struct FrameSlot {
     std::uint16_t length = 0;  // of all datagrams with their headers
     std::uint8_t index = 0;
     bool in_flight = false;  // of a table's slot
-    bool refused = false;  // the NIC failed to send it: it waits for its deadline all the same
+    bool refused = false;    // the NIC failed to send it: it waits for its deadline all the same
 };
 
 class FrameTable {
@@ -33,19 +33,21 @@ class FrameTable {
 
     // A free slot with an index that no frame in flight has and that no frame lost lately had, or nullptr.
     [[nodiscard]] FrameSlot* open(Time now);
-    // The same for a slot that is not of the table, and that nobody but its owner gives up. False: all indices are taken.
+    // The same for a slot that is not of the table, and that nobody but its owner gives up. False: all indices are
+    // taken.
     [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
         // Nearly always the next index is free.
         const std::uint8_t index = next_index_;
-        if (any_resting_.load(std::memory_order_relaxed) || at(index) != nullptr) [[unlikely]] return claim_free(slot, now);
+        if (any_resting_.load(std::memory_order_relaxed) || at(index) != nullptr) [[unlikely]]
+            return claim_free(slot, now);
         take(slot, index);
         return true;
     }
     // The slot in flight under `index`, or nullptr.
     [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index].load(std::memory_order_acquire); }
 
-    // For overlapped cycles: indices from kSplit on are kept for the thread that sends those. It calls free_index() and publish(), and release() for what it could not
-    // send; all else is the owner's.
+    // For overlapped cycles: indices from kSplit on are kept for the thread that sends those. It calls free_index() and
+    // publish(), and release() for what it could not send; all else is the owner's.
     void split() {
         mask_ = kSplit - 1;
         next_index_ &= mask_;

@@ -29,9 +29,10 @@ bool Link::matches(FrameSlot& slot, Bytes frame) {
     if (wire::load_frame_header(frame.subspan(wire::kEthernetHeaderBytes)).length != slot.length) return false;
     for (Datagram* d = slot.datagrams.front(); d != nullptr; d = slot.datagrams.after(*d)) {
         const auto got = wire::load_datagram_header(frame.subspan(d->offset_));
-        const bool same_address = wire::counts_position(got.command) ? got.address.ado() == d->address_.ado()
-                                                                     : got.address == d->address_;
-        if (got.command != d->command_ || got.index != slot.index || got.length != d->sent_data_.size() || !same_address)
+        const bool same_address =
+            wire::counts_position(got.command) ? got.address.ado() == d->address_.ado() : got.address == d->address_;
+        if (got.command != d->command_ || got.index != slot.index || got.length != d->sent_data_.size() ||
+            !same_address)
             return false;
     }
     return true;

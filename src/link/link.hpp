@@ -1,5 +1,5 @@
-// The link packs the datagrams that are due into as few frames as fit, sends them, matches what comes back, and gives up
-// what does not.
+// The link packs the datagrams that are due into as few frames as fit, sends them, matches what comes back, and gives
+// up what does not.
 #pragma once
 
 #include "link/datagram.hpp"
@@ -28,17 +28,18 @@ class Link {
 
     LinkSettings settings;
 
-    // Takes in all frames that the NIC has and gives up those whose time is over. Waiters whose datagrams are done end up
-    // in `ready`. Resumes nobody.
+    // Takes in all frames that the NIC has and gives up those whose time is over. Waiters whose datagrams are done end
+    // up in `ready`. Resumes nobody.
     void receive(Time now, List<Waiter>& ready);
     // Takes in one frame; false when the NIC has none.
     bool receive_one(Time now, List<Waiter>& ready);
     // Packs and sends what is queued.
     void send(Time now);
 
-    // The cycle, in link/cycle.hpp. Sends the frames of a cycle. Does not wait or allocate. Queued datagrams travel with the cycle, `rider_budget_bytes` of them with their headers, or
-    // one if that is longer, in a frame of their own where these have no room left. While cycles go on send() leaves the queue to them; without a
-    // budget it does not. A flight that is not over yet is given up. Anything but `sent`: of the last frame that is not in flight.
+    // The cycle, in link/cycle.hpp. Sends the frames of a cycle. Does not wait or allocate. Queued datagrams travel
+    // with the cycle, `rider_budget_bytes` of them with their headers, or one if that is longer, in a frame of their
+    // own where these have no room left. While cycles go on send() leaves the queue to them; without a budget it does
+    // not. A flight that is not over yet is given up. Anything but `sent`: of the last frame that is not in flight.
     [[nodiscard]] SendStatus send_cycle(std::span<PreparedFrame> frames, Time now, std::size_t rider_budget_bytes);
     // Takes in what the NIC has until all of these frames are back.
     [[nodiscard]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
@@ -48,12 +49,14 @@ class Link {
     // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
 
-    // Overlapped cycles, in link/overlap.cpp. From the first of them on the indices of frames are split between the thread that sends them and the owner.
+    // Overlapped cycles, in link/overlap.cpp. From the first of them on the indices of frames are split between the
+    // thread that sends them and the owner.
     void allow_overlapping() { frames_.split(); }
-    // The sending thread's, for frames that the owner has done with: sends them. Anything but `sent`: of the last frame that is not in flight.
+    // The sending thread's, for frames that the owner has done with: sends them. Anything but `sent`: of the last frame
+    // that is not in flight.
     [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames);
-    // The owner's: takes in what the NIC has until all of these frames are back; false when some are not. And the end of their cycle: inputs and working
-    // counters are taken over, what is not back is given up.
+    // The owner's: takes in what the NIC has until all of these frames are back; false when some are not. And the end
+    // of their cycle: inputs and working counters are taken over, what is not back is given up.
     [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     void end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now);
     // While nobody sends.
@@ -113,9 +116,9 @@ class Link {
     bool nic_busy_ = false;
     Time last_cycle_ = Time::min();
     Time cycle_before_ = Time::min();
-    std::size_t cycle_budget_ = 0;     // of the last cycle, for what rides
-    std::size_t rider_budget_ = 0;     // what is left of it
-    bool riders_ = false;              // some have ridden in this cycle
+    std::size_t cycle_budget_ = 0;                          // of the last cycle, for what rides
+    std::size_t rider_budget_ = 0;                          // what is left of it
+    bool riders_ = false;                                   // some have ridden in this cycle
     std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame being built, or being read
 };
 

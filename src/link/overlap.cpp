@@ -1,8 +1,10 @@
-// Overlapped cycles: one is sent before the one before it is received. A thread may send them while another one, the owner, receives and does all else.
+// Overlapped cycles: one is sent before the one before it is received. A thread may send them while another one, the
+// owner, receives and does all else.
 //
-// What the two share: a frame belongs to the sender until the group's count of cycles sent tells that its cycle is under way, and again once the
-// count of those received tells that it is over. In between the owner may find it by its index, from the moment it is published in the frame table, and puts
-// the reply into it. Everything else in the link, statistics too, is the owner's. The NIC is used by both.
+// What the two share: a frame belongs to the sender until the group's count of cycles sent tells that its cycle is
+// under way, and again once the count of those received tells that it is over. In between the owner may find it by its
+// index, from the moment it is published in the frame table, and puts the reply into it. Everything else in the link,
+// statistics too, is the owner's. The NIC is used by both.
 #include "link/cycle.hpp"
 
 #include <algorithm>
@@ -12,7 +14,9 @@ namespace {
 
 // As fill(), but for a frame in which a reply may have been put, and without a look at what the owner writes.
 void fill_overlapped(PreparedFrame& frame, std::uint8_t index) {
-    const auto clear = [&frame](std::size_t at, std::size_t bytes) { std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0}); };
+    const auto clear = [&frame](std::size_t at, std::size_t bytes) {
+        std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
+    };
     for (const PreparedDatagram& d : frame.datagrams) {
         const std::size_t data = d.offset + wire::kDatagramHeaderBytes;
         frame.bytes[d.offset + 1U] = std::byte{index};

@@ -20,7 +20,8 @@ constexpr std::uint16_t kInActivate = reg::sync_manager(1).address + Layout::act
 constexpr std::size_t kLookBytes = 3;  // status, activate, PDI control
 
 constexpr Duration kCycleIsAlive = std::chrono::milliseconds(10);
-constexpr Duration kRealLook = std::chrono::milliseconds(20);  // though a bit of the image, or the watch, says there is nothing
+constexpr Duration kRealLook =
+    std::chrono::milliseconds(20);  // though a bit of the image, or the watch, says there is nothing
 constexpr unsigned kLooksBeforeParking = 4;
 
 // Channels that pause alike look at the same time: their datagrams share frames.
@@ -93,12 +94,13 @@ Task<Result<>> MailboxChannel::pump() {
             co_await Doze(*this, now() + timing.longest_pause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
-            Datagram write(link, wire::Command::FPWR, {address_, info_.out_start}, Bytes(memory.bytes()).first(info_.out_bytes),
-                           Repeat::no);
+            Datagram write(link, wire::Command::FPWR, {address_, info_.out_start},
+                           Bytes(memory.bytes()).first(info_.out_bytes), Repeat::no);
             auto reply = co_await write;
             sent(reply);
         } else if (action == Action::fetch) {
-            Datagram read(link, wire::Command::FPRD, {address_, info_.in_start}, memory.bytes().first(info_.in_bytes), Repeat::no);
+            Datagram read(link, wire::Command::FPRD, {address_, info_.in_start}, memory.bytes().first(info_.in_bytes),
+                          Repeat::no);
             auto reply = co_await read;
             fetched(reply, Bytes(memory.bytes()).first(info_.in_bytes));
         } else if (action == Action::look) {
@@ -137,7 +139,8 @@ MailboxChannel::Action MailboxChannel::next_action() {
         return Action::send;
     }
     if (unsure_ != nullptr && t >= resend_at_) return Action::look_out;
-    if (!glance_ && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message()) return Action::send;
+    if (!glance_ && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message())
+        return Action::send;
     if (expecting()) return next_look();
     return queue_.empty() && farewell_bytes_ == 0 ? Action::stop : Action::doze;
 }
@@ -156,21 +159,23 @@ bool MailboxChannel::pick_message() {
 }
 
 bool MailboxChannel::expecting() const {
-    const bool held_up = now() < send_at_ && (!queue_.empty() || farewell_bytes_ != 0);  // it may want to be rid of its own mail first
+    const bool held_up =
+        now() < send_at_ && (!queue_.empty() || farewell_bytes_ != 0);  // it may want to be rid of its own mail first
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < owed_until_;
 }
 
 bool MailboxChannel::bit_is_trusted() const {
     const Time cycle = engine_->link().last_cycle();
-    return status_octet_ != nullptr && !glance_ && repeat_ == Repeated::no && now() < real_look_at_ && cycle != Time::min() &&
-           now() - cycle < kCycleIsAlive;
+    return status_octet_ != nullptr && !glance_ && repeat_ == Repeated::no && now() < real_look_at_ &&
+           cycle != Time::min() && now() - cycle < kCycleIsAlive;
 }
 
 MailboxChannel::Action MailboxChannel::next_look() {
     if (now() < look_at_) return Action::doze;
     if (!bit_is_trusted()) return Action::look;
     // As of the last cycle: what was fetched since is still shown.
-    if (engine_->link().last_cycle() <= fetched_at_ || !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
+    if (engine_->link().last_cycle() <= fetched_at_ ||
+        !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
         look_at_ = now() + timing.first_pause;
         return Action::doze;
     }
@@ -318,7 +323,8 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {
-        // One that does not count its replies could not be told from the one before: it is asked for only if it is gone.
+        // One that does not count its replies could not be told from the one before: it is asked for only if it is
+        // gone.
         const bool ask = counts_ || !full;
         repeat_ = ask ? Repeated::ready : Repeated::no;
         activate_ = static_cast<std::uint8_t>(std::to_integer<unsigned>(octets[1]) ^ wire::sm_activate::kRepeatRequest);
@@ -342,7 +348,8 @@ void MailboxChannel::nothing_there() {
     pause_ = std::clamp(pause_, timing.first_pause, timing.longest_pause);
     look_at_ = on_grid(now() + pause_, pause_);
     pause_ = std::min(pause_ * 2, timing.longest_pause);
-    if (++looks_ >= kLooksBeforeParking && repeat_ == Repeated::no && mailboxes_->park(*this)) look_at_ = now() + kRealLook;
+    if (++looks_ >= kLooksBeforeParking && repeat_ == Repeated::no && mailboxes_->park(*this))
+        look_at_ = now() + kRealLook;
 }
 
 void MailboxChannel::fetched(Reply reply, Bytes mailbox) {

@@ -1,12 +1,14 @@
-// The mailbox channel of one slave (ETG.1000.4 "Mailbox", ETG.1000.6 "Mailbox"): what is to be sent leaves in turn, what comes goes to
-// whom it is for.
+// The mailbox channel of one slave (ETG.1000.4 "Mailbox", ETG.1000.6 "Mailbox"): what is to be sent leaves in turn,
+// what comes goes to whom it is for.
 //
-// One coroutine, the pump, works as long as there is something to do. It never has more than one datagram under way, so that messages keep their
-// order; the pumps of many slaves run beside each other, and what they send in the same poll() shares frames.
+// One coroutine, the pump, works as long as there is something to do. It never has more than one datagram under way, so
+// that messages keep their order; the pumps of many slaves run beside each other, and what they send in the same poll()
+// shares frames.
 //
-// Lost frames. A message whose frame did not come back is sent again, under the same counter, only if the slave's mailbox is found empty and
-// nothing has come back for a while: a slave that has it drops the second one. A reply whose frame was lost on its way back is asked for by the
-// repeat request of SyncManager 1 (activate octet, bit 1), which the slave acknowledges; one that comes twice is known by its counter.
+// Lost frames. A message whose frame did not come back is sent again, under the same counter, only if the slave's
+// mailbox is found empty and nothing has come back for a while: a slave that has it drops the second one. A reply whose
+// frame was lost on its way back is asked for by the repeat request of SyncManager 1 (activate octet, bit 1), which the
+// slave acknowledges; one that comes twice is known by its counter.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -37,7 +39,8 @@ class MailboxChannel {
     MailboxChannel(const MailboxChannel&) = delete;
     MailboxChannel& operator=(const MailboxChannel&) = delete;
 
-    // The slave's SyncManagers have been set up for `info`: nothing is known of what they hold, so it is looked at first.
+    // The slave's SyncManagers have been set up for `info`: nothing is known of what they hold, so it is looked at
+    // first.
     void open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info);
     // Ends all that waits with Errc::canceled. What the slave has reported can still be read.
     void close();
@@ -45,8 +48,8 @@ class MailboxChannel {
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
 
-    // Sends the message when its turn comes, without anybody waiting for it: the abort of a transfer that was given up. One at a time, the
-    // first is kept.
+    // Sends the message when its turn comes, without anybody waiting for it: the abort of a transfer that was given up.
+    // One at a time, the first is kept.
     void farewell(wire::MailboxType type, Bytes data);
 
     // There may be mail: looks once.
@@ -149,7 +152,7 @@ class MailboxChannel {
     bool resend_ = false;
     Time resend_at_ = kNever;
     Time unsure_until_ = kNever;
-    Time send_at_ = Time::min();  // not before: the mailbox was full
+    Time send_at_ = Time::min();    // not before: the mailbox was full
     std::uint8_t out_counter_ = 0;  // of the last message that left
     std::uint8_t trial_counter_ = 0;
     Errc trouble_ = Errc::none;  // what keeps messages from leaving, or mail from coming

@@ -21,8 +21,8 @@ void MailboxChannel::take_in(Bytes mailbox) {
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
-    // Some slaves write their own address where the standard wants the master's, which is 0. Any other is that of a slave; mail to one that is not there
-    // is nobody's, not the reply that somebody waits for.
+    // Some slaves write their own address where the standard wants the master's, which is 0. Any other is that of a
+    // slave; mail to one that is not there is nobody's, not the reply that somebody waits for.
     const std::uint16_t to = mail.header.address;
     if (to != 0 && to != address_.value) {
         ++(mailboxes_->route(*this, mail) ? statistics_.routed : statistics_.unexpected);
@@ -60,7 +60,8 @@ void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     if (awaiting_.empty()) return;
     Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = position_};
-    if (data.size() >= wire::kMailboxErrorBytes) error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
+    if (data.size() >= wire::kMailboxErrorBytes)
+        error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
     finish(static_cast<MailExchange&>(*awaiting_.front()), error);
 }
 

@@ -107,7 +107,9 @@ Error MailSession::await_resume() noexcept {
 }
 
 namespace {
-constexpr std::uint16_t bit_of(wire::MailboxType type) { return static_cast<std::uint16_t>(1U << static_cast<unsigned>(type)); }
+constexpr std::uint16_t bit_of(wire::MailboxType type) {
+    return static_cast<std::uint16_t>(1U << static_cast<unsigned>(type));
+}
 }  // namespace
 
 bool MailboxChannel::try_enter(MailSession& session) {
@@ -124,7 +126,9 @@ void MailboxChannel::leave(MailSession& session) {
     session.granted_ = false;
     if (session.epoch_ != epoch_) return;  // the channel was opened anew meanwhile
     busy_types_ = static_cast<std::uint16_t>(busy_types_ & ~bit_of(session.type_));
-    const auto same = [&](const MailTurn& turn) { return static_cast<const MailSession&>(turn).type_ == session.type_; };
+    const auto same = [&](const MailTurn& turn) {
+        return static_cast<const MailSession&>(turn).type_ == session.type_;
+    };
     MailTurn* next = next_turn(tickets_, same);
     if (next == nullptr) return;
     take_turn(tickets_, *next, same);

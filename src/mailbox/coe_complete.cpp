@@ -10,7 +10,9 @@ namespace coe = wire::coe;
 
 constexpr std::size_t kCountBytes = 2;  // what subindex 0 takes in a complete access
 
-bool is(const Error& error, coe::Abort code) { return error.code == Errc::sdo_abort && error.detail == static_cast<std::uint32_t>(code); }
+bool is(const Error& error, coe::Abort code) {
+    return error.code == Errc::sdo_abort && error.detail == static_cast<std::uint32_t>(code);
+}
 
 // Octets of each value of objects whose form the standard fixes; 0: not such an object.
 std::size_t element_bytes(std::uint16_t index) {
@@ -19,7 +21,8 @@ std::size_t element_bytes(std::uint16_t index) {
     return mapping ? 4 : assignment ? 2 : 0;
 }
 
-Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc code, std::size_t expected, std::size_t actual) {
+Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc code, std::size_t expected,
+             std::size_t actual) {
     Error error = channel.station().error(code, step, object.index);
     error.subindex = object.subindex;
     error.expected = static_cast<std::uint32_t>(expected);
@@ -35,7 +38,8 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
 }
 
 // How many octets of `left` the value of this subindex takes; 0: there is no such subindex.
-Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object, std::size_t left, MailPatience patience) {
+Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object, std::size_t left,
+                                      MailPatience patience) {
     if (const std::size_t fixed = element_bytes(object.index); fixed != 0) co_return std::min(fixed, left);
     std::array<std::byte, 8> now{};
     auto read = co_await sdo_upload_once(channel, object, now, patience);
@@ -45,13 +49,15 @@ Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object,
     co_return read.error();
 }
 
-Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes value, unsigned count, MailPatience patience) {
+Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes value, unsigned count,
+                            MailPatience patience) {
     std::size_t at = 0;
     for (unsigned n = 1; n <= count && at < value.size(); ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
         auto bytes = co_await value_bytes(channel, one, value.size() - at, patience);
         if (!bytes) co_return bytes.error();
-        if (*bytes > value.size() - at) co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, *bytes, value.size() - at);
+        if (*bytes > value.size() - at)
+            co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, *bytes, value.size() - at);
         if (*bytes == 0) continue;
         auto written = co_await sdo_download_once(channel, one, value.subspan(at, *bytes), patience);
         if (!written) co_return written;
@@ -66,12 +72,13 @@ Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::ui
     auto written = co_await sdo_download_once(channel, {.index = index}, octet, patience);
     if (written || !is(written.error(), coe::Abort::read_only)) co_return written;
     auto has = co_await read_count(channel, index, patience);
-    co_return has && *has == count ? Result<>() : written;
+    co_return has&&* has == count ? Result<>() : written;
 }
 
 }  // namespace
 
-Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into,
+                                            MailPatience patience) {
     auto count = co_await read_count(channel, object.index, patience);
     if (!count) co_return count.error();
     std::size_t at = object.subindex == 0 ? kCountBytes : 0;

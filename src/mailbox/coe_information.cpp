@@ -86,7 +86,9 @@ std::size_t ObjectListQuery::compose_request(MutableBytes data) const {
 
 bool ObjectListQuery::take_fragment(Bytes payload, bool first, bool) {
     if (first) {
-        if (payload.size() < sizeof(std::uint16_t) || load_le<std::uint16_t>(payload) != static_cast<std::uint16_t>(list_)) return false;
+        if (payload.size() < sizeof(std::uint16_t) ||
+            load_le<std::uint16_t>(payload) != static_cast<std::uint16_t>(list_))
+            return false;
         payload = payload.subspan(sizeof(std::uint16_t));
     }
     std::array<std::uint16_t, 32> some{};
@@ -138,7 +140,8 @@ void ObjectQuery::decode(Bytes all) {
 std::size_t EntryQuery::compose_request(MutableBytes data) const {
     store_le<std::uint16_t>(data, 0, index_);
     store_le<std::uint8_t>(data, 2, subindex_);
-    const unsigned wanted = coe::value_info::kUnit | coe::value_info::kDefault | coe::value_info::kMinimum | coe::value_info::kMaximum;
+    const unsigned wanted =
+        coe::value_info::kUnit | coe::value_info::kDefault | coe::value_info::kMinimum | coe::value_info::kMaximum;
     store_le<std::uint8_t>(data, 3, static_cast<std::uint8_t>(with_values_ ? wanted : 0U));
     return coe::kEntryRequestBytes - kPayload;
 }
@@ -192,9 +195,9 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
-    MailExchange exchange(channel, wire::MailboxType::coe, query,
-                          {.patience = patience,
-                           .key = (std::uint64_t{2} << 32) | (std::uint64_t{about.index} << 8) | about.subindex});
+    MailExchange exchange(
+        channel, wire::MailboxType::coe, query,
+        {.patience = patience, .key = (std::uint64_t{2} << 32) | (std::uint64_t{about.index} << 8) | about.subindex});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) co_return complete(failed);
     if (query.error().code != Errc::none) co_return complete(query.error());

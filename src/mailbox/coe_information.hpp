@@ -1,5 +1,5 @@
-// SDO information (ETG.1000.6 "SDO information services"): lists of objects, descriptions of objects and entries. What comes in fragments is
-// taken in as it comes; nothing grows with the dictionary.
+// SDO information (ETG.1000.6 "SDO information services"): lists of objects, descriptions of objects and entries. What
+// comes in fragments is taken in as it comes; nothing grows with the dictionary.
 #pragma once
 
 #include "mailbox/coe_sdo.hpp"
@@ -42,7 +42,10 @@ class ObjectListQuery final : public InfoQuery {
   public:
     using Found = void (*)(std::span<const std::uint16_t> indices, void* user);
     ObjectListQuery(ObjectList list, Found found, void* user)
-        : InfoQuery(wire::coe::InfoOpcode::list_request, wire::coe::InfoOpcode::list_response), list_(list), found_(found), user_(user) {}
+        : InfoQuery(wire::coe::InfoOpcode::list_request, wire::coe::InfoOpcode::list_response),
+          list_(list),
+          found_(found),
+          user_(user) {}
     [[nodiscard]] std::uint32_t count() const { return count_; }
 
   private:
@@ -74,7 +77,8 @@ class DescriptionQuery : public InfoQuery {
 class ObjectQuery final : public DescriptionQuery {
   public:
     explicit ObjectQuery(std::uint16_t index)
-        : DescriptionQuery(wire::coe::InfoOpcode::object_request, wire::coe::InfoOpcode::object_response), index_(index) {}
+        : DescriptionQuery(wire::coe::InfoOpcode::object_request, wire::coe::InfoOpcode::object_response),
+          index_(index) {}
     ObjectDescription description;
 
   private:
@@ -103,6 +107,7 @@ class EntryQuery final : public DescriptionQuery {
 };
 
 // Carries a query out. `index` and `subindex` are for the error.
-[[nodiscard]] Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, MailPatience patience);
+[[nodiscard]] Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about,
+                                             MailPatience patience);
 
 }  // namespace margay

@@ -32,7 +32,8 @@ bool coe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
     if (header.service == coe::Service::emergency) return take_emergency(channel, mail.data);
     const auto& hooks = channel.slave().hooks;
     if (header.service == coe::Service::tx_pdo && hooks.mailbox_pdo != nullptr) {
-        hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes), hooks.mailbox_pdo_user);
+        hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes),
+                          hooks.mailbox_pdo_user);
         return true;
     }
     if (header.service == coe::Service::rx_pdo_remote_request && hooks.mailbox_pdo_wanted != nullptr) {

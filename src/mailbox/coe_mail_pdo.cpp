@@ -68,12 +68,14 @@ Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes 
     co_return Result<>();
 }
 
-Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into, MailPatience patience) {
+Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into,
+                                       MailPatience patience) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return pdo_error(refused, channel, number);
     TxPdo pdo(number, into);
-    MailExchange exchange(channel, wire::MailboxType::coe, pdo, {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
+    MailExchange exchange(channel, wire::MailboxType::coe, pdo,
+                          {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);
     if (pdo.bytes <= into.size()) co_return pdo.bytes;

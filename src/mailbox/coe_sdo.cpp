@@ -8,7 +8,8 @@ namespace coe = wire::coe;
 
 namespace {
 
-// A transfer that ends before its end is aborted at the slave, whatever the reason: an error, a timeout, or a request that was cancelled.
+// A transfer that ends before its end is aborted at the slave, whatever the reason: an error, a timeout, or a request
+// that was cancelled.
 class AbortGuard {
   public:
     AbortGuard(MailboxChannel& channel, const SdoTransfer& transfer) : channel_(channel), transfer_(transfer) {}
@@ -35,7 +36,8 @@ Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience 
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused, channel, transfer.object(), step);
-    if (channel.send_room() < coe::kSdoBytes) co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
+    if (channel.send_room() < coe::kSdoBytes)
+        co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
     AbortGuard guard(channel, transfer);
     while (!transfer.over()) {
         MailExchange exchange(channel, wire::MailboxType::coe, transfer, {.patience = patience, .key = transfer.key()});
@@ -75,7 +77,8 @@ bool may_be_complete_access(const Error& error) {
     }
 }
 
-Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into,
+                                          MailPatience patience) {
     SdoUploadTransfer transfer(object, into);
     auto done = co_await run(channel, transfer, patience, Step::sdo_upload);
     if (!done) co_return done.error();
@@ -87,7 +90,8 @@ Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Byte
     co_return co_await run(channel, transfer, patience, Step::sdo_download);
 }
 
-Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into, MailPatience patience) {
+Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into,
+                                     MailPatience patience) {
     Error first;
     if (!object.complete || channel.whole_objects()) {
         auto done = co_await sdo_upload_once(channel, object, into, patience);

@@ -44,7 +44,8 @@ bool SdoTransfer::take_abort(Bytes data) {
         fail(Errc::protocol, coe::kSdoBytes, data.size());
         return true;
     }
-    const bool ours = SdoLayout::index::load(data) == object_.index && SdoLayout::subindex::load(data) == object_.subindex;
+    const bool ours =
+        SdoLayout::index::load(data) == object_.index && SdoLayout::subindex::load(data) == object_.subindex;
     if (!ours && phase_ == Phase::initiate) return false;
     fail(Errc::sdo_abort);
     error_.detail = SdoLayout::complete_size::load(data);
@@ -52,7 +53,9 @@ bool SdoTransfer::take_abort(Bytes data) {
     return true;
 }
 
-MailClient::Taken SdoTransfer::take(const wire::MailboxMessage& mail) { return is_ours(mail.data) ? Taken::all : Taken::no; }
+MailClient::Taken SdoTransfer::take(const wire::MailboxMessage& mail) {
+    return is_ours(mail.data) ? Taken::all : Taken::no;
+}
 
 bool SdoTransfer::is_ours(Bytes data) {
     if (phase_ == Phase::over || data.size() < coe::kHeaderBytes) return false;
@@ -64,7 +67,8 @@ bool SdoTransfer::is_ours(Bytes data) {
     }
     const auto command = SdoLayout::command::load(data);
     const auto specifier = sdo::specifier(command);
-    if (specifier == coe::kAbortSpecifier) return take_abort(data);  // travels as a request with most slaves, as a response with some
+    if (specifier == coe::kAbortSpecifier)
+        return take_abort(data);  // travels as a request with most slaves, as a response with some
     if (service != coe::Service::sdo_response) return false;
     if (phase_ == Phase::segments) {
         if (specifier != segment_) return false;
@@ -79,7 +83,8 @@ bool SdoTransfer::is_ours(Bytes data) {
         fail(Errc::protocol, coe::kSdoBytes, data.size());
         return true;
     }
-    if (SdoLayout::index::load(data) != object_.index || SdoLayout::subindex::load(data) != object_.subindex) return false;
+    if (SdoLayout::index::load(data) != object_.index || SdoLayout::subindex::load(data) != object_.subindex)
+        return false;
     take_initiated(command, data);
     return true;
 }
@@ -108,7 +113,8 @@ void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
         // Where the size is not told the value is as long as whoever asks knows it to be.
-        const std::size_t size = indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, into_.size());
+        const std::size_t size =
+            indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, into_.size());
         if (size > into_.size()) return fail(Errc::capacity, size, into_.size());
         store(data.subspan(SdoLayout::expedited_data, size));
         return finish();
@@ -149,7 +155,8 @@ std::size_t SdoDownloadTransfer::compose(MutableBytes data) {
     const unsigned flags = sdo::kSizeIndicated | (object_.complete ? sdo::kCompleteAccess : 0U);
     if (!value_.empty() && value_.size() <= coe::kExpeditedBytes) {
         const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - value_.size());
-        write_initiate(data, sdo::command(coe::request::kDownload, flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
+        write_initiate(data, sdo::command(coe::request::kDownload,
+                                          flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
         std::ranges::copy(value_, data.begin() + SdoLayout::expedited_data);
         under_way_ = value_.size();
         return coe::kSdoBytes;
@@ -167,9 +174,9 @@ std::size_t SdoDownloadTransfer::compose_segment(MutableBytes data) {
     const std::size_t padded = std::max(under_way_, coe::kMinSegmentDataBytes);
     const auto unused = static_cast<unsigned>(padded - under_way_);
     coe::store_header(data, {0, coe::Service::sdo_request});
-    SdoLayout::command::store(data, sdo::command(coe::request::kDownloadSegment, (toggle_ ? sdo::kToggle : 0U) |
-                                                                                     (unused << sdo::kSegmentUnusedShift) |
-                                                                                     (under_way_ == left ? sdo::kLastSegment : 0U)));
+    SdoLayout::command::store(data, sdo::command(coe::request::kDownloadSegment,
+                                                 (toggle_ ? sdo::kToggle : 0U) | (unused << sdo::kSegmentUnusedShift) |
+                                                     (under_way_ == left ? sdo::kLastSegment : 0U)));
     const auto at = data.subspan(coe::kSegmentHeaderBytes, padded);
     std::fill(std::ranges::copy(value_.subspan(done_, under_way_), at.begin()).out, at.end(), std::byte{0});
     return coe::kSegmentHeaderBytes + padded;

@@ -1,8 +1,8 @@
-// SDO transfers from the client's side, without a bus: which message comes next, and what a reply means (ETG.1000.6 "SDO services":
-// expedited, normal and segmented; one subindex or a whole object).
+// SDO transfers from the client's side, without a bus: which message comes next, and what a reply means (ETG.1000.6
+// "SDO services": expedited, normal and segmented; one subindex or a whole object).
 //
-// What does not fit the transfer is left alone (an emergency, a late reply to another request); what belongs to it and breaks the rules ends it.
-// A transfer is over after as many messages as its size allows, whatever the slave answers.
+// What does not fit the transfer is left alone (an emergency, a late reply to another request); what belongs to it and
+// breaks the rules ends it. A transfer is over after as many messages as its size allows, whatever the slave answers.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -36,7 +36,9 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] const SdoObject& object() const { return object_; }
     // Tells the exchanges of one object from those of another; see MailExchange::Options.
     [[nodiscard]] std::uint64_t key() const {
-        return phase_ == Phase::segments ? 0 : (std::uint64_t{1} << 32) | (std::uint64_t{object_.index} << 8) | object_.subindex;
+        return phase_ == Phase::segments
+                   ? 0
+                   : (std::uint64_t{1} << 32) | (std::uint64_t{object_.index} << 8) | object_.subindex;
     }
 
   protected:
@@ -49,7 +51,8 @@ class SdoTransfer : public MailClient {
     virtual void take_initiated(std::uint8_t command, Bytes data) = 0;
     virtual void take_segment(std::uint8_t command, Bytes data) = 0;
 
-    void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0, wire::coe::Abort tell = wire::coe::Abort::general);
+    void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0,
+              wire::coe::Abort tell = wire::coe::Abort::general);
     void finish();
     void write_initiate(MutableBytes data, std::uint8_t command) const;
 

@@ -1,5 +1,5 @@
-// One message and what answers it, and the turn that a sequence of them takes: made by a protocol sequence on its own frame, awaited
-// there.
+// One message and what answers it, and the turn that a sequence of them takes: made by a protocol sequence on its own
+// frame, awaited there.
 //
 //     MailSession session(channel, wire::MailboxType::coe, priority, give_up);
 //     const Error refused = co_await session;
@@ -28,8 +28,8 @@ class MailClient {
         all,   // it is, and the exchange is over
     };
 
-    // Writes the next message behind the mailbox header and returns its length; 0: the mailbox is too small. Asked again, and answered the same,
-    // when it is not sure that the message has arrived.
+    // Writes the next message behind the mailbox header and returns its length; 0: the mailbox is too small. Asked
+    // again, and answered the same, when it is not sure that the message has arrived.
     virtual std::size_t compose(MutableBytes data) = 0;
     // Mail of the client's type has come.
     virtual Taken take(const wire::MailboxMessage& mail) = 0;
@@ -41,7 +41,8 @@ class MailClient {
 // 0 (lowest) to 3, as in the mailbox header.
 using MailPriority = std::uint8_t;
 
-// What waits in turn: the highest priority first, among equals the oldest; one that was passed over often goes first all the same.
+// What waits in turn: the highest priority first, among equals the oldest; one that was passed over often goes first
+// all the same.
 struct MailTurn : ListNode {
     static constexpr std::uint8_t kMostPassed = 8;
     MailPriority priority = 0;
@@ -60,7 +61,8 @@ class MailExchange : public MailTurn {
   public:
     struct Options {
         MailPatience patience;
-        // Replies to two exchanges of the same key cannot be told apart: the later one waits for what is still owed to the earlier. 0: never.
+        // Replies to two exchanges of the same key cannot be told apart: the later one waits for what is still owed to
+        // the earlier. 0: never.
         std::uint64_t key = 0;
         std::uint16_t address = 0;  // in the header; 0 from the master
         bool reply = true;          // false: over when the message has arrived

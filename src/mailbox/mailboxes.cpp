@@ -9,10 +9,10 @@ namespace margay {
 namespace {
 
 constexpr std::uint16_t kInStatus = wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset;
-constexpr std::size_t kWorthSharing = 3;     // channels that wait, from which on one datagram looks for all
-constexpr std::size_t kSurveyAtOnce = 16;    // channels looked at for mail that nobody waits for
+constexpr std::size_t kWorthSharing = 3;   // channels that wait, from which on one datagram looks for all
+constexpr std::size_t kSurveyAtOnce = 16;  // channels looked at for mail that nobody waits for
 constexpr Duration kTick = std::chrono::milliseconds(1);
-constexpr std::uint8_t kMostRouted = 32;     // messages between slaves under way
+constexpr std::uint8_t kMostRouted = 32;  // messages between slaves under way
 constexpr Duration kRoutePatience = std::chrono::seconds(1);
 
 // A message that somebody else has composed.
@@ -35,7 +35,8 @@ class Forwarded final : public MailClient {
 Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::span<Emergency> emergencies)
     : engine_(engine), channels_(channels) {
     const std::size_t each = channels.empty() ? 0 : emergencies.size() / channels.size();
-    for (std::size_t n = 0; n < channels.size(); ++n) channels[n].emergencies().use(emergencies.subspan(n * each, each));
+    for (std::size_t n = 0; n < channels.size(); ++n)
+        channels[n].emergencies().use(emergencies.subspan(n * each, each));
 }
 
 void Mailboxes::close_all() {
@@ -74,12 +75,14 @@ void Mailboxes::ensure_watch() {
 }
 
 std::size_t Mailboxes::waiting() const {
-    return static_cast<std::size_t>(std::ranges::count_if(channels_, [](const MailboxChannel& c) { return c.parked_; }));
+    return static_cast<std::size_t>(
+        std::ranges::count_if(channels_, [](const MailboxChannel& c) { return c.parked_; }));
 }
 
 bool Mailboxes::park(MailboxChannel& channel) {
     const auto looks = [](const MailboxChannel& c) { return c.pump_ != nullptr && c.expecting(); };
-    if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing) return false;
+    if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing)
+        return false;
     channel.parked_ = true;  // before the watch begins, which ends when nobody waits
     ensure_watch();
     channel.parked_ = watch_ != nullptr;
@@ -93,7 +96,8 @@ Task<Result<>> Mailboxes::watch_all() {
         co_await engine_.sleep_for(pause);
         by_status_bits();
         std::array<std::byte, 1> status{};
-        Datagram look(engine_.link(), wire::Command::BRD, wire::DatagramAddress(std::uint16_t{0}, kInStatus), MutableBytes(status));
+        Datagram look(engine_.link(), wire::Command::BRD, wire::DatagramAddress(std::uint16_t{0}, kInStatus),
+                      MutableBytes(status));
         auto reply = co_await look;
         const bool any = (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
         if (!reply.ok() || any) somebody_has_mail(any);
@@ -130,7 +134,9 @@ void Mailboxes::by_status_bits() {
 // ------------------------------------------------------------------ mail between slaves
 
 bool Mailboxes::route(MailboxChannel& from, const wire::MailboxMessage& mail) {
-    const auto is_addressed = [&](const MailboxChannel& c) { return c.is_open() && c.address_.value == mail.header.address; };
+    const auto is_addressed = [&](const MailboxChannel& c) {
+        return c.is_open() && c.address_.value == mail.header.address;
+    };
     const auto to = std::ranges::find_if(channels_, is_addressed);
     if (to == channels_.end()) return false;
     const bool possible = routing_ < kMostRouted && mail.data.size() <= to->send_room();

@@ -31,10 +31,12 @@ class Mailboxes {
     void close_all();
     void forget_all();
 
-    // Looks every so often, with one datagram for all slaves, whether any has mail that nobody waits for. Zero: does not.
+    // Looks every so often, with one datagram for all slaves, whether any has mail that nobody waits for. Zero: does
+    // not.
     void watch(Duration every);
 
-    // For channels: one has looked a few times in vain. When several have, one datagram for all takes the place of one for each.
+    // For channels: one has looked a few times in vain. When several have, one datagram for all takes the place of one
+    // for each.
     [[nodiscard]] bool park(MailboxChannel& channel);
     // For channels: mail for another slave. False: there is no such slave.
     [[nodiscard]] bool route(MailboxChannel& from, const wire::MailboxMessage& mail);

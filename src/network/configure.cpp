@@ -17,7 +17,8 @@ constexpr Step kStep = Step::configure_process_data;
 // What feeds the slave's watchdog: what the control octets say, or all outputs.
 enum class Fed : std::uint8_t { as_described, by_all_outputs };
 
-// A watchdog that was asked for must be fed, and some SIIs leave the trigger out of the control octets of their outputs.
+// A watchdog that was asked for must be fed, and some SIIs leave the trigger out of the control octets of their
+// outputs.
 Fed fed(const Slave& slave) {
     using Watchdog = SlaveConfiguration::Watchdog;
     return slave.config.process_data_watchdog.value_or(Watchdog{0}) > Watchdog{0} ? Fed::by_all_outputs
@@ -30,7 +31,8 @@ Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed)
     std::array<std::byte, 1> off{};
     std::array<std::byte, reg::kSyncManagerStride> bytes{};
     wire::SyncManager wanted = make_sync_manager(sm);
-    if (fed == Fed::by_all_outputs && sm.direction == Direction::outputs) wanted.control |= wire::sm_control::kWatchdogTrigger;
+    if (fed == Fed::by_all_outputs && sm.direction == Direction::outputs)
+        wanted.control |= wire::sm_control::kWatchdogTrigger;
     wire::store_sync_manager(bytes, wanted);
     const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
     Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
@@ -149,7 +151,8 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
     if (octets == 0) co_return true;
     FmmuBytes there{};
     const Station station = network.station(slave);
-    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase}, MutableBytes(there).first(octets));
+    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase},
+                  MutableBytes(there).first(octets));
     auto reply = co_await look;
     const Error error = judge(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;

@@ -41,7 +41,8 @@ Result<> check_extras(ProcessGroup& group) {
                 return Error{.code = Errc::invalid_argument, .step = Step::map_process_data, .slave = position};
         }
     }
-    if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes)) return Result<>();
+    if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
+        return Result<>();
     Error error = fault(Errc::capacity, 0);
     error.expected = static_cast<std::uint32_t>(SharedImage::memory_bytes(group.output_bytes, group.input_bytes));
     return error;
@@ -61,7 +62,8 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
-        if (slave.config.group == number) slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+        if (slave.config.group == number)
+            slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     return prepare(tables, group, *count, network.engine.link());
@@ -136,7 +138,8 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
     use_status_bits(network, number);
     Mapping mapping(network.process.groups[number]);
-    auto discovered = co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
+    auto discovered =
+        co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
     if (!discovered) co_return discovered.error();
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
@@ -146,7 +149,8 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
             if (slave.config.group == number) slave.image = {};
         co_return laid_out.error();
     }
-    auto configured = co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
+    auto configured =
+        co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
     if (!configured) co_return configured.error();
     use_status_bits(network, number);
     co_return network.process.groups[number].image.size();

@@ -48,8 +48,8 @@ Octets octets(const ImagePart& part, std::uint32_t shift) {
 
 class Planner {
   public:
-    Planner(std::span<const Slave> slaves, std::uint8_t group, const ImageLayout& layout, const Ranges& ranges, std::uint32_t reserve,
-            std::span<DatagramPlan> into)
+    Planner(std::span<const Slave> slaves, std::uint8_t group, const ImageLayout& layout, const Ranges& ranges,
+            std::uint32_t reserve, std::span<DatagramPlan> into)
         : slaves_(slaves), group_(group), layout_(layout), ranges_(ranges), room_(kFrameRoom - reserve), into_(into) {}
 
     // Returns the number of datagrams, which may be more than there is room for: those are not stored.
@@ -170,10 +170,16 @@ ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfigurati
     ReadingPlans plans;
     const auto add = [&plans](const ReadingPlan& plan) { plans.at[plans.count++] = plan; };
     if (wanted.al_status)
-        add({Command::BRD, {std::uint16_t{0}, wire::reg::kAlStatus.address}, wire::reg::kAlStatus.length, &Group::al_status});
+        add({Command::BRD,
+             {std::uint16_t{0}, wire::reg::kAlStatus.address},
+             wire::reg::kAlStatus.length,
+             &Group::al_status});
     if (wanted.dc_reference != 0) {
         const StationAddress reference = slaves[wanted.dc_reference - 1U].station_address;
-        add({Command::FRMW, {reference, wire::reg::kSystemTime.address}, wire::reg::kSystemTime.length, &Group::dc_time});
+        add({Command::FRMW,
+             {reference, wire::reg::kSystemTime.address},
+             wire::reg::kSystemTime.length,
+             &Group::dc_time});
     }
     return plans;
 }
@@ -199,13 +205,16 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
     std::uint32_t reserved = wanted.reserve_bytes;
     const ReadingPlans readings = plan_readings(slaves, wanted);
     for (const ReadingPlan& reading : readings.all()) reserved += kOverhead + reading.bytes;
-    const bool in_flight = wanted.cycles_in_flight >= 1 && wanted.cycles_in_flight <= GroupConfiguration::kMostCyclesInFlight;
+    const bool in_flight =
+        wanted.cycles_in_flight >= 1 && wanted.cycles_in_flight <= GroupConfiguration::kMostCyclesInFlight;
     if (reserved > kFrameRoom - kOverhead - 1 || !in_flight)
         return Error{.code = Errc::invalid_argument, .step = Step::map_process_data};
-    const bool block_lrw = wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
-        const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;
-        return slave.config.group == group && cannot && (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
-    });
+    const bool block_lrw =
+        wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
+            const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;
+            return slave.config.group == group && cannot &&
+                   (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
+        });
     const Ranges ranges = choose_ranges(layout, block_lrw);
     const std::size_t count = Planner(slaves, group, layout, ranges, reserved, into).run();
     if (count > into.size())
@@ -218,7 +227,8 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
         const auto fmmus = make_fmmus(slave, layout);
         if (!fmmus) return fmmus.error();
         for (DatagramPlan& datagram : into.first(count))
-            datagram.expected_wkc = static_cast<std::uint16_t>(datagram.expected_wkc + working_counter_of(*fmmus, datagram));
+            datagram.expected_wkc =
+                static_cast<std::uint16_t>(datagram.expected_wkc + working_counter_of(*fmmus, datagram));
     }
     return count;
 }

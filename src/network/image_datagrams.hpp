@@ -18,7 +18,8 @@ struct DatagramPlan {
     LogicalAddress address;
     std::uint16_t bytes = 0;
     std::uint16_t expected_wkc = 0;
-    // What of the image goes out (from the first octet of the datagram's data on) and what comes in (from octet input_at on).
+    // What of the image goes out (from the first octet of the datagram's data on) and what comes in (from octet
+    // input_at on).
     std::uint32_t image_output = 0;
     std::uint32_t image_input = 0;
     std::uint16_t output_bytes = 0;
@@ -28,13 +29,16 @@ struct DatagramPlan {
     friend constexpr bool operator==(const DatagramPlan&, const DatagramPlan&) = default;
 };
 
-// Cuts the image into datagrams: LRW, or LWR and LRD when the group or one of its slaves wants that or when there is only one direction. Frames are
-// as few as can be; among the ways to get by with so few, the data of a slave is kept in one frame. Each datagram's expected working counter
-// is that of the slaves' FMMUs: 1 for a slave it reads from, 1 (LWR) or 2 (LRW) for one it writes to. Returns how many
-// there are. The first frame has room for the readings that are wanted. Errors: too_many_frames when `into` is too small, invalid_argument (what shall be kept
-// free leaves nothing; the reference clock has none; cycles_in_flight out of range), unknown_slave (the reference clock), and those of make_fmmus().
-[[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
-                                                 const ImageLayout& layout, std::span<DatagramPlan> into);
+// Cuts the image into datagrams: LRW, or LWR and LRD when the group or one of its slaves wants that or when there is
+// only one direction. Frames are as few as can be; among the ways to get by with so few, the data of a slave is kept in
+// one frame. Each datagram's expected working counter is that of the slaves' FMMUs: 1 for a slave it reads from, 1
+// (LWR) or 2 (LRW) for one it writes to. Returns how many there are. The first frame has room for the readings that are
+// wanted. Errors: too_many_frames when `into` is too small, invalid_argument (what shall be kept free leaves nothing;
+// the reference clock has none; cycles_in_flight out of range), unknown_slave (the reference clock), and those of
+// make_fmmus().
+[[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group,
+                                                 const GroupConfiguration& wanted, const ImageLayout& layout,
+                                                 std::span<DatagramPlan> into);
 
 // Registers that are read with each cycle, in the group's first frame behind what is planned for it.
 struct ReadingPlan {

@@ -6,7 +6,7 @@ namespace margay {
 namespace {
 
 constexpr std::uint64_t kMostImageBits = 0xFFFF'FFF8;
-constexpr std::uint8_t kMailboxFullBit = 3;             // of a SyncManager's status octet
+constexpr std::uint8_t kMailboxFullBit = 3;           // of a SyncManager's status octet
 constexpr std::uint16_t kFirstProcessOctet = 0x0F00;  // digital outputs; below are registers
 
 constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) & ~std::uint64_t{7}; }
@@ -21,12 +21,15 @@ bool maps_bits(const Slave& slave) { return (slave.dl.features & wire::features:
 // The slave's data lies in whole octets.
 bool whole_octets(const Slave& slave, Packing packing) { return packing == Packing::bytes || !maps_bits(slave); }
 
-std::span<const ProcessSm> process_sms(const Slave& slave) { return std::span(slave.config.sms).first(slave.config.sm_count); }
+std::span<const ProcessSm> process_sms(const Slave& slave) {
+    return std::span(slave.config.sms).first(slave.config.sm_count);
+}
 
 bool wants_mailbox_status(const Slave& slave) { return slave.config.mailbox_status && slave.mailbox.present(); }
 
-// Goes through the SyncManagers of one direction, the first of them at bit `at`: visit(sm, its first bit). Returns where they end. An
-// ESC lets only one FMMU of a direction have an octet, so the second SyncManager of a slave always begins on a new one.
+// Goes through the SyncManagers of one direction, the first of them at bit `at`: visit(sm, its first bit). Returns
+// where they end. An ESC lets only one FMMU of a direction have an octet, so the second SyncManager of a slave always
+// begins on a new one.
 template <class Visit>
 std::uint64_t walk(const Slave& slave, Packing packing, Direction direction, std::uint64_t at, Visit visit) {
     bool first = true;
@@ -58,7 +61,8 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
 
 Result<> check_sync_managers(const Slave& slave) {
     const auto sms = process_sms(slave);
-    const std::uint32_t memory_end = slave.dl.ram_kib == 0 ? 0x10000U : std::min(0x10000U, 0x1000U + slave.dl.ram_kib * 1024U);
+    const std::uint32_t memory_end =
+        slave.dl.ram_kib == 0 ? 0x10000U : std::min(0x10000U, 0x1000U + slave.dl.ram_kib * 1024U);
     for (const ProcessSm& sm : sms) {
         Error error = fault(Errc::sm_shortage, slave, wire::reg::sync_manager(sm.number & 0xF).address);
         error.expected = sm.number + 1U;
@@ -97,10 +101,12 @@ class Layer {
             const std::uint64_t shift = inputs_at_ - outputs_at_;
             const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
             const auto inputs = extent(slave, wanted_.packing, Direction::inputs, outputs_at_);
-            const std::uint64_t begin = std::max(outputs.empty() ? outputs_at_ : outputs.begin, inputs.empty() ? outputs_at_ : inputs.begin);
+            const std::uint64_t begin =
+                std::max(outputs.empty() ? outputs_at_ : outputs.begin, inputs.empty() ? outputs_at_ : inputs.begin);
             p.outputs = extent(slave, wanted_.packing, Direction::outputs, begin);
             p.inputs = extent(slave, wanted_.packing, Direction::inputs, begin + shift);
-            const std::uint64_t end = std::max({outputs_at_, p.outputs.end, p.inputs.empty() ? 0 : p.inputs.end - shift});
+            const std::uint64_t end =
+                std::max({outputs_at_, p.outputs.end, p.inputs.empty() ? 0 : p.inputs.end - shift});
             outputs_at_ = end;
             inputs_at_ = end + shift;
             return p;
@@ -146,8 +152,8 @@ Layer::Place measure(std::span<Slave> slaves, std::uint8_t group, const GroupCon
     return {{0, outputs}, {outputs, outputs + up_to_octet(layer.inputs_end())}};
 }
 
-Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted, std::span<std::byte> image,
-                   const Layer::Place& halves) {
+Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
+                   std::span<std::byte> image, const Layer::Place& halves) {
     const std::uint64_t room = std::min<std::uint64_t>(std::uint64_t{image.size()} * 8, kMostImageBits);
     const auto too_large = [&](const Slave& slave) {
         Error error = fault(Errc::image_too_large, slave);
@@ -224,13 +230,15 @@ FmmuList needed_fmmus(const Slave& slave, const ImageLayout& layout) {
         const ImagePart& p = out ? slave.image.outputs : slave.image.inputs;
         walk(slave, layout.packing, direction, p.offset_bits, [&](const ProcessSm& sm, std::uint64_t bit) {
             const std::uint64_t begin = bit - (out ? 0 : input_shift);
-            list.add({out ? FmmuUse::outputs : FmmuUse::inputs, begin, octets ? up_to_octet(begin + sm.bits) : begin + sm.bits, sm.start, 0});
+            list.add({out ? FmmuUse::outputs : FmmuUse::inputs, begin,
+                      octets ? up_to_octet(begin + sm.bits) : begin + sm.bits, sm.start, 0});
         });
     }
     if (slave.image.mailbox_status_bit != SlaveImage::kNone) {
         const std::uint64_t bit = slave.image.mailbox_status_bit - input_shift;
         const bool alone = maps_bits(slave);
-        constexpr auto kStatus = static_cast<std::uint16_t>(wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset);
+        constexpr auto kStatus =
+            static_cast<std::uint16_t>(wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset);
         list.add(alone ? FmmuList::Entry{FmmuUse::mailbox_status, bit, bit + 1, kStatus, kMailboxFullBit}
                        : FmmuList::Entry{FmmuUse::mailbox_status, bit / 8 * 8, bit / 8 * 8 + 8, kStatus, 0});
     }
@@ -250,7 +258,8 @@ std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t availa
 
 }  // namespace
 
-Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted, std::span<std::byte> image) {
+Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
+                            std::span<std::byte> image) {
     Result<> done;
     for (Slave& slave : slaves) {
         if (slave.config.group != group) continue;
@@ -281,7 +290,8 @@ Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
         return error;
     }
     SlaveFmmus fmmus;
-    for (const auto& entry : list.entries()) fmmus.at[pick(slave, fmmus, available, entry.use)] = to_fmmu(entry, layout.start);
+    for (const auto& entry : list.entries())
+        fmmus.at[pick(slave, fmmus, available, entry.use)] = to_fmmu(entry, layout.start);
     fmmus.count = static_cast<std::uint8_t>(list.entries().size());
     return fmmus;
 }

@@ -1,9 +1,9 @@
-// Where the process data of a group lies: from what each slave shall exchange to its place in the image, its logical addresses, its FMMUs and
-// its SyncManagers. Pure functions of the slave table; no bus.
+// Where the process data of a group lies: from what each slave shall exchange to its place in the image, its logical
+// addresses, its FMMUs and its SyncManagers. Pure functions of the slave table; no bus.
 //
-// The image is the outputs of all slaves followed by the inputs of all slaves, each in the order of the ring, and behind them the
-// mailbox status bits. Its logical addresses follow the image; overlapped, outputs and inputs begin at the same logical address, slave by slave,
-// and both halves of the image are as long as the longer of the two needs.
+// The image is the outputs of all slaves followed by the inputs of all slaves, each in the order of the ring, and
+// behind them the mailbox status bits. Its logical addresses follow the image; overlapped, outputs and inputs begin at
+// the same logical address, slave by slave, and both halves of the image are as long as the longer of the two needs.
 #pragma once
 
 #include "wire/fmmu.hpp"
@@ -32,8 +32,9 @@ struct ImageLayout {
     [[nodiscard]] std::uint32_t input_shift_bytes() const { return overlapped ? output_bytes : 0; }
 };
 
-// Gives every slave of the group its place in `image`: fills slave.image. On an error nothing is mapped any more. Errors, with the slave: image_too_large,
-// sm_shortage, sm_memory, invalid_argument (a SyncManager that is there twice).
+// Gives every slave of the group its place in `image`: fills slave.image. On an error nothing is mapped any more.
+// Errors, with the slave: image_too_large, sm_shortage, sm_memory, invalid_argument (a SyncManager that is there
+// twice).
 [[nodiscard]] Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                                           std::span<std::byte> image);
 
@@ -47,8 +48,8 @@ struct SlaveFmmus {
 // Which FMMU does what follows the SII where it says so. A slave without process data has none. Errors: fmmu_shortage.
 [[nodiscard]] Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout);
 
-// Whether a slave that came after lay_out() can do what was laid out for it without knowing it; `lrw`: its group exchanges by LRW. Errors: sm_shortage,
-// sm_memory, unsupported (FMMUs of single bits, LRW).
+// Whether a slave that came after lay_out() can do what was laid out for it without knowing it; `lrw`: its group
+// exchanges by LRW. Errors: sm_shortage, sm_memory, unsupported (FMMUs of single bits, LRW).
 [[nodiscard]] Result<> check_place(const Slave& slave, const ImageLayout& layout, bool lrw);
 
 // What goes into the registers of a SyncManager for process data: whole octets, and enabled unless it has no length.

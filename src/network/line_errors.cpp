@@ -27,7 +27,8 @@ Event cable_event(const Slave& slave, std::uint8_t port, EventKind kind, std::ui
     return event;
 }
 
-void count_port(Network& network, const Slave& slave, std::uint8_t port, const std::array<std::uint8_t, kOctets>& more, PortErrors& sums) {
+void count_port(Network& network, const Slave& slave, std::uint8_t port, const std::array<std::uint8_t, kOctets>& more,
+                PortErrors& sums) {
     const std::uint8_t invalid = more[2U * port];
     const std::uint8_t lost = more[kLostLink + port];
     sums.invalid_frames += invalid;
@@ -44,16 +45,19 @@ bool high(const LineErrors& sums) {
 
 using Counters = std::array<std::byte, kOctets>;
 
-// Reads and clears in one frame, so that nothing that happens in between is forgotten. Not repeated: what has been cleared cannot be read again.
+// Reads and clears in one frame, so that nothing that happens in between is forgotten. Not repeated: what has been
+// cleared cannot be read again.
 Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) {
     static constexpr Counters kZeros{};
     Link& link = network.engine.link();
     const auto at = [&](wire::Register r) { return wire::DatagramAddress(slave.station_address, r.address); };
     Datagram look(link, wire::Command::FPRD, at(reg::kRxErrorCounter), MutableBytes(octets), Repeat::no);
     Datagram errors(link, wire::Command::FPWR, at(reg::kRxErrorCounter), Bytes(kZeros).first(kPdi + 1), Repeat::no);
-    Datagram links(link, wire::Command::FPWR, at(reg::kLostLinkCounter), Bytes(kZeros).first(reg::kLostLinkCounter.length), Repeat::no);
+    Datagram links(link, wire::Command::FPWR, at(reg::kLostLinkCounter),
+                   Bytes(kZeros).first(reg::kLostLinkCounter.length), Repeat::no);
     co_await together(look, errors, links);
-    const Error error = judge(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
+    const Error error =
+        judge(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 
@@ -64,7 +68,8 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
         if (!cleared) cleared = co_await read_and_clear(network, slave, octets);
         if (!cleared) co_return Result<>();
     } else {
-        Datagram look(network.engine.link(), wire::Command::FPRD, {slave.station_address, reg::kRxErrorCounter.address}, MutableBytes(octets));
+        Datagram look(network.engine.link(), wire::Command::FPRD, {slave.station_address, reg::kRxErrorCounter.address},
+                      MutableBytes(octets));
         auto reply = co_await look;
         if (!reply.ok() || reply.wkc != 1) co_return Result<>();
     }
@@ -77,7 +82,8 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
         sums.last[n] = cleared ? std::uint8_t{0} : now;
     }
     sums.primed = true;
-    for (std::uint8_t port = 0; port < sums.ports.size(); ++port) count_port(network, slave, port, more, sums.ports[port]);
+    for (std::uint8_t port = 0; port < sums.ports.size(); ++port)
+        count_port(network, slave, port, more, sums.ports[port]);
     sums.processing_unit += more[kProcessing];
     sums.pdi += more[kPdi];
     co_return Result<>();
@@ -90,7 +96,8 @@ Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums
     for (Slave& slave : network.slaves()) {
         if (slave.position > sums.size() || slave.al.state == AlState::none) continue;
         while (crew.full()) co_await crew.one();
-        if (!crew.start(read_line_errors(network, slave, sums[slave.position - 1U])) && crew.running() > 0) co_await crew.one();
+        if (!crew.start(read_line_errors(network, slave, sums[slave.position - 1U])) && crew.running() > 0)
+            co_await crew.one();
     }
     co_await crew.all();
     co_return Result<>();

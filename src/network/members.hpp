@@ -1,5 +1,6 @@
-// Who takes part in the cycle of its group. The working counter that a datagram must have for its inputs to count is that of those who do, exactly:
-// whoever is known to be lost, or is being configured, is left out, so that the others go on.
+// Who takes part in the cycle of its group. The working counter that a datagram must have for its inputs to count is
+// that of those who do, exactly: whoever is known to be lost, or is being configured, is left out, so that the others
+// go on.
 #pragma once
 
 #include "network/network.hpp"

@@ -33,7 +33,8 @@ struct RequestQueue {
     std::atomic<bool> cancel_asked{false};
     MailRequest* waiting = nullptr;  // until there is room in the arena; oldest first
     MailRequest* running = nullptr;
-    // When the last cycle began, in milliseconds and one more (0: there was none), how far cycles are apart, and whose thread it was.
+    // When the last cycle began, in milliseconds and one more (0: there was none), how far cycles are apart, and whose
+    // thread it was.
     std::atomic<std::uint32_t> cycle_ms{0};
     std::atomic<std::uint32_t> cycle_gap_ms{0};
     std::atomic<std::uintptr_t> cycle_thread{0};
@@ -43,7 +44,11 @@ struct Network {
     Network(Nic& nic, std::span<Slave> slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
             std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {},
             std::span<RingPlace> ring_places = {})
-        : engine(nic, slots, arena_memory), table(slave_table), ring(ring_places), tasks(most_tasks), mailboxes(engine, channels, emergencies) {
+        : engine(nic, slots, arena_memory),
+          table(slave_table),
+          ring(ring_places),
+          tasks(most_tasks),
+          mailboxes(engine, channels, emergencies) {
         mailboxes.listener = {tell_emergency, this};
     }
 
@@ -53,7 +58,7 @@ struct Network {
     std::span<RingPlace> ring;
     std::uint16_t ring_count = 0;     // of slaves that were in the ring when it was looked at last
     std::uint16_t stranger_mark = 0;  // the station address of those whom nobody knows and who were told of
-    std::size_t tasks;        // slaves worked on at once
+    std::size_t tasks;                // slaves worked on at once
     ScanSettings settings;
     ProcessTables process;
     ErrorLog errors;
@@ -62,15 +67,17 @@ struct Network {
     EventQueue events;
     std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
     std::span<const ExpectedSlave> expected;
-    Slave guest;             // a newcomer while it is found out who it is
-    bool searching = false;  // somebody is at that
+    Slave guest;                 // a newcomer while it is found out who it is
+    bool searching = false;      // somebody is at that
     Context* context = nullptr;  // for hooks
     bool supervised = false;
-    Crew requests;            // those that are busy; last, so that they end first
+    Crew requests;  // those that are busy; last, so that they end first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
-    [[nodiscard]] std::span<RingPlace> seen_ring() { return ring.first(std::min<std::size_t>(ring_count, ring.size())); }
+    [[nodiscard]] std::span<RingPlace> seen_ring() {
+        return ring.first(std::min<std::size_t>(ring_count, ring.size()));
+    }
     [[nodiscard]] StationAddress station_address(std::size_t position) const {
         return {static_cast<std::uint16_t>(settings.first_station_address + position - 1)};
     }
@@ -78,7 +85,9 @@ struct Network {
     [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
     [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
 
-    [[nodiscard]] bool has_mailbox(const Slave& slave) const { return slave.position >= 1 && slave.position <= mailboxes.count(); }
+    [[nodiscard]] bool has_mailbox(const Slave& slave) const {
+        return slave.position >= 1 && slave.position <= mailboxes.count();
+    }
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
 
     static void tell_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
@@ -94,15 +103,16 @@ struct Network {
         events.add(event);
     }
 
-    // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the others.
+    // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the
+    // others.
     void note(Slave& slave, const Error& error) {
         if (slave.error.code == Errc::none) slave.error = error;
         errors.add(error);
     }
 };
 
-// Runs make(slave) for every slave, as many at once as the network allows. What they end with is theirs to keep; the first
-// error of them goes to `first` where it is wanted.
+// Runs make(slave) for every slave, as many at once as the network allows. What they end with is theirs to keep; the
+// first error of them goes to `first` where it is wanted.
 template <class Make>
 Task<Result<>> for_each_slave(Network& network, Make make, Error* first = nullptr) {
     Crew crew(network.tasks);

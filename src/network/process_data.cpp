@@ -22,14 +22,16 @@ bool overlaps(std::size_t a, std::size_t n, std::span<T> run, std::span<T> all) 
 template <class T, class RunOf>
 std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> groups, RunOf run_of) {
     for (std::size_t at = 0; at + n <= all.size(); ++at) {
-        const bool taken = std::ranges::any_of(groups, [&](const ProcessGroup& g) { return overlaps(at, n, run_of(g), all); });
+        const bool taken =
+            std::ranges::any_of(groups, [&](const ProcessGroup& g) { return overlaps(at, n, run_of(g), all); });
         if (!taken) return at;
     }
     return all.size();
 }
 
 // The datagram falls short of what a lost slave would have added.
-std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves, const DatagramPlan& datagram) {
+std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves,
+                         const DatagramPlan& datagram) {
     for (const Slave& slave : slaves) {
         if (slave.config.group != number || slave.al.state != AlState::none) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
@@ -70,10 +72,12 @@ PreparedDatagram append_datagram(ProcessGroup& group, std::size_t n, wire::Frame
             .status = &group.statuses[n]};
 }
 
-std::span<const PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans, wire::FrameBuilder& builder) {
+std::span<const PreparedReading> append_readings(ProcessGroup& group, const ReadingPlans& plans,
+                                                 wire::FrameBuilder& builder) {
     for (std::size_t n = 0; n < plans.count; ++n) {
         const ReadingPlan& plan = plans.at[n];
-        group.readings[n] = {.offset = static_cast<std::uint16_t>(builder.size()), .bytes = plan.bytes, .into = &(group.*plan.into)};
+        group.readings[n] = {
+            .offset = static_cast<std::uint16_t>(builder.size()), .bytes = plan.bytes, .into = &(group.*plan.into)};
         (void)builder.append(plan.command, 0, plan.address, plan.bytes);
     }
     return std::span(group.readings).first(plans.count);
@@ -94,7 +98,9 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
 }
 
 Error cycle_error(Errc code, std::uint8_t group) {
-    return {.code = code, .step = Step::exchange_process_data, .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
+    return {.code = code,
+            .step = Step::exchange_process_data,
+            .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
 }  // namespace
@@ -121,8 +127,10 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     const std::size_t frame_count = end - first;
     const std::uint8_t sets = group.config.cycles_in_flight;
     const std::size_t all_frames = frame_count * sets;
-    const std::size_t frames_at = find_free(tables.frames, all_frames, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
-    const std::size_t datagrams_at = find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
+    const std::size_t frames_at =
+        find_free(tables.frames, all_frames, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
+    const std::size_t datagrams_at =
+        find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
     if (frames_at + all_frames > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
         Error error{.code = Errc::too_many_frames, .step = Step::map_process_data};
         error.expected = static_cast<std::uint32_t>(all_frames);
@@ -172,7 +180,8 @@ void set_outputs(ProcessGroup& group) {
     for (const SlaveToSlave& copy : group.config.copies) {
         const ImagePart& from = group.slaves[copy.from_slave - 1U].image.inputs;
         const ImagePart& to = group.slaves[copy.to_slave - 1U].image.outputs;
-        copy_bits(group.image, std::uint64_t{to.offset_bits} + copy.to_bit, group.image, std::uint64_t{from.offset_bits} + copy.from_bit, copy.bits);
+        copy_bits(group.image, std::uint64_t{to.offset_bits} + copy.to_bit, group.image,
+                  std::uint64_t{from.offset_bits} + copy.from_bit, copy.bits);
     }
 }
 
@@ -232,7 +241,8 @@ Result<> send_overlapped(ProcessGroup& group, Link& link, Time now) {
     }
     set_outputs(group);
     overlap.sent_at[overlap.send_set] = now;
-    const SendStatus status = link.send_overlapped(group.prepared.subspan(std::size_t{overlap.send_set} * group.frames, group.frames));
+    const SendStatus status =
+        link.send_overlapped(group.prepared.subspan(std::size_t{overlap.send_set} * group.frames, group.frames));
     overlap.send_set = static_cast<std::uint8_t>(overlap.send_set + 1 == overlap.sets ? 0 : overlap.send_set + 1);
     ++group.cycles_sent;
     overlap.sent.store(sent + 1, std::memory_order_release);
@@ -250,7 +260,8 @@ Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now) 
     const auto frames = oldest_cycle(group);
     link.end_overlapped(frames, sent_at(group), now);
     const auto ended = judge_cycle(group, frames, link, now);
-    overlap.receive_set = static_cast<std::uint8_t>(overlap.receive_set + 1 == overlap.sets ? 0 : overlap.receive_set + 1);
+    overlap.receive_set =
+        static_cast<std::uint8_t>(overlap.receive_set + 1 == overlap.sets ? 0 : overlap.receive_set + 1);
     group.cycle_received = overlap.received.load(std::memory_order_relaxed) + 1;
     overlap.received.store(group.cycle_received, std::memory_order_release);
     return ended;

@@ -13,9 +13,10 @@
 
 namespace margay {
 
-// Cycles of a group that are under way at once. `sent` and what follows it is written by the thread that sends, `received` by the owner.
+// Cycles of a group that are under way at once. `sent` and what follows it is written by the thread that sends,
+// `received` by the owner.
 struct Overlap {
-    std::uint8_t sets = 1;   // of frames, each for one cycle; 1: cycles do not overlap
+    std::uint8_t sets = 1;  // of frames, each for one cycle; 1: cycles do not overlap
     std::array<Time, GroupConfiguration::kMostCyclesInFlight> sent_at{};
     std::atomic<std::uint32_t> sent{0};
     std::uint8_t send_set = 0;
@@ -27,16 +28,16 @@ struct ProcessGroup : Group {
     ImageLayout layout;
     std::span<PreparedFrame> prepared;  // of overlapping cycles all sets
     Overlap overlap;
-    std::span<DatagramPlan> plans;     // what each datagram is, in the order of `datagrams`
+    std::span<DatagramPlan> plans;  // what each datagram is, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
-    std::span<const Slave> slaves;     // of the network
+    std::span<const Slave> slaves;  // of the network
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     std::uint8_t number = 0;
-    bool extras = false;               // copies from slave to slave, or a shared image
-    bool mapping = false;              // config_map() is at it
-    bool told_short = false;           // the supervision has told so
-    bool unexpected = false;           // a cycle was not usable, or a slave is back: for the supervision
-    std::uint16_t cycles_lost = 0;     // of which frames did not come back, in a row
+    bool extras = false;            // copies from slave to slave, or a shared image
+    bool mapping = false;           // config_map() is at it
+    bool told_short = false;        // the supervision has told so
+    bool unexpected = false;        // a cycle was not usable, or a slave is back: for the supervision
+    std::uint16_t cycles_lost = 0;  // of which frames did not come back, in a row
 };
 
 // What all groups share: frames and datagrams are handed out to them in runs. Those of one index belong together.
@@ -55,28 +56,37 @@ struct ProcessTables {
 // Takes the group's frames away from it. Those in flight are given up.
 void unprepare(ProcessGroup& group, Link& link, Time now);
 
-// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there, and for its readings. Errors: too_many_frames.
+// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there, and for its
+// readings. Errors: too_many_frames.
 [[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link);
 
-// Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group (not mapped).
+// Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group
+// (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
 void set_outputs(ProcessGroup& group);
 [[nodiscard, gnu::always_inline]] inline Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {
-    if (group.extras) [[unlikely]] set_outputs(group);
+    if (group.extras) [[unlikely]]
+        set_outputs(group);
     ++group.cycles_sent;
-    if (group.mapped && link.send_cycle(group.prepared, now, group.config.acyclic_bytes) == SendStatus::sent) return Result<>();
+    if (group.mapped && link.send_cycle(group.prepared, now, group.config.acyclic_bytes) == SendStatus::sent)
+        return Result<>();
     return not_sent(group, link);
 }
 
-// Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame (actual: frames
-// missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short that is known to be lost).
+// Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame
+// (actual: frames missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short
+// that is known to be lost).
 void give_inputs(ProcessGroup& group);
-[[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now);
-[[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end, Time now) {
+[[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
+                                                Time now);
+[[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end,
+                                                                         Time now) {
     group.cycle_received = group.cycles_sent;
-    if (end != CycleEnd::right || !group.mapped) [[unlikely]] return judge_cycle(group, group.prepared, link, now);
+    if (end != CycleEnd::right || !group.mapped) [[unlikely]]
+        return judge_cycle(group, group.prepared, link, now);
     group.cycles_lost = 0;
-    if (group.extras) [[unlikely]] give_inputs(group);
+    if (group.extras) [[unlikely]]
+        give_inputs(group);
     return group.expected_wkc;
 }
 
@@ -84,7 +94,9 @@ void give_inputs(ProcessGroup& group);
 [[nodiscard]] Result<> send_overlapped(ProcessGroup& group, Link& link, Time now);
 // The owner's: the oldest cycle that is under way, empty when there is none; how it has ended.
 [[nodiscard]] std::span<PreparedFrame> oldest_cycle(ProcessGroup& group);
-[[nodiscard]] inline Time sent_at(const ProcessGroup& group) { return group.overlap.sent_at[group.overlap.receive_set]; }
+[[nodiscard]] inline Time sent_at(const ProcessGroup& group) {
+    return group.overlap.sent_at[group.overlap.receive_set];
+}
 [[nodiscard]] Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now);
 
 }  // namespace margay

@@ -19,7 +19,8 @@ namespace reg = wire::reg;
 
 // What it shall exchange, if anything, is in the image.
 bool has_place(const Slave& slave) {
-    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count), [](const ProcessSm& sm) { return sm.bits != 0; });
+    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count),
+                                           [](const ProcessSm& sm) { return sm.bits != 0; });
     return !wants || slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
 }
 
@@ -49,7 +50,8 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     if (count == 0) co_return Result<>();
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
                    Bytes(kNone).first(count * reg::kSyncManagerStride));
-    Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address}, Bytes(kNone).first(1));
+    Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
+                  Bytes(kNone).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
     const Error error = judge(station, write.reply(), Step::recover, reg::kSyncManagerBase);
     if (error.code != Errc::none) co_return error;
@@ -83,7 +85,8 @@ Task<Result<>> get_to_know(Network& network, Slave& slave) {
     co_return other;
 }
 
-// Its process data: what was said of it before it came, or what it says itself now; that may not be what the image was laid out for.
+// Its process data: what was said of it before it came, or what it says itself now; that may not be what the image was
+// laid out for.
 Task<Result<>> take_in(Network& network, Slave& slave) {
     auto discovered = co_await discover_pdos(network, slave);
     if (!discovered) network.note(slave, discovered.error());
@@ -93,7 +96,8 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
         co_return Result<>();
     }
     const ProcessGroup& group = network.process.groups[slave.config.group];
-    const bool lrw = std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
+    const bool lrw =
+        std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
 }
 
@@ -132,7 +136,8 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
         auto taken_in = co_await take_in(network, slave);
         if (!taken_in || !has_place(slave)) co_return taken_in;
     }
-    auto configured = co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
+    auto configured =
+        co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
     const AlStatus reached = slave.al;
     slave.al = after;
     note_state(network, slave, reached);
@@ -144,7 +149,8 @@ Task<Result<>> bring_back(Network& network, Slave& slave, AlState target) {
     if (!seen) co_return seen.error();
     note_state(network, slave, *seen);
     const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-    bool configured = (slave.al.state == AlState::safeop || slave.al.state == AlState::op) && (slave.takes_part || !exchanges) && slave.seen;
+    bool configured = (slave.al.state == AlState::safeop || slave.al.state == AlState::op) &&
+                      (slave.takes_part || !exchanges) && slave.seen;
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
         configured = acknowledged.ok();

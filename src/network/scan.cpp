@@ -35,8 +35,7 @@ Task<Result<>> wait_for_link(Network& network) {
 // Writes to all slaves at once. Who has the register is not asked.
 template <std::size_t N>
 Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::array<std::byte, N> data) {
-    Datagram write(network.engine.link(), Command::BWR, DatagramAddress(std::uint16_t{0}, address),
-                   Bytes(data));
+    Datagram write(network.engine.link(), Command::BWR, DatagramAddress(std::uint16_t{0}, address), Bytes(data));
     auto reply = co_await write;
     if (!reply.ok()) co_return segment_error(reply.errc, Step::reset_slaves);
     co_return Result<>();
@@ -83,8 +82,7 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
     auto reply = co_await write;
-    const Error error =
-        judge(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
+    const Error error = judge(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
     if (error.code != Errc::none) network.note(slave, error);
     co_return Result<>();
 }
@@ -127,8 +125,7 @@ Task<Result<bool>> reset_slaves(Network& network) {
     // INIT with the error acknowledged, then without: those that mirror AL control would keep the acknowledge
     // as an error, and some old slaves want it so.
     for (const std::byte state : {kInit | kAndAcknowledge, kInit}) {
-        auto init =
-            co_await broadcast_write(network, reg::kAlControl.address, std::array{state, std::byte{0}});
+        auto init = co_await broadcast_write(network, reg::kAlControl.address, std::array{state, std::byte{0}});
         if (!init) co_return init.error();
     }
     auto in_init = co_await wait_for_init(network);
@@ -217,8 +214,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     auto reset = co_await reset_slaves(network);
     if (!reset) co_return reset.error();
     begin_table(network, *count, *reset);
-    auto addressed =
-        co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
+    auto addressed = co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
     if (!addressed) co_return addressed.error();
     auto identified = co_await for_each_slave(network, [&network](Slave& s) { return survey(network, s); });
     if (!identified) co_return identified.error();
@@ -231,8 +227,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     auto arranged = co_await arrange(network);
     if (!arranged) co_return arranged.error();
     compare_with_expected(network);
-    auto started =
-        co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
+    auto started = co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
     if (!started) co_return started.error();
     co_return *count;
 }

@@ -14,8 +14,8 @@ namespace margay {
 // INIT.
 [[nodiscard]] Task<Result<bool>> reset_slaves(Network& network);
 
-// Configures the mailbox SyncManagers of one slave and brings it to PREOP. Its EEPROM must have been offered to the PDI: some slaves refuse
-// without.
+// Configures the mailbox SyncManagers of one slave and brings it to PREOP. Its EEPROM must have been offered to the
+// PDI: some slaves refuse without.
 [[nodiscard]] Task<Result<>> bring_to_preop(Network& network, Slave& slave);
 
 }  // namespace margay

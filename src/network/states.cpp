@@ -30,8 +30,10 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
     }
     slave.requested = which;
     const bool acknowledge = slave.al.error && !slave.device_emulation;
-    const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
-    auto written = co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
+    const auto request =
+        static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
+    auto written =
+        co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
     if (!written) network.note(slave, written.error());
     co_return written;
 }
@@ -46,9 +48,8 @@ AlStatus lowest(std::span<const Slave> slaves) {
     const auto at_its_end = [](const Slave& s) {
         return s.al.state == s.config.highest && s.config.highest != AlState::op;
     };
-    const bool all_are = std::ranges::all_of(slaves, [&](const Slave& s) {
-        return at_its_end(s) || (s.config.optional && s.al.state == AlState::none);
-    });
+    const bool all_are = std::ranges::all_of(
+        slaves, [&](const Slave& s) { return at_its_end(s) || (s.config.optional && s.al.state == AlState::none); });
     AlStatus all;
     bool any = false;
     for (const Slave& slave : slaves) {

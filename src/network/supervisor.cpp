@@ -32,7 +32,7 @@ struct Watch {
     Time retry_at = Time::min();
     Time search_at = Time::min();
     Time lines_at = Time::min();
-    Time groups_at = kNever;        // when a hot connect group should be complete
+    Time groups_at = kNever;  // when a hot connect group should be complete
 
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
@@ -43,20 +43,25 @@ bool left_alone(const Network& network, const Slave& slave) {
 
 std::uint16_t answering(Network& network) {
     const auto slaves = network.slaves();
-    return static_cast<std::uint16_t>(std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
+    return static_cast<std::uint16_t>(
+        std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
 // Asks one slave how it is.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (slave.recovering || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen)) co_return Result<>();
+    if (slave.recovering || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
+        co_return Result<>();
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (seen.error().code != Errc::working_counter || !was_there || slave.al.state == AlState::none || slave.recovering) co_return Result<>();
+        if (seen.error().code != Errc::working_counter || !was_there || slave.al.state == AlState::none ||
+            slave.recovering)
+            co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
     }
-    if (slave.al.state == AlState::none && seen->state != AlState::none) co_return co_await welcome_back(network, slave, *seen);
+    if (slave.al.state == AlState::none && seen->state != AlState::none)
+        co_return co_await welcome_back(network, slave, *seen);
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     co_return co_await settle_request(network, slave);
@@ -74,7 +79,8 @@ Task<Result<>> doubt(Network& network, Slave& slave) {
 bool needs_help(const Network& network, const Slave& slave, AlState target) {
     if (slave.recovering || slave.al.state == AlState::none || left_alone(network, slave)) return false;
     if (slave.al.error || slave.al.state != goal(network, slave, target)) return true;
-    return goal(network, slave, target) != AlState::preop && !slave.takes_part && (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
+    return goal(network, slave, target) != AlState::preop && !slave.takes_part &&
+           (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
 }
 
 // Marks a slave as being worked on for as long as it lives.
@@ -94,7 +100,8 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     const Recovering recovering(slave);
     // On its way up for the first time, not back.
     const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-    const bool well = slave.al.state == AlState::safeop && !slave.al.error && (slave.takes_part || !exchanges) && slave.attempts == 0;
+    const bool well =
+        slave.al.state == AlState::safeop && !slave.al.error && (slave.takes_part || !exchanges) && slave.attempts == 0;
     auto done = co_await bring_back(network, slave, watch.wanted.target);
     if (done) {
         slave.attempts = 0;
@@ -131,9 +138,12 @@ void tell_missing(Watch& watch) {
     watch.groups_at = kNever;
     for (Slave& slave : network.slaves()) {
         const ExpectedSlave* wanted = slave.wanted;
-        if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none || slave.told_missing) continue;
+        if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none ||
+            slave.told_missing)
+            continue;
         const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
-            return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect && is_located(network.expected, *s.wanted);
+            return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect &&
+                   is_located(network.expected, *s.wanted);
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
         slave.told_missing = true;
@@ -171,8 +181,8 @@ bool judge_groups(Watch& watch) {
     return unexpected;
 }
 
-// A frame may be lost, of a cycle or of a roll, and nothing is to be told. So many in a row, and none that comes back meanwhile, are lost by chance
-// once in ten thousand million rolls where every tenth frame is lost.
+// A frame may be lost, of a cycle or of a roll, and nothing is to be told. So many in a row, and none that comes back
+// meanwhile, are lost by chance once in ten thousand million rolls where every tenth frame is lost.
 constexpr std::uint64_t kSilentFrames = 10;
 
 // Returns how many were lost since one came back.
@@ -204,7 +214,8 @@ void start_helpers(Watch& watch, Crew& crew) {
 bool walk_is_due(Watch& watch, const Roll& roll) {
     if (watch.network.searching) return false;
     if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
-    return (watch.walked == kNotWalked || roll.count > answering(watch.network)) && watch.network.engine.now() >= watch.search_at;
+    return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
+           watch.network.engine.now() >= watch.search_at;
 }
 
 Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected) {

@@ -14,7 +14,7 @@ struct RingPlace {
     std::uint16_t slave = 0;    // its number; 0: a stranger
     std::uint16_t address = 0;  // its station address
     std::uint16_t dl_status = 0;
-    bool unasked = false;         // a newcomer who could not be asked who it is
+    bool unasked = false;  // a newcomer who could not be asked who it is
 
     // By find_topology(). Parent and neighbours are places of the ring.
     std::uint16_t parent = 0;

@@ -24,9 +24,8 @@ constexpr std::uint8_t kUint16 = 0x06;
 // --- Simple terminals: no processor, or one that only moves process data ---
 
 constexpr std::array<std::string_view, 16> kChannelNames{
-    "Channel 1",  "Channel 2",  "Channel 3",  "Channel 4",  "Channel 5",  "Channel 6",
-    "Channel 7",  "Channel 8",  "Channel 9",  "Channel 10", "Channel 11", "Channel 12",
-    "Channel 13", "Channel 14", "Channel 15", "Channel 16"};
+    "Channel 1", "Channel 2",  "Channel 3",  "Channel 4",  "Channel 5",  "Channel 6",  "Channel 7",  "Channel 8",
+    "Channel 9", "Channel 10", "Channel 11", "Channel 12", "Channel 13", "Channel 14", "Channel 15", "Channel 16"};
 
 struct Terminal {
     std::string_view name;
@@ -82,8 +81,8 @@ Device make_coupler(bool junction) {
     d.order = junction ? "MG0122" : "MG0100";
     d.name = junction ? "Junction with four ports" : "EtherCAT coupler";
     d.general.ebus_current_ma = junction ? std::int16_t{0} : std::int16_t{-2000};
-    d.general.physical_ports = junction ? ports(Port::mii, Port::mii, Port::mii, Port::mii)
-                                        : ports(Port::mii, Port::ebus, Port::mii);
+    d.general.physical_ports =
+        junction ? ports(Port::mii, Port::mii, Port::mii, Port::mii) : ports(Port::mii, Port::ebus, Port::mii);
     Device device;
     device.chip = junction ? sim::junction() : et1100();
     device.sii = image_of(d);
@@ -114,8 +113,7 @@ Device make_terminal(const Terminal& terminal) {
         // three buffers.
         .start = digital && terminal.outputs ? std::uint16_t{0x0F00} : std::uint16_t{0x1000},
         .length_bytes = bytes,
-        .control =
-            static_cast<std::uint8_t>(terminal.outputs ? (digital ? 0x44 : 0x64) : (digital ? 0x00 : 0x20)),
+        .control = static_cast<std::uint8_t>(terminal.outputs ? (digital ? 0x44 : 0x64) : (digital ? 0x00 : 0x20)),
         .enable = 1,
         .type = terminal.outputs ? SmType::outputs : SmType::inputs}};
     const std::array fmmus{terminal.outputs ? FmmuUse::outputs : FmmuUse::inputs, FmmuUse::unused};
@@ -145,14 +143,19 @@ Device make_terminal(const Terminal& terminal) {
 Device make_pulse_axis() {
     using Port = sii::PhysicalPort;
     constexpr std::array outputs{
-        PdoEntryDescription{.index = 0x7000, .subindex = 1, .name = "Control word", .data_type = kUint16, .bit_length = 16},
-        PdoEntryDescription{.index = 0x7000, .subindex = 2, .name = "Target position", .data_type = kInt32, .bit_length = 32}};
+        PdoEntryDescription{
+            .index = 0x7000, .subindex = 1, .name = "Control word", .data_type = kUint16, .bit_length = 16},
+        PdoEntryDescription{
+            .index = 0x7000, .subindex = 2, .name = "Target position", .data_type = kInt32, .bit_length = 32}};
     constexpr std::array inputs{
-        PdoEntryDescription{.index = 0x6000, .subindex = 1, .name = "Status word", .data_type = kUint16, .bit_length = 16},
+        PdoEntryDescription{
+            .index = 0x6000, .subindex = 1, .name = "Status word", .data_type = kUint16, .bit_length = 16},
         PdoEntryDescription{.index = 0x6000, .subindex = 2, .name = "Position", .data_type = kInt32, .bit_length = 32}};
     constexpr std::uint16_t kFlags = sii::pdo_flag::kMandatory | sii::pdo_flag::kFixedContent;
-    const std::array rx{PdoDescription{.index = 0x1600, .sync_manager = 0, .name = "Command", .flags = kFlags, .entries = outputs}};
-    const std::array tx{PdoDescription{.index = 0x1A00, .sync_manager = 1, .name = "Actual", .flags = kFlags, .entries = inputs}};
+    const std::array rx{
+        PdoDescription{.index = 0x1600, .sync_manager = 0, .name = "Command", .flags = kFlags, .entries = outputs}};
+    const std::array tx{
+        PdoDescription{.index = 0x1A00, .sync_manager = 1, .name = "Actual", .flags = kFlags, .entries = inputs}};
     constexpr std::array sync_managers{
         SmInfo{.start = 0x1000, .length_bytes = 6, .control = 0x64, .enable = 1, .type = SmType::outputs},
         SmInfo{.start = 0x1100, .length_bytes = 6, .control = 0x20, .enable = 1, .type = SmType::inputs}};

@@ -118,8 +118,7 @@ void Esc::count_lost_link(unsigned port) { count(reg::kLostLinkCounter.address +
 void Esc::count_processing_error() { count(reg::kProcessingUnitErrorCounter.address); }
 
 void Esc::schedule() {
-    next_event_ =
-        std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, reset_wanted_ ? now_ : kNever});
+    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, reset_wanted_ ? now_ : kNever});
 }
 
 void Esc::advance(Time now) {
@@ -182,11 +181,10 @@ void Esc::wake_firmware(Time at) {
 void Esc::clear_al_events(std::uint32_t bits) { al_events_ &= ~bits; }
 
 void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
-    const auto request = static_cast<std::uint16_t>(
-        (registers_.get<std::uint16_t>(reg::kEcatEventRequest.address) & ~clear) | set);
+    const auto request =
+        static_cast<std::uint16_t>((registers_.get<std::uint16_t>(reg::kEcatEventRequest.address) & ~clear) | set);
     registers_.set(reg::kEcatEventRequest.address, request);
-    const auto irq =
-        static_cast<std::uint16_t>(request & registers_.get<std::uint16_t>(reg::kEcatEventMask.address));
+    const auto irq = static_cast<std::uint16_t>(request & registers_.get<std::uint16_t>(reg::kEcatEventMask.address));
     if (irq == irq_) return;
     irq_ = irq;
     ++configuration_;

@@ -43,9 +43,7 @@ class Esc final : public subdevice::EscAccess {
     void set_firmware(std::unique_ptr<Firmware> firmware) { firmware_ = std::move(firmware); }
     [[nodiscard]] Firmware* firmware() { return firmware_.get(); }
     // The process data of the firmware; nullptr where there is none.
-    [[nodiscard]] ProcessDataFirmware* process_data() {
-        return firmware_ ? firmware_->process_data() : nullptr;
-    }
+    [[nodiscard]] ProcessDataFirmware* process_data() { return firmware_ ? firmware_->process_data() : nullptr; }
 
     void power_up(Time now);
     [[nodiscard]] const EscDescription& description() const { return description_; }
@@ -76,9 +74,7 @@ class Esc final : public subdevice::EscAccess {
                 __builtin_prefetch(ram_.data() + (mappings->at[0].physical / 8 - wire::reg::kProcessRam));
     }
     [[nodiscard]] bool register_writes_pending() const { return writes_ != 0; }
-    [[nodiscard]] bool frame_pending() const {
-        return writes_ != 0 || effects_ != 0 || sync_managers_.frame_pending();
-    }
+    [[nodiscard]] bool frame_pending() const { return writes_ != 0 || effects_ != 0 || sync_managers_.frame_pending(); }
 
     [[nodiscard]] std::uint16_t station() const {
         return registers_.get<std::uint16_t>(wire::reg::kStationAddress.address);
@@ -151,8 +147,8 @@ class Esc final : public subdevice::EscAccess {
         std::uint64_t logical = 0;
         std::uint64_t logical_end = 0;
         std::uint64_t physical = 0;
-        bool octets = false;        // whole octets on both sides
-        std::int8_t channel = -1;   // the SyncManager whose buffer it maps, the whole of it and nothing else
+        bool octets = false;       // whole octets on both sides
+        std::int8_t channel = -1;  // the SyncManager whose buffer it maps, the whole of it and nothing else
     };
     // Of one direction, without overlaps: n FMMUs make 2n − 1 parts at most.
     struct Mappings {
@@ -162,16 +158,15 @@ class Esc final : public subdevice::EscAccess {
     };
 
     bool access(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at);
-    bool access_plain(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length,
-                      Time at);
+    bool access_plain(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at);
     bool access_ram(bool write, std::uint32_t address, std::byte* data, std::size_t length);
     bool read_registers(Side side, std::uint32_t address, std::byte* data, std::size_t length, Time at);
     bool write_registers(std::uint32_t address, const std::byte* data, std::size_t length);
     bool write_registers_pdi(std::uint32_t address, const std::byte* data, std::size_t length, Time at);
     [[nodiscard]] bool writable(std::uint32_t address) const;
     bool map(const Mapping& mapping, bool write, std::uint32_t address, MutableBytes data, Time at);
-    bool map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end,
-                  std::uint32_t address, MutableBytes data, Time at);
+    bool map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end, std::uint32_t address,
+                  MutableBytes data, Time at);
     void before_write(std::uint32_t address, MutableBytes into) const;
     std::uint16_t ecat_exchange(std::uint32_t address, MutableBytes data, Time at);
     void link_mappings();
@@ -229,8 +224,8 @@ class Esc final : public subdevice::EscAccess {
     bool protected_ = false;                // 0x0021 or 0x0031
     bool halted_ = false;
     bool dc_on_ = false;
-    bool end_expected_ = false;             // of the frame now passing
-    bool exchanges_ = false;  // a logical octet is read and written
+    bool end_expected_ = false;  // of the frame now passing
+    bool exchanges_ = false;     // a logical octet is read and written
     std::vector<std::byte> ram_;
     SyncManagers sync_managers_;
     Mappings read_mappings_;

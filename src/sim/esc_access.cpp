@@ -38,11 +38,10 @@ bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, 
         } else {
             const auto n = static_cast<unsigned>(part.channel);
             const bool allowed = !write || side == Side::pdi || writable(address);
-            if (const auto shift = allowed ? sync_managers_.open(n, side, write, address, part.stop, events)
-                                           : std::nullopt) {
-                const bool done = address < reg::kProcessRam
-                                      ? access_plain(side, write, address, data, count, at)
-                                      : access_ram(write, address + *shift, data, count);
+            if (const auto shift =
+                    allowed ? sync_managers_.open(n, side, write, address, part.stop, events) : std::nullopt) {
+                const bool done = address < reg::kProcessRam ? access_plain(side, write, address, data, count, at)
+                                                             : access_ram(write, address + *shift, data, count);
                 if (done) sync_managers_.touched(n, side, part.stop, events);
                 any |= done;
             }
@@ -54,8 +53,7 @@ bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, 
     return any;
 }
 
-bool Esc::access_plain(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length,
-                       Time at) {
+bool Esc::access_plain(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at) {
     bool any = false;
     if (address < reg::kProcessRam) {
         const auto count = std::min<std::size_t>(length, reg::kProcessRam - address);
@@ -97,9 +95,7 @@ bool Esc::read_registers(Side side, std::uint32_t address, std::byte* data, std:
 // May the master write here at all? ESC data sheets, "Write protection".
 bool Esc::writable(std::uint32_t address) const {
     if (!protected_) return true;
-    const auto protects = [this](wire::Register r) {
-        return (registers_.get<std::uint8_t>(r.address) & 1) != 0;
-    };
+    const auto protects = [this](wire::Register r) { return (registers_.get<std::uint8_t>(r.address) & 1) != 0; };
     if (protects(reg::kEscWriteProtection) && !esc_writes_enabled_)
         return address == reg::kEscWriteEnable.address || address == reg::kWriteRegisterEnable.address;
     if (address < reg::kUserRam && protects(reg::kWriteRegisterProtection) && !register_writes_enabled_)
@@ -120,8 +116,7 @@ bool Esc::write_registers(std::uint32_t address, const std::byte* data, std::siz
         any = (registers_.flags(a) & access::kEcatWrite) != 0 && !blocked && writable(a);
     }
     if (!any) return false;
-    if (address >=
-        kDigitalOutputs) {  // process data, handed over by its SyncManager and not by a shadow buffer
+    if (address >= kDigitalOutputs) {  // process data, handed over by its SyncManager and not by a shadow buffer
         for (std::size_t i = 0; i < length; ++i)
             if ((registers_.flags(static_cast<std::uint32_t>(address + i)) & access::kEcatWrite) != 0)
                 registers_.bytes()[address + i] = data[i];
@@ -129,9 +124,7 @@ bool Esc::write_registers(std::uint32_t address, const std::byte* data, std::siz
     }
     if (writes_ == kMaxWrites || write_bytes_used_ + length > write_bytes_.size())
         return true;  // only FMMUs mapped over each other get here: more octets than a frame has
-    const auto covers = [&](wire::Register r) {
-        return address <= r.address && r.address < address + length;
-    };
+    const auto covers = [&](wire::Register r) { return address <= r.address && r.address < address + length; };
     if (covers(reg::kWriteRegisterEnable)) register_writes_enabled_ = true;
     if (covers(reg::kEscWriteEnable)) esc_writes_enabled_ = true;
     std::copy_n(data, length, write_bytes_.begin() + static_cast<std::ptrdiff_t>(write_bytes_used_));
@@ -151,7 +144,8 @@ bool Esc::write_registers_pdi(std::uint32_t address, const std::byte* data, std:
         if ((flags & access::kPdiWrite) == 0) continue;
         const bool sii = a >= reg::kSiiControl.address && a < reg::kSiiData.end();
         if (sii && !sii_.accepts(true)) continue;
-        if (dc_on_ && a > reg::kCyclicUnitControl.address && a < reg::kLatch0Status.address && !sync_registers_are_pdis(a))
+        if (dc_on_ && a > reg::kCyclicUnitControl.address && a < reg::kLatch0Status.address &&
+            !sync_registers_are_pdis(a))
             continue;
         registers_.bytes()[a] = data[i];
         any = true;

@@ -24,8 +24,7 @@ enum class DcUnit : std::uint8_t {
 
 struct PortDescription {
     wire::PortKind kind = wire::PortKind::not_implemented;
-    Duration
-        delay{};  // from the port to the wire and from the wire to the port, together with half a cable hop
+    Duration delay{};  // from the port to the wire and from the wire to the port, together with half a cable hop
 };
 
 struct SiiTiming {
@@ -57,8 +56,7 @@ struct EscDescription {
     std::array<PortDescription, kMaxPorts> ports{};
     Duration processing_delay = std::chrono::nanoseconds(120);  // through the processing unit
     Duration forwarding_delay = std::chrono::nanoseconds(20);   // from port to port behind it
-    Duration firmware_latency =
-        std::chrono::microseconds(20);  // from an AL event to the firmware's next step
+    Duration firmware_latency = std::chrono::microseconds(20);  // from an AL event to the firmware's next step
     SiiTiming sii;
     ClockDescription clock;
     std::uint64_t product_id = 0;  // 0x0E00

@@ -52,8 +52,7 @@ void Esc::frame_end(const FrameEnd& end) {
     if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
     if (good && (effects & kAlStatusRead) != 0) change_ecat_events(0, ecat_event::kAlStatus);
     if (good && effects >= kLatchRead) latches_read(effects / kLatchRead);
-    if (const auto wanted = std::exchange(effects_, std::uint16_t{0});
-        wanted != 0) {  // by what was just taken over
+    if (const auto wanted = std::exchange(effects_, std::uint16_t{0}); wanted != 0) {  // by what was just taken over
         if ((wanted & kReceiveTimes) != 0) latch_receive_times(end);
         if ((wanted & kCompare) != 0) {
             clock_.compare(compare_with_, end.processing);
@@ -98,9 +97,8 @@ void Esc::take_over(const Write& write, const FrameEnd& end) {
         if (a >= reg::kSystemTime.address && a < reg::kSystemTime.end() && dc_on_) {  // compared, not stored
             if (a == reg::kSystemTime.address) compare_with_ = 0;
             if (a < reg::kSystemTime.address + 4u)
-                compare_with_ |=
-                    std::to_integer<std::uint32_t>(write_bytes_[write.offset + (a - range.begin)])
-                    << (8 * (a - reg::kSystemTime.address));
+                compare_with_ |= std::to_integer<std::uint32_t>(write_bytes_[write.offset + (a - range.begin)])
+                                 << (8 * (a - reg::kSystemTime.address));
             effect = true;
             continue;
         }
@@ -148,8 +146,7 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
     if (range.meets(0x0400, 0x0444)) written_watchdog(address, length, at);
     if (range.meets(0x0510, 0x0518)) mii_.written(address, length, from_pdi, at);
     if (range.meets(0x0900, 0x0A00)) written_dc(address, length, at);
-    if (range.covers(from_pdi ? reg::kEscResetPdi.address : reg::kEscResetEcat.address))
-        reset_written(from_pdi, at);
+    if (range.covers(from_pdi ? reg::kEscResetPdi.address : reg::kEscResetEcat.address)) reset_written(from_pdi, at);
     if (range.meets(kFmmuArea, kFmmuArea + kMaxFmmus * reg::kFmmuStride)) reload_mappings();
     if (range.meets(kSyncManagerArea, kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride)) {
         for (unsigned n = 0; n < description_.sync_managers; ++n) {
@@ -215,7 +212,8 @@ void Esc::was_read(std::uint32_t address, std::size_t length, Side side) {
         if (range.meets(reg::kDlStatus)) effects_ |= kDlStatusRead;
         if (range.meets(reg::kAlStatus)) effects_ |= kAlStatusRead;
         for (unsigned edge = 0; edge < 4; ++edge)
-            if (range.meets({latch_time(edge), 8})) effects_ = static_cast<std::uint16_t>(effects_ | kLatchRead << edge);
+            if (range.meets({latch_time(edge), 8}))
+                effects_ = static_cast<std::uint16_t>(effects_ | kLatchRead << edge);
         return;
     }
     if (range.covers(reg::kAlControl.address)) {

@@ -90,12 +90,10 @@ std::uint16_t Esc::ecat_logical(bool read, bool write, std::uint32_t address, Mu
 
 // What goes into the slave is what came in, though its own data goes out at the same place: what is read waits aside.
 std::uint16_t Esc::ecat_exchange(std::uint32_t address, MutableBytes data, Time at) {
-    const auto end =
-        std::min<std::uint64_t>(std::uint64_t{logical_last_} + 1, std::uint64_t{address} + data.size());
+    const auto end = std::min<std::uint64_t>(std::uint64_t{logical_last_} + 1, std::uint64_t{address} + data.size());
     const std::uint64_t begin = std::max<std::uint64_t>(logical_first_, address);
     if (begin >= end) return 0;
-    const auto window =
-        data.subspan(static_cast<std::size_t>(begin - address), static_cast<std::size_t>(end - begin));
+    const auto window = data.subspan(static_cast<std::size_t>(begin - address), static_cast<std::size_t>(end - begin));
     std::array<std::byte, wire::kMaxFrameBytes> out;
     std::copy(window.begin(), window.end(), out.begin());
     const auto shadow = MutableBytes(out).first(window.size());
@@ -139,8 +137,8 @@ bool Esc::map_buffer(const Mapping& mapping, bool write, std::byte* data, Time a
 }
 
 // Bits that do not lie on octets. A write leaves the slave's other bits of an octet as they are.
-bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end,
-                   std::uint32_t address, MutableBytes data, Time at) {
+bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end, std::uint32_t address,
+                   MutableBytes data, Time at) {
     const std::uint64_t physical = mapping.physical + (first - mapping.logical);
     const std::uint64_t base = physical / 8;
     const auto octets = static_cast<std::size_t>((physical + (end - first) + 7) / 8 - base);

@@ -21,7 +21,8 @@ class Firmware {
     virtual void start(subdevice::EscAccess& esc, Time now) = 0;
 
     // Called when the AL event request (0x0220) has got a new bit, when the master has handed a buffer over, as
-    // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants to be called at the latest, kNever when only events matter.
+    // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants
+    // to be called at the latest, kNever when only events matter.
     virtual Time step(Time now) = 0;
 
     // A manner to show from the next start on; `sii` is the device's image. False: this firmware has none.

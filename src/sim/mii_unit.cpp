@@ -83,10 +83,8 @@ void MiiUnit::finish() {
 std::uint16_t MiiUnit::phy_register(unsigned port, unsigned number) const {
     switch (number) {
         case 0: return 0x3100;  // 100 Mbit/s, full duplex, negotiated
-        case 1:
-            return static_cast<std::uint16_t>(0x7809 |
-                                              (link_[port] ? 0x0024 : 0));  // link, negotiation complete
-        case 2: return 0x4D47;                                              // PHY identifiers of our own
+        case 1: return static_cast<std::uint16_t>(0x7809 | (link_[port] ? 0x0024 : 0));  // link, negotiation complete
+        case 2: return 0x4D47;                                                           // PHY identifiers of our own
         case 3: return 0x0010;
         case 4: return 0x0101;
         case 5: return link_[port] ? 0x4101 : 0x0000;

@@ -65,8 +65,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
     add(reg::kSiiAddress, kActing | kPdiWrite | kDynamic);
     add(reg::kSiiData, kActing | kPdiWrite | kDynamic);
     if (esc.mii_management) {
-        for (const auto where :
-             {reg::kMiiControl, reg::kMiiPhyAddress, reg::kMiiPhyRegister, reg::kMiiPhyData})
+        for (const auto where : {reg::kMiiControl, reg::kMiiPhyAddress, reg::kMiiPhyRegister, reg::kMiiPhyData})
             add(where, kActing | kPdiWrite | kDynamic);
         add(reg::kMiiEcatAccess, kActing);
         add(reg::kMiiPdiAccess, kActing | kPdiWrite);
@@ -115,8 +114,8 @@ void RegisterFile::add_dc(const EscDescription& esc, bool enabled) {
     for (const auto where : {reg::kLatch0Control, reg::kLatch1Control}) add(where, kActing | kPdiWrite);
     add(reg::kLatch0Status, kPlain);
     add(reg::kLatch1Status, kPlain);
-    for (const auto where : {reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge, reg::kLatch1PositiveEdge,
-                             reg::kLatch1NegativeEdge})
+    for (const auto where :
+         {reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge, reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge})
         add(where, kRead | kReadEffect);
 }
 

@@ -45,9 +45,8 @@ class Segment {
 
     // How often what happens to a frame somewhere on its way; by a fixed sequence from the seed.
     struct Noise {
-        double lost = 0;  // 0 … 1
-        double corrupted =
-            0;  // the FCS no longer fits: counted at the next port, and dropped by the master's NIC
+        double lost = 0;       // 0 … 1
+        double corrupted = 0;  // the FCS no longer fits: counted at the next port, and dropped by the master's NIC
         std::uint64_t seed = 1;
     };
 
@@ -64,8 +63,7 @@ class Segment {
     // --- Running ---
     // Sends a frame from a master port through the segment, altering it in place. `duration` is its time on
     // the wire; what it causes happens when its last octet is through. Calls must come in order of time.
-    Passage process(MutableBytes frame, Time now, unsigned master_port = 0,
-                    Duration duration = Duration::zero());
+    Passage process(MutableBytes frame, Time now, unsigned master_port = 0, Duration duration = Duration::zero());
     // Lets the slaves' firmware, EEPROMs, watchdogs and clocks run up to `now`.
     void advance(Time now);
     // When advance() has something to do.

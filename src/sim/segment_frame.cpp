@@ -37,8 +37,7 @@ std::size_t find_ethercat(MutableBytes frame) {
     if (type == kEtherTypeIpv4 && frame.size() >= at + 28) {
         constexpr std::byte kIpv4NoOptions{0x45};
         constexpr std::byte kUdp{17};
-        if (frame[at] != kIpv4NoOptions || frame[at + 9] != kUdp || load_be16(frame, at + 22) != kUdpPort)
-            return 0;
+        if (frame[at] != kIpv4NoOptions || frame[at + 9] != kUdp || load_be16(frame, at + 22) != kUdpPort) return 0;
         frame[at + 26] = frame[at + 27] = std::byte{0};  // the checksum will not fit what comes out
         at += 28;
     } else if (type != wire::kEtherTypeEtherCat) {
@@ -151,8 +150,7 @@ void Segment::run(Frame& frame, std::size_t offset) {
         case Command::FRMW: multiple_write(frame, offset, false); break;
         case Command::NOP: break;
     }
-    if (wire::counts_position(command))
-        store_le(header, 2, static_cast<std::uint16_t>(address.adp() + frame.visits));
+    if (wire::counts_position(command)) store_le(header, 2, static_cast<std::uint16_t>(address.adp() + frame.visits));
     if (route.any_irq != 0) {
         auto irq = Layout::irq::load(header);
         for (std::uint32_t v = 0; v < frame.visits; ++v) irq = static_cast<std::uint16_t>(irq | route.irq[v]);
@@ -162,8 +160,7 @@ void Segment::run(Frame& frame, std::size_t offset) {
 
 // One slave, by its physical memory. A read adds 1 to the working counter, a write 1, both in one 3
 // (ETG.1000.4 table "Working counter increment").
-void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bool read, bool write,
-                       bool merge) {
+void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bool read, bool write, bool merge) {
     const auto bytes = frame.bytes;
     const auto ado = load_le<std::uint16_t>(bytes, offset + 4);
     const std::size_t length = load_le<std::uint16_t>(bytes, offset + 6) & 0x07FF;
@@ -214,8 +211,8 @@ void Segment::logical(Frame& frame, std::size_t offset, bool read, bool write) {
         if (v + 2 * kAhead < frame.visits && meant(v + 2 * kAhead)) frame.route.esc[v + 2 * kAhead]->fetch_state();
         if (v + kAhead < frame.visits && meant(v + kAhead)) frame.route.esc[v + kAhead]->fetch_buffers();
         if (!meant(v)) continue;
-        const auto count = frame.route.esc[v]->ecat_logical(read, write, address, data,
-                                                            frame.start + frame.route.visits[v].offset);
+        const auto count =
+            frame.route.esc[v]->ecat_logical(read, write, address, data, frame.start + frame.route.visits[v].offset);
         if (count != 0) add_wkc(bytes, offset + wire::kDatagramHeaderBytes + length, count);
         touch(frame, v);
     }
@@ -251,8 +248,7 @@ void Segment::end_frame(Frame& frame) {
     }
     touched_.clear();
     if (!frame.well_formed)
-        for (std::uint32_t v = 0; v < frame.visits; ++v)
-            slave(frame.route.visits[v].slave).count_processing_error();
+        for (std::uint32_t v = 0; v < frame.visits; ++v) slave(frame.route.visits[v].slave).count_processing_error();
 }
 
 // --- Loss and damage ---
@@ -281,8 +277,7 @@ void Segment::pick_fault(Frame& frame) {
     const double dice = chance();
     if (dice >= noise_.lost + noise_.corrupted) return;
     // One of the cables on the way, the one back to the master included.
-    const auto hop =
-        std::min(static_cast<std::size_t>(chance() * static_cast<double>(hops.size() + 1)), hops.size());
+    const auto hop = std::min(static_cast<std::size_t>(chance() * static_cast<double>(hops.size() + 1)), hops.size());
     strike(dice < noise_.lost ? FaultKind::loss : FaultKind::corruption, hop);
 }
 

@@ -12,9 +12,7 @@ constexpr std::array<std::uint8_t, kMaxPorts> kNext{3, 2, 0, 1};
 
 // 0x0101, two bits a port.
 enum class Loop : std::uint8_t { automatic, auto_close, open, closed };
-Loop loop_of(std::uint32_t dl_control, unsigned port) {
-    return static_cast<Loop>((dl_control >> (8 + 2 * port)) & 3);
-}
+Loop loop_of(std::uint32_t dl_control, unsigned port) { return static_cast<Loop>((dl_control >> (8 + 2 * port)) & 3); }
 
 }  // namespace
 

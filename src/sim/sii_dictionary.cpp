@@ -40,8 +40,7 @@ DataType type_of(std::uint8_t said, std::uint32_t bits) {
     };
     if (const auto type = static_cast<DataType>(said); fits(type)) return type;
     if (bits <= 8 && bits != 8)
-        return bits == 1 ? DataType::boolean
-                         : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
+        return bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
     switch (bits) {
         case 8: return DataType::unsigned8;
         case 16: return DataType::unsigned16;
@@ -90,8 +89,8 @@ void SiiDictionary::add_fixed(const SiiModel& model) {
     std::vector<Entry> types;
     const auto set = [&](std::size_t manager, int type) {
         while (types.size() <= manager)
-            types.push_back(subdevice::constant<std::uint8_t>(static_cast<std::uint8_t>(types.size() + 1),
-                                                              "SyncManager type", 0));
+            types.push_back(
+                subdevice::constant<std::uint8_t>(static_cast<std::uint8_t>(types.size() + 1), "SyncManager type", 0));
         types[manager].initial = static_cast<std::uint64_t>(type);
     };
     if (device.mailbox.present()) set(0, 1), set(1, 2);
@@ -138,8 +137,7 @@ void SiiDictionary::add_pdos(bool configurable) {
 }
 
 void SiiDictionary::collect(Mapped& mapped, const ReadPdo& read) {
-    const std::uint16_t access =
-        read.outputs ? od::kReadWrite | od::kRxMappable : od::kReadOnly | od::kTxMappable;
+    const std::uint16_t access = read.outputs ? od::kReadWrite | od::kRxMappable : od::kReadOnly | od::kTxMappable;
     sii::PdoEntries entries(read.pdo.entries);
     while (const auto entry = entries.next()) {
         if (entry->index == 0 || entry->bit_length == 0) continue;

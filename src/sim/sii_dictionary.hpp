@@ -42,8 +42,7 @@ class SiiDictionary {
     void collect(Mapped& mapped, const ReadPdo& read);
     void add_mapped(const Mapped& mapped);
     void add(std::uint16_t index, std::string_view name, std::vector<Entry> entries,
-             const subdevice::ObjectHooks* hooks = nullptr,
-             subdevice::DataType type = subdevice::DataType::none);
+             const subdevice::ObjectHooks* hooks = nullptr, subdevice::DataType type = subdevice::DataType::none);
     // A list of numbers behind its count, which the master may change when `room` is more than none.
     [[nodiscard]] std::vector<Entry> list(const std::vector<std::uint32_t>& values, std::size_t room,
                                           subdevice::DataType type);

@@ -29,8 +29,7 @@ SiiMailbox::SiiMailbox(Bytes sii, const SiiModel& model)
     if (described_.device.protocols.coe) protocols_.push_back({wire::MailboxType::coe, &coe_});
     receive_.resize(mailbox_bytes(described_.device));
     send_.resize(kReplySlots * receive_.size());
-    for (const auto& area : model.areas)
-        assignments_.push_back({area.sync_manager, area.info.type == SmType::outputs});
+    for (const auto& area : model.areas) assignments_.push_back({area.sync_manager, area.info.type == SmType::outputs});
 }
 
 void SiiMailbox::power_up(subdevice::EscAccess& esc) {

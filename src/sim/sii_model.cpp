@@ -106,10 +106,7 @@ EscDescription SiiModel::chip() const {
     }
     const bool ebus = ports[0] == Port::ebus;
     const bool small = sync_managers <= 4 && fmmus <= 3 && used <= 2;
-    auto chip = ebus && small                    ? et1200()
-                : used > 2 || sync_managers == 0 ? et1100()
-                : ebus                           ? et1100()
-                                                 : ip_core();
+    auto chip = ebus && small ? et1200() : used > 2 || sync_managers == 0 ? et1100() : ebus ? et1100() : ip_core();
     if (used >= 2) {
         using namespace std::chrono_literals;
         for (unsigned p = 0; p < kMaxPorts; ++p) {
@@ -124,9 +121,7 @@ EscDescription SiiModel::chip() const {
     }
     // Memory for everything the image speaks of, process data threefold.
     std::uint32_t end = wire::reg::kProcessRam;
-    const auto reach = [&](std::uint32_t start, std::uint32_t length) {
-        end = std::max(end, start + length);
-    };
+    const auto reach = [&](std::uint32_t start, std::uint32_t length) { end = std::max(end, start + length); };
     for (const auto* box : {&fixed.mailboxes.standard, &fixed.mailboxes.boot}) {
         reach(box->out_start, box->out_bytes);
         reach(box->in_start, box->in_bytes);

@@ -64,9 +64,8 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
     if (covers(reg::kSiiControl.address) || covers(reg::kSiiControl.address + 1u)) {
         const auto value = registers_->get<std::uint16_t>(reg::kSiiControl.address);
         if (from_pdi && waits_for_pdi()) {  // emulation: the firmware says that it has done the command
-            errors_ = static_cast<std::uint16_t>(
-                (errors_ & (control::kChecksumError | control::kNotLoaded)) |
-                (value & (control::kMissingAcknowledge | control::kWriteEnableError)));
+            errors_ = static_cast<std::uint16_t>((errors_ & (control::kChecksumError | control::kNotLoaded)) |
+                                                 (value & (control::kMissingAcknowledge | control::kWriteEnableError)));
             busy_ = false;
             command_ = 0;
         } else if (!busy_) {
@@ -137,8 +136,7 @@ void SiiUnit::finish() {
 void SiiUnit::read_block() {
     const std::size_t count = timing_.reads_8_bytes ? 8 : 4;
     for (std::size_t i = 0; i < count; ++i)
-        registers_->set(static_cast<std::uint16_t>(reg::kSiiData.address + i),
-                        octet(std::size_t{word_} * 2 + i));
+        registers_->set(static_cast<std::uint16_t>(reg::kSiiData.address + i), octet(std::size_t{word_} * 2 + i));
 }
 
 void SiiUnit::show() {

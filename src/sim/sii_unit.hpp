@@ -45,9 +45,7 @@ class SiiUnit {
     void finish();
     void read_block();
     void show();
-    [[nodiscard]] std::byte octet(std::size_t at) const {
-        return at < image_.size() ? image_[at] : std::byte{0xFF};
-    }
+    [[nodiscard]] std::byte octet(std::size_t at) const { return at < image_.size() ? image_[at] : std::byte{0xFF}; }
 
     std::vector<std::byte> image_;
     RegisterFile* registers_ = nullptr;

@@ -39,8 +39,7 @@ void SyncManagers::power_up(RegisterFile& registers, unsigned count, std::uint32
 
 void SyncManagers::reconfigure(unsigned n) {
     auto& channel = channels_[n];
-    const auto raw =
-        wire::load_sync_manager(Bytes(registers_->bytes()).subspan(reg::sync_manager(n).address));
+    const auto raw = wire::load_sync_manager(Bytes(registers_->bytes()).subspan(reg::sync_manager(n).address));
     const auto pdi = registers_->get<std::uint8_t>(field(n, Layout::pdi_control::offset));
     const bool locked = (pdi & wire::sm_pdi_control::kDeactivate) != 0;
     const bool was_on = channel.enabled && !channel.locked_by_pdi;
@@ -88,15 +87,14 @@ std::optional<std::uint32_t> SyncManagers::open(unsigned n, Side side, bool writ
     if (side == Side::ecat && ((closing_ >> n) & 1) != 0 && stop == channel.stop()) return std::nullopt;
     if (address == channel.start) {
         if (channel.mailbox() && channel.full == write) return std::nullopt;
-        if (!channel.mailbox() && !write && !channel.written && channel.start >= reg::kProcessRam)
-            return std::nullopt;
+        if (!channel.mailbox() && !write && !channel.written && channel.start >= reg::kProcessRam) return std::nullopt;
         channel.opened[me] = true;
         if (!channel.mailbox() && !write && channel.fresh) {
             std::swap(channel.read_buffer, channel.latest);
             channel.fresh = false;
         }
-        channel.interrupts &= static_cast<std::uint8_t>(
-            ~(write ? wire::sm_status::kInterruptRead : wire::sm_status::kInterruptWrite));
+        channel.interrupts &=
+            static_cast<std::uint8_t>(~(write ? wire::sm_status::kInterruptRead : wire::sm_status::kInterruptWrite));
         if (side == Side::pdi)
             events.al_clear |= wire::al_event::sync_manager(n);
         else if ((channel.control & wire::sm_control::kEcatInterrupt) != 0)
@@ -159,8 +157,7 @@ void SyncManagers::hand_over(unsigned n, Side side, Events& events) {
         channel.full = false;
     }
     if (side == Side::ecat) {
-        if ((channel.control & wire::sm_control::kPdiInterrupt) != 0)
-            events.al_set |= wire::al_event::sync_manager(n);
+        if ((channel.control & wire::sm_control::kPdiInterrupt) != 0) events.al_set |= wire::al_event::sync_manager(n);
     } else if ((channel.control & wire::sm_control::kEcatInterrupt) != 0) {
         events.ecat_set = static_cast<std::uint16_t>(events.ecat_set | ecat_event::sync_manager(n));
     }
@@ -190,9 +187,7 @@ std::uint8_t SyncManagers::status(unsigned n) const {
         if (channel.mailbox()) {
             if (channel.full) status |= wire::sm_status::kMailboxFull;
         } else {
-            const unsigned last = !channel.written ? 3u
-                                  : channel.fresh  ? channel.latest
-                                                   : channel.read_buffer;
+            const unsigned last = !channel.written ? 3u : channel.fresh ? channel.latest : channel.read_buffer;
             status |= last << 4;
             const auto writer = static_cast<std::size_t>(channel.ecat_writes() ? Side::ecat : Side::pdi);
             if (channel.opened[1 - writer]) status |= wire::sm_status::kReadBufferInUse;

@@ -105,8 +105,8 @@ class SyncManagers {
     RegisterFile* registers_ = nullptr;
     std::uint32_t ram_end_ = 0;
     unsigned count_ = 0;
-    std::uint32_t enabled_ = 0;  // channels in charge of their memory, the locked ones too
-    std::uint32_t closing_ = 0;  // last octet touched in this frame
+    std::uint32_t enabled_ = 0;        // channels in charge of their memory, the locked ones too
+    std::uint32_t closing_ = 0;        // last octet touched in this frame
     mutable std::uint32_t stale_ = 0;  // status octets that do not show yet what has happened
     std::array<Channel, kMaxSyncManagers> channels_{};
 };

@@ -19,8 +19,8 @@ constexpr std::uint16_t kLatchStatus[] = {reg::kLatch0Status.address, reg::kLatc
 constexpr wire::Register kEdges[2][2] = {{reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge},
                                          {reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge}};
 
-// Pulses quicker than a microsecond, which no program could serve, come in bundles of about that length: a cycle time of
-// 1 ns must not stop the simulation.
+// Pulses quicker than a microsecond, which no program could serve, come in bundles of about that length: a cycle time
+// of 1 ns must not stop the simulation.
 std::uint32_t bundle_of(std::uint32_t cycle_ns) {
     constexpr std::uint32_t kLeast = 1000;
     return cycle_ns == 0 || cycle_ns >= kLeast ? 1 : (kLeast + cycle_ns - 1) / cycle_ns;
@@ -81,10 +81,8 @@ std::uint32_t SyncUnit::settle(Time now) {
         if (on_[signal]) {
             pulses_[signal] += signal == 0 ? bundle : 1;
             events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
-            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) ==
-                0)  // held until acknowledged
-                registers_->set<std::uint8_t>(
-                    signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
+            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) == 0)  // held until acknowledged
+                registers_->set<std::uint8_t>(signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
         }
         if (signal == 1) {
             next_[1] = kNever;
@@ -135,9 +133,9 @@ std::uint32_t SyncUnit::was_read(std::uint32_t address, std::size_t length) {
                 const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
                 registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status & ~(1u << edge)));
             }
-    const auto waiting = registers_->get<std::uint8_t>(kLatchStatus[0]) | registers_->get<std::uint8_t>(kLatchStatus[1]);
-    if ((waiting & 0x03) == 0)
-        cleared |= wire::al_event::kDcLatch;
+    const auto waiting =
+        registers_->get<std::uint8_t>(kLatchStatus[0]) | registers_->get<std::uint8_t>(kLatchStatus[1]);
+    if ((waiting & 0x03) == 0) cleared |= wire::al_event::kDcLatch;
     if (meets(address, length, reg::kSync0Status)) {
         registers_->set<std::uint8_t>(reg::kSync0Status.address, 0);
         cleared |= wire::al_event::kDcSync0;

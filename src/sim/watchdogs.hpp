@@ -27,9 +27,7 @@ class Watchdogs {
 
     // What has run out by `now`. Counters and status registers follow.
     Expired settle(Time now);
-    [[nodiscard]] Time next() const {
-        return process_data_.next() < pdi_.next() ? process_data_.next() : pdi_.next();
-    }
+    [[nodiscard]] Time next() const { return process_data_.next() < pdi_.next() ? process_data_.next() : pdi_.next(); }
     [[nodiscard]] bool pdi_alive() const { return !pdi_.expired; }
 
   private:

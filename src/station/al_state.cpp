@@ -31,24 +31,22 @@ Task<Result<AlStatus>> read_al_status(Station station) {
     auto reply = co_await look;
     const Error error = judge(station, reply, Step::read_state, reg::kAlStatus.address);
     if (error.code != Errc::none) co_return error;
-    co_return load_al_status(
-        load_le<std::uint16_t>(bytes) |
-        (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
+    co_return load_al_status(load_le<std::uint16_t>(bytes) |
+                             (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
 }
 
-Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation,
-                                       Duration timeout) {
+Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation, Duration timeout) {
     auto before = co_await read_al_status(station);
     if (!before) co_return before;
     co_return co_await change_al_state_from(station, *before, state, device_emulation, timeout);
 }
 
-Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state,
-                                            bool device_emulation, Duration timeout) {
+Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state, bool device_emulation,
+                                            Duration timeout) {
     const Time give_up = station.engine.now() + timeout;
     const bool acknowledge = before.error && !device_emulation;
-    const auto request = static_cast<std::uint16_t>(static_cast<unsigned>(state) |
-                                                    (acknowledge ? wire::al::kErrorAcknowledge : 0U));
+    const auto request =
+        static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written = co_await write<std::uint16_t>(station, reg::kAlControl, request, Step::request_state);
     if (!written) co_return written.error();
     const Time give_up_old = station.engine.now() + kOldErrorStands;

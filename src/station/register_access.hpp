@@ -27,8 +27,7 @@ struct Station {
 };
 
 // What a reply to a datagram for one station means. errc none: all well.
-[[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step,
-                                 std::uint16_t register_address) {
+[[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step, std::uint16_t register_address) {
     if (!reply.ok()) return station.error(reply.errc, step, register_address);
     if (reply.wkc == 1) return {};
     Error error = station.error(Errc::working_counter, step, register_address);
@@ -44,8 +43,7 @@ class ReadRegister {
         : station_(station),
           address_(address),
           step_(step),
-          datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address},
-                    MutableBytes(bytes_)) {}
+          datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address}, MutableBytes(bytes_)) {}
     bool await_ready() const noexcept { return false; }
     void await_suspend(std::coroutine_handle<> h) noexcept {
         waiter_.handle = h;
@@ -74,8 +72,7 @@ template <class T>
 template <std::size_t N>
 class WriteRegister {
   public:
-    WriteRegister(const Station& station, std::uint16_t address, const std::array<std::byte, N>& bytes,
-                  Step step)
+    WriteRegister(const Station& station, std::uint16_t address, const std::array<std::byte, N>& bytes, Step step)
         : station_(station),
           address_(address),
           step_(step),

@@ -8,9 +8,8 @@ namespace {
 namespace control = wire::sii_control;
 namespace reg = wire::reg;
 
-constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block
-constexpr Duration kWriteTimeout =
-    std::chrono::milliseconds(100);  // for one word; real parts take up to 10 ms
+constexpr Duration kReadTimeout = std::chrono::milliseconds(100);   // for one block
+constexpr Duration kWriteTimeout = std::chrono::milliseconds(100);  // for one word; real parts take up to 10 ms
 constexpr int kNackTries = 3;
 
 constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
@@ -91,8 +90,8 @@ void SiiReader::note_ready(Time sent) {
     sure_ = true;
 }
 
-// When there is a wide gap between "too early" and "late enough", the middle of it is tried next: this finds the EEPROM's
-// time in a few steps.
+// When there is a wide gap between "too early" and "late enough", the middle of it is tried next: this finds the
+// EEPROM's time in a few steps.
 Duration SiiReader::between() const {
     constexpr int kNarrow = 5;
     const Duration gap = known_ready_ - known_busy_;
@@ -148,8 +147,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
             if (++nacks_ >= kNackTries) co_return failure(Errc::sii_nack, at);
             ordered_ = kNone;
         } else if (waiting) {
-            if (!accept(*visit, order, sent) && engine.now() >= give_up)
-                co_return failure(Errc::sii_busy, at);
+            if (!accept(*visit, order, sent) && engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
         } else {
             ordered_ = at;
             ordered_at_ = sent;
@@ -207,8 +205,7 @@ Task<Result<>> write_word(Station station, std::uint32_t word, std::array<std::b
 
 Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
     for (std::size_t i = 0; i + 2 <= data.size(); i += 2) {
-        auto written =
-            co_await write_word(station, word + static_cast<std::uint32_t>(i / 2), {data[i], data[i + 1]});
+        auto written = co_await write_word(station, word + static_cast<std::uint32_t>(i / 2), {data[i], data[i + 1]});
         if (!written) co_return written.error();
     }
     co_return Result<>();
@@ -216,8 +213,8 @@ Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
 
 Task<Result<>> sii_assign(Station station, bool to_pdi) {
     if (!to_pdi) {  // taken by force first: a PDI that holds on to it must let go
-        auto forced = co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat,
-                                                   Step::read_sii);
+        auto forced =
+            co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat, Step::read_sii);
         if (!forced) co_return forced.error();
     }
     auto assigned = co_await write<std::uint8_t>(

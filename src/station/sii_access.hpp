@@ -58,7 +58,7 @@ class SiiReader {
     Duration known_ready_ = Duration::max();  // and one so long after it was not
     Duration wait_{0};                        // from an order to the next visit
     bool idle_ = false;                       // no command is under way, surely
-    bool sure_ = false;  // the next visit will find the block: another one may be ordered along
+    bool sure_ = false;                       // the next visit will find the block: another one may be ordered along
     std::uint8_t nacks_ = 0;
 };
 

@@ -13,7 +13,7 @@ namespace {
 namespace sii = wire::sii;
 
 constexpr unsigned kMostCategories = 64;
-constexpr std::size_t kGeneralWanted = 14;  // up to the E-bus current
+constexpr std::size_t kGeneralWanted = 14;        // up to the E-bus current
 constexpr std::uint32_t kIdentificationWord = 9;  // of the general category: General::identification_address
 constexpr std::size_t kBlockBytes = 8;
 
@@ -90,8 +90,7 @@ class Contents {
     std::uint8_t sync_managers_ = 0;
 };
 
-Error Contents::error(sii::Fault fault, std::uint32_t word, std::uint32_t expected,
-                      std::uint32_t actual) const {
+Error Contents::error(sii::Fault fault, std::uint32_t word, std::uint32_t expected, std::uint32_t actual) const {
     Error e = reader_.station().error(sii::to_errc(fault), Step::parse_sii, static_cast<std::uint16_t>(word));
     e.expected = expected;
     e.actual = actual;
@@ -199,19 +198,16 @@ Task<Result<>> Contents::categories() {
         if (!read_content) co_return read_content;
         take(*place, wanted);
     }
-    co_return chain.fault() == sii::Fault::none ? Result<>()
-                                                : Result<>(error(chain.fault(), chain.header_word()));
+    co_return chain.fault() == sii::Fault::none ? Result<>() : Result<>(error(chain.fault(), chain.header_word()));
 }
 
 Task<Result<>> Contents::name() {
     if (name_ == 0 || strings_.words == 0) co_return Result<>();
     StringPicker picker(name_);
     const std::uint32_t end = strings_.word + strings_.words;
-    for (std::uint32_t word = strings_.word; word < end && !picker.done();
-         word += kBlockBytes / sii::kWordBytes) {
+    for (std::uint32_t word = strings_.word; word < end && !picker.done(); word += kBlockBytes / sii::kWordBytes) {
         std::array<std::byte, kBlockBytes> block{};
-        const auto part =
-            MutableBytes(block).first(std::min<std::size_t>(kBlockBytes, (end - word) * sii::kWordBytes));
+        const auto part = MutableBytes(block).first(std::min<std::size_t>(kBlockBytes, (end - word) * sii::kWordBytes));
         const std::uint32_t next = word + kBlockBytes / sii::kWordBytes;
         auto read_part = co_await reader_.read(word, part, next < end ? next : SiiReader::kNone);
         if (!read_part) co_return read_part;
@@ -219,8 +215,7 @@ Task<Result<>> Contents::name() {
     }
     slave_.name_bytes = static_cast<std::uint8_t>(sii::to_utf8(picker.text(), slave_.name_text).size());
     if (picker.found()) co_return Result<>();
-    co_return error(picker.done() ? sii::Fault::string_missing : sii::Fault::string_past_end, strings_.word,
-                    name_);
+    co_return error(picker.done() ? sii::Fault::string_missing : sii::Fault::string_past_end, strings_.word, name_);
 }
 
 }  // namespace

@@ -8,8 +8,7 @@
 namespace margay::subdevice {
 
 // `to` and `from` hold the octets touched. Whole octets at octet borders are copied as such.
-constexpr void copy_bits(MutableBytes to, std::size_t to_bit, Bytes from, std::size_t from_bit,
-                         std::size_t bits) {
+constexpr void copy_bits(MutableBytes to, std::size_t to_bit, Bytes from, std::size_t from_bit, std::size_t bits) {
     if (to_bit % 8 == 0 && from_bit % 8 == 0) {
         const auto whole = bits / 8;
         std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(from_bit / 8), whole,

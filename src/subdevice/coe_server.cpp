@@ -13,8 +13,7 @@ void CoeServer::start(AlState state, const MailboxRoom& room) {
     if (emergencies_ != nullptr) emergencies_->clear_queue();
 }
 
-std::optional<MailboxErrorCode> CoeServer::receive(const wire::MailboxMessage& message, Outbox& out,
-                                                   Time now) {
+std::optional<MailboxErrorCode> CoeServer::receive(const wire::MailboxMessage& message, Outbox& out, Time now) {
     const auto data = message.data;
     if (data.size() < coe::kHeaderBytes) return MailboxErrorCode::size_too_short;
     switch (coe::load_header(data).service) {

@@ -17,8 +17,7 @@ class CoeServer final : public MailboxServer {
 
     void start(AlState state, const MailboxRoom& room) override;
     void state_changed(AlState state) override { sdo_.state_changed(state); }
-    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
-                                                  Time now) override;
+    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
     [[nodiscard]] bool busy() const override { return sdo_.busy() || information_.busy(); }
     Time step(Outbox& out, Time now) override;
 

@@ -19,8 +19,7 @@ struct MailboxArea {
     std::uint16_t max_bytes = 0;
 
     [[nodiscard]] constexpr bool allows(std::uint16_t bytes) const {
-        return bytes >= (min_bytes != 0 ? min_bytes : size_bytes) &&
-               bytes <= (max_bytes != 0 ? max_bytes : size_bytes);
+        return bytes >= (min_bytes != 0 ? min_bytes : size_bytes) && bytes <= (max_bytes != 0 ? max_bytes : size_bytes);
     }
 };
 
@@ -79,10 +78,9 @@ struct DeviceDescription {
     Duration outputs_wait =
         std::chrono::milliseconds(200);  // SAFEOP→OP: how long first outputs and SYNC0 are waited for
     Duration output_timeout{};           // own watchdog on outputs beside that of the ESC; zero: none
-    Duration free_run_cycle{};  // the application hook is called at least this often without DC; zero: only
-                                // with process data
-    unsigned sync_error_limit =
-        4;  // DC: so many SYNC0 in a row without new outputs end OP; 0: any number is borne
+    Duration free_run_cycle{};           // the application hook is called at least this often without DC; zero: only
+                                         // with process data
+    unsigned sync_error_limit = 4;  // DC: so many SYNC0 in a row without new outputs end OP; 0: any number is borne
     std::int16_t ebus_current_ma = 0;
     std::uint8_t drive_axes = 0;  // of CiA 402, for the SII
     bool complete_access = true;

@@ -41,14 +41,11 @@ std::uint32_t Device::interrupt(Time now) {
     process_data_.serve(now, events);
     auto left = events & background_events();
     if (outputs_came()) left |= al_event::kAlControl;  // the transition that waits for them is step()'s
-    if (left != 0)
-        write_register(esc_, reg::kAlEventMask.address, process_data_.events());  // until step() has been
+    if (left != 0) write_register(esc_, reg::kAlEventMask.address, process_data_.events());  // until step() has been
     return left;
 }
 
-bool Device::outputs_came() const {
-    return outputs_until_ != kNever && process_data_.missing() == AlStatusCode::none;
-}
+bool Device::outputs_came() const { return outputs_until_ != kNever && process_data_.missing() == AlStatusCode::none; }
 
 std::uint32_t Device::background_events() const {
     if (run_mode_ != RunMode::interrupts) return 0;

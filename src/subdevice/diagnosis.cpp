@@ -117,9 +117,7 @@ HookAnswer before_write(const ObjectAccess& access, Bytes data) {
 
 void after_write(const ObjectAccess& access) { access.application->diagnosis()->written(access.subindex); }
 
-MutableBytes memory(const ObjectAccess& access) {
-    return access.application->diagnosis()->field(access.subindex);
-}
+MutableBytes memory(const ObjectAccess& access) { return access.application->diagnosis()->field(access.subindex); }
 
 }  // namespace diagnosis_history
 

@@ -9,8 +9,7 @@ namespace margay::subdevice {
 enum class DiagnosisType : std::uint8_t { information = 0, warning = 1, error = 2 };
 
 struct DiagnosisMessage {
-    std::uint32_t code =
-        0;  // 0xE8xxyyyy: manufacturer's; low half the emergency error code where there is one
+    std::uint32_t code = 0;  // 0xE8xxyyyy: manufacturer's; low half the emergency error code where there is one
     DiagnosisType type = DiagnosisType::information;
     std::uint16_t text_id = 0;
     std::uint64_t time_stamp_ns = 0;

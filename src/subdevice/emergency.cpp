@@ -16,8 +16,7 @@ bool Emergencies::raise(const EmergencyMessage& message) {
     error_register_ = message.error_register;
     if (message.error_code != 0 && history_.size() >= kLineBytes) {
         const auto lines = history_.size() / kLineBytes;
-        std::copy_backward(history_.begin(),
-                           history_.begin() + static_cast<std::ptrdiff_t>((lines - 1) * kLineBytes),
+        std::copy_backward(history_.begin(), history_.begin() + static_cast<std::ptrdiff_t>((lines - 1) * kLineBytes),
                            history_.begin() + static_cast<std::ptrdiff_t>(lines * kLineBytes));
         // Error code, and the first two octets of the manufacturer's as additional information.
         store_le(history_, 0, message.error_code);

@@ -1,5 +1,5 @@
-// The ESC as the slave stack needs it: memory behind the PDI. On hardware an SPI or bus driver, in the simulation the PDI side of
-// a simulated ESC.
+// The ESC as the slave stack needs it: memory behind the PDI. On hardware an SPI or bus driver, in the simulation the
+// PDI side of a simulated ESC.
 //
 // To port: derive and implement the three functions. Reads and writes happen in order, are never split and never wait
 // for the master. Addresses are ESC addresses (registers below 0x1000, process memory from there).

@@ -13,8 +13,8 @@ namespace al = wire::al;
 namespace {
 
 constexpr bool known(AlState state) {
-    return state == AlState::init || state == AlState::preop || state == AlState::boot ||
-           state == AlState::safeop || state == AlState::op;
+    return state == AlState::init || state == AlState::preop || state == AlState::boot || state == AlState::safeop ||
+           state == AlState::op;
 }
 
 constexpr bool has_mailboxes(const DeviceDescription& device) {
@@ -25,12 +25,10 @@ constexpr bool has_process_data(AlState state) { return state == AlState::safeop
 
 // BOOT is entered from and left to INIT only; upwards goes one state at a time, downwards as far as wanted.
 constexpr bool allowed(Transition t) {
-    if (t.from == AlState::boot || t.to == AlState::boot)
-        return t.from == AlState::init || t.to == AlState::init;
+    if (t.from == AlState::boot || t.to == AlState::boot) return t.from == AlState::init || t.to == AlState::init;
     if (t.to < t.from) return true;
     return (t.from == AlState::init && t.to == AlState::preop) ||
-           (t.from == AlState::preop && t.to == AlState::safeop) ||
-           (t.from == AlState::safeop && t.to == AlState::op);
+           (t.from == AlState::preop && t.to == AlState::safeop) || (t.from == AlState::safeop && t.to == AlState::op);
 }
 
 // For "lower or equal": BOOT ranks with PREOP, beside the ladder.
@@ -76,8 +74,7 @@ void Esm::control(std::uint16_t al_control, Time now) {
 void Esm::request(AlState to, Time now) {
     const Transition transition{status_.state, to};
     if (!known(to)) return refuse(AlStatusCode::unknown_requested_state);
-    if (to == AlState::boot && !device_.boot_mailbox.present())
-        return refuse(AlStatusCode::bootstrap_not_supported);
+    if (to == AlState::boot && !device_.boot_mailbox.present()) return refuse(AlStatusCode::bootstrap_not_supported);
     if (to == status_.state) return write_status();
     if (!allowed(transition)) return refuse(AlStatusCode::invalid_requested_state_change);
 
@@ -152,8 +149,8 @@ void Esm::drop_pending() {
 void Esm::watch_sync_managers(Time now) {
     const bool boot = status_.state == AlState::boot;
     if (has_mailbox(status_.state)) {
-        const auto otherwise = boot ? AlStatusCode::invalid_boot_mailbox_configuration
-                                    : AlStatusCode::invalid_mailbox_configuration;
+        const auto otherwise =
+            boot ? AlStatusCode::invalid_boot_mailbox_configuration : AlStatusCode::invalid_mailbox_configuration;
         const auto fault = check_mailboxes(esc_, boot ? device_.boot_mailbox : device_.mailbox, otherwise);
         if (fault != AlStatusCode::none) return fall_back(AlState::init, fault, now);
     }

@@ -24,9 +24,7 @@ struct Transition {
 class Verdict {
   public:
     [[nodiscard]] static constexpr Verdict go() { return {Kind::go, AlStatusCode::none, kNever}; }
-    [[nodiscard]] static constexpr Verdict wait(Time again) {
-        return {Kind::wait, AlStatusCode::none, again};
-    }
+    [[nodiscard]] static constexpr Verdict wait(Time again) { return {Kind::wait, AlStatusCode::none, again}; }
     [[nodiscard]] static constexpr Verdict refuse(AlStatusCode why) { return {Kind::refuse, why, kNever}; }
 
     [[nodiscard]] constexpr bool goes() const { return kind_ == Kind::go; }

@@ -18,8 +18,8 @@ namespace {
 // Interrupt and watchdog bits of the control octet are the master's business: some write the SII's value,
 // others their own.
 bool mailbox_fits(const SyncManager& sm, const MailboxArea& area, bool ecat_writes) {
-    return sm.enabled() && sm.mailbox() && sm.ecat_writes() == ecat_writes &&
-           sm.physical_start == area.start && area.allows(sm.length_bytes);
+    return sm.enabled() && sm.mailbox() && sm.ecat_writes() == ecat_writes && sm.physical_start == area.start &&
+           area.allows(sm.length_bytes);
 }
 
 bool overlap(const SyncManager& a, const SyncManager& b) {
@@ -34,10 +34,8 @@ AlStatusCode check_area(EscAccess& esc, const ProcessDataArea& area, std::uint16
     if (bytes == 0) return sm.enabled() && sm.length_bytes != 0 ? otherwise : AlStatusCode::none;
     if (!sm.enabled() || sm.length_bytes != bytes || sm.physical_start != area.start) return otherwise;
     const auto mode = sm.control & wire::sm_control::kModeMask;
-    const auto expected_mode =
-        area.three_buffers ? wire::sm_control::kModeBuffered : wire::sm_control::kModeMailbox;
-    if (mode != expected_mode || sm.ecat_writes() != ecat_writes)
-        return AlStatusCode::invalid_sync_manager_types;
+    const auto expected_mode = area.three_buffers ? wire::sm_control::kModeBuffered : wire::sm_control::kModeMailbox;
+    if (mode != expected_mode || sm.ecat_writes() != ecat_writes) return AlStatusCode::invalid_sync_manager_types;
     return AlStatusCode::none;
 }
 
@@ -47,19 +45,17 @@ AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStat
     if (!expected.present()) return AlStatusCode::none;
     const auto receive = read_sync_manager(esc, 0);
     const auto send = read_sync_manager(esc, 1);
-    const bool fits = mailbox_fits(receive, expected.receive, true) &&
-                      mailbox_fits(send, expected.send, false) && !overlap(receive, send);
+    const bool fits = mailbox_fits(receive, expected.receive, true) && mailbox_fits(send, expected.send, false) &&
+                      !overlap(receive, send);
     return fits ? AlStatusCode::none : otherwise;
 }
 
-AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
-                                const ProcessDataSizes& sizes) {
+AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
     if (sizes.fault != AlStatusCode::none) return sizes.fault;
-    const auto outputs = check_area(esc, device.outputs, sizes.outputs_bytes, true,
-                                    AlStatusCode::invalid_output_configuration);
+    const auto outputs =
+        check_area(esc, device.outputs, sizes.outputs_bytes, true, AlStatusCode::invalid_output_configuration);
     if (outputs != AlStatusCode::none) return outputs;
-    return check_area(esc, device.inputs, sizes.inputs_bytes, false,
-                      AlStatusCode::invalid_input_configuration);
+    return check_area(esc, device.inputs, sizes.inputs_bytes, false, AlStatusCode::invalid_input_configuration);
 }
 
 AlStatusCode check_watchdog(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
@@ -78,8 +74,7 @@ AlStatusCode check_dc(EscAccess& esc, const DcDescription& dc) {
     if (!cyclic) return dc.required ? AlStatusCode::invalid_dc_sync_configuration : AlStatusCode::none;
     if (!dc.supported || !sync0 || (dc.sync1 && !sync1)) return AlStatusCode::invalid_dc_sync_configuration;
     const Duration cycle{read_register<std::uint32_t>(esc, reg::kSync0CycleTime.address)};
-    if (cycle == Duration::zero() || cycle < dc.min_cycle ||
-        (dc.max_cycle != Duration::zero() && cycle > dc.max_cycle))
+    if (cycle == Duration::zero() || cycle < dc.min_cycle || (dc.max_cycle != Duration::zero() && cycle > dc.max_cycle))
         return AlStatusCode::invalid_dc_sync0_cycle_time;
     return AlStatusCode::none;
 }

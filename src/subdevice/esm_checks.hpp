@@ -14,8 +14,7 @@ namespace margay::subdevice {
 
 // SM0 and SM1 against the mailboxes of PREOP (or of BOOT): start, size, mode, direction, enabled. `otherwise`
 // is the code.
-[[nodiscard]] AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected,
-                                           AlStatusCode otherwise);
+[[nodiscard]] AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStatusCode otherwise);
 
 // The sync managers of process data against the description and the sizes of the mapping.
 [[nodiscard]] AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,

@@ -20,8 +20,7 @@ void FoeServer::end() {
     transfer_ = Transfer::none;
 }
 
-std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& message, Outbox& out,
-                                                   Time now) {
+std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& message, Outbox& out, Time now) {
     const auto data = message.data;
     if (data.size() < foe::kHeaderBytes) return MailboxErrorCode::size_too_short;
     if (out.open().size() <= foe::kHeaderBytes) return MailboxErrorCode::no_more_memory;
@@ -102,8 +101,7 @@ void FoeServer::acknowledged(std::uint32_t packet, Outbox& out, Time now) {
 
 void FoeServer::arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now) {
     if (transfer_ != Transfer::write) return fail(FoeError::illegal, out);
-    if (packet == packet_ && packet != 0 && !finishing_)
-        return send_acknowledge(out);  // our acknowledge was lost
+    if (packet == packet_ && packet != 0 && !finishing_) return send_acknowledge(out);  // our acknowledge was lost
     if (packet != packet_ + 1) return fail(FoeError::wrong_packet_number, out);
     if (!finishing_) {
         const auto answer = store_.write(offset_, data, now);

@@ -63,8 +63,7 @@ class FoeStore {
     [[nodiscard]] virtual FoeAnswer open_to_read(const FoeFile& file, Time now) = 0;
     // Puts octets from `offset` on into `into` and their number into `bytes`; less than into.size() is the
     // end of the file. The same offset may be asked for twice.
-    [[nodiscard]] virtual FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes,
-                                         Time now) = 0;
+    [[nodiscard]] virtual FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes, Time now) = 0;
 
     [[nodiscard]] virtual FoeAnswer open_to_write(const FoeFile& file, Time now) = 0;
     // busy(): nothing was taken, the same data come again.
@@ -85,8 +84,7 @@ class FoeServer final : public MailboxServer {
 
     void start(AlState state, const MailboxRoom& room) override;
     void state_changed(AlState state) override { state_ = state; }
-    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
-                                                  Time now) override;
+    std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
 
   private:
     enum class Transfer : std::uint8_t { none, read, write };

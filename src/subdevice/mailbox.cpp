@@ -98,14 +98,12 @@ void Mailbox::watch_repeat() {
     const bool acknowledged = (pdi_control & wire::sm_pdi_control::kRepeatAcknowledge) != 0;
     if (request == acknowledged) return;
 
-    const auto address =
-        static_cast<std::uint16_t>(reg::sync_manager(1).address + Layout::pdi_control::offset);
+    const auto address = static_cast<std::uint16_t>(reg::sync_manager(1).address + Layout::pdi_control::offset);
     const auto acknowledge = request ? wire::sm_pdi_control::kRepeatAcknowledge : std::uint8_t{0};
     if (kept_ != 0) {
         if (boxed_ != 0)  // taking SM1 away and giving it back is what empties it
-            write_register(
-                esc_, address,
-                static_cast<std::uint8_t>((pdi_control & ~1u) | wire::sm_pdi_control::kDeactivate));
+            write_register(esc_, address,
+                           static_cast<std::uint8_t>((pdi_control & ~1u) | wire::sm_pdi_control::kDeactivate));
         if (boxed_ != 0) write_register(esc_, address, static_cast<std::uint8_t>(pdi_control & ~1u));
         queued_ += kept_ + boxed_;
         kept_ = boxed_ = 0;
@@ -130,8 +128,7 @@ void Mailbox::put_next() {
 
 // Takes a message out of SM0 when there is one and room for its reply. True: one is in rx_.
 bool Mailbox::fetch() {
-    if (received_bytes_ != 0 || used() == slots_ || (status(0) & wire::sm_status::kMailboxFull) == 0)
-        return false;
+    if (received_bytes_ != 0 || used() == slots_ || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
     const std::size_t size = receive_.length_bytes;
     esc_.read(receive_.physical_start, rx_.first(wire::kMailboxHeaderBytes));
     const auto announced = wire::kMailboxHeaderBytes + wire::load_mailbox_header(rx_).length;
@@ -140,8 +137,7 @@ bool Mailbox::fetch() {
         esc_.read(static_cast<std::uint16_t>(receive_.physical_start + wire::kMailboxHeaderBytes),
                   rx_.subspan(wire::kMailboxHeaderBytes, bytes - wire::kMailboxHeaderBytes));
     if (bytes < size)  // the last octet is what empties the mailbox
-        (void)read_register<std::uint8_t>(esc_,
-                                          static_cast<std::uint16_t>(receive_.physical_start + size - 1));
+        (void)read_register<std::uint8_t>(esc_, static_cast<std::uint16_t>(receive_.physical_start + size - 1));
     received_bytes_ = bytes;
     ++counters_.received;
     return true;
@@ -192,10 +188,9 @@ MutableBytes Mailbox::open() {
 
 void Mailbox::commit(MailboxType type, std::size_t bytes, std::uint16_t address) {
     last_sent_ = wire::next_mailbox_counter(last_sent_);
-    wire::store_mailbox_header(slot(used()), {.length = static_cast<std::uint16_t>(bytes),
-                                              .address = address,
-                                              .type = type,
-                                              .counter = last_sent_});
+    wire::store_mailbox_header(
+        slot(used()),
+        {.length = static_cast<std::uint16_t>(bytes), .address = address, .type = type, .counter = last_sent_});
     ++queued_;
 }
 

@@ -37,8 +37,7 @@ class Mailbox final : public Outbox {
         : Mailbox(esc, memory.receive, memory.send, protocols) {}
 
     // `send` holds as many slots as `receive` fits into it, at least two.
-    Mailbox(EscAccess& esc, MutableBytes receive, MutableBytes send,
-            std::span<const MailboxProtocol> protocols)
+    Mailbox(EscAccess& esc, MutableBytes receive, MutableBytes send, std::span<const MailboxProtocol> protocols)
         : esc_(esc), protocols_(protocols), rx_(receive), tx_(send), slots_(send.size() / receive.size()) {}
 
     // Do the mailboxes fit the memory, as the sync managers are configured now?
@@ -69,9 +68,7 @@ class Mailbox final : public Outbox {
     void reply_error(wire::MailboxErrorCode code);
     void forget();
     [[nodiscard]] MailboxServer* server_of(wire::MailboxType type) const;
-    [[nodiscard]] bool serves(const MailboxProtocol& line) const {
-        return state_ != AlState::boot || line.in_boot;
-    }
+    [[nodiscard]] bool serves(const MailboxProtocol& line) const { return state_ != AlState::boot || line.in_boot; }
     [[nodiscard]] std::size_t used() const { return kept_ + boxed_ + queued_; }
     [[nodiscard]] MutableBytes slot(std::size_t n) const {
         return tx_.subspan((first_ + n) % slots_ * rx_.size(), rx_.size());

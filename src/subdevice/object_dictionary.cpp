@@ -19,10 +19,9 @@ void ObjectDictionary::restore_defaults(std::uint16_t access) {
             for (unsigned n = entry.subindex; n <= entry.last(); ++n) {
                 const auto memory = in_image(entry, n);
                 for (std::size_t i = 0; i < memory.size(); ++i) {
-                    const auto octet = i < 8 && entry.text.empty()
-                                           ? static_cast<std::uint8_t>(entry.initial >> (8 * i))
-                                       : i < entry.text.size() ? static_cast<std::uint8_t>(entry.text[i])
-                                                               : std::uint8_t{0};
+                    const auto octet = i < 8 && entry.text.empty() ? static_cast<std::uint8_t>(entry.initial >> (8 * i))
+                                       : i < entry.text.size()     ? static_cast<std::uint8_t>(entry.text[i])
+                                                                   : std::uint8_t{0};
                     memory[i] = std::byte{octet};
                 }
             }
@@ -31,8 +30,7 @@ void ObjectDictionary::restore_defaults(std::uint16_t access) {
 
 MutableBytes ObjectDictionary::in_image(const Entry& entry, unsigned subindex) const {
     if (entry.storage != Storage::image) return {};
-    return image_.subspan(entry.offset + std::size_t{subindex - entry.subindex} * entry.bytes(),
-                          entry.bytes());
+    return image_.subspan(entry.offset + std::size_t{subindex - entry.subindex} * entry.bytes(), entry.bytes());
 }
 
 std::uint64_t ObjectDictionary::number(std::uint16_t index, unsigned subindex) const {

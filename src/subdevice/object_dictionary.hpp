@@ -38,8 +38,7 @@ namespace od {
 using namespace wire::coe::access;
 inline constexpr std::uint16_t kReadOnly = kRead;
 inline constexpr std::uint16_t kReadWrite = kRead | kWrite;
-inline constexpr std::uint16_t kReadWritePreop =
-    kRead | kWritePreop;  // settings that must not change under way
+inline constexpr std::uint16_t kReadWritePreop = kRead | kWritePreop;  // settings that must not change under way
 }  // namespace od
 
 enum class Storage : std::uint8_t {
@@ -124,8 +123,8 @@ struct HookAnswer {
 // Called from within Device::step(), in the order of the members. Any of them may be null.
 struct ObjectHooks {
     HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // the value may be brought up to date
-    HookAnswer (*before_write)(const ObjectAccess&, Bytes data) =
-        nullptr;  // `data` as a complete access would carry it, or one value
+    HookAnswer (*before_write)(const ObjectAccess&,
+                               Bytes data) = nullptr;    // `data` as a complete access would carry it, or one value
     void (*after_write)(const ObjectAccess&) = nullptr;  // the value is in place
     // Storage::provided: the value at its present length; for a write the room there is for it.
     MutableBytes (*memory)(const ObjectAccess&) = nullptr;
@@ -147,9 +146,7 @@ struct Object {
             if (subindex >= e.subindex && subindex <= e.last()) return &e;
         return nullptr;
     }
-    [[nodiscard]] constexpr unsigned max_subindex() const {
-        return entries.empty() ? 0 : entries.back().last();
-    }
+    [[nodiscard]] constexpr unsigned max_subindex() const { return entries.empty() ? 0 : entries.back().last(); }
 };
 
 // ------------------------------------------------------------------ building tables
@@ -189,20 +186,18 @@ template <class F>
 
 // A number of `bits` (1 to 8) in an octet of its own: BOOLEAN, or BIT2 and so on.
 template <class F>
-requires std::same_as<typename F::Type, std::uint8_t>
+    requires std::same_as<typename F::Type, std::uint8_t>
 [[nodiscard]] constexpr Entry flag(std::uint8_t subindex, std::string_view name, std::uint16_t access,
                                    unsigned bits = 1, std::uint8_t initial = 0) {
     Entry e = value<F>(subindex, name, access, initial);
-    e.type = bits == 1 ? DataType::boolean
-                       : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
+    e.type = bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
     e.bits = bits;
     return e;
 }
 
 // Octets in the image: strings (padded with zeros), domains and all other types.
-[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, std::string_view name, DataType type,
-                                     std::uint16_t access, std::size_t offset, std::size_t bytes,
-                                     std::string_view initial = {}) {
+[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, std::string_view name, DataType type, std::uint16_t access,
+                                     std::size_t offset, std::size_t bytes, std::string_view initial = {}) {
     return {.subindex = subindex,
             .storage = Storage::image,
             .type = type,
@@ -237,14 +232,10 @@ template <class T>
 }
 
 // A value that lives where ObjectHooks::memory says. `bits` is its usual length, 0 when that varies.
-[[nodiscard]] constexpr Entry provided(std::uint8_t subindex, std::string_view name, DataType type,
-                                       std::uint32_t bits, std::uint16_t access) {
-    return {.subindex = subindex,
-            .storage = Storage::provided,
-            .type = type,
-            .access = access,
-            .bits = bits,
-            .name = name};
+[[nodiscard]] constexpr Entry provided(std::uint8_t subindex, std::string_view name, DataType type, std::uint32_t bits,
+                                       std::uint16_t access) {
+    return {
+        .subindex = subindex, .storage = Storage::provided, .type = type, .access = access, .bits = bits, .name = name};
 }
 
 [[nodiscard]] constexpr Entry padding(std::uint8_t subindex, std::uint32_t bits) {
@@ -252,21 +243,18 @@ template <class T>
 }
 
 // Subindex 0 of arrays and records.
-[[nodiscard]] constexpr Entry entry_count(std::uint8_t n) {
-    return constant<std::uint8_t>(0, "SubIndex 000", n);
-}
+[[nodiscard]] constexpr Entry entry_count(std::uint8_t n) { return constant<std::uint8_t>(0, "SubIndex 000", n); }
 
-[[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name,
-                                        std::span<const Entry> entry, const ObjectHooks* hooks = nullptr) {
+[[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name, std::span<const Entry> entry,
+                                        const ObjectHooks* hooks = nullptr) {
     return {index, ObjectCode::variable, entry.front().type, name, entry, hooks};
 }
-[[nodiscard]] constexpr Object array(std::uint16_t index, std::string_view name,
-                                     std::span<const Entry> entries, const ObjectHooks* hooks = nullptr) {
+[[nodiscard]] constexpr Object array(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
+                                     const ObjectHooks* hooks = nullptr) {
     return {index, ObjectCode::array, entries.back().type, name, entries, hooks};
 }
-[[nodiscard]] constexpr Object record(std::uint16_t index, std::string_view name,
-                                      std::span<const Entry> entries, const ObjectHooks* hooks = nullptr,
-                                      DataType type = DataType::none) {
+[[nodiscard]] constexpr Object record(std::uint16_t index, std::string_view name, std::span<const Entry> entries,
+                                      const ObjectHooks* hooks = nullptr, DataType type = DataType::none) {
     return {index, ObjectCode::record, type, name, entries, hooks};
 }
 
@@ -282,10 +270,8 @@ template <class T>
             if (e.count == 0 || e.subindex < next || e.last() > 255) return false;
             next = e.last() + 1;
             if (e.limited && e.minimum > e.maximum) return false;
-            if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes)
-                return false;
-            if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr))
-                return false;
+            if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes) return false;
+            if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr)) return false;
         }
         if (o.code != ObjectCode::variable && (o.entries.front().count != 1 || o.entries.front().bits != 8))
             return false;
@@ -334,9 +320,8 @@ class ObjectDictionary {
 
 // Entries of 0x1018 and 0x1C00. Record types: DataType::identity, and array of UNSIGNED8.
 [[nodiscard]] constexpr std::array<Entry, 5> identity_entries(const DeviceDescription& d) {
-    return {entry_count(4), constant(1, "Vendor ID", d.vendor_id),
-            constant(2, "Product code", d.product_code), constant(3, "Revision", d.revision),
-            constant(4, "Serial number", d.serial)};
+    return {entry_count(4), constant(1, "Vendor ID", d.vendor_id), constant(2, "Product code", d.product_code),
+            constant(3, "Revision", d.revision), constant(4, "Serial number", d.serial)};
 }
 
 // Types of SM0 to SM3: mailbox out, mailbox in, process data out, process data in; 0 where the device has no

@@ -17,8 +17,8 @@ Abort check_access(std::uint16_t access, std::uint16_t all, AlState state, Abort
 
 constexpr bool is_signed(DataType type) {
     using enum DataType;
-    return type == integer8 || type == integer16 || type == integer24 || type == integer32 ||
-           type == integer40 || type == integer48 || type == integer56 || type == integer64;
+    return type == integer8 || type == integer16 || type == integer24 || type == integer32 || type == integer40 ||
+           type == integer48 || type == integer56 || type == integer64;
 }
 
 ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
@@ -28,9 +28,7 @@ ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
 }
 
 // Bits before an entry that comes at `bit`: entries of an octet and more begin at an octet.
-constexpr std::size_t aligned(std::size_t bit, const Entry& entry) {
-    return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit;
-}
+constexpr std::size_t aligned(std::size_t bit, const Entry& entry) { return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit; }
 
 // Calls f(entry, subindex, first bit) for every subindex from `from` to `top`; returns the bits of all.
 template <class F>
@@ -67,8 +65,7 @@ Abort check_writable(const Entry& entry, AlState state) {
 
 Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratch) {
     switch (entry.storage) {
-        case Storage::nothing:
-            return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
+        case Storage::nothing: return Bytes(scratch).first(std::min<std::size_t>(entry.bytes(), scratch.size()));
         case Storage::constant:
             store_le(MutableBytes(scratch), 0, entry.initial);
             return Bytes(scratch).first(entry.bytes());
@@ -108,12 +105,10 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     auto writing = access;
     writing.write = true;
-    const auto memory = entry.storage == Storage::provided
-                            ? access.object.hooks->memory(writing)
-                            : access.dictionary.in_image(entry, access.subindex);
+    const auto memory = entry.storage == Storage::provided ? access.object.hooks->memory(writing)
+                                                           : access.dictionary.in_image(entry, access.subindex);
     const auto bytes = std::min(memory.size(), data.size());
-    if (memory.data() != data.data())
-        std::copy_n(data.begin(), bytes, memory.begin());  // a stream is in place already
+    if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());  // a stream is in place already
     std::fill(memory.begin() + static_cast<std::ptrdiff_t>(bytes), memory.end(), std::byte{0});
     if (entry.bits > 0 && entry.bits < 8 && !memory.empty())
         memory[0] &= static_cast<std::byte>((1u << entry.bits) - 1u);
@@ -133,19 +128,18 @@ Gathered gather(const ObjectAccess& access, MutableBytes into) {
     std::fill_n(into.begin(), bytes, std::byte{0});
     bool any = false;
     auto why = Abort::none;
-    for_each_complete(access.object, access.subindex, top,
-                      [&](const Entry& entry, unsigned n, std::size_t bit) {
-                          if (entry.is_padding()) return;
-                          const auto refused = check_readable(entry, access.state);
-                          if (refused != Abort::none) {
-                              why = why == Abort::none ? refused : why;
-                              return;  // stays zero
-                          }
-                          any = true;
-                          Scratch scratch{};
-                          const auto value = view_value(at(access, n), entry, scratch);
-                          copy_bits(into, bit, value, 0, std::min<std::size_t>(entry.bits, value.size() * 8));
-                      });
+    for_each_complete(access.object, access.subindex, top, [&](const Entry& entry, unsigned n, std::size_t bit) {
+        if (entry.is_padding()) return;
+        const auto refused = check_readable(entry, access.state);
+        if (refused != Abort::none) {
+            why = why == Abort::none ? refused : why;
+            return;  // stays zero
+        }
+        any = true;
+        Scratch scratch{};
+        const auto value = view_value(at(access, n), entry, scratch);
+        copy_bits(into, bit, value, 0, std::min<std::size_t>(entry.bits, value.size() * 8));
+    });
     if (!any && why != Abort::none) return {why};
     return {Abort::none, bytes};
 }
@@ -188,8 +182,7 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
 void scatter(const ObjectAccess& access, Bytes data) {
     for_each_complete(access.object, access.subindex, access.object.max_subindex(),
                       [&](const Entry& entry, unsigned n, std::size_t bit) {
-                          if (entry.is_padding() || check_writable(entry, access.state) != Abort::none)
-                              return;
+                          if (entry.is_padding() || check_writable(entry, access.state) != Abort::none) return;
                           if (bit + (n == 0 ? 16 : entry.bits) > data.size() * 8) return;
                           if (entry.bits >= 8)
                               return store_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));

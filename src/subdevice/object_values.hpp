@@ -11,8 +11,8 @@ using Scratch = std::array<std::byte, 8>;
 
 // Strings and domains: a download may be shorter than the entry.
 [[nodiscard]] constexpr bool varies(DataType type) {
-    return type == DataType::visible_string || type == DataType::octet_string ||
-           type == DataType::unicode_string || type == DataType::domain;
+    return type == DataType::visible_string || type == DataType::octet_string || type == DataType::unicode_string ||
+           type == DataType::domain;
 }
 
 // May the entry be read, or written, in this state?

@@ -147,8 +147,7 @@ HookAnswer mapping(const ObjectAccess& access, Bytes data) {
     std::size_t bits = 0;
     for (unsigned n = 1; n <= count; ++n) {
         const auto entry = MappingEntry::of(after.value(n));
-        if (const auto wrong = check_mappable(access.dictionary, entry, outputs); wrong != Abort::none)
-            return wrong;
+        if (const auto wrong = check_mappable(access.dictionary, entry, outputs); wrong != Abort::none) return wrong;
         bits += entry.bits;
     }
     return bits > max_bits(access, outputs) ? Abort::exceeds_pdo : Abort::none;

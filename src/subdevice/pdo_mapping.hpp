@@ -64,8 +64,7 @@ class PdoMapping {
 
     // Reads assignment and mapping. Abort::exceeds_pdo: more entries than there is memory for, or more than
     // `max_bytes`.
-    [[nodiscard]] Abort build(const ObjectDictionary& dictionary, std::uint16_t assignment,
-                              std::size_t max_bytes);
+    [[nodiscard]] Abort build(const ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
 
     [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
     [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
@@ -94,12 +93,9 @@ inline constexpr ObjectHooks kPdoMappingHooks{.before_write = pdo_rules::mapping
 inline constexpr ObjectHooks kPdoAssignmentHooks{.before_write = pdo_rules::assignment};
 
 // Fixed objects: mapping and assignment as constants.
-[[nodiscard]] constexpr Entry mapped(std::uint8_t n, std::uint16_t index, std::uint8_t subindex,
-                                     std::uint8_t bits) {
+[[nodiscard]] constexpr Entry mapped(std::uint8_t n, std::uint16_t index, std::uint8_t subindex, std::uint8_t bits) {
     return constant(n, "Mapping entry", MappingEntry{index, subindex, bits}.word());
 }
-[[nodiscard]] constexpr Entry assigned(std::uint8_t n, std::uint16_t pdo) {
-    return constant(n, "Assigned PDO", pdo);
-}
+[[nodiscard]] constexpr Entry assigned(std::uint8_t n, std::uint16_t pdo) { return constant(n, "Assigned PDO", pdo); }
 
 }  // namespace margay::subdevice

@@ -15,14 +15,11 @@ namespace {
 constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // where SM2 raises no events
 constexpr int kLostSyncs = 3;                                  // so many SYNC0 cycles without one: it is gone
 
-AlStatusCode mapping_fault(Abort abort, AlStatusCode code) {
-    return abort == Abort::none ? AlStatusCode::none : code;
-}
+AlStatusCode mapping_fault(Abort abort, AlStatusCode code) { return abort == Abort::none ? AlStatusCode::none : code; }
 
 std::uint8_t sm_status_of(EscAccess& esc, unsigned n) {
     return read_register<std::uint8_t>(
-        esc,
-        static_cast<std::uint16_t>(reg::sync_manager(n).address + wire::SyncManagerLayout::status::offset));
+        esc, static_cast<std::uint16_t>(reg::sync_manager(n).address + wire::SyncManagerLayout::status::offset));
 }
 
 }  // namespace
@@ -41,8 +38,8 @@ ProcessDataSizes ProcessData::sizes() {
     }
     if (input_mapped_ && sizes_.fault == AlStatusCode::none) {
         const auto room = std::min<std::size_t>(device.inputs.max_bytes, inputs_.size());
-        sizes_.fault = mapping_fault(input_map_.build(dictionary_, kInputAssignment, room),
-                                     AlStatusCode::invalid_input_mapping);
+        sizes_.fault =
+            mapping_fault(input_map_.build(dictionary_, kInputAssignment, room), AlStatusCode::invalid_input_mapping);
         sizes_.inputs_bytes = input_map_.bytes();
     }
     if (sizes_.outputs_bytes > outputs_.size() || sizes_.inputs_bytes > inputs_.size())
@@ -54,13 +51,12 @@ void ProcessData::start(Time now) {
     const auto& device = application_.description();
     const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
     constexpr auto kBoth = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
-    mode_ =
-        device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
+    mode_ = device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
     sync_cycle_ = Duration{read_register<std::uint32_t>(esc_, reg::kSync0CycleTime.address)};
     outputs_seen_ = sync_seen_ = outputs_valid_ = false;
     missed_ = 0;
-    silent_ = has_outputs() && (read_sync_manager(esc_, device.outputs.sync_manager).control &
-                                wire::sm_control::kPdiInterrupt) == 0;
+    silent_ = has_outputs() &&
+              (read_sync_manager(esc_, device.outputs.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
     running_ = true;
     last_sync_ = now;
     next_cycle_ = kNever;
@@ -177,8 +173,7 @@ void ProcessData::serve(Time now, std::uint32_t events) {
     }
     if (outputs) return process(part::kAll, now);
     const bool fetched =
-        !has_outputs() &&
-        (events & al_event::sync_manager(application_.description().inputs.sync_manager)) != 0;
+        !has_outputs() && (events & al_event::sync_manager(application_.description().inputs.sync_manager)) != 0;
     if (fetched || next_cycle_ <= now) process(part::kApplication | part::kInputs, now);
 }
 

@@ -65,9 +65,7 @@ class ProcessData {
     // What is wrong, if anything, and when it wants to be asked again.
     [[nodiscard]] AlStatusCode watch(Time now, std::uint32_t events);
     [[nodiscard]] Time watch_deadline() const;
-    [[nodiscard]] Time serve_deadline() const {
-        return running_ ? std::min(next_cycle_, next_poll_) : kNever;
-    }
+    [[nodiscard]] Time serve_deadline() const { return running_ ? std::min(next_cycle_, next_poll_) : kNever; }
 
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }

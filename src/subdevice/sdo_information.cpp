@@ -64,8 +64,7 @@ void SdoInformation::list(std::uint16_t type, Outbox& out) {
     next_object_ = 0;
     std::size_t indices = 0;
     if (list_ == ListType::lengths) {
-        for (std::uint16_t each = 1; each <= coe::kLastListType; ++each)
-            append(count(static_cast<ListType>(each)), 2);
+        for (std::uint16_t each = 1; each <= coe::kLastListType; ++each) append(count(static_cast<ListType>(each)), 2);
     } else {
         indices = count(list_);
     }
@@ -104,15 +103,12 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: longer than the field can tell
     append(entry->access, 2);
     if ((told & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
-    if ((told & coe::value_info::kMinimum) != 0)
-        append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
-    if ((told & coe::value_info::kMaximum) != 0)
-        append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
+    if ((told & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
+    if ((told & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
     text_ = entry->name;
     if (entry->count > 1) {
         TextWriter name(made_up_);
-        name << "SubIndex " << (subindex < 100 ? "0" : "") << (subindex < 10 ? "0" : "")
-             << std::uint64_t{subindex};
+        name << "SubIndex " << (subindex < 100 ? "0" : "") << (subindex < 10 ? "0" : "") << std::uint64_t{subindex};
         text_ = name.text();
     }
     begin(InfoOpcode::entry_response, head_bytes_ + text_.size(), out);
@@ -141,8 +137,8 @@ bool SdoInformation::send_fragment(Outbox& out) {
     const auto bytes = std::min(left_, room);
     const auto behind = (left_ - bytes + room - 1) / room;
     coe::store_header(at, {0, coe::Service::sdo_information});
-    InfoLayout::opcode::store(at, static_cast<std::uint8_t>(static_cast<unsigned>(opcode_) |
-                                                            (behind != 0 ? coe::kInfoIncomplete : 0u)));
+    InfoLayout::opcode::store(
+        at, static_cast<std::uint8_t>(static_cast<unsigned>(opcode_) | (behind != 0 ? coe::kInfoIncomplete : 0u)));
     at[3] = std::byte{0};
     InfoLayout::fragments_left::store(at, static_cast<std::uint16_t>(behind));
     fill(at.subspan(coe::kInfoHeaderBytes, bytes));

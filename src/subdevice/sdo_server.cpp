@@ -25,8 +25,7 @@ std::optional<MailboxErrorCode> SdoServer::receive(Bytes data, std::uint16_t add
     const auto command = SdoLayout::command::load(data);
     const auto specifier = sdo::specifier(command);
     address_ = address;
-    const bool segment =
-        specifier == coe::request::kDownloadSegment || specifier == coe::request::kUploadSegment;
+    const bool segment = specifier == coe::request::kDownloadSegment || specifier == coe::request::kUploadSegment;
     if (!segment && data.size() < coe::kSdoBytes) return MailboxErrorCode::size_too_short;
     if (!segment && specifier <= coe::kAbortSpecifier)
         transfer_ = Transfer::none;  // a new request ends what was left open
@@ -122,14 +121,13 @@ void SdoServer::upload_now(Outbox& out, Time now) {
     const unsigned flags = sdo::kSizeIndicated | (complete_ ? sdo::kCompleteAccess : 0u);
     if (size >= 1 && size <= coe::kExpeditedBytes) {
         const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - size);
-        answer(at, sdo::command(coe::response::kUpload,
-                                flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
+        answer(at,
+               sdo::command(coe::response::kUpload, flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
         std::copy(source_.begin(), source_.end(), at.begin() + SdoLayout::expedited_data);
         return out.commit(wire::MailboxType::coe, coe::kSdoBytes, address_);
     }
     const auto first = std::min(size, at.size() - SdoLayout::normal_data);
-    if (first < size && !complete_ &&
-        size <= staging_.size()) {  // the application may change it while it travels
+    if (first < size && !complete_ && size <= staging_.size()) {  // the application may change it while it travels
         std::copy(source_.begin(), source_.end(), staging_.begin());
         source_ = staging_.first(size);
     }
@@ -158,10 +156,9 @@ void SdoServer::upload_segment(std::uint8_t command, Outbox& out) {
     const bool last = bytes == source_.size();
     const auto unused = static_cast<unsigned>(padded - bytes);
     coe::store_header(at, {0, coe::Service::sdo_response});
-    SdoLayout::command::store(
-        at, sdo::command(coe::response::kUploadSegment, (toggle_ ? sdo::kToggle : 0u) |
-                                                            (unused << sdo::kSegmentUnusedShift) |
-                                                            (last ? sdo::kLastSegment : 0u)));
+    SdoLayout::command::store(at, sdo::command(coe::response::kUploadSegment, (toggle_ ? sdo::kToggle : 0u) |
+                                                                                  (unused << sdo::kSegmentUnusedShift) |
+                                                                                  (last ? sdo::kLastSegment : 0u)));
     const auto data = at.subspan(coe::kSegmentHeaderBytes, padded);
     std::fill(std::copy_n(source_.begin(), bytes, data.begin()), data.end(), std::byte{0});
     out.commit(wire::MailboxType::coe, coe::kSegmentHeaderBytes + padded, address_);
@@ -204,8 +201,7 @@ void SdoServer::download(std::uint8_t command, Bytes data, Outbox& out, Time now
 Abort SdoServer::check_room(std::size_t size) {
     target_ = staging_;
     if (complete_) {
-        if (size > complete_bytes(*object_, subindex_, object_->max_subindex()))
-            return Abort::length_too_high;
+        if (size > complete_bytes(*object_, subindex_, object_->max_subindex())) return Abort::length_too_high;
         return size > staging_.size() ? Abort::out_of_memory : Abort::none;
     }
     MutableBytes memory = dictionary_.in_image(*entry_, subindex_);
@@ -316,8 +312,7 @@ void SdoServer::confirm_download(Outbox& out) {
         // The toggle is that of the segment, which is behind us.
         std::fill_n(at.begin(), coe::kSdoBytes, std::byte{0});
         coe::store_header(at, {0, coe::Service::sdo_response});
-        SdoLayout::command::store(at,
-                                  sdo::command(coe::response::kDownloadSegment, toggle_ ? 0u : sdo::kToggle));
+        SdoLayout::command::store(at, sdo::command(coe::response::kDownloadSegment, toggle_ ? 0u : sdo::kToggle));
     } else {
         answer(at, sdo::command(coe::response::kDownload, complete_ ? sdo::kCompleteAccess : 0u));
     }

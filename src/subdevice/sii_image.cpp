@@ -11,9 +11,7 @@ using sii::Fault;
 
 namespace {
 
-constexpr bool is_pdo(std::uint16_t index, std::uint16_t first) {
-    return index >= first && index < first + 0x200;
-}
+constexpr bool is_pdo(std::uint16_t index, std::uint16_t first) { return index >= first && index < first + 0x200; }
 
 bool count_writable(const Object& object) { return (object.entries.front().access & od::kWrite) != 0; }
 
@@ -23,9 +21,8 @@ MailboxInfo mailbox_info(const MailboxPair& pair, std::uint16_t protocols) {
 
 std::uint16_t protocol_bits(const MailboxProtocols& p) {
     namespace bit = mailbox_protocol;
-    return static_cast<std::uint16_t>((p.aoe ? bit::kAoE : 0) | (p.eoe ? bit::kEoE : 0) |
-                                      (p.coe ? bit::kCoE : 0) | (p.foe ? bit::kFoE : 0) |
-                                      (p.soe ? bit::kSoE : 0) | (p.voe ? bit::kVoE : 0));
+    return static_cast<std::uint16_t>((p.aoe ? bit::kAoE : 0) | (p.eoe ? bit::kEoE : 0) | (p.coe ? bit::kCoE : 0) |
+                                      (p.foe ? bit::kFoE : 0) | (p.soe ? bit::kSoE : 0) | (p.voe ? bit::kVoE : 0));
 }
 
 bool is_assigned(const ObjectDictionary& dictionary, std::uint16_t assignment, std::uint16_t pdo) {
@@ -85,8 +82,7 @@ class PdoCollector {
     std::span<sii::PdoEntryDescription>& entries_;
 };
 
-std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, std::uint16_t assignment,
-                           const ProcessDataArea& area) {
+std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, std::uint16_t assignment, const ProcessDataArea& area) {
     if (dictionary.find(assignment) == nullptr) return area.sii_bytes != 0 ? area.sii_bytes : area.max_bytes;
     MappingReader reader(dictionary, assignment);
     std::size_t bits = 0;
@@ -99,8 +95,8 @@ SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool 
     const unsigned bits = (area.three_buffers ? control::kModeBuffered : control::kModeMailbox) |
                           control::kPdiInterrupt | (outputs ? control::kEcatWrites : control::kEcatReads) |
                           (outputs && area.watchdog ? control::kWatchdogTrigger : 0u);
-    return {area.start, bytes, static_cast<std::uint8_t>(bits),
-            bytes != 0 ? std::uint8_t{1} : std::uint8_t{0}, outputs ? SmType::outputs : SmType::inputs};
+    return {area.start, bytes, static_cast<std::uint8_t>(bits), bytes != 0 ? std::uint8_t{1} : std::uint8_t{0},
+            outputs ? SmType::outputs : SmType::inputs};
 }
 
 }  // namespace
@@ -113,8 +109,7 @@ std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary
         if (!count_writable(object)) continue;
         if (object.index == kOutputAssignment || object.index == kInputAssignment)
             details |= coe_detail::kPdoAssignment;
-        if (is_pdo(object.index, 0x1600) || is_pdo(object.index, 0x1A00))
-            details |= coe_detail::kPdoConfiguration;
+        if (is_pdo(object.index, 0x1600) || is_pdo(object.index, 0x1A00)) details |= coe_detail::kPdoConfiguration;
     }
     return static_cast<std::uint8_t>(details);
 }
@@ -139,9 +134,8 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
     d.general.ds402_channels = device.drive_axes;
     d.general.ebus_current_ma = device.ebus_current_ma;
     d.general.physical_ports = board.physical_ports;
-    d.general.flags =
-        static_cast<std::uint8_t>((device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
-                                  (device.device_id != 0 ? sii::general_flag::kIdentAlStatus : 0));
+    d.general.flags = static_cast<std::uint8_t>((device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
+                                                (device.device_id != 0 ? sii::general_flag::kIdentAlStatus : 0));
 
     std::array<FmmuUse, 4> fmmus{};
     std::size_t fmmu_count = 0;
@@ -159,11 +153,11 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
                                      SmType::mailbox_in};
     }
     if (device.outputs.present())
-        managers[manager_count++] = process_data_info(
-            device.outputs, mapped_bytes(dictionary, kOutputAssignment, device.outputs), true);
+        managers[manager_count++] =
+            process_data_info(device.outputs, mapped_bytes(dictionary, kOutputAssignment, device.outputs), true);
     if (device.inputs.present())
-        managers[manager_count++] = process_data_info(
-            device.inputs, mapped_bytes(dictionary, kInputAssignment, device.inputs), false);
+        managers[manager_count++] =
+            process_data_info(device.inputs, mapped_bytes(dictionary, kInputAssignment, device.inputs), false);
     d.sync_managers = std::span(managers).first(manager_count);
 
     PdoCollector collector(dictionary, pdos, entries);

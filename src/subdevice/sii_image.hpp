@@ -26,19 +26,16 @@ struct SiiWorkspace {
 // Writes the image into `eeprom` (a multiple of 128 octets) and returns the octets in use; faults are those
 // of wire::sii::write_image(), and Fault::no_room when the workspace is too small. PDOs, their assignment and
 // sizes are as the dictionary has them now: call it before a master has changed anything.
-[[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device,
-                                                       const BoardDescription& board,
+[[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardDescription& board,
                                                        const ObjectDictionary& dictionary,
                                                        std::span<wire::sii::PdoDescription> pdos,
                                                        std::span<wire::sii::PdoEntryDescription> entries,
                                                        MutableBytes eeprom);
 
 template <std::size_t Pdos, std::size_t Entries>
-[[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device,
-                                                       const BoardDescription& board,
+[[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardDescription& board,
                                                        const ObjectDictionary& dictionary,
-                                                       SiiWorkspace<Pdos, Entries>& workspace,
-                                                       MutableBytes eeprom) {
+                                                       SiiWorkspace<Pdos, Entries>& workspace, MutableBytes eeprom) {
     return write_sii(device, board, dictionary, workspace.pdos, workspace.entries, eeprom);
 }
 

@@ -20,8 +20,7 @@ Arena::Arena(std::span<std::byte> memory) {
     for (std::size_t i = 0; i < blocks_; ++i) state_[i] = kInside;
     for (std::size_t at = 0; at < blocks_;) {
         unsigned order = kOrders - 1;
-        while ((at & ((std::size_t{1} << order) - 1)) != 0 || at + (std::size_t{1} << order) > blocks_)
-            --order;
+        while ((at & ((std::size_t{1} << order) - 1)) != 0 || at + (std::size_t{1} << order) > blocks_) --order;
         put_free(at, order);
         at += std::size_t{1} << order;
     }

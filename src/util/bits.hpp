@@ -15,7 +15,8 @@ inline void copy_bits(MutableBytes to, std::uint64_t to_bit, Bytes from, std::ui
         const auto from_at = static_cast<unsigned>(from_bit % 8);
         const auto count = static_cast<unsigned>(std::min<std::uint64_t>(bits, 8U - std::max(to_at, from_at)));
         const unsigned mask = (0xFFU >> (8 - count)) << to_at;
-        const unsigned source = (std::to_integer<unsigned>(from[static_cast<std::size_t>(from_bit / 8)]) >> from_at) << to_at;
+        const unsigned source = (std::to_integer<unsigned>(from[static_cast<std::size_t>(from_bit / 8)]) >> from_at)
+                                << to_at;
         std::byte& octet = to[static_cast<std::size_t>(to_bit / 8)];
         octet = static_cast<std::byte>((std::to_integer<unsigned>(octet) & ~mask) | (source & mask));
         to_bit += count;

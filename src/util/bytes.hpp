@@ -19,7 +19,7 @@ struct FieldValue {
     using Unsigned = std::make_unsigned_t<T>;
 };
 template <class T>
-requires std::is_enum_v<T>
+    requires std::is_enum_v<T>
 struct FieldValue<T> {
     using Unsigned = std::make_unsigned_t<std::underlying_type_t<T>>;
 };
@@ -36,8 +36,7 @@ template <class T>
         return static_cast<T>(value);
     }
     for (std::size_t i = 0; i < sizeof(T); ++i)
-        value = static_cast<U>(value |
-                               (static_cast<U>(std::to_integer<std::uint8_t>(from[offset + i])) << (8 * i)));
+        value = static_cast<U>(value | (static_cast<U>(std::to_integer<std::uint8_t>(from[offset + i])) << (8 * i)));
     return static_cast<T>(value);
 }
 

@@ -61,9 +61,7 @@ class [[nodiscard]] Task {
         T value{};
 
         static Task get_return_object_on_allocation_failure() noexcept { return Task(); }
-        Task get_return_object() noexcept {
-            return Task(std::coroutine_handle<promise_type>::from_promise(*this));
-        }
+        Task get_return_object() noexcept { return Task(std::coroutine_handle<promise_type>::from_promise(*this)); }
         void return_value(T result) noexcept { value = std::move(result); }
 
         struct Final {
@@ -89,9 +87,7 @@ class [[nodiscard]] Task {
     [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
     [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
     // The value of a task that is done.
-    [[nodiscard]] T result() const {
-        return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity});
-    }
+    [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
     // The coroutine's address, by which it can be destroyed wherever it is kept.
     [[nodiscard]] void* address() const { return handle_.address(); }
     // Starts a task that nobody awaits; its owner asks done().
@@ -185,8 +181,7 @@ inline detail::PromiseBase::~PromiseBase() {
 }
 
 template <class T>
-std::coroutine_handle<> Task<T>::promise_type::Final::await_suspend(
-    std::coroutine_handle<promise_type> self) noexcept {
+std::coroutine_handle<> Task<T>::promise_type::Final::await_suspend(std::coroutine_handle<promise_type> self) noexcept {
     auto& promise = self.promise();
     if (promise.crew != nullptr) {
         Crew& crew = *promise.crew;

@@ -58,7 +58,8 @@ std::string_view to_text(Errc code) {
         case Errc::above_highest: return "the slave's configuration allows no such state";
         case Errc::check_failed: return "not as wanted";
         case Errc::cycle_running:
-            return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or the other request "
+            return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or "
+                   "the other request "
                    "for it, and look at its state() between cycles";
     }
     return "unknown error";

@@ -35,8 +35,7 @@ std::string_view to_text(Abort code) {
         case cannot_store: return "data cannot be transferred or stored to the application";
         case local_control: return "data cannot be transferred or stored because of local control";
         case device_state: return "data cannot be transferred or stored in the present device state";
-        case no_dictionary:
-            return "object dictionary dynamic generation fails or no object dictionary is present";
+        case no_dictionary: return "object dictionary dynamic generation fails or no object dictionary is present";
     }
     return "unknown abort code";
 }

@@ -33,8 +33,8 @@ inline constexpr std::size_t kHeaderBytes = 2;
     return {static_cast<std::uint16_t>(word & 0x01FF), static_cast<Service>(word >> 12)};
 }
 constexpr void store_header(MutableBytes at, Header h) {
-    store_le<std::uint16_t>(
-        at, 0, static_cast<std::uint16_t>((h.number & 0x01FF) | (static_cast<unsigned>(h.service) << 12)));
+    store_le<std::uint16_t>(at, 0,
+                            static_cast<std::uint16_t>((h.number & 0x01FF) | (static_cast<unsigned>(h.service) << 12)));
 }
 
 // ------------------------------------------------------------------ SDO transfers
@@ -67,9 +67,7 @@ inline constexpr std::uint8_t kToggle = 0x10;
 [[nodiscard]] constexpr std::uint8_t command(std::uint8_t specifier, unsigned bits = 0) {
     return static_cast<std::uint8_t>((unsigned{specifier} << 5) | bits);
 }
-[[nodiscard]] constexpr std::uint8_t specifier(std::uint8_t command) {
-    return static_cast<std::uint8_t>(command >> 5);
-}
+[[nodiscard]] constexpr std::uint8_t specifier(std::uint8_t command) { return static_cast<std::uint8_t>(command >> 5); }
 }  // namespace sdo
 
 // Upload and download requests and responses, and aborts.

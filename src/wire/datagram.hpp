@@ -82,8 +82,13 @@ struct DatagramLayout {
 [[nodiscard]] constexpr DatagramHeader load_datagram_header(Bytes at) {
     using L = DatagramLayout;
     const auto word = L::length_and_flags::load(at);
-    return {L::command::load(at),       L::index::load(at),     DatagramAddress(L::address::load(at)),
-            static_cast<std::uint16_t>(word & 0x07FF), (word & 0x4000) != 0, (word & 0x8000) != 0, L::irq::load(at)};
+    return {L::command::load(at),
+            L::index::load(at),
+            DatagramAddress(L::address::load(at)),
+            static_cast<std::uint16_t>(word & 0x07FF),
+            (word & 0x4000) != 0,
+            (word & 0x8000) != 0,
+            L::irq::load(at)};
 }
 
 constexpr void store_datagram_header(MutableBytes at, const DatagramHeader& h) {
@@ -91,8 +96,8 @@ constexpr void store_datagram_header(MutableBytes at, const DatagramHeader& h) {
     L::command::store(at, h.command);
     L::index::store(at, h.index);
     L::address::store(at, h.address.value);
-    L::length_and_flags::store(at, static_cast<std::uint16_t>((h.length & 0x07FF) | (h.circulating ? 0x4000 : 0) |
-                                                              (h.more ? 0x8000 : 0)));
+    L::length_and_flags::store(
+        at, static_cast<std::uint16_t>((h.length & 0x07FF) | (h.circulating ? 0x4000 : 0) | (h.more ? 0x8000 : 0)));
     L::irq::store(at, h.irq);
 }
 
@@ -106,10 +111,10 @@ struct DatagramView {
 
 enum class FrameFault : std::uint8_t {
     none,
-    too_short,      // no room for the headers
-    foreign,        // not EtherType 0x88A4, or not EtherCAT frame type 1
-    truncated,      // a length points past the end
-    trailing,       // the last datagram does not end where the frame header says
+    too_short,  // no room for the headers
+    foreign,    // not EtherType 0x88A4, or not EtherCAT frame type 1
+    truncated,  // a length points past the end
+    trailing,   // the last datagram does not end where the frame header says
 };
 
 // Walks the datagrams of a frame. Padding behind the length of the frame header is not looked at.
@@ -180,7 +185,8 @@ class FrameBuilder {
     }
 
     // Goes on with a frame that has datagrams already: `size` octets so far, the header of the last one at `last`.
-    constexpr FrameBuilder(MutableBytes buffer, std::size_t size, std::size_t last) : buffer_(buffer), size_(size), last_(last) {}
+    constexpr FrameBuilder(MutableBytes buffer, std::size_t size, std::size_t last)
+        : buffer_(buffer), size_(size), last_(last) {}
 
     [[nodiscard]] constexpr bool fits(std::size_t data_bytes) const {
         return size_ + kDatagramOverheadBytes + data_bytes <= buffer_.size();
@@ -188,13 +194,13 @@ class FrameBuilder {
     [[nodiscard]] constexpr bool empty() const { return last_ == 0; }
 
     // Appends a datagram and returns its data area for the caller to fill (zeroed); fits() must have said yes.
-    constexpr MutableBytes append(Command command, std::uint8_t index, DatagramAddress address, std::size_t data_bytes) {
+    constexpr MutableBytes append(Command command, std::uint8_t index, DatagramAddress address,
+                                  std::size_t data_bytes) {
         if (last_ != 0) buffer_[last_ + 7] |= std::byte{0x80};  // "more" of the one before
         last_ = size_;
-        store_datagram_header(buffer_.subspan(size_), {.command = command,
-                                                       .index = index,
-                                                       .address = address,
-                                                       .length = static_cast<std::uint16_t>(data_bytes)});
+        store_datagram_header(
+            buffer_.subspan(size_),
+            {.command = command, .index = index, .address = address, .length = static_cast<std::uint16_t>(data_bytes)});
         const auto data = buffer_.subspan(size_ + kDatagramHeaderBytes, data_bytes);
         for (auto& octet : buffer_.subspan(size_ + kDatagramHeaderBytes, data_bytes + kWorkingCounterBytes))
             octet = std::byte{0};

@@ -72,8 +72,8 @@ inline constexpr Register kPdiErrorCode{0x030E, 1};
 inline constexpr Register kLostLinkCounter{0x0310, 4};  // per port
 
 // Watchdogs
-inline constexpr Register kWatchdogDivider{0x0400, 2};      // +2 units of 40 ns; default 0x09C2 = 100 µs
-inline constexpr Register kPdiWatchdogTime{0x0410, 2};      // in units of the divider
+inline constexpr Register kWatchdogDivider{0x0400, 2};  // +2 units of 40 ns; default 0x09C2 = 100 µs
+inline constexpr Register kPdiWatchdogTime{0x0410, 2};  // in units of the divider
 inline constexpr Register kProcessDataWatchdogTime{0x0420, 2};
 inline constexpr Register kProcessDataWatchdogStatus{0x0440, 2};
 inline constexpr Register kProcessDataWatchdogCounter{0x0442, 1};
@@ -171,9 +171,15 @@ namespace dl_status {
 inline constexpr std::uint16_t kPdiOperational = 0x0001;  // EEPROM loaded
 inline constexpr std::uint16_t kPdiWatchdog = 0x0002;
 inline constexpr std::uint16_t kEnhancedLinkDetection = 0x0004;
-[[nodiscard]] constexpr std::uint16_t physical_link(unsigned port) { return static_cast<std::uint16_t>(0x0010 << port); }
-[[nodiscard]] constexpr std::uint16_t loop_closed(unsigned port) { return static_cast<std::uint16_t>(0x0100 << (2 * port)); }
-[[nodiscard]] constexpr std::uint16_t communication(unsigned port) { return static_cast<std::uint16_t>(0x0200 << (2 * port)); }
+[[nodiscard]] constexpr std::uint16_t physical_link(unsigned port) {
+    return static_cast<std::uint16_t>(0x0010 << port);
+}
+[[nodiscard]] constexpr std::uint16_t loop_closed(unsigned port) {
+    return static_cast<std::uint16_t>(0x0100 << (2 * port));
+}
+[[nodiscard]] constexpr std::uint16_t communication(unsigned port) {
+    return static_cast<std::uint16_t>(0x0200 << (2 * port));
+}
 }  // namespace dl_status
 
 // 0x0120 / 0x0130.
@@ -194,10 +200,10 @@ inline constexpr std::uint8_t kDcLatchUnit = 0x08;
 
 // 0x0220 AL event request and 0x0204 AL event mask: what the ESC has to tell the slave's processor.
 namespace al_event {
-inline constexpr std::uint32_t kAlControl = 0x00000001;     // the master wrote AL control; gone when the PDI reads 0x0120
-inline constexpr std::uint32_t kDcLatch = 0x00000002;       // a latch input fired; gone when the latch times are read
-inline constexpr std::uint32_t kDcSync0 = 0x00000004;       // gone when 0x098E is read
-inline constexpr std::uint32_t kDcSync1 = 0x00000008;       // gone when 0x098F is read
+inline constexpr std::uint32_t kAlControl = 0x00000001;  // the master wrote AL control; gone when the PDI reads 0x0120
+inline constexpr std::uint32_t kDcLatch = 0x00000002;    // a latch input fired; gone when the latch times are read
+inline constexpr std::uint32_t kDcSync0 = 0x00000004;    // gone when 0x098E is read
+inline constexpr std::uint32_t kDcSync1 = 0x00000008;    // gone when 0x098F is read
 inline constexpr std::uint32_t kSmActivation = 0x00000010;  // an SM's activate octet was written; gone when it is read
 inline constexpr std::uint32_t kEeprom = 0x00000020;        // EEPROM emulation: a command waits in 0x0502
 inline constexpr std::uint32_t kWatchdog = 0x00000040;      // process data watchdog ran out; gone when 0x0440 is read

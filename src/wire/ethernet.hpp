@@ -12,8 +12,8 @@ inline constexpr std::uint16_t kEtherTypeEtherCat = 0x88A4;  // big-endian on th
 inline constexpr std::size_t kEthernetHeaderBytes = 14;
 inline constexpr std::size_t kFrameHeaderBytes = 2;
 inline constexpr std::size_t kFramePrefixBytes = kEthernetHeaderBytes + kFrameHeaderBytes;
-inline constexpr std::size_t kMaxFrameBytes = 1514;                      // without FCS, without VLAN tag
-inline constexpr std::size_t kMinFrameBytes = 60;                        // without FCS; NICs pad to it
+inline constexpr std::size_t kMaxFrameBytes = 1514;                                    // without FCS, without VLAN tag
+inline constexpr std::size_t kMinFrameBytes = 60;                                      // without FCS; NICs pad to it
 inline constexpr std::size_t kMaxDatagramsBytes = kMaxFrameBytes - kFramePrefixBytes;  // 1498
 inline constexpr std::size_t kBusOverheadBytes = 24;  // preamble 7, SFD 1, FCS 4, inter-frame gap 12
 inline constexpr std::size_t kSourceMacOffset = 6;
@@ -37,7 +37,8 @@ constexpr void store_frame_header(MutableBytes at, FrameHeader header) {
 }
 
 [[nodiscard]] constexpr std::uint16_t load_ether_type(Bytes frame) {
-    return static_cast<std::uint16_t>((std::to_integer<unsigned>(frame[12]) << 8) | std::to_integer<unsigned>(frame[13]));
+    return static_cast<std::uint16_t>((std::to_integer<unsigned>(frame[12]) << 8) |
+                                      std::to_integer<unsigned>(frame[13]));
 }
 
 // Octets a frame takes on a 100 Mbit/s wire, everything counted, and with it its time at 80 ns an octet.

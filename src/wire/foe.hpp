@@ -35,15 +35,13 @@ enum class ErrorCode : std::uint32_t {
 
 struct Layout {
     using opcode = Field<Opcode, 0>;
-    using password = Field<std::uint32_t, 2>;  // read, write: the file name follows, not terminated
-    using packet_number =
-        Field<std::uint32_t, 2>;             // data (from 1), acknowledge (0 acknowledges a write request)
-    using error_code = Field<ErrorCode, 2>;  // error: a text follows
-    using done = Field<std::uint16_t, 2>;    // busy: progress, a text may follow
+    using password = Field<std::uint32_t, 2>;       // read, write: the file name follows, not terminated
+    using packet_number = Field<std::uint32_t, 2>;  // data (from 1), acknowledge (0 acknowledges a write request)
+    using error_code = Field<ErrorCode, 2>;         // error: a text follows
+    using done = Field<std::uint16_t, 2>;           // busy: progress, a text may follow
     using entire = Field<std::uint16_t, 4>;
 };
-inline constexpr std::size_t kHeaderBytes =
-    6;  // all messages: what follows is the name, the data or the text
+inline constexpr std::size_t kHeaderBytes = 6;  // all messages: what follows is the name, the data or the text
 
 // In words; unknown values read as such. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(ErrorCode code);

@@ -55,8 +55,8 @@ constexpr void store_mailbox_header(MutableBytes at, const MailboxHeader& h) {
     store_le<std::uint16_t>(at, 0, h.length);
     store_le<std::uint16_t>(at, 2, h.address);
     store_le<std::uint8_t>(at, 4, static_cast<std::uint8_t>((h.channel & 0x3F) | (h.priority << 6)));
-    store_le<std::uint8_t>(
-        at, 5, static_cast<std::uint8_t>((static_cast<unsigned>(h.type) & 0x0F) | ((h.counter & 7u) << 4)));
+    store_le<std::uint8_t>(at, 5,
+                           static_cast<std::uint8_t>((static_cast<unsigned>(h.type) & 0x0F) | ((h.counter & 7u) << 4)));
 }
 
 // A whole message: the header and the data it announces, cut out of `from` (which may go on behind it).

@@ -19,8 +19,7 @@ std::string_view to_text(Fault fault) {
         case Fault::trailing: return "a category has a rest behind its last whole entry";
         case Fault::checksum: return "the checksum of the configuration area is wrong";
         case Fault::size_mismatch: return "the size word does not tell the size of the image";
-        case Fault::mailbox_without_size:
-            return "a mailbox protocol is announced, but the mailboxes have no size";
+        case Fault::mailbox_without_size: return "a mailbox protocol is announced, but the mailboxes have no size";
         case Fault::mailbox_one_sided: return "only one of the two mailboxes has a size";
         case Fault::mailbox_too_short: return "a mailbox is too short for its header";
         case Fault::mailbox_outside: return "a mailbox is outside of the process RAM";
@@ -103,8 +102,7 @@ Parsed<FixedPart> load_fixed_part(Bytes image) {
 }
 
 bool is_blank(Bytes image) {
-    return !image.empty() &&
-           std::all_of(image.begin(), image.end(), [](std::byte b) { return b == std::byte{0xFF}; });
+    return !image.empty() && std::all_of(image.begin(), image.end(), [](std::byte b) { return b == std::byte{0xFF}; });
 }
 
 std::optional<Bytes> find_category(Bytes image, std::uint16_t type) {

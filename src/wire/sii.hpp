@@ -64,7 +64,7 @@ enum class Fault : std::uint8_t {
     string_missing,        // a string number above the number of strings
     unknown_value,         // an enumeration with a value that the standard does not have
     no_room,               // for the writer: the image does not fit
-    too_long,  // for the writer: a text, a list or a category with more elements than can be counted
+    too_long,              // for the writer: a text, a list or a category with more elements than can be counted
 };
 
 // A fault in words, and the kind of error it is. Static; callable from anywhere.
@@ -182,8 +182,8 @@ struct MailboxesLayout {  // from word::kBootMailbox on
 [[nodiscard]] constexpr Mailboxes load_mailboxes(Bytes at) {
     using L = MailboxesLayout;
     const auto protocols = L::protocols::load(at);
-    return {.boot = {L::boot_receive_offset::load(at), L::boot_receive_size::load(at),
-                     L::boot_send_offset::load(at), L::boot_send_size::load(at), protocols},
+    return {.boot = {L::boot_receive_offset::load(at), L::boot_receive_size::load(at), L::boot_send_offset::load(at),
+                     L::boot_send_size::load(at), protocols},
             .standard = {L::receive_offset::load(at), L::receive_size::load(at), L::send_offset::load(at),
                          L::send_size::load(at), protocols}};
 }
@@ -247,8 +247,7 @@ inline constexpr std::uint16_t kLastVendorSpecific = 0x0FFF;
 inline constexpr std::uint16_t kVendorSpecificBit = 0x8000;
 inline constexpr std::uint16_t kEnd = 0xFFFF;
 
-[[nodiscard]] std::string_view name(
-    std::uint16_t type);  // "SyncManager"; "unknown" where there is none. Static
+[[nodiscard]] std::string_view name(std::uint16_t type);  // "SyncManager"; "unknown" where there is none. Static
 }  // namespace category
 
 // Where a category's content is.
@@ -283,12 +282,10 @@ class CategoryChain {
     // not matter. Nothing at the end mark, and at a fault.
     constexpr std::optional<CategoryPlace> step(Bytes header) {
         if (!more_) return std::nullopt;
-        const CategoryPlace place{load_le<std::uint16_t>(header, 0), load_le<std::uint16_t>(header, 2),
-                                  at_ + 2};
+        const CategoryPlace place{load_le<std::uint16_t>(header, 0), load_le<std::uint16_t>(header, 2), at_ + 2};
         if (place.type == category::kEnd) return stop(Fault::none);
         if (place.type == category::kNop && place.words == 0) return stop(Fault::no_end);
-        if (place.word > end_word_ || place.words > end_word_ - place.word)
-            return stop(Fault::category_past_end);
+        if (place.word > end_word_ || place.words > end_word_ - place.word) return stop(Fault::category_past_end);
         at_ = place.word + place.words;
         look_ahead();
         return place;

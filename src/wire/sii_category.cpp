@@ -36,9 +36,7 @@ bool is_utf8(Bytes octets) {
 
 }  // namespace
 
-std::uint8_t string_count(Bytes strings) {
-    return strings.empty() ? std::uint8_t{0} : load_le<std::uint8_t>(strings);
-}
+std::uint8_t string_count(Bytes strings) { return strings.empty() ? std::uint8_t{0} : load_le<std::uint8_t>(strings); }
 
 Parsed<Bytes> string(Bytes strings, StringNumber number) {
     if (number == 0) return {};
@@ -68,8 +66,7 @@ std::string_view to_utf8(Bytes octets, std::span<char> out) {
         if (control) {
             out[size] = '?';
         } else if (needed == taken) {
-            for (std::size_t k = 0; k < taken; ++k)
-                out[size + k] = static_cast<char>(octet_at(octets, i + k));
+            for (std::size_t k = 0; k < taken; ++k) out[size + k] = static_cast<char>(octet_at(octets, i + k));
         } else {  // ISO 8859-1 are the first 256 code points
             out[size] = static_cast<char>(0xC0 | (first >> 6));
             out[size + 1] = static_cast<char>(0x80 | (first & 0x3F));

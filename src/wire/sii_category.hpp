@@ -39,11 +39,10 @@ struct General {
     std::uint8_t soe_channels = 0;
     std::uint8_t ds402_channels = 0;
     std::uint8_t sysman_class = 0;
-    std::uint8_t flags = 0;            // general_flag bits
-    std::int16_t ebus_current_ma = 0;  // taken from the E-bus; negative: fed into it
-    std::uint16_t physical_ports = 0;  // four bits a port, see physical_port()
-    std::uint16_t identification_address =
-        0;  // ESC address of the explicit device id; see general_flag::kIdentMemory
+    std::uint8_t flags = 0;                    // general_flag bits
+    std::int16_t ebus_current_ma = 0;          // taken from the E-bus; negative: fed into it
+    std::uint16_t physical_ports = 0;          // four bits a port, see physical_port()
+    std::uint16_t identification_address = 0;  // ESC address of the explicit device id; see general_flag::kIdentMemory
     friend constexpr bool operator==(const General&, const General&) = default;
 };
 
@@ -98,8 +97,7 @@ class Entries {
 // FMMU (40): one octet each, 0x00 and 0xFF both mean unused; the last one may be there only to fill a word.
 [[nodiscard]] constexpr FmmuUse load_fmmu_use(Bytes at) {
     const auto octet = load_le<std::uint8_t>(at);
-    return octet <= static_cast<std::uint8_t>(FmmuUse::mailbox_status) ? static_cast<FmmuUse>(octet)
-                                                                       : FmmuUse::unused;
+    return octet <= static_cast<std::uint8_t>(FmmuUse::mailbox_status) ? static_cast<FmmuUse>(octet) : FmmuUse::unused;
 }
 using FmmuUses = Entries<load_fmmu_use, 1>;
 

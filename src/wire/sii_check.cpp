@@ -8,9 +8,7 @@ namespace {
 class Checker {
   public:
     Checker(Bytes image, std::span<Finding> findings)
-        : image_(image),
-          findings_(findings),
-          strings_(find_category(image, category::kStrings).value_or(Bytes{})) {}
+        : image_(image), findings_(findings), strings_(find_category(image, category::kStrings).value_or(Bytes{})) {}
 
     std::size_t run() {
         if (is_blank(image_)) {
@@ -134,8 +132,7 @@ class Checker {
             check_reference(pdo->name, offset);
             offset += kPdoBytes;
             PdoEntries entries(pdo->entries);
-            for (; const auto entry = entries.next(); offset += kPdoEntryBytes)
-                check_reference(entry->name, offset);
+            for (; const auto entry = entries.next(); offset += kPdoEntryBytes) check_reference(entry->name, offset);
         }
         if (pdos.fault() != Fault::none) add(pdos.fault(), word_at(offset));
     }

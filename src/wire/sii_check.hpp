@@ -11,10 +11,9 @@ namespace margay::wire::sii {
 
 struct Finding {
     Fault fault = Fault::none;
-    std::uint16_t category =
-        category::kEnd;          // type of the category it is in; kEnd: none, the fixed part or the chain
-    std::uint32_t word = 0;      // where: the start of what is at fault
-    std::uint32_t expected = 0;  // as the fault has it, both 0 where there is nothing to compare
+    std::uint16_t category = category::kEnd;  // type of the category it is in; kEnd: none, the fixed part or the chain
+    std::uint32_t word = 0;                   // where: the start of what is at fault
+    std::uint32_t expected = 0;               // as the fault has it, both 0 where there is nothing to compare
     std::uint32_t actual = 0;
     friend constexpr bool operator==(const Finding&, const Finding&) = default;
 };

@@ -68,8 +68,7 @@ class Writer {
         std::fill_n(eeprom_.begin(), kFixedBytes, std::byte{0});
         store_configuration(eeprom_, device_.configuration);
         store_identity(eeprom_.subspan(word::kIdentity * kWordBytes), device_.identity);
-        store_mailboxes(eeprom_.subspan(word::kBootMailbox * kWordBytes),
-                        {device_.boot_mailbox, device_.mailbox});
+        store_mailboxes(eeprom_.subspan(word::kBootMailbox * kWordBytes), {device_.boot_mailbox, device_.mailbox});
         if (eeprom_.size() / 128 > std::numeric_limits<std::uint16_t>::max() + std::size_t{1})
             return fail(Fault::too_long);
         store_le(eeprom_, word::kSize * kWordBytes, size_word(static_cast<std::uint32_t>(eeprom_.size())));
@@ -237,8 +236,6 @@ class Writer {
 
 }  // namespace
 
-Parsed<std::size_t> write_image(const Description& device, MutableBytes eeprom) {
-    return Writer(device, eeprom).run();
-}
+Parsed<std::size_t> write_image(const Description& device, MutableBytes eeprom) { return Writer(device, eeprom).run(); }
 
 }  // namespace margay::wire::sii

@@ -10,7 +10,7 @@ struct SyncManagerLayout {
     using physical_start = Field<std::uint16_t, 0>;
     using length = Field<std::uint16_t, 2>;
     using control = Field<std::uint8_t, 4>;
-    using status = Field<std::uint8_t, 5>;       // read only
+    using status = Field<std::uint8_t, 5>;  // read only
     using activate = Field<std::uint8_t, 6>;
     using pdi_control = Field<std::uint8_t, 7>;  // read only from ECAT
 };

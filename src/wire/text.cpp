@@ -125,10 +125,8 @@ struct Part {
     std::string_view name;
 };
 constexpr Part kSyncManagerParts[] = {
-    {SyncManagerLayout::length::offset, "length"},
-    {SyncManagerLayout::control::offset, "control"},
-    {SyncManagerLayout::status::offset, "status"},
-    {SyncManagerLayout::activate::offset, "activate"},
+    {SyncManagerLayout::length::offset, "length"},           {SyncManagerLayout::control::offset, "control"},
+    {SyncManagerLayout::status::offset, "status"},           {SyncManagerLayout::activate::offset, "activate"},
     {SyncManagerLayout::pdi_control::offset, "PDI control"},
 };
 
@@ -177,16 +175,11 @@ std::string_view to_text(Command command) {
 
 std::string_view to_text(FrameFault fault) {
     switch (fault) {
-        case FrameFault::none:
-            return "no fault";
-        case FrameFault::too_short:
-            return "too short for the headers";
-        case FrameFault::foreign:
-            return "not a frame of EtherCAT datagrams";
-        case FrameFault::truncated:
-            return "a length points past the end";
-        case FrameFault::trailing:
-            return "the last datagram ends before the frame does";
+        case FrameFault::none: return "no fault";
+        case FrameFault::too_short: return "too short for the headers";
+        case FrameFault::foreign: return "not a frame of EtherCAT datagrams";
+        case FrameFault::truncated: return "a length points past the end";
+        case FrameFault::trailing: return "the last datagram ends before the frame does";
     }
     return "unknown fault";
 }
@@ -204,17 +197,15 @@ void describe_register(TextWriter& to, std::uint16_t address) {
         return describe_array_element(to, "FMMU", address - unsigned{reg::kFmmuBase}, reg::kFmmuStride, {});
     if (address >= reg::kSyncManagerBase &&
         address < reg::kSyncManagerBase + kMaxSyncManagers * reg::kSyncManagerStride)
-        return describe_array_element(to, "SM", address - unsigned{reg::kSyncManagerBase},
-                                      reg::kSyncManagerStride, kSyncManagerParts);
-    const auto behind =
-        std::upper_bound(std::begin(kNames), std::end(kNames), address,
-                         [](std::uint16_t a, const RegisterName& r) { return a < r.at.address; });
+        return describe_array_element(to, "SM", address - unsigned{reg::kSyncManagerBase}, reg::kSyncManagerStride,
+                                      kSyncManagerParts);
+    const auto behind = std::upper_bound(std::begin(kNames), std::end(kNames), address,
+                                         [](std::uint16_t a, const RegisterName& r) { return a < r.at.address; });
     if (behind == std::begin(kNames)) return;
     const auto& found = *(behind - 1);
     if (address >= found.at.end()) return;
     to << found.name;
-    if (address > found.at.address)
-        to << " +" << std::uint64_t{static_cast<unsigned>(address - found.at.address)};
+    if (address > found.at.address) to << " +" << std::uint64_t{static_cast<unsigned>(address - found.at.address)};
 }
 
 void describe_request(TextWriter& to, const DatagramHeader& header) {
@@ -223,8 +214,8 @@ void describe_request(TextWriter& to, const DatagramHeader& header) {
         to << "logical ";
         to.hex(header.address.value, 8);
     } else {
-        const bool position = header.command == Command::ARMW ||
-                              (header.command >= Command::APRD && header.command <= Command::APRW);
+        const bool position =
+            header.command == Command::ARMW || (header.command >= Command::APRD && header.command <= Command::APRW);
         if (position)
             to << "position " << std::uint64_t{static_cast<std::uint16_t>(-header.address.adp())} << " ";
         else if (!counts_position(header.command))

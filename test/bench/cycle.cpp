@@ -1,7 +1,8 @@
-// What a cycle costs: user instructions of send_processdata() + receive_processdata() by callgrind, frames, octets on the wire and allocations. The
-// segment is simulated until the slaves are mapped; then the NIC answers at once, so that nothing but the master is counted. What the NIC and the clock
-// of this program take is measured on its own and taken off; a `bare` loop does what no master can do without: put the outputs into the frame, send, receive,
-// look at the working counter, copy the inputs.
+// What a cycle costs: user instructions of send_processdata() + receive_processdata() by callgrind, frames, octets on
+// the wire and allocations. The segment is simulated until the slaves are mapped; then the NIC answers at once, so that
+// nothing but the master is counted. What the NIC and the clock of this program take is measured on its own and taken
+// off; a `bare` loop does what no master can do without: put the outputs into the frame, send, receive, look at the
+// working counter, copy the inputs.
 #include "mailbox/channel.hpp"
 #include "osal/linux/linux_osal.hpp"
 #include "osal/virtual/virtual_osal.hpp"
@@ -53,7 +54,8 @@ class BenchNic final : public Nic {
         std::memcpy(into.data(), frame.data(), frame.size());
         into[6] |= std::byte{2};
         into[frame.size() - 2] = static_cast<std::byte>(group->datagrams[taken_ % group->datagrams.size()].expected);
-        into[frame.size() - 1] = static_cast<std::byte>(group->datagrams[taken_ % group->datagrams.size()].expected >> 8);
+        into[frame.size() - 1] =
+            static_cast<std::byte>(group->datagrams[taken_ % group->datagrams.size()].expected >> 8);
         ++taken_;
         return frame.size();
     }
@@ -71,7 +73,9 @@ class BenchOsal final : public Osal {
     LinuxOsal real;
     bool live = false;
     Time now() noexcept override { return live ? real.now() : simulated.now(); }
-    void wait(Time until, int handle) noexcept override { live ? real.wait(until, handle) : simulated.wait(until, handle); }
+    void wait(Time until, int handle) noexcept override {
+        live ? real.wait(until, handle) : simulated.wait(until, handle);
+    }
 };
 
 struct Bench {
@@ -127,13 +131,15 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
         if (!bare) sum += static_cast<std::uint64_t>(bench.osal.now().time_since_epoch().count() & 1);
         for (const DatagramStatus& d : group.datagrams) {
             const auto bytes = std::min<std::size_t>(group.image.size(), 1486);
-            if (bare) std::memcpy(sent.data() + 26, group.image.data(), std::min<std::size_t>(bytes, group.output_bytes));
+            if (bare)
+                std::memcpy(sent.data() + 26, group.image.data(), std::min<std::size_t>(bytes, group.output_bytes));
             (void)bench.nic.send(std::span(sent).first(bytes + 28));
             const std::size_t length = bench.nic.receive(got);
             if (!bare) continue;
             if (got[length - 2] != static_cast<std::byte>(d.expected)) return 1;
-            std::memcpy(group.image.data() + group.output_bytes, got.data() + 26 + group.output_bytes,
-                        std::min<std::size_t>(bytes - std::min<std::size_t>(bytes, group.output_bytes), group.input_bytes));
+            std::memcpy(
+                group.image.data() + group.output_bytes, got.data() + 26 + group.output_bytes,
+                std::min<std::size_t>(bytes - std::min<std::size_t>(bytes, group.output_bytes), group.input_bytes));
         }
     }
     if (allocations != allocated) {
@@ -144,13 +150,14 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
 }
 
 // Instructions a cycle, or negative: the difference of two runs.
-double count(const std::string& self, const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in) {
+double count(const std::string& self, const std::string& work, std::uint32_t slaves, std::uint32_t out,
+             std::uint32_t in) {
     constexpr unsigned kCycles = 1000;
     double collected[2] = {};
     for (unsigned run = 0; run < 2; ++run) {
-        const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null " + self + " " + work + " " +
-                                    std::to_string(slaves) + " " + std::to_string(out) + " " + std::to_string(in) + " " +
-                                    std::to_string((run + 1) * kCycles) + " 2>&1";
+        const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null " + self + " " + work +
+                                    " " + std::to_string(slaves) + " " + std::to_string(out) + " " +
+                                    std::to_string(in) + " " + std::to_string((run + 1) * kCycles) + " 2>&1";
         FILE* pipe = popen(command.c_str(), "r");
         if (pipe == nullptr) return -1;
         char line[256];
@@ -189,8 +196,10 @@ int check(const std::string& self) {
     }
     int grown = 0;
     for (const Most& most : kMost) {
-        const double net = count(self, "cycle", most.slaves, most.octets, most.octets) - count(self, "nic", most.slaves, most.octets, most.octets);
-        std::printf("%u x %u octets: %.0f instructions, %.0f at most\n", most.slaves, 2 * most.octets, net, most.instructions);
+        const double net = count(self, "cycle", most.slaves, most.octets, most.octets) -
+                           count(self, "nic", most.slaves, most.octets, most.octets);
+        std::printf("%u x %u octets: %.0f instructions, %.0f at most\n", most.slaves, 2 * most.octets, net,
+                    most.instructions);
         grown |= net > 0 && net <= most.instructions ? 0 : 1;
     }
     return grown;
@@ -213,8 +222,8 @@ bool report(const std::string& self, const char* title, std::uint32_t slaves, st
     const double frames = static_cast<double>(bench.ctx->statistics().frames_sent - before.frames_sent) / 100;
     const double wire = static_cast<double>(bench.ctx->statistics().bytes_on_wire - before.bytes_on_wire) / 100;
     const unsigned peer = known_peer(slaves, out);
-    std::printf("%-28s %8.0f %8.0f %8.0f %8.0f %8s %8.2f %7.1f %%\n", title, cycle - nic, cycle, nic, bare, peer == 0 ? "" : std::to_string(peer).c_str(),
-                frames, 100.0 * slaves * (out + in) / wire);
+    std::printf("%-28s %8.0f %8.0f %8.0f %8.0f %8s %8.2f %7.1f %%\n", title, cycle - nic, cycle, nic, bare,
+                peer == 0 ? "" : std::to_string(peer).c_str(), frames, 100.0 * slaves * (out + in) / wire);
     return true;
 }
 
@@ -225,7 +234,8 @@ int main(int argc, char** argv) {
     if (argc == 2 && std::strcmp(argv[1], "check") == 0) return check(argv[0]);
     if (argc == 6) return child(argv[1], number(2), number(3), number(4), number(5));
     std::printf("instructions a cycle; NIC and clock taken off in the first column\n");
-    std::printf("%-28s %8s %8s %8s %8s %8s %8s %9s\n", "", "margay", "total", "nic", "bare", "peer", "frames", "payload");
+    std::printf("%-28s %8s %8s %8s %8s %8s %8s %9s\n", "", "margay", "total", "nic", "bare", "peer", "frames",
+                "payload");
     bool good = report(argv[0], "1 slave, 16 + 16 octets", 1, 16, 16);
     good &= report(argv[0], "1 slave, 743 + 743 octets", 1, 743, 743);
     for (const std::uint32_t slaves : {1U, 10U, 50U, 100U})
@@ -233,8 +243,10 @@ int main(int argc, char** argv) {
     good &= report(argv[0], "100 slaves of 4 + 4 octets", 100, 4, 4);
     std::printf("allocations a cycle: %s\n", good ? "0" : "see above");
     constexpr Limits kUsual;
-    std::printf("state a slave: %zu octets, of these %zu what the application wants of it (configuration, hooks), %zu its place in the image\n",
-                sizeof(Slave), sizeof(SlaveConfiguration) + sizeof(SlaveHooks), sizeof(SlaveImage));
+    std::printf(
+        "state a slave: %zu octets, of these %zu what the application wants of it (configuration, hooks), %zu its "
+        "place in the image\n",
+        sizeof(Slave), sizeof(SlaveConfiguration) + sizeof(SlaveHooks), sizeof(SlaveImage));
     std::printf("with mailbox: %zu octets, of these %zu the channel, %zu emergencies kept\n",
                 sizeof(Slave) + sizeof(MailboxChannel) + kUsual.emergencies * sizeof(Emergency), sizeof(MailboxChannel),
                 kUsual.emergencies * sizeof(Emergency));

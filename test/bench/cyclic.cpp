@@ -1,6 +1,6 @@
-// How punctually a periodic task is woken: CyclicRunner beside a plain loop of clock_nanosleep, in turns within one run,
-// so that both meet the same machine. Lateness is what is told; the ratio of the 99th percentiles is the promise (at most
-// a tenth). Not a test: it depends on what else the machine does.
+// How punctually a periodic task is woken: CyclicRunner beside a plain loop of clock_nanosleep, in turns within one
+// run, so that both meet the same machine. Lateness is what is told; the ratio of the 99th percentiles is the promise
+// (at most a tenth). Not a test: it depends on what else the machine does.
 #include "osal/duration_histogram.hpp"
 #include "osal/linux/cyclic_runner.hpp"
 
@@ -35,8 +35,8 @@ void plain_loop(DurationHistogram& lateness) {
 void print(const char* name, const DurationHistogram& lateness) {
     const auto us = [](Duration d) { return static_cast<double>(d.count()) / 1000; };
     std::printf("%-28s %8llu wake-ups   p50 %9.2f us   p99 %9.2f us   p99.9 %9.2f us   most %9.2f us\n", name,
-                static_cast<unsigned long long>(lateness.count()), us(lateness.quantile(0.5)), us(lateness.quantile(0.99)),
-                us(lateness.quantile(0.999)), us(lateness.max()));
+                static_cast<unsigned long long>(lateness.count()), us(lateness.quantile(0.5)),
+                us(lateness.quantile(0.99)), us(lateness.quantile(0.999)), us(lateness.max()));
 }
 
 }  // namespace
@@ -62,9 +62,9 @@ int main(int argc, char** argv) {
     }
     print("plain clock_nanosleep", plain);
     print("CyclicRunner", runner_lateness);
-    const auto ratio = static_cast<double>(runner_lateness.quantile(0.99).count()) /
-                       static_cast<double>(plain.quantile(0.99).count());
-    std::printf("p99 of the runner / p99 of the plain loop: %.4f (promised: at most 0.1)   deadlines skipped: %llu\n", ratio,
-                static_cast<unsigned long long>(skipped));
+    const auto ratio =
+        static_cast<double>(runner_lateness.quantile(0.99).count()) / static_cast<double>(plain.quantile(0.99).count());
+    std::printf("p99 of the runner / p99 of the plain loop: %.4f (promised: at most 0.1)   deadlines skipped: %llu\n",
+                ratio, static_cast<unsigned long long>(skipped));
     return 0;
 }

@@ -1,9 +1,11 @@
-// How many round trips, and how many cycles of a running bus, SDO reads take: of one slave, and of many slaves at the same time.
+// How many round trips, and how many cycles of a running bus, SDO reads take: of one slave, and of many slaves at the
+// same time.
 //
-// Slaves have mailboxes of 128 octets and answer at once. Beside the bus: every burst of frames is a round trip of 100 µs. In the cycle: process data every
-// millisecond, mail rides in what its frames leave and in frames of its own up to the budget (GroupConfiguration::acyclic_bytes). The promise: with a budget
-// for all of them many reads take the cycles of one. The budget that a group has by default is shown beside it: mail takes more cycles then, process data
-// none of its time.
+// Slaves have mailboxes of 128 octets and answer at once. Beside the bus: every burst of frames is a round trip of 100
+// µs. In the cycle: process data every millisecond, mail rides in what its frames leave and in frames of its own up to
+// the budget (GroupConfiguration::acyclic_bytes). The promise: with a budget for all of them many reads take the cycles
+// of one. The budget that a group has by default is shown beside it: mail takes more cycles then, process data none of
+// its time.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -163,8 +165,8 @@ int main() {
     };
     constexpr What kWhat[] = {{"4 octets", 0x1018, 2}, {"a name", 0x1008, 0}};
     bool kept = true;
-    std::printf("%-9s %6s | %11s %6s %8s | %19s %14s\n", "SDO read", "slaves", "round trips", "frames", "time ms", "cycles, room for all",
-                "default budget");
+    std::printf("%-9s %6s | %11s %6s %8s | %19s %14s\n", "SDO read", "slaves", "round trips", "frames", "time ms",
+                "cycles, room for all", "default budget");
     for (const What& what : kWhat) {
         std::uint64_t trips_of_one = 0;
         unsigned cycles_of_one = 0;
@@ -172,9 +174,10 @@ int main() {
             const Measured measured = beside(slaves, what.index, what.subindex);
             const unsigned cycles = in_cycle(slaves, what.index, what.subindex, 0xFFFF);
             const unsigned by_default = in_cycle(slaves, what.index, what.subindex, GroupConfiguration{}.acyclic_bytes);
-            std::printf("%-9s %6zu | %11llu %6llu %8.2f | %19u %14u\n", what.name, slaves, static_cast<unsigned long long>(measured.trips),
-                        static_cast<unsigned long long>(measured.frames), std::chrono::duration<double, std::milli>(measured.time).count(),
-                        cycles, by_default);
+            std::printf("%-9s %6zu | %11llu %6llu %8.2f | %19u %14u\n", what.name, slaves,
+                        static_cast<unsigned long long>(measured.trips),
+                        static_cast<unsigned long long>(measured.frames),
+                        std::chrono::duration<double, std::milli>(measured.time).count(), cycles, by_default);
             if (slaves == 1) {
                 trips_of_one = measured.trips;
                 cycles_of_one = cycles;
@@ -182,6 +185,7 @@ int main() {
             kept = kept && measured.trips == trips_of_one && cycles == cycles_of_one;
         }
     }
-    std::printf("%s\n", kept ? "reads on many slaves take the round trips and the cycles of one" : "NOT as many as for one");
+    std::printf("%s\n",
+                kept ? "reads on many slaves take the round trips and the cycles of one" : "NOT as many as for one");
     return kept ? 0 : 1;
 }

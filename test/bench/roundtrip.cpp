@@ -1,5 +1,6 @@
-// What the master adds to a cycle on a real interface: send_processdata() + receive_processdata() beside a bare send() + recv() of the same frame through
-// the same socket, measured in turns in one run; and the system calls of a cycle, counted. The far end of the cable gives frames back at once.
+// What the master adds to a cycle on a real interface: send_processdata() + receive_processdata() beside a bare send()
+// + recv() of the same frame through the same socket, measured in turns in one run; and the system calls of a cycle,
+// counted. The far end of the cable gives frames back at once.
 //
 //   bench_roundtrip           prints medians and ratios
 //   bench_roundtrip check     fails when a cycle needs more than two system calls; measures no time
@@ -96,8 +97,8 @@ bool compare(const Load& load, std::string& why) {
     }
     const double a = median(ours);
     const double b = median(bare);
-    std::printf("%3u x %3u + %3u octets  %8.2f us %8.2f us %8.3f    (%s)\n", load.slaves, load.bytes, load.bytes, a, b, a / b,
-                near.far->name().c_str());
+    std::printf("%3u x %3u + %3u octets  %8.2f us %8.2f us %8.3f    (%s)\n", load.slaves, load.bytes, load.bytes, a, b,
+                a / b, near.far->name().c_str());
     return true;
 }
 

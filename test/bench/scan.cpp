@@ -48,21 +48,18 @@ std::vector<std::byte> image() {
     std::vector<std::string> names;
     for (int i = 0; i < 60; ++i) names.push_back("entry number " + std::to_string(i));
     std::vector<sii::PdoEntryDescription> entries;
-    for (const auto& name : names)
-        entries.push_back({.index = 0x6000, .subindex = 1, .name = name, .bit_length = 1});
-    const sii::PdoDescription tx[] = {
-        {.index = 0x1A00, .sync_manager = 3, .name = "inputs", .entries = entries}};
-    const auto written =
-        sii::write_image({.configuration = {.pdi_control = 0x0100},  // device emulation: PREOP at once
-                          .identity = {0x4D47, 1, 1, 1},
-                          .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE},
-                          .group = "Bench",
-                          .order = "MG-BENCH",
-                          .name = "MG-BENCH, a slave to be scanned",
-                          .fmmus = fmmus,
-                          .sync_managers = sms,
-                          .tx_pdos = tx},
-                         bytes);
+    for (const auto& name : names) entries.push_back({.index = 0x6000, .subindex = 1, .name = name, .bit_length = 1});
+    const sii::PdoDescription tx[] = {{.index = 0x1A00, .sync_manager = 3, .name = "inputs", .entries = entries}};
+    const auto written = sii::write_image({.configuration = {.pdi_control = 0x0100},  // device emulation: PREOP at once
+                                           .identity = {0x4D47, 1, 1, 1},
+                                           .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE},
+                                           .group = "Bench",
+                                           .order = "MG-BENCH",
+                                           .name = "MG-BENCH, a slave to be scanned",
+                                           .fmmus = fmmus,
+                                           .sync_managers = sms,
+                                           .tx_pdos = tx},
+                                          bytes);
     if (!written.ok()) {
         std::printf("the image cannot be made: %s\n", std::string(sii::to_text(written.fault)).c_str());
         std::exit(1);
@@ -161,8 +158,8 @@ struct Bus {
 // Octets on the wire for datagrams of so many octets in full frames.
 Duration bus_time(std::size_t datagram_bytes) {
     const std::size_t frames = (datagram_bytes + wire::kMaxDatagramsBytes - 1) / wire::kMaxDatagramsBytes;
-    return Duration(80) * static_cast<std::int64_t>(
-                              datagram_bytes + frames * (wire::kFramePrefixBytes + wire::kBusOverheadBytes));
+    return Duration(80) *
+           static_cast<std::int64_t>(datagram_bytes + frames * (wire::kFramePrefixBytes + wire::kBusOverheadBytes));
 }
 
 // What a slave needs of the bus: each block is ordered by a FPWR of 6 octets and fetched by a FPRD of 14; a
@@ -205,28 +202,25 @@ bool line(std::size_t slaves, Duration eeprom, bool whole) {
     const std::size_t blocks = whole ? kImageBytes / kBlock : needed_blocks(image());
     const int steps =
         (whole ? 2 : kSteps) + 1;  // whole: the EEPROM taken back from the PDI; and the first block ordered
-    const Duration time_bound =
-        std::max(eeprom, kRoundTrip) * static_cast<std::int64_t>(blocks) + kRoundTrip * steps;
+    const Duration time_bound = std::max(eeprom, kRoundTrip) * static_cast<std::int64_t>(blocks) + kRoundTrip * steps;
     const Duration bus_bound = bus_time(slaves * needed_bytes(blocks, whole));
-    const double trips_bound =
-        static_cast<double>(time_bound.count()) / static_cast<double>(kRoundTrip.count());
+    const double trips_bound = static_cast<double>(time_bound.count()) / static_cast<double>(kRoundTrip.count());
     const double bound = ms(std::max(time_bound, bus_bound));
     const double ratio = std::max(ms(plain.time), ms(plain.bus)) / bound;
     const double bus_ratio = ms(plain.bus) / ms(bus_bound);
     std::printf("%-9s %6zu %6lld | %6llu %6.0f | %7llu %8.2f %8.2f %5.2f | %8.2f %8.2f %5.2f | %8.2f\n",
                 whole ? "whole SII" : "scan", slaves, static_cast<long long>(eeprom.count() / 1000),
                 static_cast<unsigned long long>(plain.trips), trips_bound,
-                static_cast<unsigned long long>(plain.frames), ms(plain.bus), ms(bus_bound), bus_ratio,
-                ms(plain.time), bound, ratio, ms(queued.time));
+                static_cast<unsigned long long>(plain.frames), ms(plain.bus), ms(bus_bound), bus_ratio, ms(plain.time),
+                bound, ratio, ms(queued.time));
     return static_cast<double>(plain.trips) <= 1.25 * trips_bound && ratio <= 1.25;
 }
 
 }  // namespace
 
 int main() {
-    std::printf("%-9s %6s %6s | %6s %6s | %7s %8s %8s %5s | %8s %8s %5s | %8s\n", "", "slaves", "EEPROM",
-                "round", "bound", "frames", "bus ms", "bound", "ratio", "time ms", "bound", "ratio",
-                "queued");
+    std::printf("%-9s %6s %6s | %6s %6s | %7s %8s %8s %5s | %8s %8s %5s | %8s\n", "", "slaves", "EEPROM", "round",
+                "bound", "frames", "bus ms", "bound", "ratio", "time ms", "bound", "ratio", "queued");
     std::printf("%-9s %6s %6s | %6s\n", "", "", "us/8", "trips");
     bool within = true;
     for (const bool whole : {false, true})
@@ -235,8 +229,7 @@ int main() {
                 within = line(slaves, eeprom, whole) && within;
     const auto one = measure(1, 680us, false, false).trips;
     const auto hundred = measure(100, 680us, false, false).trips;
-    std::printf("round trips for 100 slaves / for 1: %.2f\n",
-                static_cast<double>(hundred) / static_cast<double>(one));
+    std::printf("round trips for 100 slaves / for 1: %.2f\n", static_cast<double>(hundred) / static_cast<double>(one));
     within = within && hundred * 10 <= one * 12;
     std::printf("%s\n", within ? "all within 1.25 of the bounds" : "NOT all within 1.25 of the bounds");
     return within ? 0 : 1;

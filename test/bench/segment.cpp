@@ -1,7 +1,7 @@
-// How quick the simulated segment is: datagram·slaves a second (datagrams times the slaves that each passes) and allocations a
-// frame. Fails on an allocation; the figures are for people.
-#include "sim/devices.hpp"
+// How quick the simulated segment is: datagram·slaves a second (datagrams times the slaves that each passes) and
+// allocations a frame. Fails on an allocation; the figures are for people.
 #include "sim/segment.hpp"
+#include "sim/devices.hpp"
 #include "wire/datagram.hpp"
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
@@ -79,9 +79,11 @@ class Bench {
         std::array<std::byte, wire::kMaxFrameBytes> sent{};
         wire::FrameBuilder builder(sent, {0, 1, 2, 3, 4, 5});
         for (std::size_t d = 0; d < datagrams; ++d) {
-            auto address = command == Command::FPRD ? wire::DatagramAddress(StationAddress{static_cast<std::uint16_t>(d + 1)}, 0x0130)
-                           : command == Command::BRD ? wire::DatagramAddress(std::uint16_t{0}, 0x0130)
-                                                     : wire::DatagramAddress(LogicalAddress{static_cast<std::uint32_t>(d * kBytes)});
+            auto address = command == Command::FPRD
+                               ? wire::DatagramAddress(StationAddress{static_cast<std::uint16_t>(d + 1)}, 0x0130)
+                           : command == Command::BRD
+                               ? wire::DatagramAddress(std::uint16_t{0}, 0x0130)
+                               : wire::DatagramAddress(LogicalAddress{static_cast<std::uint32_t>(d * kBytes)});
             (void)builder.append(command, 0, address, kBytes);
         }
         const auto size = builder.finish().size();
@@ -91,7 +93,8 @@ class Bench {
             return segment_.process(MutableBytes(frame).first(size), now_).returned;
         };
         good_ &= pass() && pass();
-        const std::size_t wkc_at = wire::kEthernetHeaderBytes + wire::kFrameHeaderBytes + wire::kDatagramHeaderBytes + kBytes;
+        const std::size_t wkc_at =
+            wire::kEthernetHeaderBytes + wire::kFrameHeaderBytes + wire::kDatagramHeaderBytes + kBytes;
         const auto wkc = load_le<std::uint16_t>(frame, wkc_at);
         const auto allocated = allocations;
         // The best of some runs, in the time that this thread had a core: others may be at work.

@@ -27,15 +27,11 @@ TEST(Describe, NamesSlaveStepAndCause) {
     EXPECT_EQ(sentence({.code = Errc::sii_nack, .step = Step::read_sii, .slave = 12, .index = 0x40}),
               "slave 12: reading the SII at word 0x0040: the EEPROM did not acknowledge");
     EXPECT_EQ(
-        sentence({.code = Errc::working_counter,
-                  .step = Step::assign_address,
-                  .slave = 2,
-                  .index = 0x10,
-                  .expected = 1}),
+        sentence(
+            {.code = Errc::working_counter, .step = Step::assign_address, .slave = 2, .index = 0x10, .expected = 1}),
         "slave 2: assigning station addresses at register 0x0010: wrong working counter (expected 1, got 0)");
-    EXPECT_EQ(
-        sentence({.code = Errc::capacity, .step = Step::count_slaves, .expected = 100, .actual = 64}),
-        "counting slaves: out of the capacity that the application set (needed 100, there is room for 64)");
+    EXPECT_EQ(sentence({.code = Errc::capacity, .step = Step::count_slaves, .expected = 100, .actual = 64}),
+              "counting slaves: out of the capacity that the application set (needed 100, there is room for 64)");
 }
 
 TEST(Describe, EveryCodeAndStepHasWords) {

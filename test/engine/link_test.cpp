@@ -31,12 +31,10 @@ class LinkTest : public testing::Test {
         Reply reply;
         std::array<std::byte, 4> data{};
     };
-    static DatagramAddress station(std::uint16_t address, std::uint16_t ado) {
-        return {StationAddress{address}, ado};
-    }
+    static DatagramAddress station(std::uint16_t address, std::uint16_t ado) { return {StationAddress{address}, ado}; }
     // One FPRD of four octets.
-    static Task<Result<>> ask(Engine& engine, Asked& asked, DatagramAddress address,
-                              Repeat repeat = Repeat::yes, Command command = Command::FPRD) {
+    static Task<Result<>> ask(Engine& engine, Asked& asked, DatagramAddress address, Repeat repeat = Repeat::yes,
+                              Command command = Command::FPRD) {
         Datagram datagram(engine.link(), command, address, MutableBytes(asked.data), repeat);
         asked.reply = co_await datagram;
         asked.done = true;
@@ -195,8 +193,7 @@ TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
 
 TEST_F(LinkTest, PositionCountedUpBySlavesIsTheSameDatagram) {
     Asked asked;
-    auto task = ask(engine, asked, DatagramAddress(std::uint16_t{0}, std::uint16_t{0x0000}), Repeat::yes,
-                    Command::BRD);
+    auto task = ask(engine, asked, DatagramAddress(std::uint16_t{0}, std::uint16_t{0x0000}), Repeat::yes, Command::BRD);
     task.start();
     poll();
     Octets reply = reply_to(nic.sent[0], 3);
@@ -226,8 +223,7 @@ TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
         poll(1us);
     }
     EXPECT_FALSE(asked.done);
-    EXPECT_EQ(counted().foreign + counted().malformed + counted().mismatched + counted().unexpected +
-                  counted().echoes,
+    EXPECT_EQ(counted().foreign + counted().malformed + counted().mismatched + counted().unexpected + counted().echoes,
               1600U);
 }
 

@@ -39,8 +39,7 @@ inline Octets reply_to(Octets frame, std::uint16_t wkc = 1) {
     frame[wire::kSourceMacOffset] |= wire::kPassedEscBit;
     std::vector<std::size_t> wkc_at;
     wire::DatagramReader reader(frame);
-    while (auto d = reader.next())
-        wkc_at.push_back(d->offset + wire::kDatagramHeaderBytes + d->header.length);
+    while (auto d = reader.next()) wkc_at.push_back(d->offset + wire::kDatagramHeaderBytes + d->header.length);
     for (const std::size_t at : wkc_at) store_le<std::uint16_t>(frame, at, wkc);
     return frame;
 }

@@ -34,13 +34,11 @@ class SiiSlave final : public Nic {
         Octets frame = reply_to(Octets(sent.begin(), sent.end()), 1);
         wire::DatagramReader reader(sent);
         while (auto d = reader.next()) {
-            const auto data =
-                MutableBytes(frame).subspan(d->offset + wire::kDatagramHeaderBytes, d->header.length);
+            const auto data = MutableBytes(frame).subspan(d->offset + wire::kDatagramHeaderBytes, d->header.length);
             for (std::size_t i = 0; i < data.size(); ++i)
                 if (d->header.command == wire::Command::FPRD)
                     data[i] = read(static_cast<std::uint16_t>(d->header.address.ado() + i));
-            if (d->header.command == wire::Command::FPWR && d->header.address.ado() == 0x0502)
-                command(d->data);
+            if (d->header.command == wire::Command::FPWR && d->header.address.ado() == 0x0502) command(d->data);
         }
         if (frames++ != lose_frame) flying_.emplace_back(now + round_trip, std::move(frame));
         return SendStatus::sent;
@@ -57,8 +55,7 @@ class SiiSlave final : public Nic {
   private:
     std::byte read(std::uint16_t address) {
         const bool busy = now < busy_until_;
-        const std::uint16_t status =
-            static_cast<std::uint16_t>((busy ? 0x8000 : error_) | (eight_bytes ? 0x40 : 0));
+        const std::uint16_t status = static_cast<std::uint16_t>((busy ? 0x8000 : error_) | (eight_bytes ? 0x40 : 0));
         if (address < 0x0504) return static_cast<std::byte>(status >> (8 * (address - 0x0502)));
         if (address < 0x0508) return static_cast<std::byte>(word_ >> (8 * (address - 0x0504)));
         const std::size_t n = address - 0x0508U;

@@ -30,8 +30,7 @@ TEST(Arena, GivesBackWhatItGaveUntilItIsWholeAgain) {
         } else {
             const std::size_t which = random() % held.size();
             const auto [at, bytes] = held[which];
-            for (std::size_t i = 0; i < bytes; ++i)
-                ASSERT_EQ(at[i], static_cast<std::byte>(bytes)) << "overlap";
+            for (std::size_t i = 0; i < bytes; ++i) ASSERT_EQ(at[i], static_cast<std::byte>(bytes)) << "overlap";
             arena.release(at);
             held.erase(held.begin() + static_cast<std::ptrdiff_t>(which));
         }

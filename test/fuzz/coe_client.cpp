@@ -1,5 +1,6 @@
-// The CoE client's reading of replies on anything. The input is a conversation: what to do, then a reply after the other. Whatever a slave answers, a transfer writes
-// nothing beyond its buffer, claims no more than it has room for, composes nothing beyond a mailbox, and comes to an end after as many replies as its size allows.
+// The CoE client's reading of replies on anything. The input is a conversation: what to do, then a reply after the
+// other. Whatever a slave answers, a transfer writes nothing beyond its buffer, claims no more than it has room for,
+// composes nothing beyond a mailbox, and comes to an end after as many replies as its size allows.
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_transfer.hpp"
 
@@ -46,7 +47,8 @@ void compose(MailClient& client, std::size_t room) {
     std::vector<std::byte> data(room + kGuard, kMark);
     const std::size_t bytes = client.compose(MutableBytes(data).first(room));
     require(bytes <= room);
-    require(std::all_of(data.begin() + static_cast<std::ptrdiff_t>(room), data.end(), [](std::byte b) { return b == kMark; }));
+    require(std::all_of(data.begin() + static_cast<std::ptrdiff_t>(room), data.end(),
+                        [](std::byte b) { return b == kMark; }));
     std::vector<std::byte> again(room, kMark);
     require(client.compose(again) == bytes);
     require(std::equal(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(bytes), data.begin()));
@@ -60,7 +62,8 @@ std::size_t converse(Client& client, Input& input, std::size_t room) {
         compose(client, room);
         const std::size_t length = input.octet();
         const Bytes data = input.take(length);
-        if (client.take({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, data}) != MailClient::Taken::no)
+        if (client.take({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, data}) !=
+            MailClient::Taken::no)
             ++taken;
     }
     return taken;
@@ -73,7 +76,8 @@ void upload(Input& input, std::size_t room, const SdoObject& object) {
     const std::size_t taken = converse(transfer, input, room);
     require(taken <= size + 2);  // each segment brings something on
     require(transfer.bytes() <= size);
-    require(std::all_of(into.begin() + static_cast<std::ptrdiff_t>(size), into.end(), [](std::byte b) { return b == kMark; }));
+    require(std::all_of(into.begin() + static_cast<std::ptrdiff_t>(size), into.end(),
+                        [](std::byte b) { return b == kMark; }));
     require(!transfer.over() || transfer.error().code != Errc::none || !transfer.must_abort());
     require(!transfer.must_abort() || transfer.abort_message()[2] == std::byte{0x80});
 }
@@ -91,8 +95,9 @@ void information(Input& input, std::size_t room, unsigned kind) {
     static std::size_t indices;
     indices = 0;
     if (kind == 0) {
-        ObjectListQuery query(static_cast<ObjectList>(input.octet() % 6), [](std::span<const std::uint16_t> some, void*) { indices += some.size(); },
-                              nullptr);
+        ObjectListQuery query(
+            static_cast<ObjectList>(input.octet() % 6),
+            [](std::span<const std::uint16_t> some, void*) { indices += some.size(); }, nullptr);
         (void)converse(query, input, room);
         require(indices <= 0x10000 && (query.error().code != Errc::none || indices == query.count()));
     } else if (kind == 1) {

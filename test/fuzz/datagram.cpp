@@ -61,8 +61,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     DatagramReader rewritten(builder.finish());
     while (const auto datagram = original.next()) {
         const auto copy = rewritten.next();
-        require(copy && copy->header.address == datagram->header.address && copy->header.more == datagram->header.more &&
-                std::ranges::equal(copy->data, datagram->data));
+        require(copy && copy->header.address == datagram->header.address &&
+                copy->header.more == datagram->header.more && std::ranges::equal(copy->data, datagram->data));
     }
     require(!rewritten.next() && rewritten.fault() == FrameFault::none);
     return 0;

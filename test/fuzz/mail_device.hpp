@@ -1,5 +1,5 @@
-// A device with CoE, FoE and SoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes, each reply is
-// a mailbox message that fits, and afterwards a proper request gets its proper reply.
+// A device with CoE, FoE and SoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes,
+// each reply is a mailbox message that fits, and afterwards a proper request gets its proper reply.
 #pragma once
 
 #include "subdevice/plain_esc.hpp"
@@ -66,7 +66,8 @@ inline constexpr Entry kAssign[] = {
     value<Values::assign>(1, "PDO", od::kReadWritePreop, 0x1600),
     octets(2, "PDO", DataType::unsigned16, od::kReadWritePreop, Values::assign::offset + 2, 2)};
 inline constexpr Entry kWord[] = {value<Values::word>(0, "Word", od::kReadWrite | od::kRxMappable, 7).within(0, 1000)};
-inline constexpr Entry kText[] = {octets(0, "Text", DataType::visible_string, od::kReadWrite, Values::text, 100, "abc")};
+inline constexpr Entry kText[] = {
+    octets(0, "Text", DataType::visible_string, od::kReadWrite, Values::text, 100, "abc")};
 inline constexpr Entry kMixed[] = {entry_count(4), flag<Values::bit>(1, "Bit", od::kReadWrite), padding(2, 7),
                                    value<Values::dword>(3, "Number", od::kReadWrite),
                                    constant<std::uint16_t>(4, "Fixed", 0xBEEF)};
@@ -108,7 +109,8 @@ static_assert(well_formed(kParameters, DriveValues::bytes));
 class Axis final : public SoeApplication {
   public:
     SoeError before_write(const SoeAccess& access, Bytes value) override {
-        if (access.parameter.idn == Idn::standard(4)) require(value.size() == 4 && std::abs(load_le<std::int32_t>(value)) <= 100);
+        if (access.parameter.idn == Idn::standard(4))
+            require(value.size() == 4 && std::abs(load_le<std::int32_t>(value)) <= 100);
         if (access.parameter.idn == Idn::standard(6)) require(value.size() <= soe_list_bytes(200));
         return SoeError::none;
     }
@@ -234,8 +236,8 @@ class MailDevice {
         std::array<std::byte, 256> whole{};
         const auto bytes = std::min<std::size_t>(data.size(), bytes_ - wire::kMailboxHeaderBytes);
         counter_ = wire::next_mailbox_counter(counter_);
-        wire::store_mailbox_header(
-            whole, {.length = static_cast<std::uint16_t>(bytes), .type = type, .counter = counter_});
+        wire::store_mailbox_header(whole,
+                                   {.length = static_cast<std::uint16_t>(bytes), .type = type, .counter = counter_});
         std::copy_n(data.begin(), bytes, whole.begin() + wire::kMailboxHeaderBytes);
         return esc.ecat_write(0x1000, Bytes(whole).first(bytes_));
     }
@@ -252,7 +254,8 @@ class MailDevice {
             require(detail >= 1 && detail <= 9);
         } else {
             const bool soe = message->header.type == wire::MailboxType::soe;
-            require(soe || message->header.type == wire::MailboxType::coe || message->header.type == wire::MailboxType::foe);
+            require(soe || message->header.type == wire::MailboxType::coe ||
+                    message->header.type == wire::MailboxType::foe);
             require(message->data.size() >= (soe ? wire::soe::kHeaderBytes : wire::coe::kHeaderBytes));
         }
         step();
@@ -287,7 +290,8 @@ class MailDevice {
         if (boot) {
             require(!reply.empty() && reply[0] == std::byte{5});
         } else {
-            require(reply.size() == 10 && reply[2] == std::byte{0x43} && load_le<std::uint32_t>(reply, 6) == 0x5A5A1234);
+            require(reply.size() == 10 && reply[2] == std::byte{0x43} &&
+                    load_le<std::uint32_t>(reply, 6) == 0x5A5A1234);
         }
     }
 

@@ -1,5 +1,5 @@
-// The mailbox engine on anything a master may do to it: messages with any header, replies fetched or left, repeat requests,
-// changes of state, SyncManagers switched off and on.
+// The mailbox engine on anything a master may do to it: messages with any header, replies fetched or left, repeat
+// requests, changes of state, SyncManagers switched off and on.
 #include "mail_device.hpp"
 
 using namespace margay;

@@ -1,8 +1,9 @@
-// Any octets as frames, to a segment whose registers they may write as they like: SyncManagers over each other, FMMUs past the
-// memory, SII and clock registers. The input is frames one behind the other, each behind its length in two octets; the segment has a
-// coupler, a terminal, a device with mailbox and program, one with every feature switched off, and a second way in.
-#include "sim/devices.hpp"
+// Any octets as frames, to a segment whose registers they may write as they like: SyncManagers over each other, FMMUs
+// past the memory, SII and clock registers. The input is frames one behind the other, each behind its length in two
+// octets; the segment has a coupler, a terminal, a device with mailbox and program, one with every feature switched
+// off, and a second way in.
 #include "sim/segment.hpp"
+#include "sim/devices.hpp"
 #include "wire/sii_writer.hpp"
 
 #include <algorithm>
@@ -53,7 +54,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     std::array<std::byte, 1600> frame{};
     while (size >= 2) {
-        const auto length = std::min<std::size_t>({std::size_t{data[0]} | std::size_t{data[1]} << 8, size - 2, frame.size()});
+        const auto length =
+            std::min<std::size_t>({std::size_t{data[0]} | std::size_t{data[1]} << 8, size - 2, frame.size()});
         std::memcpy(frame.data(), data + 2, length);
         data += 2 + length;
         size -= 2 + length;

@@ -20,8 +20,7 @@ void require(bool holds) {
 }
 
 bool within(Bytes part, Bytes whole) {
-    return part.empty() ||
-           (part.data() >= whole.data() && part.data() + part.size() <= whole.data() + whole.size());
+    return part.empty() || (part.data() >= whole.data() && part.data() + part.size() <= whole.data() + whole.size());
 }
 
 void check_strings(Bytes content) {
@@ -89,10 +88,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const auto count = sii::check_image(image, few);
     std::vector<sii::Finding> all(count);
     require(sii::check_image(image, all) == count);
-    require(
-        std::equal(few.begin(), few.begin() + static_cast<long>(std::min(count, few.size())), all.begin()));
-    for (const auto& finding : all)
-        require(finding.fault != sii::Fault::none && finding.word * std::size_t{2} <= size);
+    require(std::equal(few.begin(), few.begin() + static_cast<long>(std::min(count, few.size())), all.begin()));
+    for (const auto& finding : all) require(finding.fault != sii::Fault::none && finding.word * std::size_t{2} <= size);
 
     const auto fixed = sii::load_fixed_part(image);
     require((fixed.fault == sii::Fault::truncated) == (size < sii::kFixedBytes));

@@ -24,7 +24,8 @@ Faults width_faults(const SourceTree& tree) {
         const auto lines = lines_of(file.text);
         for (std::size_t n = 0; n < lines.size(); ++n)
             if (columns(lines[n]) > kMaxColumns)
-                faults.push_back(file.path + ":" + std::to_string(n + 1) + ": wider than " + std::to_string(kMaxColumns) + " columns");
+                faults.push_back(file.path + ":" + std::to_string(n + 1) + ": wider than " +
+                                 std::to_string(kMaxColumns) + " columns");
     }
     return faults;
 }
@@ -35,8 +36,7 @@ Faults readme_faults(const SourceTree& tree, const std::set<std::string>& notes)
         if (file.path.find(".cpp") == std::string::npos) continue;
         // Floors of many small rooms are told by one note: test/README.md speaks for test/wire as well.
         const auto floor = file.path.substr(0, file.path.find('/'));
-        const auto folder =
-            floor == "src" || floor == "include" ? file.path.substr(0, file.path.rfind('/')) : floor;
+        const auto folder = floor == "src" || floor == "include" ? file.path.substr(0, file.path.rfind('/')) : floor;
         if (notes.count(folder + "/README.md") == 0) folders.insert(folder);
     }
     Faults faults;
@@ -45,8 +45,8 @@ Faults readme_faults(const SourceTree& tree, const std::set<std::string>& notes)
 }
 
 Faults top_level_faults(const std::set<std::string>& names) {
-    static const std::set<std::string> allowed = {
-        "include", "src", "osal", "oshw", "samples", "test", "LICENSE", "README.md", "CMakeLists.txt"};
+    static const std::set<std::string> allowed = {"include", "src",     "osal",      "oshw",          "samples",
+                                                  "test",    "LICENSE", "README.md", "CMakeLists.txt"};
     Faults faults;
     for (const auto& name : names) {
         const bool generated = name.compare(0, 5, "build") == 0 || name == "compile_commands.json";

@@ -30,8 +30,7 @@ TEST(House, EveryFolderHasItsReadme) {
 
 TEST(House, NothingElseAtTheTopLevel) {
     std::set<std::string> names;
-    for (const auto& entry : std::filesystem::directory_iterator(kTop))
-        names.insert(entry.path().filename().string());
+    for (const auto& entry : std::filesystem::directory_iterator(kTop)) names.insert(entry.path().filename().string());
     const auto faults = top_level_faults(names);
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }

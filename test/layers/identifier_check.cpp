@@ -8,8 +8,7 @@ namespace margay::layers {
 namespace {
 
 struct Rule {
-    std::vector<std::string_view>
-        words;  // a line without any of them is not looked at: regular expressions are slow
+    std::vector<std::string_view> words;  // a line without any of them is not looked at: regular expressions are slow
     std::regex form;
     const char* what;
     const std::set<std::string>* layers;  // where it holds
@@ -51,10 +50,7 @@ const std::set<std::string>& library_layers() {
 
 const std::vector<Rule>& rules() {
     static const std::vector<Rule> all = {
-        {{"throw", "try", "catch"},
-         std::regex(R"(\b(throw|try|catch)\b)"),
-         "an exception",
-         &library_layers()},
+        {{"throw", "try", "catch"}, std::regex(R"(\b(throw|try|catch)\b)"), "an exception", &library_layers()},
         {{"dynamic_cast", "typeid"}, std::regex(R"(\b(dynamic_cast|typeid)\b)"), "RTTI", &library_layers()},
         {{"std::"},
          std::regex(R"(\bstd::(function|any|regex|locale)\b)"),
@@ -69,15 +65,11 @@ const std::vector<Rule>& rules() {
          "printing",
          &timeless_layers()},
         {{"clock", "timeofday", "sleep", "this_thread"},
-         std::regex(
-             R"(\b(steady_clock|system_clock|high_resolution_clock|clock_gettime|gettimeofday)"
-             R"(|clock_nanosleep|nanosleep|usleep|this_thread)\b)"),
+         std::regex(R"(\b(steady_clock|system_clock|high_resolution_clock|clock_gettime|gettimeofday)"
+                    R"(|clock_nanosleep|nanosleep|usleep|this_thread)\b)"),
          "a clock",
          &timeless_layers()},
-        {{"alloc", "strdup"},
-         std::regex(R"(\b(malloc|calloc|realloc|strdup)\s*\()"),
-         "the heap",
-         &core_layers()},
+        {{"alloc", "strdup"}, std::regex(R"(\b(malloc|calloc|realloc|strdup)\s*\()"), "the heap", &core_layers()},
         {{"::free"}, std::regex(R"((\bstd::|[^\w:]::)free\s*\()"), "the heap", &core_layers()},
         // Allowed: placement new, `operator new` of a class, `= delete`.
         {{"new"}, std::regex(R"(\bnew\b(\s+[\w:]|\s*\(\s*std::nothrow))"), "the heap", &core_layers()},
@@ -115,8 +107,7 @@ std::string without_operators(const std::string& line) {
 Faults identifier_faults(const SourceTree& tree) {
     Faults faults;
     for (const auto& file : tree) {
-        if (file.path == "include/margay/host_context.hpp")
-            continue;  // the one header that is for systems with a heap
+        if (file.path == "include/margay/host_context.hpp") continue;  // the one header that is for systems with a heap
         const auto layer = layer_of(file.path);
         const auto stripped = strip(file.text);
         const auto lines = lines_of(stripped);
@@ -129,8 +120,7 @@ Faults identifier_faults(const SourceTree& tree) {
             for (const auto& rule : rules())
                 if (rule.layers->count(layer) != 0 && has_any(line, rule.words) &&
                     std::regex_search(line, match, rule.form))
-                    faults.push_back(file.path + ":" + std::to_string(i + 1) + ": " + rule.what + ": " +
-                                     match.str());
+                    faults.push_back(file.path + ":" + std::to_string(i + 1) + ": " + rule.what + ": " + match.str());
         }
     }
     return faults;

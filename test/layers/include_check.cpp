@@ -34,8 +34,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
         {"samples",
-         {"api", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/pcap", "oshw/filters",
-          "oshw/simulated"}},
+         {"api", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/pcap", "oshw/filters", "oshw/simulated"}},
         {"test", {"samples", "compat"}},
     };
     return rows;
@@ -56,11 +55,10 @@ bool may_include(const std::string& from, const std::string& to) {
 // Headers of the standard library that need no heap, no operating system and no exceptions to be of use.
 const std::set<std::string>& freestanding_headers() {
     static const std::set<std::string> names = {
-        "algorithm", "array",   "atomic",      "bit",      "bitset",    "charconv", "chrono",
-        "climits",   "cmath",   "compare",     "concepts", "coroutine", "cstddef",  "cstdint",
-        "cstring",   "limits",  "functional",  "iterator", "memory",    "new",      "initializer_list",
-        "numbers",   "numeric", "optional",    "ranges",   "span",      "tuple",    "string_view",
-        "utility",   "variant", "type_traits", "version",
+        "algorithm",  "array",    "atomic",   "bit",         "bitset",           "charconv", "chrono",      "climits",
+        "cmath",      "compare",  "concepts", "coroutine",   "cstddef",          "cstdint",  "cstring",     "limits",
+        "functional", "iterator", "memory",   "new",         "initializer_list", "numbers",  "numeric",     "optional",
+        "ranges",     "span",     "tuple",    "string_view", "utility",          "variant",  "type_traits", "version",
     };
     return names;
 }

@@ -22,16 +22,15 @@ std::vector<std::string> tests_of(const SourceTree& tree) {
 
 bool there(const std::string& name, const std::vector<std::string>& tests, const SourceTree& tree) {
     const auto file_begins = [&](const std::string& path) {
-        return std::any_of(tree.begin(), tree.end(),
-                           [&](const auto& file) { return file.path.rfind(path, 0) == 0; });
+        return std::any_of(tree.begin(), tree.end(), [&](const auto& file) { return file.path.rfind(path, 0) == 0; });
     };
     if (name.rfind("bench_", 0) == 0) return file_begins("test/bench/" + name.substr(6) + ".cpp");
     if (name.rfind("fuzz/", 0) == 0) return file_begins("test/" + name);
     if (name.rfind("install/", 0) == 0) return file_begins("test/install/");
-    static const std::vector<std::string> nested = {"embedded/arm_builds", "embedded/footprint", "clang/builds", "test/run.sh"};
+    static const std::vector<std::string> nested = {"embedded/arm_builds", "embedded/footprint", "clang/builds",
+                                                    "test/run.sh"};
     if (std::find(nested.begin(), nested.end(), name) != nested.end()) return true;
-    return std::any_of(tests.begin(), tests.end(),
-                       [&](const auto& test) { return test.rfind(name, 0) == 0; });
+    return std::any_of(tests.begin(), tests.end(), [&](const auto& test) { return test.rfind(name, 0) == 0; });
 }
 
 }  // namespace
@@ -43,9 +42,8 @@ Faults matrix_faults(const std::string& text, const SourceTree& tree, const std:
     for (const auto view : lines_of(text)) {
         const std::string line(view);
         const auto status = line.find("| works |");
-        if (line.rfind("| ", 0) != 0 ||
-            (status == std::string::npos && line.find("| partly |") == std::string::npos &&
-             line.find("| planned |") == std::string::npos))
+        if (line.rfind("| ", 0) != 0 || (status == std::string::npos && line.find("| partly |") == std::string::npos &&
+                                         line.find("| planned |") == std::string::npos))
             continue;
         const auto proof = line.substr(line.find("|", line.find(" |") + 2));
         std::size_t named = 0;
@@ -55,8 +53,7 @@ Faults matrix_faults(const std::string& text, const SourceTree& tree, const std:
             ++named;
             if (!there(name, tests, tree)) faults.push_back(file + ": no such test: " + match->str(1));
         }
-        if (status != std::string::npos && named == 0)
-            faults.push_back(file + ": works, but by which test? " + line);
+        if (status != std::string::npos && named == 0) faults.push_back(file + ": works, but by which test? " + line);
     }
     return faults;
 }

@@ -14,8 +14,7 @@ namespace {
 
 // The output of a command, or nothing when it could not be run.
 std::optional<std::string> output_of(const std::string& command) {
-    std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"),
-                                               [](FILE* f) { return pclose(f); });
+    std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"), [](FILE* f) { return pclose(f); });
     if (!pipe) return {};
     std::string out;
     std::array<char, 4096> part{};
@@ -67,18 +66,14 @@ TEST(Symbols, OfThisProgramAreCaught) {
 }
 
 TEST(Symbols, EachForbiddenOneIsCaught) {
-    for (const auto* name :
-         {"malloc", "free", "_Znwm", "_Znam", "_ZdlPvm", "_ZdaPv", "_ZnwmRKSt9nothrow_t", "__cxa_throw",
-          "_Unwind_Resume", "_ZSt20__throw_length_errorPKc", "__dynamic_cast", "clock_gettime",
-          "_ZNSt6chrono3_V212steady_clock3nowEv", "snprintf", "__snprintf_chk",
-          "_ZTVN10__cxxabiv120__si_class_type_infoE", "_Znwm@GLIBCXX_3.4"})
-        EXPECT_EQ(symbol_faults("libx.a:y.o:                 U " + std::string(name) + "\n").size(), 1U)
-            << name;
-    for (const auto* name :
-         {"memcpy", "memset", "memmove", "__stack_chk_fail", "_ZN6margay7to_textENS_4ErrcE",
-          "_ZN6margay5Arena4freeEPv", "__cxa_pure_virtual", "strlen"})
-        EXPECT_EQ(symbol_faults("libx.a:y.o:                 U " + std::string(name) + "\n").size(), 0U)
-            << name;
+    for (const auto* name : {"malloc", "free", "_Znwm", "_Znam", "_ZdlPvm", "_ZdaPv", "_ZnwmRKSt9nothrow_t",
+                             "__cxa_throw", "_Unwind_Resume", "_ZSt20__throw_length_errorPKc", "__dynamic_cast",
+                             "clock_gettime", "_ZNSt6chrono3_V212steady_clock3nowEv", "snprintf", "__snprintf_chk",
+                             "_ZTVN10__cxxabiv120__si_class_type_infoE", "_Znwm@GLIBCXX_3.4"})
+        EXPECT_EQ(symbol_faults("libx.a:y.o:                 U " + std::string(name) + "\n").size(), 1U) << name;
+    for (const auto* name : {"memcpy", "memset", "memmove", "__stack_chk_fail", "_ZN6margay7to_textENS_4ErrcE",
+                             "_ZN6margay5Arena4freeEPv", "__cxa_pure_virtual", "strlen"})
+        EXPECT_EQ(symbol_faults("libx.a:y.o:                 U " + std::string(name) + "\n").size(), 0U) << name;
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ class DriveTest : public testing::Test {
     Hand hand{"drive"};
 
     void SetUp() override { ASSERT_EQ(hand.to(AlState::op).state, AlState::op); }
-    // Outputs: control word, position, speed, torque, mode. Inputs: status word, position, speed, torque, mode, error code.
+    // Outputs: control word, position, speed, torque, mode. Inputs: status word, position, speed, torque, mode, error
+    // code.
     void control(unsigned word) { hand.out<std::uint16_t>(0, static_cast<std::uint16_t>(word)); }
     void target(std::int32_t position) { hand.out<std::int32_t>(2, position); }
     void speed(std::int32_t value) { hand.out<std::int32_t>(6, value); }
@@ -153,7 +154,8 @@ TEST_F(DriveTest, ProfilePositionWithHandshake) {
     control(0x0F);
     hand.cycle(2);
     EXPECT_EQ(status() & 0x1000, 0u);
-    // 5 turns at 20 turns/s, 200 turns/s² both ways: 0.1 + 0.1 s for two turns, 0.2 s for the other four … in all 0.35 s.
+    // 5 turns at 20 turns/s, 200 turns/s² both ways: 0.1 + 0.1 s for two turns, 0.2 s for the other four … in all 0.35
+    // s.
     const auto cycles = until(0x0400, 2000);
     EXPECT_NEAR(cycles, 350, 25);
     EXPECT_NEAR(position(), from + 5 * kTurn, 1000);
@@ -246,9 +248,9 @@ TEST_P(Homing, Finishes) {
     EXPECT_EQ(state(), 0x27u);
 }
 INSTANTIATE_TEST_SUITE_P(Methods, Homing,
-                         testing::Values(HomingCase{1, -20}, HomingCase{2, 20}, HomingCase{17, -20.25}, HomingCase{18, 20.25},
-                                         HomingCase{33, 3}, HomingCase{34, 4}, HomingCase{35, 3.3},
-                                         HomingCase{37, 3.3}),
+                         testing::Values(HomingCase{1, -20}, HomingCase{2, 20}, HomingCase{17, -20.25},
+                                         HomingCase{18, 20.25}, HomingCase{33, 3}, HomingCase{34, 4},
+                                         HomingCase{35, 3.3}, HomingCase{37, 3.3}),
                          [](const auto& param) { return "Method" + std::to_string(param.param.method); });
 
 TEST_F(DriveTest, UnknownHomingMethodIsAnError) {

@@ -59,7 +59,8 @@ AlStatus Hand::status() {
 }
 
 AlStatus Hand::ask(AlState state, Duration patience, unsigned control_bits) {
-    rig.put<std::uint16_t>(0, reg::kAlControl.address, static_cast<std::uint16_t>(static_cast<unsigned>(state) | control_bits));
+    rig.put<std::uint16_t>(0, reg::kAlControl.address,
+                           static_cast<std::uint16_t>(static_cast<unsigned>(state) | control_bits));
     const auto until = rig.now + patience;
     auto reached = status();
     while (rig.now < until && reached.state != state && !reached.error) {
@@ -110,7 +111,8 @@ void Hand::cycle(unsigned n) {
         std::vector<Rig::Request> requests;
         if (out != nullptr) requests.push_back({Command::APWR, {RingPosition{0}, out->info.start}, outputs});
         if (in != nullptr)
-            requests.push_back({Command::APRD, {RingPosition{0}, in->info.start}, std::vector<std::byte>(inputs.size())});
+            requests.push_back(
+                {Command::APRD, {RingPosition{0}, in->info.start}, std::vector<std::byte>(inputs.size())});
         const auto replies = rig.frame(requests);
         if (in != nullptr && replies.back().wkc == 1) inputs = replies.back().data;
     }
@@ -143,8 +145,8 @@ std::optional<Hand::Mail> Hand::take(Duration patience) {
 std::vector<std::byte> Hand::exchange(wire::MailboxType type, std::vector<std::byte> data) {
     EXPECT_TRUE(put(type, std::move(data))) << "the mailbox is full";
     while (const auto mail = take()) {
-        if (mail->header.type == type && (type != wire::MailboxType::coe ||
-                                          coe::load_header(mail->data).service != coe::Service::emergency))
+        if (mail->header.type == type &&
+            (type != wire::MailboxType::coe || coe::load_header(mail->data).service != coe::Service::emergency))
             return mail->data;
     }
     ADD_FAILURE() << "no reply";

@@ -1,5 +1,5 @@
-// One device of the library on a segment of its own, and a master's hand that knows nothing but its SII: states, process
-// data, SDO, in virtual time.
+// One device of the library on a segment of its own, and a master's hand that knows nothing but its SII: states,
+// process data, SDO, in virtual time.
 #pragma once
 
 #include "sim/devices.hpp"

@@ -145,7 +145,8 @@ TEST_F(EncoderTest, LongTurningLosesNothing) {
     // 5 minutes, and 3 ms less what the last two cycles had of it already.
     const std::uint64_t turned = 300u * 100'000'003ull;
     const auto counted = counter() - start;
-    EXPECT_NEAR(static_cast<double>(static_cast<std::uint32_t>(counted - static_cast<std::uint32_t>(turned))), 300'000, 110'000);
+    EXPECT_NEAR(static_cast<double>(static_cast<std::uint32_t>(counted - static_cast<std::uint32_t>(turned))), 300'000,
+                110'000);
 }
 
 TEST_F(EncoderTest, SetCounterOnceAtARisingEdge) {

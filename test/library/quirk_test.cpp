@@ -28,7 +28,9 @@ std::vector<std::byte> question(unsigned index, unsigned subindex = 0, unsigned 
     SdoLayout::subindex::store(request, static_cast<std::uint8_t>(subindex));
     return request;
 }
-unsigned command_of(const Hand::Mail& mail) { return mail.data.size() > 2 ? std::to_integer<unsigned>(mail.data[2]) : 0; }
+unsigned command_of(const Hand::Mail& mail) {
+    return mail.data.size() > 2 ? std::to_integer<unsigned>(mail.data[2]) : 0;
+}
 
 // In PREOP, with these manners.
 struct Odd : Hand {

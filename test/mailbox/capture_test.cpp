@@ -1,5 +1,6 @@
-// The CoE conversations that a real drive had with another master (soem-sdinfo-akd.pcapng), held again with our client: it asks the same questions octet by
-// octet, gets the drive's answers octet by octet, and finds the values that tshark prints.
+// The CoE conversations that a real drive had with another master (soem-sdinfo-akd.pcapng), held again with our client:
+// it asks the same questions octet by octet, gets the drive's answers octet by octet, and finds the values that tshark
+// prints.
 #include "mailbox/mailbox_bus.hpp"
 #include "oshw/pcap/capture_file.hpp"
 #include "wire/datagram.hpp"
@@ -28,7 +29,8 @@ std::vector<Conversation> conversations(const CaptureFile& file) {
         while (const auto datagram = reader.next()) {
             const auto command = datagram->header.command;
             const bool write = command == wire::Command::FPWR;
-            if ((!write && command != wire::Command::FPRD) || datagram->wkc != 1 || datagram->data.size() < 1024) continue;
+            if ((!write && command != wire::Command::FPRD) || datagram->wkc != 1 || datagram->data.size() < 1024)
+                continue;
             const auto mail = wire::load_mailbox_message(datagram->data);
             if (!mail || mail->header.type != wire::MailboxType::coe) continue;
             const auto whole = datagram->data.first(wire::kMailboxHeaderBytes + mail->data.size());
@@ -50,9 +52,10 @@ struct Printed {
 
 // What Wireshark makes of the SDO responses.
 std::vector<Printed> printed(const std::string& path) {
-    const std::string command = "tshark -n -r '" + path +
-                                "' -Y 'ecat_mailbox.coe.type == 3 && ecat.cnt == 1' -T fields -e frame.number -e ecat_mailbox.coe.sdoidx "
-                                "-e ecat_mailbox.coe.sdosub -e ecat_mailbox.coe.sdodata 2>/dev/null";
+    const std::string command =
+        "tshark -n -r '" + path +
+        "' -Y 'ecat_mailbox.coe.type == 3 && ecat.cnt == 1' -T fields -e frame.number -e ecat_mailbox.coe.sdoidx "
+        "-e ecat_mailbox.coe.sdosub -e ecat_mailbox.coe.sdodata 2>/dev/null";
     std::vector<Printed> all;
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
     std::array<char, 256> line{};
@@ -85,14 +88,16 @@ TEST(MailboxCapture, TheDrivesConversationsGiveTheValuesThatTsharkPrints) {
     std::size_t n = 0;
     slave.on_mail = [&](const Mail& mail) {
         // From the CoE header on: the mailbox counter is ours.
-        EXPECT_EQ(Mail(mail.begin() + 6, mail.end()), Mail(all[n].request.begin() + 6, all[n].request.end())) << "before frame " << all[n].frame;
+        EXPECT_EQ(Mail(mail.begin() + 6, mail.end()), Mail(all[n].request.begin() + 6, all[n].request.end()))
+            << "before frame " << all[n].frame;
         slave.put(all[n].reply);
     };
     for (n = 0; n < all.size(); ++n) {
         SCOPED_TRACE(testing::Message() << "frame " << all[n].frame);
         ASSERT_EQ(values[n].frame, all[n].frame);
         std::array<std::byte, 8> into{};
-        const auto read = SDOread(*bus.ctx, 1, static_cast<std::uint16_t>(values[n].index), static_cast<std::uint8_t>(values[n].subindex), false, into);
+        const auto read = SDOread(*bus.ctx, 1, static_cast<std::uint16_t>(values[n].index),
+                                  static_cast<std::uint8_t>(values[n].subindex), false, into);
         ASSERT_TRUE(read.ok()) << bus.words(read.error());
         EXPECT_EQ(load_le<std::uint64_t>(into), values[n].value);
     }

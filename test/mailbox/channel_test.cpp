@@ -1,5 +1,5 @@
-// The mailbox channel against a mailbox whose every octet the test writes. ETG.1000.4 "Mailbox" (header, counter, repeat), ETG.1000.6 table "Mailbox error
-// reply"; the behaviour of real slaves from the field notes (mailbox).
+// The mailbox channel against a mailbox whose every octet the test writes. ETG.1000.4 "Mailbox" (header, counter,
+// repeat), ETG.1000.6 table "Mailbox error reply"; the behaviour of real slaves from the field notes (mailbox).
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -37,8 +37,10 @@ TEST_F(ChannelTest, SendsTheOctetsOfTheStandard) {
     ASSERT_TRUE(value.ok()) << bus.words(value.error());
     EXPECT_EQ(*value, 0x0237);
     ASSERT_EQ(slave.received.size(), 1U);
-    // Length 10, address 0, channel 0, type CoE, counter 1; CoE header: SDO request; initiate upload; index; subindex; reserved.
-    EXPECT_EQ(slave.received[0], mail_bytes({0x0A, 0x00, 0x00, 0x00, 0x00, 0x13, 0x00, 0x20, 0x40, 0x41, 0x60, 0x00, 0, 0, 0, 0}));
+    // Length 10, address 0, channel 0, type CoE, counter 1; CoE header: SDO request; initiate upload; index; subindex;
+    // reserved.
+    EXPECT_EQ(slave.received[0],
+              mail_bytes({0x0A, 0x00, 0x00, 0x00, 0x00, 0x13, 0x00, 0x20, 0x40, 0x41, 0x60, 0x00, 0, 0, 0, 0}));
 }
 
 TEST_F(ChannelTest, CountersRunFromOneToSevenWhateverTheSlaveCounts) {
@@ -73,11 +75,11 @@ TEST_F(ChannelTest, WhatAnEarlierMasterLeftIsDrainedFirst) {
 TEST_F(ChannelTest, OtherMailDoesNotDisturbARequest) {
     start();
     slave.on_mail = [&](const Mail&) {
-        slave.reply({0x00, 0x10, 0x30, 0x81, 0x05, 1, 2, 3, 4, 5});                                 // emergency 0x8130, register 5
-        slave.reply(mail_bytes({0x00, 0x00, 0xFF, 0xFF, 0xFF, 0xFF}), MailboxType::eoe);            // an EoE fragment
-        slave.reply(mail_bytes({0x03, 0x40, 0xAB, 0xCD}));                                         // a TxPDO
+        slave.reply({0x00, 0x10, 0x30, 0x81, 0x05, 1, 2, 3, 4, 5});  // emergency 0x8130, register 5
+        slave.reply(mail_bytes({0x00, 0x00, 0xFF, 0xFF, 0xFF, 0xFF}), MailboxType::eoe);  // an EoE fragment
+        slave.reply(mail_bytes({0x03, 0x40, 0xAB, 0xCD}));                                // a TxPDO
         slave.reply(mail_bytes({1, 2, 3, 4, 5, 6}), MailboxType::voe);
-        slave.reply(two_octets(0x01, 0x20, 0x00, 9, 9));                                            // a late reply to another index
+        slave.reply(two_octets(0x01, 0x20, 0x00, 9, 9));  // a late reply to another index
         slave.reply(two_octets(0x00, 0x20, 0x00, 0x11, 0x22));
     };
     submit_upload(0x2000);
@@ -132,9 +134,9 @@ TEST_F(ChannelTest, MailboxErrorReplyEndsTheRequestInWords) {
     slave.on_mail = [&](const Mail&) { slave.reply(mail_bytes({0x01, 0x00, 0x02, 0x00}), MailboxType::error); };
     const auto value = SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(value.error().code, Errc::mailbox_error);
-    EXPECT_EQ(bus.words(value.error()),
-              "slave 1: SDO upload of 0x2000:0: mailbox error reply (detail 0x0002: " +
-                  std::string(wire::to_text(wire::MailboxErrorCode::unsupported_protocol)) + ")");
+    EXPECT_EQ(bus.words(value.error()), "slave 1: SDO upload of 0x2000:0: mailbox error reply (detail 0x0002: " +
+                                            std::string(wire::to_text(wire::MailboxErrorCode::unsupported_protocol)) +
+                                            ")");
 }
 
 TEST_F(ChannelTest, SilenceEndsInATimeoutAndALateReplyIsNotTakenForTheNext) {
@@ -207,7 +209,8 @@ TEST_F(ChannelTest, ACanceledSegmentedTransferIsAbortedAtTheSlave) {
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2042, 0), 0x42);
     ASSERT_EQ(slave.received.size(), 5U);
     // Abort of 0x2000:0, "SDO protocol timed out".
-    EXPECT_EQ(Mail(slave.received[3].begin() + 6, slave.received[3].end()), mail_bytes({0x00, 0x20, 0x80, 0x00, 0x20, 0x00, 0x00, 0x00, 0x04, 0x05}));
+    EXPECT_EQ(Mail(slave.received[3].begin() + 6, slave.received[3].end()),
+              mail_bytes({0x00, 0x20, 0x80, 0x00, 0x20, 0x00, 0x00, 0x00, 0x04, 0x05}));
 }
 
 TEST_F(ChannelTest, AFullMailboxIsWaitedForAndNamed) {
@@ -220,7 +223,9 @@ TEST_F(ChannelTest, AFullMailboxIsWaitedForAndNamed) {
     bus.run(request);
     EXPECT_EQ(request.error().code, Errc::mailbox_full) << bus.words(request.error());
     slave.takes = true;
-    slave.on_mail = [&](const Mail& mail) { slave.reply(two_octets(std::to_integer<unsigned>(mail[9]), 0x20, 0x00, 7, 0)); };
+    slave.on_mail = [&](const Mail& mail) {
+        slave.reply(two_octets(std::to_integer<unsigned>(mail[9]), 0x20, 0x00, 7, 0));
+    };
     bus.idle(10ms);
     submit_upload(0x2002, 100ms);
     bus.run(request);
@@ -231,7 +236,8 @@ TEST_F(ChannelTest, LengthsBeyondTheMailboxAndOfNothingEndTheRequest) {
     start();
     for (const unsigned length : {59U, 200U, 0xFFFFU, 0U}) {
         slave.on_mail = [&, length](const Mail&) {
-            slave.put(mail_bytes({length & 0xFF, length >> 8, 0, 0, 0, 0x03, 0x00, 0x30, 0x4B, 0x00, 0x20, 0x00, 1, 0, 0, 0}));
+            slave.put(mail_bytes(
+                {length & 0xFF, length >> 8, 0, 0, 0, 0x03, 0x00, 0x30, 0x4B, 0x00, 0x20, 0x00, 1, 0, 0, 0}));
         };
         const auto value = SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0, 1s);
         EXPECT_EQ(value.error().code, Errc::protocol) << length;
@@ -257,7 +263,8 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     EXPECT_EQ(statistics().resent, 0U);
 }
 
-// At every frame of an exchange, a slave that does not count its messages: its replies cannot be told apart, and still none is lost or taken twice.
+// At every frame of an exchange, a slave that does not count its messages: its replies cannot be told apart, and still
+// none is lost or taken twice.
 TEST_F(ChannelTest, ASlaveThatDoesNotCountLosesNothingEither) {
     start();
     slave.counts = false;
@@ -353,7 +360,8 @@ TEST(ChannelRouting, MailFromSlaveToSlaveIsHandedOn) {
     one.on_mail = [&](const Mail&) {
         one.reply(mail_bytes({9, 8, 7, 6, 5, 4, 3}), MailboxType::voe, address(2));  // for slave 2
         one.reply(mail_bytes({1, 1, 1, 1}), MailboxType::voe, 0x4444);               // for nobody
-        one.reply(two_octets(0x00, 0x20, 0x00, 5, 0), MailboxType::coe, address(1)); // its own address where the master's belongs
+        one.reply(two_octets(0x00, 0x20, 0x00, 5, 0), MailboxType::coe,
+                  address(1));  // its own address where the master's belongs
     };
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0), 5);
     bus.idle(5ms);
@@ -395,7 +403,8 @@ TEST(ChannelRouting, MailForAMailboxThatIsFullIsDroppedInBoundedTime) {
     auto& two = bus.add_scripted(64);
     bus.start();
     two.takes = false;
-    for (unsigned n = 0; n < 20; ++n) one.reply(mail_bytes({n, 1}), MailboxType::voe, bus.ctx->slave(2).station_address.value);
+    for (unsigned n = 0; n < 20; ++n)
+        one.reply(mail_bytes({n, 1}), MailboxType::voe, bus.ctx->slave(2).station_address.value);
     one.on_mail = [&](const Mail&) { one.reply(two_octets(0x00, 0x20, 0x00, 5, 0)); };
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0), 5);
     bus.idle(3s);

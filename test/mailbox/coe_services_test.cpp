@@ -39,7 +39,8 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
             ASSERT_TRUE(first.ok()) << bus.words(first.error());
             ASSERT_TRUE(second.ok()) << bus.words(second.error());
             EXPECT_LE(*second, *first);  // a complete access gives unused places of a list as well
-            EXPECT_TRUE(std::equal(singly.begin(), singly.begin() + static_cast<long>(*second), whole.begin())) << std::hex << index;
+            EXPECT_TRUE(std::equal(singly.begin(), singly.begin() + static_cast<long>(*second), whole.begin()))
+                << std::hex << index;
         }
     }
     // It is not asked again: as many messages as subindices.
@@ -76,8 +77,9 @@ TEST(CompleteAccess, AnAssignmentIsZeroedFirstAndItsCountWrittenLast) {
     const Mail value = mail_bytes({0x02, 0x00, 0x01, 0x16, 0x05, 0x16});
     const auto done = SDOwrite(*bus.ctx, 1, 0x1C12, 0, true, value);
     ASSERT_TRUE(done.ok()) << bus.words(done.error());
-    const std::vector<Mail> expected{mail_bytes({0x2F, 0x12, 0x1C, 0x00, 0, 0, 0, 0}), mail_bytes({0x2B, 0x12, 0x1C, 0x01, 0x01, 0x16, 0, 0}),
-                                     mail_bytes({0x2B, 0x12, 0x1C, 0x02, 0x05, 0x16, 0, 0}), mail_bytes({0x2F, 0x12, 0x1C, 0x00, 2, 0, 0, 0})};
+    const std::vector<Mail> expected{
+        mail_bytes({0x2F, 0x12, 0x1C, 0x00, 0, 0, 0, 0}), mail_bytes({0x2B, 0x12, 0x1C, 0x01, 0x01, 0x16, 0, 0}),
+        mail_bytes({0x2B, 0x12, 0x1C, 0x02, 0x05, 0x16, 0, 0}), mail_bytes({0x2F, 0x12, 0x1C, 0x00, 2, 0, 0, 0})};
     EXPECT_EQ(writes, expected);
     writes.clear();
     EXPECT_TRUE(SDOwrite(*bus.ctx, 1, 0x1C12, 0, true, value).ok());
@@ -165,7 +167,7 @@ TEST(MailPdo, SentAndAskedFor) {
     auto& slave = bus.add_scripted(64);
     bus.start();
     slave.on_mail = [&](const Mail& mail) {
-        if (mail[7] == std::byte{0x60}) {  // TxPDO remote request
+        if (mail[7] == std::byte{0x60}) {     // TxPDO remote request
             slave.reply({0x07, 0x40, 9, 9});  // another PDO
             slave.reply({0x05, 0x40, 1, 2, 3});
         }
@@ -184,8 +186,10 @@ TEST(MailPdo, SentAndAskedFor) {
 
     std::vector<std::pair<unsigned, Mail>> unasked;
     bus.ctx->slave(1).hooks.mailbox_pdo_user = &unasked;
-    bus.ctx->slave(1).hooks.mailbox_pdo = [](std::uint16_t, std::uint16_t number, std::span<const std::byte> data, void* user) {
-        static_cast<std::vector<std::pair<unsigned, Mail>>*>(user)->emplace_back(number, Mail(data.begin(), data.end()));
+    bus.ctx->slave(1).hooks.mailbox_pdo = [](std::uint16_t, std::uint16_t number, std::span<const std::byte> data,
+                                             void* user) {
+        static_cast<std::vector<std::pair<unsigned, Mail>>*>(user)->emplace_back(number,
+                                                                                 Mail(data.begin(), data.end()));
     };
     MailPdoFetch fetch;
     std::array<std::byte, 8> into{};
@@ -320,7 +324,8 @@ TEST(SdoInformation, DescribesObjectsAndEntries) {
     const auto none = object_description(*bus.ctx, 1, 0x3000);
     EXPECT_EQ(none.error().code, Errc::sdo_abort);
     EXPECT_EQ(bus.words(none.error()),
-              "slave 1: SDO information of 0x3000:0: the slave aborted the transfer (abort code 0x06020000: object does not exist)");
+              "slave 1: SDO information of 0x3000:0: the slave aborted the transfer (abort code 0x06020000: object "
+              "does not exist)");
 }
 
 // 30 000 objects: more than any table of ours; they are seen as they come.

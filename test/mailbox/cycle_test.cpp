@@ -92,7 +92,9 @@ TEST_F(CycleTest, EightSegmentedTransfersAndADictionaryKeepWkcAndFrames) {
         ASSERT_TRUE(submit(*bus.ctx, entry).ok());
         ++described;
     };
-    const auto busy = [](const auto& requests) { return std::ranges::any_of(requests, [](const auto& r) { return r.busy(); }); };
+    const auto busy = [](const auto& requests) {
+        return std::ranges::any_of(requests, [](const auto& r) { return r.busy(); });
+    };
     while ((busy(uploads) || busy(downloads)) && cycles < 2000) {
         stream();
         ASSERT_NO_FATAL_FAILURE(cycle());
@@ -101,7 +103,8 @@ TEST_F(CycleTest, EightSegmentedTransfersAndADictionaryKeepWkcAndFrames) {
     for (std::size_t n = 0; n < 4; ++n) {
         EXPECT_EQ(uploads[n].state(), RequestState::success) << bus.words(uploads[n].error());
         EXPECT_EQ(uploads[n].bytes, 10'000 + n);
-        EXPECT_TRUE(std::equal(values[n].begin(), values[n].begin() + static_cast<long>(uploads[n].bytes), slaves[n]->application.vast.begin()));
+        EXPECT_TRUE(std::equal(values[n].begin(), values[n].begin() + static_cast<long>(uploads[n].bytes),
+                               slaves[n]->application.vast.begin()));
         EXPECT_EQ(downloads[n].state(), RequestState::success) << bus.words(downloads[n].error());
         EXPECT_TRUE(std::equal(value.begin(), value.end(), slaves[n + 4]->application.vast.begin()));
     }

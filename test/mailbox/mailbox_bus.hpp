@@ -1,4 +1,5 @@
-// A master on a segment of stack slaves and scripted slaves, in virtual time, over a line that loses the frames that it is told to.
+// A master on a segment of stack slaves and scripted slaves, in virtual time, over a line that loses the frames that it
+// is told to.
 #pragma once
 
 #include "mailbox/scripted_slave.hpp"
@@ -64,7 +65,8 @@ class MailboxBus {
         auto firmware = std::make_unique<StackSlave>(mailbox_bytes, complete_access);
         return add(std::move(firmware));
     }
-    ScriptedSlave& add_scripted(std::uint16_t mailbox_bytes = 64, std::uint16_t protocols = 0x3F, std::uint8_t coe_details = 0x3F) {
+    ScriptedSlave& add_scripted(std::uint16_t mailbox_bytes = 64, std::uint16_t protocols = 0x3F,
+                                std::uint8_t coe_details = 0x3F) {
         return add(std::make_unique<ScriptedSlave>(mailbox_bytes, protocols, coe_details));
     }
 
@@ -72,7 +74,8 @@ class MailboxBus {
         segment.power_up(osal.now());
         cable = std::make_unique<SimulatedNic>(segment, osal);
         nic = std::make_unique<LossyNic>(*cable);
-        limits.slaves = static_cast<std::uint16_t>(std::max<std::size_t>(segment.size(), limits.slaves == 64 ? 1 : limits.slaves));
+        limits.slaves =
+            static_cast<std::uint16_t>(std::max<std::size_t>(segment.size(), limits.slaves == 64 ? 1 : limits.slaves));
         ctx = std::make_unique<HostContext>(limits);
         ASSERT_TRUE(init(*ctx, *nic, osal));
         const auto found = config_init(*ctx);

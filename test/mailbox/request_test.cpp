@@ -21,7 +21,8 @@ TEST_F(RequestTest, IsReusableWithAnotherIndex) {
     EXPECT_EQ(request.state(), RequestState::unused);
     request.slave = 1;
     request.data = memory;
-    for (const auto& [index, bytes] : {std::pair<std::uint16_t, std::size_t>{0x2000, 2}, {0x1008, 26}, {0x2001, 8}, {0x3000, 0}, {0x1000, 4}}) {
+    for (const auto& [index, bytes] :
+         {std::pair<std::uint16_t, std::size_t>{0x2000, 2}, {0x1008, 26}, {0x2001, 8}, {0x3000, 0}, {0x1000, 4}}) {
         request.index = index;
         ASSERT_TRUE(submit(*bus.ctx, request).ok());
         EXPECT_EQ(request.state(), RequestState::busy);
@@ -131,7 +132,8 @@ TEST_F(RequestTest, DozensToOneSlaveWaitInTurnInLittleMemory) {
     requests[150].cancel();
     for (std::size_t n = 0; n < requests.size(); ++n) {
         bus.run(requests[n]);
-        EXPECT_EQ(requests[n].state(), n == 150 ? RequestState::error : RequestState::success) << bus.words(requests[n].error());
+        EXPECT_EQ(requests[n].state(), n == 150 ? RequestState::error : RequestState::success)
+            << bus.words(requests[n].error());
     }
     SdoUpload late;  // whose time is over before its turn comes
     late.slave = 1;
@@ -156,14 +158,16 @@ TEST_F(RequestTest, CallsThatWaitAreRefusedInTheThreadOfARunningCycle) {
     }
     const auto refused = SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(refused.error().code, Errc::cycle_running);
-    EXPECT_NE(bus.words(refused.error()).find("submit() an SdoUpload"), std::string::npos) << bus.words(refused.error());
+    EXPECT_NE(bus.words(refused.error()).find("submit() an SdoUpload"), std::string::npos)
+        << bus.words(refused.error());
     EXPECT_EQ(SDOwrite(*bus.ctx, 1, 0x2000, 0, std::int16_t{1}).error().code, Errc::cycle_running);
     EXPECT_EQ(object_description(*bus.ctx, 1, 0x2000).error().code, Errc::cycle_running);
     bus.osal.advance(20ms);  // no cycle any more
     EXPECT_EQ(*SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0), 100);
 }
 
-// In real time, as two threads cannot share a clock that each of them moves; nothing depends on how long anything takes.
+// In real time, as two threads cannot share a clock that each of them moves; nothing depends on how long anything
+// takes.
 TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     LinuxOsal osal;
     sim::Segment segment;
@@ -205,7 +209,8 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
             while (request.busy()) std::this_thread::yield();
             if (request.bytes == 26) ++good;
             request.bytes = 0;
-            if (submit(ctx, request) && wait(ctx, request) && request.bytes == 26) ++good;  // leaves polling to the owner
+            if (submit(ctx, request) && wait(ctx, request) && request.bytes == 26)
+                ++good;  // leaves polling to the owner
             if (!submit(ctx, request)) continue;
             request.ask_cancel();
             while (request.busy()) std::this_thread::yield();

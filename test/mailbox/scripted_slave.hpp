@@ -1,5 +1,6 @@
-// A simulated slave whose mailbox is the test's: it sees every message as it came and writes every octet of every reply. What a slave's mailbox
-// must do on its own (fill SyncManager 1 when it is free, repeat the last reply on request) it does, unless told not to.
+// A simulated slave whose mailbox is the test's: it sees every message as it came and writes every octet of every
+// reply. What a slave's mailbox must do on its own (fill SyncManager 1 when it is free, repeat the last reply on
+// request) it does, unless told not to.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -35,10 +36,10 @@ class ScriptedSlave final : public sim::Firmware {
 
     // What to do with a message (cut to its length): put() as many replies as wanted.
     std::function<void(const Mail&)> on_mail;
-    bool takes = true;         // fetches what the master writes
-    bool repeats = true;       // acknowledges a repeat request, and repeats
-    bool counts = true;        // replies made by reply() have counters
-    Duration delay{0};         // from put() to SyncManager 1
+    bool takes = true;    // fetches what the master writes
+    bool repeats = true;  // acknowledges a repeat request, and repeats
+    bool counts = true;   // replies made by reply() have counters
+    Duration delay{0};    // from put() to SyncManager 1
     std::vector<Mail> received;
     unsigned repeat_requests = 0;
 
@@ -49,7 +50,8 @@ class ScriptedSlave final : public sim::Firmware {
         counter_ = counts ? wire::next_mailbox_counter(counter_) : std::uint8_t{0};
         Mail mail(wire::kMailboxHeaderBytes);
         wire::store_mailbox_header(
-            mail, {.length = static_cast<std::uint16_t>(data.size()), .address = address, .type = type, .counter = counter_});
+            mail,
+            {.length = static_cast<std::uint16_t>(data.size()), .address = address, .type = type, .counter = counter_});
         mail.insert(mail.end(), data.begin(), data.end());
         put(std::move(mail));
     }
@@ -140,7 +142,8 @@ class ScriptedSlave final : public sim::Firmware {
             boxed_ = false;
             box();
         }
-        const std::array<std::byte, 1> acknowledge{asked ? std::byte{wire::sm_pdi_control::kRepeatAcknowledge} : std::byte{0}};
+        const std::array<std::byte, 1> acknowledge{asked ? std::byte{wire::sm_pdi_control::kRepeatAcknowledge}
+                                                         : std::byte{0}};
         esc_->write(static_cast<std::uint16_t>(at(1, wire::SyncManagerLayout::pdi_control::offset)), acknowledge);
     }
 

@@ -53,11 +53,13 @@ TEST(SdoStack, AbortsAreErrorsInWords) {
     EXPECT_EQ(none.error().code, Errc::sdo_abort);
     EXPECT_EQ(none.error().detail, 0x06020000U);
     EXPECT_EQ(bus.words(none.error()),
-              "slave 1: SDO upload of 0x3000:1: the slave aborted the transfer (abort code 0x06020000: object does not exist)");
+              "slave 1: SDO upload of 0x3000:1: the slave aborted the transfer (abort code 0x06020000: object does not "
+              "exist)");
     EXPECT_EQ(sdo_abort_text(0x06090011), "subindex does not exist");
     const auto wide = SDOread<std::uint32_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(wide.error().code, Errc::wrong_size);
-    EXPECT_EQ(bus.words(wide.error()), "slave 1: SDO upload of 0x2000:0: the value has another size (expected 4 octets, got 2)");
+    EXPECT_EQ(bus.words(wide.error()),
+              "slave 1: SDO upload of 0x2000:0: the value has another size (expected 4 octets, got 2)");
     const auto narrow = SDOread<std::uint8_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(narrow.error().code, Errc::capacity);
     EXPECT_EQ(SDOread<std::uint8_t>(*bus.ctx, 2, 0x2000, 0).error().code, Errc::unknown_slave);

@@ -82,7 +82,7 @@ TEST_F(SoePdo, TheConfigurableTelegramIsWhatTheListsSay) {
     expect_mapped(16 + 32, 16 + 32 + 16);
     EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::none);
     EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 48U);
-    EXPECT_EQ(asked, 3U + 3 + 7);  // type and lists, attributes, and the drives that are not there
+    EXPECT_EQ(asked, 3U + 3 + 7);                   // type and lists, attributes, and the drives that are not there
     EXPECT_LE(bus.ctx->arena_peak_bytes(), 6400U);  // of 8192 that a slave has
     // Other bits of the telegram type say other things.
     type(0, 0xFF);

@@ -1,5 +1,5 @@
-// A simulated slave with the slave stack's mailbox and CoE server behind its ESC: the bench device of test/subdevice, with mailboxes of any
-// size.
+// A simulated slave with the slave stack's mailbox and CoE server behind its ESC: the bench device of test/subdevice,
+// with mailboxes of any size.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -20,7 +20,8 @@ class StackSlave final : public sim::Firmware {
         : mailbox_bytes_(mailbox_bytes), complete_access_(complete_access) {
         namespace s = subdevice;
         auto& d = application.description_value;
-        d.mailbox = {.receive = {.start = 0x1000, .size_bytes = mailbox_bytes}, .send = {.start = 0x1800, .size_bytes = mailbox_bytes}};
+        d.mailbox = {.receive = {.start = 0x1000, .size_bytes = mailbox_bytes},
+                     .send = {.start = 0x1800, .size_bytes = mailbox_bytes}};
         d.outputs.start = 0x2000;
         d.inputs.start = 0x2200;
         d.complete_access = complete_access;

@@ -1,5 +1,5 @@
-// Every form of SDO transfer at every size where one form ends and the next begins (ETG.1000.6 "SDO services", tables of the expedited, normal and segment
-// coding), and replies that no slave should give.
+// Every form of SDO transfer at every size where one form ends and the next begins (ETG.1000.6 "SDO services", tables
+// of the expedited, normal and segment coding), and replies that no slave should give.
 #include "mailbox/coe_transfer.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
@@ -17,9 +17,10 @@ TEST_P(TransferSizes, UploadAndDownloadAtEveryBoundary) {
     bus.start();
     std::vector<std::size_t> sizes{0, 1, 2, 3, 4, 5, 6, 7, 8, 1000};
     for (std::size_t n = mailbox - 17U; n <= mailbox + 2U; ++n) sizes.push_back(n);
-    const std::size_t first = mailbox - 16U;    // what an initiate carries
-    const std::size_t segment = mailbox - 9U;   // what a segment carries
-    for (std::size_t n = 0; n <= 9; ++n) sizes.push_back(first + segment + n);  // segments of fewer than 7 octets are padded
+    const std::size_t first = mailbox - 16U;   // what an initiate carries
+    const std::size_t segment = mailbox - 9U;  // what a segment carries
+    for (std::size_t n = 0; n <= 9; ++n)
+        sizes.push_back(first + segment + n);  // segments of fewer than 7 octets are padded
     for (const std::size_t size : sizes) {
         SCOPED_TRACE(testing::Message() << "mailbox " << mailbox << ", value " << size);
         auto value = pattern(size);
@@ -98,7 +99,8 @@ TEST(TransferOctets, UploadWithCompleteAccessAndSegments) {
     EXPECT_EQ(composed(transfer, 64), mail_bytes({0x00, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0}));
     EXPECT_EQ(give(transfer, {0x00, 0x30, 0x00, 4, 5, 6, 7, 8, 9, 10}), MailClient::Taken::all);
     EXPECT_EQ(composed(transfer, 64), mail_bytes({0x00, 0x20, 0x70, 0, 0, 0, 0, 0, 0, 0}));
-    EXPECT_EQ(give(transfer, {0x00, 0x30, 0x19, 11, 12, 13, 0, 0, 0, 0}), MailClient::Taken::all);  // toggle, four unused, last
+    EXPECT_EQ(give(transfer, {0x00, 0x30, 0x19, 11, 12, 13, 0, 0, 0, 0}),
+              MailClient::Taken::all);  // toggle, four unused, last
     EXPECT_TRUE(transfer.over());
     EXPECT_EQ(transfer.bytes(), 13U);
     EXPECT_EQ(into[12], std::byte{13});
@@ -118,7 +120,8 @@ TEST(TransferOctets, ExpeditedUploadWithoutSizeGivesWhatIsAskedFor) {
 TEST(TransferOctets, ANormalResponseThatFillsTheMailboxIsCutAtItsSize) {
     std::array<std::byte, 8> into{};
     SdoUploadTransfer transfer({0x2000, 0}, into);
-    EXPECT_EQ(give(transfer, {0x00, 0x30, 0x41, 0x00, 0x20, 0x00, 5, 0, 0, 0, 1, 2, 3, 4, 5, 0xFF, 0xFF}), MailClient::Taken::all);
+    EXPECT_EQ(give(transfer, {0x00, 0x30, 0x41, 0x00, 0x20, 0x00, 5, 0, 0, 0, 1, 2, 3, 4, 5, 0xFF, 0xFF}),
+              MailClient::Taken::all);
     EXPECT_TRUE(transfer.over());
     EXPECT_EQ(transfer.bytes(), 5U);
     EXPECT_EQ(into[5], std::byte{0});
@@ -139,7 +142,8 @@ Mail segment(unsigned command, std::size_t bytes) {
     return data;
 }
 Mail initiated(unsigned size) {
-    return mail_bytes({0x00, 0x30, 0x41, 0x00, 0x20, 0x00, size & 0xFF, (size >> 8) & 0xFF, (size >> 16) & 0xFF, size >> 24, 1, 2, 3, 4});
+    return mail_bytes({0x00, 0x30, 0x41, 0x00, 0x20, 0x00, size & 0xFF, (size >> 8) & 0xFF, (size >> 16) & 0xFF,
+                       size >> 24, 1, 2, 3, 4});
 }
 
 TEST(HostileReplies, EndAnUploadInBoundedTimeWithNothingBeyondTheBuffer) {
@@ -159,13 +163,19 @@ TEST(HostileReplies, EndAnUploadInBoundedTimeWithNothingBeyondTheBuffer) {
         {"a size one too large", {initiated(65)}, Errc::capacity, 0x05040005},
         {"a wrong toggle at once", {initiated(60), segment(0x10, 20)}, Errc::protocol, 0x05030000},
         {"a toggle that stays", {initiated(60), segment(0x00, 20), segment(0x00, 20)}, Errc::protocol, 0x05030000},
-        {"segments without end", {initiated(60), segment(0x00, 7), segment(0x10, 7), segment(0x00, 48)}, Errc::protocol, 0x06070012},
+        {"segments without end",
+         {initiated(60), segment(0x00, 7), segment(0x10, 7), segment(0x00, 48)},
+         Errc::protocol,
+         0x06070012},
         {"empty segments without end", {initiated(60), segment(0x0E, 7)}, Errc::protocol, 0x08000000},
         {"a segment of nothing", {initiated(60), segment(0x00, 0)}, Errc::protocol, 0x08000000},
         {"too early an end", {initiated(60), segment(0x01, 20)}, Errc::protocol, 0},
         {"a segment in the place of the response", {segment(0x01, 7)}, Errc::timeout, 0},
         {"the response again in the place of a segment", {initiated(60)}, Errc::timeout, 0x05040000},
-        {"an abort amid segments, without an index", {initiated(60), mail_bytes({0x00, 0x20, 0x80, 0, 0, 0, 0x01, 0, 4, 5})}, Errc::sdo_abort, 0},
+        {"an abort amid segments, without an index",
+         {initiated(60), mail_bytes({0x00, 0x20, 0x80, 0, 0, 0, 0x01, 0, 4, 5})},
+         Errc::sdo_abort,
+         0},
     };
     for (const Hostile& hostile : all) {
         SCOPED_TRACE(hostile.what);
@@ -257,7 +267,8 @@ TEST(HostileReplies, EndAnObjectList) {
         };
         std::size_t calls = 0;
         const auto listed = object_list(
-            *bus.ctx, 1, ObjectList::all, [](std::span<const std::uint16_t> some, void* user) { *static_cast<std::size_t*>(user) += some.size(); },
+            *bus.ctx, 1, ObjectList::all,
+            [](std::span<const std::uint16_t> some, void* user) { *static_cast<std::size_t*>(user) += some.size(); },
             &calls, 60s);
         EXPECT_EQ(listed.error().code, hostile.code) << bus.words(listed.error());
         EXPECT_LE(calls, 65536U);

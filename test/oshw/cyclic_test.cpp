@@ -117,7 +117,8 @@ TEST(CyclicRunner, IsNeverWokenBeforeItsDeadline) {
 
 TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
     std::thread([] {  // its policy goes with it
-        CyclicRunner runner({.period = 100us, .priority = 1000, .cpu = 100'000, .lock_memory = false, .hold_latency = false});
+        CyclicRunner runner(
+            {.period = 100us, .priority = 1000, .cpu = 100'000, .lock_memory = false, .hold_latency = false});
         const auto refusals = runner.prepare();
         ASSERT_EQ(refusals.size(), 2U);
         EXPECT_NE(std::string_view(refusals[0].what).find("processor"), std::string_view::npos);
@@ -125,7 +126,8 @@ TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
         EXPECT_EQ(refusals[1].error, EINVAL);
         runner.start();
         EXPECT_GE(runner.wait().cycle, 1U);
-    }).join();
+    })
+        .join();
 }
 
 // What Linux lets real-time threads take is never all spent on spinning.

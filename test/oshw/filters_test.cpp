@@ -23,8 +23,7 @@ struct FiltersTest : testing::Test {
     ScriptedNic inner{clock};
 
     void arrive_now(int count) {
-        for (int i = 0; i < count; ++i)
-            inner.arrive(clock.now(), frame_of(i % 256));
+        for (int i = 0; i < count; ++i) inner.arrive(clock.now(), frame_of(i % 256));
     }
 };
 
@@ -48,8 +47,7 @@ TEST_F(FiltersTest, APlainFilterPassesEverythingOn) {
 
 TEST_F(FiltersTest, DropLosesAboutAsManyAsTold) {
     DropNic filter(inner, {.seed = 7, .sent = Rate::percent(10), .received = Rate::percent(30)});
-    for (int i = 0; i < 10'000; ++i)
-        ASSERT_EQ(filter.send(frame_of(0)), SendStatus::sent);
+    for (int i = 0; i < 10'000; ++i) ASSERT_EQ(filter.send(frame_of(0)), SendStatus::sent);
     EXPECT_NEAR(static_cast<double>(inner.sent.size()), 9000, 200);
     const auto lost_sending = filter.dropped();
     EXPECT_EQ(lost_sending + inner.sent.size(), 10'000u);
@@ -82,8 +80,7 @@ TEST_F(FiltersTest, TheSameSeedGivesTheSameRun) {
 
 TEST_F(FiltersTest, CorruptTurnsFewBitsOverAndSparesTheHeader) {
     CorruptNic filter(inner, {.seed = 5, .received = Rate::percent(50), .max_flips = 3, .from_octet = 14});
-    for (int i = 0; i < 1000; ++i)
-        inner.arrive(clock.now(), frame_of(0));
+    for (int i = 0; i < 1000; ++i) inner.arrive(clock.now(), frame_of(0));
     std::uint64_t changed = 0;
     for (const auto& frame : receive_all(filter)) {
         ASSERT_EQ(frame.size(), 60u);
@@ -142,8 +139,7 @@ TEST_F(FiltersTest, DuplicateDeliversTwiceInARow) {
 TEST_F(FiltersTest, DelayKeepsTheOrderAndTheBounds) {
     std::array<HeldFrame, 64> memory;
     DelayNic filter(inner, clock, memory, {.seed = 9, .delay = 100us, .jitter = 50us});
-    for (int i = 0; i < 50; ++i)
-        inner.arrive(clock.now() + i * 10us, frame_of(i));
+    for (int i = 0; i < 50; ++i) inner.arrive(clock.now() + i * 10us, frame_of(i));
     const auto start = clock.now();
     const auto all = run_dry(filter, clock);
     ASSERT_EQ(all.size(), 50u);
@@ -173,16 +169,13 @@ TEST_F(FiltersTest, DelayWithoutRoomLosesAndCounts) {
 TEST_F(FiltersTest, ReorderLetsOthersOvertake) {
     std::array<HeldFrame, 256> memory;
     ReorderNic filter(inner, clock, memory, {.seed = 2, .rate = Rate::percent(20), .hold = 35us});
-    for (int i = 0; i < 200; ++i)
-        inner.arrive(clock.now() + i * 10us, frame_of(i));
+    for (int i = 0; i < 200; ++i) inner.arrive(clock.now() + i * 10us, frame_of(i));
     std::vector<int> order;
-    for (const auto& [at, frame] : run_dry(filter, clock))
-        order.push_back(std::to_integer<int>(frame[0]));
+    for (const auto& [at, frame] : run_dry(filter, clock)) order.push_back(std::to_integer<int>(frame[0]));
     EXPECT_NEAR(static_cast<double>(filter.held()), 40, 20);
     EXPECT_FALSE(std::is_sorted(order.begin(), order.end()));
     std::sort(order.begin(), order.end());
-    for (int i = 0; i < 200; ++i)
-        EXPECT_EQ(order[static_cast<std::size_t>(i)], i);  // all of them, once
+    for (int i = 0; i < 200; ++i) EXPECT_EQ(order[static_cast<std::size_t>(i)], i);  // all of them, once
     EXPECT_EQ(order.size(), 200u);
 }
 
@@ -221,8 +214,7 @@ TEST_F(FiltersTest, TraceSurvivesNoiseOfEveryLength) {
     Chance chance(11);
     for (std::size_t size = 0; size <= 1600; ++size) {
         Frame noise(size);
-        for (auto& octet : noise)
-            octet = static_cast<std::byte>(chance.next());
+        for (auto& octet : noise) octet = static_cast<std::byte>(chance.next());
         if (size > 14) noise[12] = std::byte{0x88}, noise[13] = std::byte{0xA4};
         const auto before = lines.all.size();
         ASSERT_EQ(filter.send(noise), SendStatus::sent);
@@ -240,8 +232,7 @@ TEST_F(FiltersTest, FiltersStack) {
     DuplicateNic twice(drop, {.seed = 2, .received = Rate::percent(5)});
     DelayNic delay(twice, clock, late, {.seed = 3, .delay = 20us, .jitter = 5us});
     ReorderNic reorder(delay, clock, mixed, {.seed = 4, .rate = Rate::percent(5), .hold = 100us});
-    for (int i = 0; i < 200; ++i)
-        inner.arrive(clock.now() + i * 1us, frame_of(i));
+    for (int i = 0; i < 200; ++i) inner.arrive(clock.now() + i * 1us, frame_of(i));
     const auto all = run_dry(reorder, clock);
     EXPECT_EQ(all.size(), 200 - drop.dropped() + twice.duplicated());
     EXPECT_GT(drop.dropped(), 0u);

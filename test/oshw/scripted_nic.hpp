@@ -61,8 +61,7 @@ inline std::vector<Frame> receive_all(Nic& nic) {
 inline std::vector<std::pair<Time, Frame>> run_dry(Nic& nic, Osal& clock) {
     std::vector<std::pair<Time, Frame>> all;
     for (;;) {
-        for (auto& frame : receive_all(nic))
-            all.emplace_back(clock.now(), std::move(frame));
+        for (auto& frame : receive_all(nic)) all.emplace_back(clock.now(), std::move(frame));
         if (nic.next_arrival() == kNever) return all;
         clock.wait(nic.next_arrival(), -1);
     }

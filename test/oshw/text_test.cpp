@@ -72,8 +72,7 @@ TEST(DatagramText, IsOneLineOfColumns) {
     view.header.irq = 4;
     view.data = data;
     view.wkc = 1;
-    EXPECT_EQ(describe(view, buffer),
-              "0x1f APRD -2:0x0130 AL status                n2 wkc 1 irq 0x0004 : 08 00");
+    EXPECT_EQ(describe(view, buffer), "0x1f APRD -2:0x0130 AL status                n2 wkc 1 irq 0x0004 : 08 00");
     for (std::size_t room = 0; room < 80; ++room)  // cut, never past the end
         EXPECT_LE(describe(view, std::span(buffer).first(room)).size(), room);
 }

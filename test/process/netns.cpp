@@ -51,12 +51,12 @@ bool run(const std::string& command, std::string* said) {
 
 Cable::Cable() : master_(unique("m")), segment_(unique("s")) {
     std::string said;
-    const bool made = run("ip netns add " + master_, &said) && run("ip netns add " + segment_, &said) &&
-                      run("ip -n " + master_ + " link add " + kMaster + " type veth peer name " + kSegment +
-                              " netns " + segment_,
-                          &said) &&
-                      run("ip -n " + master_ + " link set " + kMaster + " up", &said) &&
-                      run("ip -n " + segment_ + " link set " + kSegment + " up", &said);
+    const bool made =
+        run("ip netns add " + master_, &said) && run("ip netns add " + segment_, &said) &&
+        run("ip -n " + master_ + " link add " + kMaster + " type veth peer name " + kSegment + " netns " + segment_,
+            &said) &&
+        run("ip -n " + master_ + " link set " + kMaster + " up", &said) &&
+        run("ip -n " + segment_ + " link set " + kSegment + " up", &said);
     if (!made) missing_ = "no network namespaces with a veth pair here: " + said;
 }
 

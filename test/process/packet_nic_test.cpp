@@ -47,9 +47,8 @@ struct PacketNicTest : testing::Test {
         if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
         Cable::inside(cable.master_namespace(),
                       [&] { ASSERT_TRUE(master.open(Cable::kMaster).ok()) << master.problem(); });
-        Cable::inside(cable.segment_namespace(), [&] {
-            ASSERT_TRUE(segment.open(Cable::kSegment, Side::segment).ok()) << segment.problem();
-        });
+        Cable::inside(cable.segment_namespace(),
+                      [&] { ASSERT_TRUE(segment.open(Cable::kSegment, Side::segment).ok()) << segment.problem(); });
     }
 
     // The next frame, waited for; empty when none comes.
@@ -142,8 +141,7 @@ TEST_F(PacketNicTest, SourceAddressHasTheMarkBitsClear) {
     ASSERT_TRUE(cable.ip(cable.master_namespace(),
                          std::string("link set ") + Cable::kMaster + " address 06:11:22:33:44:55 up"));
     PacketNic nic;
-    Cable::inside(cable.master_namespace(),
-                  [&] { ASSERT_TRUE(nic.open(Cable::kMaster).ok()) << nic.problem(); });
+    Cable::inside(cable.master_namespace(), [&] { ASSERT_TRUE(nic.open(Cable::kMaster).ok()) << nic.problem(); });
     EXPECT_EQ(nic.source_mac(), (MacAddress{0x04, 0x11, 0x22, 0x33, 0x44, 0x55}));
 }
 
@@ -215,8 +213,7 @@ TEST_F(PacketNicTest, FramesThatNobodyFetchesAreCounted) {
 
 TEST_F(PacketNicTest, SaysWhatKeepsItFromOpening) {
     EXPECT_EQ(problem_of("no-such-if").find("there is no interface \"no-such-if\"; there are:"), 0u);
-    EXPECT_NE(problem_of("no-such-if").find(Cable::kMaster), std::string::npos)
-        << "those that are there help";
+    EXPECT_NE(problem_of("no-such-if").find(Cable::kMaster), std::string::npos) << "those that are there help";
     EXPECT_NE(problem_of(std::string(300, 'x')).find("there is no interface \"xxx"), std::string::npos);
     EXPECT_NE(problem_of("").find("there is no interface \"\""), std::string::npos);
     ASSERT_TRUE(cable.ip(cable.master_namespace(), "link set lo up"));
@@ -225,8 +222,7 @@ TEST_F(PacketNicTest, SaysWhatKeepsItFromOpening) {
     EXPECT_EQ(problem_of(Cable::kMaster),
               "interface ecat-m: its MTU is too small for EtherCAT frames; widen it with: ip link set ecat-m "
               "mtu 1500");
-    ASSERT_TRUE(
-        cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " mtu 1500 down"));
+    ASSERT_TRUE(cable.ip(cable.master_namespace(), std::string("link set ") + Cable::kMaster + " mtu 1500 down"));
     EXPECT_EQ(problem_of(Cable::kMaster),
               "interface ecat-m: it is switched off; bring it up with: ip link set ecat-m up");
 }

@@ -36,13 +36,15 @@ TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
     const auto ran = run(kBin + "/segment_monitor sim:demo --cycles 500 --plain");
     EXPECT_EQ(ran.status, 0) << ran.output;
     EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in OP\n")) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "cycle 500   working counter 6 of 6   short 0   no frame 0   overruns 0\n")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "cycle 500   working counter 6 of 6   short 0   no frame 0   overruns 0\n"))
+        << ran.output;
     EXPECT_TRUE(contains(ran.output, "    3  OP               8-channel digital output\n")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
 }
 
 TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
-    if (run("script -qec true /dev/null").status != 0) GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
+    if (run("script -qec true /dev/null").status != 0)
+        GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
     const auto ran = run("TERM=xterm script -qec '" + kBin + "/segment_monitor sim:demo --cycles 150' /dev/null");
     EXPECT_EQ(ran.status, 0) << ran.output;
     EXPECT_TRUE(contains(ran.output, "5 in OP")) << ran.output;
@@ -56,10 +58,13 @@ TEST(SegmentMonitor, NamesWhatItCannotOpen) {
 }
 
 TEST(SimpleIo, ReachesOpAndShowsHowPunctualItWas) {
-    const auto picture = std::filesystem::temp_directory_path() / ("margay-simple-io-" + std::to_string(::getpid()) + ".svg");
+    const auto picture =
+        std::filesystem::temp_directory_path() / ("margay-simple-io-" + std::to_string(::getpid()) + ".svg");
     const auto ran = run(kBin + "/simple_io sim:demo --cycles 300 --histogram '" + picture.string() + "'");
     EXPECT_EQ(ran.status, 0) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "all slaves in OP\n300 cycles, 0 without all frames, 0 with a wrong working counter\n")) << ran.output;
+    EXPECT_TRUE(
+        contains(ran.output, "all slaves in OP\n300 cycles, 0 without all frames, 0 with a wrong working counter\n"))
+        << ran.output;
     EXPECT_TRUE(contains(ran.output, "round trip: least ")) << ran.output;
     std::ifstream in(picture);
     const std::string svg(std::istreambuf_iterator<char>(in), {});

@@ -18,7 +18,8 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
     const Cable cable;
     if (!cable.missing().empty()) GTEST_SKIP() << cable.missing();
     if (!std::filesystem::exists(kVirtualSegment)) GTEST_SKIP() << kVirtualSegment << " is not built";
-    auto segment = std::make_unique<Child>(cable.segment_namespace(), std::vector<std::string>{kVirtualSegment, Cable::kSegment, "demo"});
+    auto segment = std::make_unique<Child>(cable.segment_namespace(),
+                                           std::vector<std::string>{kVirtualSegment, Cable::kSegment, "demo"});
     ASSERT_TRUE(segment->says("serv", kLimit)) << segment->output() << segment->errors();
     Child master(cable.master_namespace(), {kSimpleIo, Cable::kMaster, "--cycles", "100000000", "--period", "2000"});
     ASSERT_TRUE(master.says("all slaves in OP", kLimit)) << master.output() << master.errors();
@@ -26,10 +27,12 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
     segment->terminate();
     EXPECT_EQ(segment->wait(kLimit), 0) << segment->errors();
     EXPECT_TRUE(master.says("no frame comes back from the segment", kLimit)) << master.output() << master.errors();
-    segment = std::make_unique<Child>(cable.segment_namespace(), std::vector<std::string>{kVirtualSegment, Cable::kSegment, "demo"});
+    segment = std::make_unique<Child>(cable.segment_namespace(),
+                                      std::vector<std::string>{kVirtualSegment, Cable::kSegment, "demo"});
     ASSERT_TRUE(segment->says("serv", kLimit)) << segment->output() << segment->errors();
     for (int slave = 1; slave <= 5; ++slave)
-        EXPECT_TRUE(master.says("slave " + std::to_string(slave) + ": recovered, in OP", kLimit)) << master.output() << master.errors();
+        EXPECT_TRUE(master.says("slave " + std::to_string(slave) + ": recovered, in OP", kLimit))
+            << master.output() << master.errors();
     EXPECT_TRUE(master.says("found again, in INIT, as after a loss of power", kLimit)) << master.output();
     EXPECT_TRUE(master.says("group 0: working counter right again", kLimit)) << master.output();
     // Told to end it says what it has, and leaves the slaves in INIT.

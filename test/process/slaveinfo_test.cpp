@@ -55,8 +55,7 @@ struct SlaveinfoTest : testing::Test {
     // believed.
     bool answered_within(std::chrono::seconds limit) {
         PacketNic nic;
-        Cable::inside(cable.master_namespace(),
-                      [&] { EXPECT_TRUE(nic.open(Cable::kMaster).ok()) << nic.problem(); });
+        Cable::inside(cable.master_namespace(), [&] { EXPECT_TRUE(nic.open(Cable::kMaster).ok()) << nic.problem(); });
         LinuxOsal osal;
         std::array<std::byte, 1518> buffer{};
         const auto until = osal.now() + limit;
@@ -123,13 +122,12 @@ TEST_F(SlaveinfoTest, AnInterfaceThatDoesNotExistIsNamed) {
 
 TEST_F(SlaveinfoTest, MissingPermissionIsNamedWithItsRemedy) {
     if (!std::filesystem::exists("/usr/bin/setpriv")) GTEST_SKIP() << "setpriv is not installed";
-    Child child(cable.master_namespace(), {"/usr/bin/setpriv", "--bounding-set", "-net_raw", "--inh-caps",
-                                           "-net_raw", kSlaveinfo, Cable::kMaster});
+    Child child(cable.master_namespace(), {"/usr/bin/setpriv", "--bounding-set", "-net_raw", "--inh-caps", "-net_raw",
+                                           kSlaveinfo, Cable::kMaster});
     EXPECT_GT(child.wait(kLimit), 0);
     EXPECT_NE(child.errors().find("CAP_NET_RAW is missing"), std::string::npos) << child.errors();
-    EXPECT_NE(
-        child.errors().find("sudo setcap cap_net_raw+ep " + std::filesystem::canonical(kSlaveinfo).string()),
-        std::string::npos)
+    EXPECT_NE(child.errors().find("sudo setcap cap_net_raw+ep " + std::filesystem::canonical(kSlaveinfo).string()),
+              std::string::npos)
         << child.errors();
 }
 

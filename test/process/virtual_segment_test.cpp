@@ -1,5 +1,5 @@
-// virtual_segment, whole: over a cable to a master in another namespace it is spoken to while it runs, by commands on its standard
-// input and by signals; it tells who talks and what happens, records, and serves a TAP device.
+// virtual_segment, whole: over a cable to a master in another namespace it is spoken to while it runs, by commands on
+// its standard input and by signals; it tells who talks and what happens, records, and serves a TAP device.
 #include "netns.hpp"
 
 #include <fcntl.h>
@@ -177,10 +177,12 @@ TEST_F(VirtualSegmentTest, WhatIsWrongIsTold) {
         return child.errors();
     };
     EXPECT_NE(told("no-such-if demo").find("no-such-if"), std::string::npos);
-    EXPECT_NE(told(std::string(Cable::kSegment) + " nothing.toml").find("cannot read the segment description 'nothing.toml'"),
-              std::string::npos);
+    EXPECT_NE(
+        told(std::string(Cable::kSegment) + " nothing.toml").find("cannot read the segment description 'nothing.toml'"),
+        std::string::npos);
     std::ofstream(file("bad.toml")) << "[[slave]]\ndevice = \"toaster\"\n";
-    EXPECT_NE(told(std::string(Cable::kSegment) + " " + file("bad.toml")).find("bad.toml: line 2: there is no device 'toaster'"),
+    EXPECT_NE(told(std::string(Cable::kSegment) + " " + file("bad.toml"))
+                  .find("bad.toml: line 2: there is no device 'toaster'"),
               std::string::npos);
 }
 

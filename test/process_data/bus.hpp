@@ -69,7 +69,8 @@ class Bus {
     }
     // The device behind slave `position`.
     sim::ProcessDataFirmware& device(std::size_t position) {
-        return static_cast<sim::ProcessDataFirmware&>(*segment.slave(static_cast<std::uint32_t>(position - 1)).firmware());
+        return static_cast<sim::ProcessDataFirmware&>(
+            *segment.slave(static_cast<std::uint32_t>(position - 1)).firmware());
     }
     std::vector<std::string> errors() {
         std::vector<std::string> all;

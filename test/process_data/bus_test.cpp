@@ -30,7 +30,8 @@ TEST_F(BusTest, MapsWhatTheSiiSaysAndBringsToSafeop) {
     ASSERT_TRUE(bytes.ok());
     EXPECT_EQ(*bytes, 2U + 75 + 3 + 1);
     EXPECT_EQ(bus.errors(), std::vector<std::string>());
-    for (const Slave& slave : ctx().slaves()) EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.position;
+    for (const Slave& slave : ctx().slaves())
+        EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.position;
     EXPECT_EQ(ctx().slave(1).config.source, ConfigurationSource::sii);
     EXPECT_EQ(ctx().slave(3).image.outputs.bits, 600U);
     EXPECT_EQ(ctx().slave(3).image.inputs.bits, 8U) << "whole octets";
@@ -73,7 +74,8 @@ TEST_F(BusTest, ReachesOpAndExchanges) {
 
 // Every way to lay out an image carries the same data.
 TEST_F(BusTest, EveryFormOfImageCarriesTheData) {
-    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7}, {0, 12}, {16, 0}, {2, 2}, {100, 60}, {4000, 5000}, {4, 9000}};
+    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7},    {0, 12},      {16, 0},
+                                                             {2, 2}, {100, 60}, {4000, 5000}, {4, 9000}};
     for (const auto& [out, in] : sizes) bus.add(out, in);
     bus.start();
     std::mt19937 random(1);
@@ -84,7 +86,8 @@ TEST_F(BusTest, EveryFormOfImageCarriesTheData) {
         config.block_lrw = (form & 4) != 0;
         ASSERT_TRUE(config_map(ctx(), image).ok()) << form;
         ASSERT_EQ(bus.to_op().state, AlState::op) << form;
-        for (auto& octet : std::span(image).first(ctx().group(0).output_bytes)) octet = static_cast<std::byte>(random());
+        for (auto& octet : std::span(image).first(ctx().group(0).output_bytes))
+            octet = static_cast<std::byte>(random());
         for (std::size_t n = 1; n <= std::size(sizes); ++n) {
             for (auto& octet : bus.device(n).inputs()) octet = static_cast<std::byte>(random());
             bus.device(n).poke();
@@ -100,8 +103,10 @@ TEST_F(BusTest, EveryFormOfImageCarriesTheData) {
                 }
                 return true;
             };
-            EXPECT_TRUE(same(bus.device(n).outputs(), slave.image.outputs, sizes[n - 1].first)) << form << " slave " << n;
-            EXPECT_TRUE(same(bus.device(n).inputs(), slave.image.inputs, sizes[n - 1].second)) << form << " slave " << n;
+            EXPECT_TRUE(same(bus.device(n).outputs(), slave.image.outputs, sizes[n - 1].first))
+                << form << " slave " << n;
+            EXPECT_TRUE(same(bus.device(n).inputs(), slave.image.inputs, sizes[n - 1].second))
+                << form << " slave " << n;
         }
     }
     EXPECT_EQ(bus.errors(), std::vector<std::string>());
@@ -169,7 +174,8 @@ TEST_F(BusTest, AcyclicDatagramsRideAlong) {
     EXPECT_EQ(read.state(), RequestState::success);
     EXPECT_EQ(load_le<std::uint32_t>(head, 16), 0x00004D47U);
     EXPECT_GT(cycles, 3);
-    EXPECT_EQ(ctx().statistics().frames_sent - before.frames_sent, static_cast<std::uint64_t>(cycles)) << "not one frame of its own";
+    EXPECT_EQ(ctx().statistics().frames_sent - before.frames_sent, static_cast<std::uint64_t>(cycles))
+        << "not one frame of its own";
     // When the cycle stops they do not wait for ever.
     ASSERT_TRUE(submit(ctx(), read).ok());
     EXPECT_TRUE(wait(ctx(), read).ok());
@@ -269,7 +275,8 @@ TEST_F(BusTest, WrongCallsAreRefused) {
 
     bus.add(8, 8);
     bus.start({.slaves = 4, .groups = 2, .process_frames = 1});
-    EXPECT_EQ(words(send_processdata(ctx(), 1).error()), "exchanging process data of group 1: there is no such group, or nothing is mapped in it");
+    EXPECT_EQ(words(send_processdata(ctx(), 1).error()),
+              "exchanging process data of group 1: there is no such group, or nothing is mapped in it");
     EXPECT_EQ(words(receive_processdata(ctx(), 1ms, 2).error()),
               "exchanging process data of group 2: there is no such group, or nothing is mapped in it");
     EXPECT_EQ(config_map(ctx(), image, 2).error().code, Errc::unknown_group);

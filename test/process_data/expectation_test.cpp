@@ -28,7 +28,8 @@ TEST_F(ExpectationTest, WhatIsAsExpectedIsConfiguredAsWanted) {
     config.add({0, Direction::outputs, 0x64, 0x1100, 16});
     config.add({1, Direction::inputs, 0x20, 0x2000, 16});
     config.group = 1;
-    const ExpectedSlave expected[] = {{.position = 1, .vendor = 0x4D47, .product = 0x100}, {.position = 2, .config = &config}, {.position = 3}};
+    const ExpectedSlave expected[] = {
+        {.position = 1, .vendor = 0x4D47, .product = 0x100}, {.position = 2, .config = &config}, {.position = 3}};
     EXPECT_EQ(scan(expected), Words());
     EXPECT_EQ(*config_map(ctx(), image, 1), 4U);
     EXPECT_EQ(bus.errors(), Words());
@@ -37,24 +38,28 @@ TEST_F(ExpectationTest, WhatIsAsExpectedIsConfiguredAsWanted) {
 }
 
 TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
-    const ExpectedSlave expected[] = {{.position = 1, .product = 0x101}, {.position = 2, .vendor = 0x4D47, .serial = 7}, {.position = 4}};
-    EXPECT_EQ(scan(expected),
-              (Words{"slave 1: comparing with what is expected: another slave than expected (expected product 0x00000101, got 0x00000100 of vendor "
-                     "0x00004d47)",
-                     "slave 2: comparing with what is expected: another slave than expected (expected serial number 0x00000007, got 0x00000000 of "
-                     "vendor 0x00004d47)",
-                     "slave 3: comparing with what is expected: nobody expects this slave",
-                     "slave 4: comparing with what is expected: an expected slave is missing"}));
+    const ExpectedSlave expected[] = {
+        {.position = 1, .product = 0x101}, {.position = 2, .vendor = 0x4D47, .serial = 7}, {.position = 4}};
+    EXPECT_EQ(scan(expected), (Words{"slave 1: comparing with what is expected: another slave than expected (expected "
+                                     "product 0x00000101, got 0x00000100 of vendor "
+                                     "0x00004d47)",
+                                     "slave 2: comparing with what is expected: another slave than expected (expected "
+                                     "serial number 0x00000007, got 0x00000000 of "
+                                     "vendor 0x00004d47)",
+                                     "slave 3: comparing with what is expected: nobody expects this slave",
+                                     "slave 4: comparing with what is expected: an expected slave is missing"}));
     EXPECT_TRUE(config_map(ctx(), image).ok());
     EXPECT_EQ(bus.to_op().state, AlState::none) << "slave 4";
-    for (std::size_t n = 1; n <= 3; ++n) EXPECT_EQ(ctx().slave(n).al.state, AlState::op) << "told, not refused: the application decides";
+    for (std::size_t n = 1; n <= 3; ++n)
+        EXPECT_EQ(ctx().slave(n).al.state, AlState::op) << "told, not refused: the application decides";
 }
 
 TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     bus.segment.slave(1).registers().set<std::uint16_t>(0x0012, 0x0321);
     SlaveConfiguration config;
     config.block_lrw = true;
-    const ExpectedSlave expected[] = {{.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
     EXPECT_EQ(scan(expected), Words());
     EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose positions do not count it";
     EXPECT_EQ(ctx().slave(3).ring, 2);
@@ -63,11 +68,13 @@ TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
     EXPECT_EQ(bus.segment.slave(2).station(), 0x1002);
     const ExpectedSlave other[] = {{.position = 1}, {.position = 2}, {.alias = std::uint16_t{0x0999}}, {.position = 3}};
-    EXPECT_EQ(scan(other), (Words{"slave 4: comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
+    EXPECT_EQ(scan(other),
+              (Words{"slave 4: comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
 }
 
 TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .optional = true}, {.position = 4, .optional = true}};
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.position = 2}, {.position = 3, .optional = true}, {.position = 4, .optional = true}};
     EXPECT_EQ(scan(expected), Words());
     ASSERT_TRUE(config_map(ctx(), image).ok());
     ASSERT_EQ(bus.to_op().state, AlState::op);
@@ -117,7 +124,8 @@ TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
     EXPECT_EQ(ctx->slave(3).device_id, 0x0234);
     EXPECT_FALSE(ctx->slave(1).device_id.has_value());
     run();
-    EXPECT_EQ(segment.slave(by_status).registers().get<std::uint16_t>(0x0130), 0x0008) << "the request is over: the status is a status again";
+    EXPECT_EQ(segment.slave(by_status).registers().get<std::uint16_t>(0x0130), 0x0008)
+        << "the request is over: the status is a status again";
     EXPECT_EQ(segment.slave(by_status).registers().get<std::uint16_t>(0x0134), 0x0000);
 }
 
@@ -132,10 +140,13 @@ TEST_F(DeviceIdTest, IsComparedAtItsPosition) {
                                       {.position = 2, .device_id = std::uint16_t{0x0235}},
                                       {.position = 3, .device_id = std::uint16_t{0x0055}},
                                       {.device_id = std::uint16_t{0x0777}}};
-    EXPECT_EQ(bring_up(expected), (Words{"slave 1: comparing with what is expected: not supported by the slave (an explicit device id)",
-                                         "slave 2: comparing with what is expected: another slave than expected (expected device id 0x00000235, got "
-                                         "0x00000234 of vendor 0x00004d47)",
-                                         "slave 4: comparing with what is expected: an expected slave is missing (device id 0x0777)"}));
+    EXPECT_EQ(
+        bring_up(expected),
+        (Words{
+            "slave 1: comparing with what is expected: not supported by the slave (an explicit device id)",
+            "slave 2: comparing with what is expected: another slave than expected (expected device id 0x00000235, got "
+            "0x00000234 of vendor 0x00004d47)",
+            "slave 4: comparing with what is expected: an expected slave is missing (device id 0x0777)"}));
 }
 
 // A slave without a program mirrors AL control: that it echoes the request is no answer.
@@ -143,7 +154,8 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
     const auto mirror = make({.emulation = true});
     plug({by_memory, 1}, mirror);
     power(mirror, true);
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4, .device_id = std::uint16_t{0}}};
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.position = 2}, {.position = 3}, {.position = 4, .device_id = std::uint16_t{0}}};
     (void)bring_up(expected);
     EXPECT_TRUE(ctx->slave(4).device_emulation);
     EXPECT_FALSE(ctx->slave(4).device_id.has_value());
@@ -152,7 +164,8 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
 
 // The other one of two is known though it comes back elsewhere; one whose switch was turned is not the one.
 TEST_F(DeviceIdTest, KnowsWhoComesBack) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
     EXPECT_EQ(bring_up(expected), Words());
     run();
     pull(by_memory);

@@ -24,10 +24,12 @@ class ImageLayoutTest : public testing::Test {
         EXPECT_TRUE(made.ok());
         return made->at;
     }
-    static Fmmu out(std::uint32_t logical, std::uint16_t length, std::uint8_t first_bit, std::uint8_t last_bit, std::uint16_t physical) {
+    static Fmmu out(std::uint32_t logical, std::uint16_t length, std::uint8_t first_bit, std::uint8_t last_bit,
+                    std::uint16_t physical) {
         return {{logical}, length, first_bit, last_bit, physical, 0, false, true, true};
     }
-    static Fmmu in(std::uint32_t logical, std::uint16_t length, std::uint8_t first_bit, std::uint8_t last_bit, std::uint16_t physical) {
+    static Fmmu in(std::uint32_t logical, std::uint16_t length, std::uint8_t first_bit, std::uint8_t last_bit,
+                   std::uint16_t physical) {
         return {{logical}, length, first_bit, last_bit, physical, 0, true, false, true};
     }
 };
@@ -197,8 +199,10 @@ TEST_F(ImageLayoutTest, ImageLargerThanTheBuffer) {
     const auto layout = lay();
     ASSERT_FALSE(layout.ok());
     EXPECT_EQ(words(layout.error()),
-              "slave 2: mapping process data: the process image is larger than the buffer (needed 202, there is room for 201)");
-    for (const Slave& slave : slaves) EXPECT_TRUE(slave.image.outputs.bytes.empty() && slave.image.inputs.bytes.empty());
+              "slave 2: mapping process data: the process image is larger than the buffer (needed 202, there is room "
+              "for 201)");
+    for (const Slave& slave : slaves)
+        EXPECT_TRUE(slave.image.outputs.bytes.empty() && slave.image.inputs.bytes.empty());
     image.resize(202);
     EXPECT_TRUE(lay().ok());
 }
@@ -223,7 +227,8 @@ TEST_F(ImageLayoutTest, TooFewSyncManagers) {
     slaves = {make_slave(1, 8, 3)};
     slaves[0].config.add(inputs_sm(3, 0x1400, 8));
     EXPECT_EQ(words(lay().error()),
-              "slave 1: mapping process data at SyncManager 3: the slave has no such SyncManager (needed 4, there is room for 3)");
+              "slave 1: mapping process data at SyncManager 3: the slave has no such SyncManager (needed 4, there is "
+              "room for 3)");
 }
 
 TEST_F(ImageLayoutTest, SyncManagersThatDoNotFitTheMemory) {

@@ -1,5 +1,6 @@
-// Random configurations: a little interpreter of FMMUs, made from the standard and sharing no code with the planner, runs the datagrams over the
-// slaves; each slave must get exactly its bits, and the working counters must be those expected.
+// Random configurations: a little interpreter of FMMUs, made from the standard and sharing no code with the planner,
+// runs the datagrams over the slaves; each slave must get exactly its bits, and the working counters must be those
+// expected.
 #include "network/image_datagrams.hpp"
 #include "process_data/slaves.hpp"
 
@@ -35,10 +36,12 @@ struct Esc {
         std::vector<Mapping> all;
         for (const Octets& r : fmmus) {
             if ((r[12] & 1) == 0) continue;
-            const std::uint64_t logical = r[0] | (std::uint64_t{r[1]} << 8) | (std::uint64_t{r[2]} << 16) | (std::uint64_t{r[3]} << 24);
+            const std::uint64_t logical =
+                r[0] | (std::uint64_t{r[1]} << 8) | (std::uint64_t{r[2]} << 16) | (std::uint64_t{r[3]} << 24);
             const std::uint64_t length = static_cast<std::uint64_t>(r[4] | (r[5] << 8));
             const std::uint64_t physical = static_cast<std::uint64_t>(r[8] | (r[9] << 8));
-            all.push_back({logical * 8 + r[6], (logical + length - 1) * 8 + r[7] + 1, physical * 8 + r[10], (r[11] & 1) != 0, (r[11] & 2) != 0});
+            all.push_back({logical * 8 + r[6], (logical + length - 1) * 8 + r[7] + 1, physical * 8 + r[10],
+                           (r[11] & 1) != 0, (r[11] & 2) != 0});
         }
         return all;
     }
@@ -49,7 +52,9 @@ struct Esc {
         bool was_written = false;
         const Octets sent = data;
         const auto all = mappings();
-        const auto touches = [](const Mapping& m, std::uint64_t octet) { return m.first_bit / 8 <= octet && octet <= (m.end_bit - 1) / 8; };
+        const auto touches = [](const Mapping& m, std::uint64_t octet) {
+            return m.first_bit / 8 <= octet && octet <= (m.end_bit - 1) / 8;
+        };
         for (std::size_t i = 0; i < data.size(); ++i) {
             for (const bool reading : {true, false}) {
                 if (reading ? command == wire::Command::LWR : command == wire::Command::LRD) continue;
@@ -131,7 +136,8 @@ void check(Case& c, std::mt19937& random) {
         for (std::size_t i = 0; i < 16; ++i) {
             std::array<std::byte, 16> bytes{};
             wire::store_fmmu(bytes, fmmus->at[i]);
-            std::transform(bytes.begin(), bytes.end(), escs[n].fmmus[i].begin(), [](std::byte b) { return static_cast<std::uint8_t>(b); });
+            std::transform(bytes.begin(), bytes.end(), escs[n].fmmus[i].begin(),
+                           [](std::byte b) { return static_cast<std::uint8_t>(b); });
         }
     }
     const std::vector<Esc> before = escs;
@@ -155,7 +161,8 @@ void check(Case& c, std::mt19937& random) {
     for (const auto& [frame, bytes] : frame_bytes) EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
     // Not one frame more than the data needs if it were cut anywhere.
     if (!datagrams.empty()) {
-        const std::size_t overheads = (datagrams.back().command != datagrams.front().command ? 24U : 12U) + c.wanted.reserve_bytes;
+        const std::size_t overheads =
+            (datagrams.back().command != datagrams.front().command ? 24U : 12U) + c.wanted.reserve_bytes;
         std::size_t octets = 0;
         for (const DatagramPlan& d : datagrams) octets += d.bytes;
         std::size_t frames = 1;
@@ -177,7 +184,8 @@ void check(Case& c, std::mt19937& random) {
             for (std::size_t bit = 0; bit < sm.bits; ++bit) {
                 const bool out = sm.direction == Direction::outputs;
                 const bool in_slave = bit_of(out ? escs[n].memory : before[n].memory, std::size_t{sm.start} * 8 + bit);
-                ASSERT_EQ(in_slave, bit_of(out ? sent : image, at + bit)) << "slave " << slave.position << " sm " << k << " bit " << bit;
+                ASSERT_EQ(in_slave, bit_of(out ? sent : image, at + bit))
+                    << "slave " << slave.position << " sm " << k << " bit " << bit;
             }
             if (sm.direction == Direction::outputs)
                 for (std::size_t octet = 0; octet < sm.bytes(); ++octet) may_write[sm.start + octet] = 0xFF;

@@ -9,16 +9,17 @@
 
 namespace margay {
 
-// An SII with outputs in SyncManager 0 and inputs in SyncManager 1, by PDOs of entries of up to 8 bits. The PDOs of index 0x1A01 and
-// 0x1601 are not assigned.
+// An SII with outputs in SyncManager 0 and inputs in SyncManager 1, by PDOs of entries of up to 8 bits. The PDOs of
+// index 0x1A01 and 0x1601 are not assigned.
 struct IoDevice {
     std::uint32_t product = 0x0100;
     std::uint16_t alias = 0;
-    std::uint8_t flags = 0;                    // wire::sii::general_flag bits
+    std::uint8_t flags = 0;  // wire::sii::general_flag bits
     std::uint16_t identification_address = 0;
-    bool emulation = false;                    // no program: AL status mirrors AL control
+    bool emulation = false;  // no program: AL status mirrors AL control
 };
-inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t input_bits, const IoDevice& device = {}) {
+inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t input_bits,
+                                       const IoDevice& device = {}) {
     namespace sii = wire::sii;
     const auto entries = [](std::uint32_t bits, std::uint16_t index) {
         std::vector<sii::PdoEntryDescription> all;
@@ -47,15 +48,17 @@ inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t 
         fmmus.push_back(FmmuUse::inputs);
     }
     std::vector<std::byte> image(2048);
-    const auto written = sii::write_image({.configuration = {.pdi_control = static_cast<std::uint16_t>(device.emulation ? 0x0105 : 0x0005), .alias = device.alias},
-                                           .identity = {.vendor = 0x00004D47, .product = device.product},
-                                           .name = "MG IO",
-                                           .general = {.flags = device.flags, .identification_address = device.identification_address},
-                                           .fmmus = fmmus,
-                                           .sync_managers = sms,
-                                           .tx_pdos = tx,
-                                           .rx_pdos = rx},
-                                          image);
+    const auto written = sii::write_image(
+        {.configuration = {.pdi_control = static_cast<std::uint16_t>(device.emulation ? 0x0105 : 0x0005),
+                           .alias = device.alias},
+         .identity = {.vendor = 0x00004D47, .product = device.product},
+         .name = "MG IO",
+         .general = {.flags = device.flags, .identification_address = device.identification_address},
+         .fmmus = fmmus,
+         .sync_managers = sms,
+         .tx_pdos = tx,
+         .rx_pdos = rx},
+        image);
     if (!written.ok()) image.clear();
     return image;
 }

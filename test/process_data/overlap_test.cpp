@@ -205,7 +205,8 @@ TEST_F(OverlapTest, InputsOfASlaveThatDoesNotTakePartStay) {
 TEST_F(OverlapTest, RequestsTravelInFramesOfTheirOwn) {
     struct Asked {
         static Task<Result<>> ask(Engine& engine, bool& done, MutableBytes data) {
-            Datagram datagram(engine.link(), wire::Command::FPRD, wire::DatagramAddress(StationAddress{0x1001}, 0x0130), data);
+            Datagram datagram(engine.link(), wire::Command::FPRD, wire::DatagramAddress(StationAddress{0x1001}, 0x0130),
+                              data);
             auto reply = co_await datagram;
             done = reply.ok();
             co_return Result<>();
@@ -331,7 +332,8 @@ struct Guarded final : Nic, Osal {
     }
 };
 
-// One thread sends as fast as it may; the owner receives, polls, and asks for the states beside it. Every cycle comes back whole, in order.
+// One thread sends as fast as it may; the owner receives, polls, and asks for the states beside it. Every cycle comes
+// back whole, in order.
 TEST_F(OverlappedBus, TwoThreads) {
     constexpr std::uint32_t kCycles = 3000;
     for (int i = 0; i < 3; ++i) bus.add(16, 16);

@@ -67,15 +67,17 @@ class PreparedFrameTest : public testing::TestWithParam<bool> {
         std::array<std::byte, 4> data{};
     };
     static Task<Result<>> ask(Engine& engine, Asked& asked, MutableBytes data) {
-        Datagram datagram(engine.link(), wire::Command::FPRD, wire::DatagramAddress(StationAddress{0x1001}, 0x0130), data);
+        Datagram datagram(engine.link(), wire::Command::FPRD, wire::DatagramAddress(StationAddress{0x1001}, 0x0130),
+                          data);
         asked.reply = co_await datagram;
         asked.done = true;
         co_return Result<>();
     }
 };
 
-INSTANTIATE_TEST_SUITE_P(Taken, PreparedFrameTest, testing::Bool(),
-                         [](const testing::TestParamInfo<bool>& taken) { return taken.param ? "ByPoll" : "ByTheCycle"; });
+INSTANTIATE_TEST_SUITE_P(Taken, PreparedFrameTest, testing::Bool(), [](const testing::TestParamInfo<bool>& taken) {
+    return taken.param ? "ByPoll" : "ByTheCycle";
+});
 
 TEST_P(PreparedFrameTest, CarriesOutputsAndBringsInputs) {
     image[0] = std::byte{0x12};
@@ -142,11 +144,16 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
         std::uint8_t flip;
     };
     const Case cases[] = {
-        {"not passed any slave", wire::kSourceMacOffset, 0x02}, {"other protocol", 12, 0x01},
-        {"other frame length", 14, 0x01},                       {"other frame type", 15, 0x10},
-        {"other command", 16, 0x01},                            {"other index", kIndexAt, 0x40},
-        {"other address", 18, 0x01},                            {"other address, last octet", 21, 0x80},
-        {"other length", 22, 0x01},                             {"another datagram behind", 23, 0x80},
+        {"not passed any slave", wire::kSourceMacOffset, 0x02},
+        {"other protocol", 12, 0x01},
+        {"other frame length", 14, 0x01},
+        {"other frame type", 15, 0x10},
+        {"other command", 16, 0x01},
+        {"other index", kIndexAt, 0x40},
+        {"other address", 18, 0x01},
+        {"other address, last octet", 21, 0x80},
+        {"other length", 22, 0x01},
+        {"another datagram behind", 23, 0x80},
     };
     for (const Case& c : cases) {
         ASSERT_TRUE(send().ok());

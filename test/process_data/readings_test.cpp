@@ -144,7 +144,8 @@ TEST(ReadingsPlan, TheFirstFrameHasRoomForThem) {
     EXPECT_EQ(frames(), 2);
 }
 
-// The frame as tshark reads it, and as the standard has it: LRW of the image, BRD of 0x0130, FRMW of 0x0910 at the first slave's address.
+// The frame as tshark reads it, and as the standard has it: LRW of the image, BRD of 0x0130, FRMW of 0x0910 at the
+// first slave's address.
 TEST_F(ReadingsTest, TsharkReadsTheFrame) {
     if (!testing_tshark::installed()) GTEST_SKIP() << "tshark is not installed";
     for (int i = 0; i < 2; ++i) bus.add(16, 16);
@@ -157,13 +158,14 @@ TEST_F(ReadingsTest, TsharkReadsTheFrame) {
     master.group(0).config.al_status = true;
     master.group(0).config.dc_reference = 1;
     ASSERT_TRUE(config_map(master, image).ok());
-    const auto file = std::filesystem::temp_directory_path() / ("margay-readings-" + std::to_string(::getpid()) + ".pcap");
+    const auto file =
+        std::filesystem::temp_directory_path() / ("margay-readings-" + std::to_string(::getpid()) + ".pcap");
     ASSERT_TRUE(recorder.open(file.string()).ok());
     ASSERT_TRUE(send_processdata(master).ok());
     ASSERT_TRUE(receive_processdata(master, 1ms).ok());
     ASSERT_TRUE(recorder.close().ok());
-    const auto seen = testing_tshark::fields_of(
-        file.string(), {"ecat.cmd", "ecat.lad", "ecat.adp", "ecat.ado", "ecat.subframe.length", "ecat.cnt", "_ws.malformed"});
+    const auto seen = testing_tshark::fields_of(file.string(), {"ecat.cmd", "ecat.lad", "ecat.adp", "ecat.ado",
+                                                                "ecat.subframe.length", "ecat.cnt", "_ws.malformed"});
     std::filesystem::remove(file);
     ASSERT_EQ(seen.size(), 2U) << "sent, and back";
     using Row = std::vector<std::string>;

@@ -11,7 +11,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two threads, as fast as they can: whatever the reader sees was written by one publication, and what it sees never grows older.
+// Two threads, as fast as they can: whatever the reader sees was written by one publication, and what it sees never
+// grows older.
 TEST(SharedImage, NeverShowsHalfOfACycle) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(0, 256));
     SharedImage shared(memory);
@@ -109,7 +110,8 @@ TEST(SlaveToSlave, BitsGoWhereTheyShall) {
         const auto in = load_le<std::uint16_t>(Bytes(bus.device(1).inputs()));
         const auto out = load_le<std::uint16_t>(bus.device(2).outputs(), 1);
         EXPECT_EQ((out >> 1) & 0x7FF, (in >> 3) & 0x7FF);
-        EXPECT_EQ(bus.device(2).outputs()[0], static_cast<std::byte>(round)) << "what is not copied is the application's";
+        EXPECT_EQ(bus.device(2).outputs()[0], static_cast<std::byte>(round))
+            << "what is not copied is the application's";
         EXPECT_EQ(bus.device(1).outputs()[0], bus.device(2).inputs()[0]);
     }
 }

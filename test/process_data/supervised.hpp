@@ -32,8 +32,9 @@ struct Run {
         for (int i = 0; i < 5; ++i) (void)cycle();
         EXPECT_EQ(events(), std::vector<std::string>());
     }
-    // A cycle in which every device shows a new input, its number in the other octet. Whatever comes of it: the image has of each slave what it
-    // showed just now, or what it had before; and what it showed just now if the cycle is right.
+    // A cycle in which every device shows a new input, its number in the other octet. Whatever comes of it: the image
+    // has of each slave what it showed just now, or what it had before; and what it showed just now if the cycle is
+    // right.
     Result<std::uint32_t> cycle() {
         ++counter;
         const std::size_t count = ctx().slaves().size();
@@ -83,7 +84,8 @@ struct Run {
     int cycles_until_right(int most = 5000) {
         for (int n = 1; n <= most; ++n) {
             const auto wkc = cycle();
-            const bool all = std::ranges::all_of(ctx().slaves(), [](const Slave& s) { return s.al.state == AlState::op && !s.al.error; });
+            const bool all = std::ranges::all_of(
+                ctx().slaves(), [](const Slave& s) { return s.al.state == AlState::op && !s.al.error; });
             if (wkc.ok() && all) return n;
         }
         return most + 1;

@@ -174,9 +174,13 @@ TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
     }
     EXPECT_TRUE(fresh(1) && fresh(2));
     const auto told = events();
-    EXPECT_TRUE(has(told, "slave 3: another slave in its place (expected product 0x00000100, got 0x00000122 of vendor 0x00004d47)")) << joined(told);
+    EXPECT_TRUE(has(
+        told, "slave 3: another slave in its place (expected product 0x00000100, got 0x00000122 of vendor 0x00004d47)"))
+        << joined(told);
     EXPECT_FALSE(has(told, "slave 3: found")) << joined(told);
-    EXPECT_EQ(std::ranges::count_if(told, [](const std::string& one) { return one.find("another slave") != std::string::npos; }), 1);
+    EXPECT_EQ(std::ranges::count_if(
+                  told, [](const std::string& one) { return one.find("another slave") != std::string::npos; }),
+              1);
     EXPECT_EQ(bus.segment.slave(2).station() & 0xFF00, 0x0F00) << "it was given no address of ours";
     EXPECT_EQ(ctx().slave(3).al.state, AlState::none);
     const auto recovered = recover_slave(ctx(), 3);
@@ -225,7 +229,8 @@ TEST_F(SupervisionTest, StartupListsAndTheHookAreReplayed) {
     const std::array<std::byte, 4> zeros{};
     bus.segment.slave(1).write(0x0F80, zeros);
     ASSERT_LE(cycles_until_right(), 1000) << joined(events());
-    EXPECT_EQ(bus.segment.slave(1).peek(0x0F80, 4), (std::vector{std::byte{0x11}, std::byte{0x22}, std::byte{0x33}, std::byte{0x44}}));
+    EXPECT_EQ(bus.segment.slave(1).peek(0x0F80, 4),
+              (std::vector{std::byte{0x11}, std::byte{0x22}, std::byte{0x33}, std::byte{0x44}}));
     EXPECT_EQ(calls, 3) << "busy, then done";
 }
 
@@ -259,7 +264,8 @@ TEST_F(SupervisionTest, LineErrorsNameTheCable) {
     EXPECT_EQ(lines[4].ports[0].invalid_frames, 603U);
 }
 
-// 1 % and 10 % of all frames lost on some cable, for 100 000 cycles: no input is wrong, nobody is said to be lost who is not.
+// 1 % and 10 % of all frames lost on some cable, for 100 000 cycles: no input is wrong, nobody is said to be lost who
+// is not.
 TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
     for (const double share : {0.01, 0.10}) {
         SCOPED_TRACE(share);
@@ -272,7 +278,9 @@ TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
         for (int n = 0; n < 100'000; ++n) {
             if (run.cycle().ok()) ++good;
             const auto told = run.events();
-            ASSERT_FALSE(has(told, "lost") || has(told, "no frame") || has(told, "found") || has(told, "answer")) << n << "\n" << joined(told);
+            ASSERT_FALSE(has(told, "lost") || has(told, "no frame") || has(told, "found") || has(told, "answer"))
+                << n << "\n"
+                << joined(told);
         }
         EXPECT_EQ(run.wrong, 0);
         const LinkStatistics& link = run.ctx().statistics();
@@ -295,7 +303,12 @@ TEST_F(SupervisionTest, AFailedRecoveryIsToldOnceAndTriedAgain) {
     bool refuses = false;
     ctx().slave(2).hooks.user = &refuses;
     ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void* user) -> Result<> {
-        if (*static_cast<bool*>(user)) return Error{.code = Errc::sdo_abort, .step = Step::sdo_download, .slave = slave, .index = 0x8000, .detail = 0x08000000};
+        if (*static_cast<bool*>(user))
+            return Error{.code = Errc::sdo_abort,
+                         .step = Step::sdo_download,
+                         .slave = slave,
+                         .index = 0x8000,
+                         .detail = 0x08000000};
         return Result<>();
     };
     to_op();
@@ -305,7 +318,10 @@ TEST_F(SupervisionTest, AFailedRecoveryIsToldOnceAndTriedAgain) {
     bus.segment.set_power(1, true, bus.osal.now());
     for (int n = 0; n < 3000; ++n) (void)cycle();
     const auto told = events();
-    EXPECT_EQ(std::ranges::count(told, "recovery failed: slave 2: SDO download of 0x8000:0: the slave aborted the transfer (abort code 0x08000000: general error)"), 1)
+    EXPECT_EQ(std::ranges::count(told,
+                                 "recovery failed: slave 2: SDO download of 0x8000:0: the slave aborted the transfer "
+                                 "(abort code 0x08000000: general error)"),
+              1)
         << joined(told);
     EXPECT_TRUE(fresh(1));
     refuses = false;
@@ -323,7 +339,8 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
     bus.segment.set_cable({2, 0}, false);
     for (int n = 0; n < 100; ++n) (void)cycle();
     auto told = events();
-    EXPECT_EQ(std::ranges::count(told, "link interrupted between slave 2 port 1 and slave 3: 1 time"), 1) << joined(told);
+    EXPECT_EQ(std::ranges::count(told, "link interrupted between slave 2 port 1 and slave 3: 1 time"), 1)
+        << joined(told);
     EXPECT_EQ(lines[1].ports[1].lost_links, 1U);
     EXPECT_EQ(ctx().slave(3).ring, 0);
     bus.segment.set_cable({2, 0}, true);
@@ -353,8 +370,10 @@ TEST_F(SupervisionTest, TwoRunsAreTheSame) {
         std::string text;
         run.bus.segment.set_noise({.lost = 0.01, .corrupted = 0.01, .seed = 11});
         for (int n = 0; n < 3000; ++n) {
-            if (n % 500 == 100) run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), false, run.bus.osal.now());
-            if (n % 500 == 200) run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), true, run.bus.osal.now());
+            if (n % 500 == 100)
+                run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), false, run.bus.osal.now());
+            if (n % 500 == 200)
+                run.bus.segment.set_power(static_cast<std::uint32_t>(n / 500 % 5), true, run.bus.osal.now());
             (void)run.cycle();
             for (const auto& event : run.events()) text += std::to_string(n) + " " + event + "\n";
         }

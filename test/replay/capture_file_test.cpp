@@ -57,8 +57,8 @@ TEST_F(CaptureFileTest, ReadsPcapOfBothResolutions) {
 TEST_F(CaptureFileTest, ReadsPcapngWithItsOwnResolution) {
     const auto frame = ethercat_frame();
     for (const auto& [resolution, unit] : {std::pair{6, 1000ns}, std::pair{9, 1ns}}) {
-        ASSERT_EQ(load(pcapng_header(static_cast<std::uint8_t>(resolution)) +
-                       pcapng_packet(5'000'000'000u, frame) + pcapng_packet(5'000'000'123u, frame)),
+        ASSERT_EQ(load(pcapng_header(static_cast<std::uint8_t>(resolution)) + pcapng_packet(5'000'000'000u, frame) +
+                       pcapng_packet(5'000'000'123u, frame)),
                   "");
         ASSERT_EQ(capture.frames().size(), 2u);
         EXPECT_EQ(capture.frames()[1].at, 123 * unit);
@@ -82,16 +82,14 @@ TEST_F(CaptureFileTest, SaysWhatIsWrongWithAFile) {
     says(pcap_header() + pcap_packet(0, 0, frame) + "\x01", "breaks off or is damaged behind packet 1");
     says(pcap_header() + pcap_packet(0, 0, frame) + pcap_packet(0, 0, frame, 1000),
          "packet 2 was recorded cut to 29 of its 1000 octets");
-    says(pcap_header() + pcap_packet(1, 0, frame) + pcap_packet(2'000'000'000u, 0, frame),
-         "packet 2 is years away");
+    says(pcap_header() + pcap_packet(1, 0, frame) + pcap_packet(2'000'000'000u, 0, frame), "packet 2 is years away");
     says(pcapng_header(6) + pcapng_packet(1, frame) + pcapng_packet(0x0FFFFFFFFFFFFFF0u, frame),
          "packet 2 is years away");
     auto tagged = frame;
     const std::byte tag[] = {std::byte{0x81}, std::byte{0x00}, std::byte{0x00}, std::byte{0x05}};
     tagged.insert(tagged.begin() + 12, std::begin(tag), std::end(tag));
     says(pcap_header() + pcap_packet(0, 0, tagged), "packet 1 is EtherCAT in a VLAN tag");
-    says(pcapng_header(9) + pcapng_packet(0, frame).substr(0, 30),
-         "breaks off or is damaged behind packet 0");
+    says(pcapng_header(9) + pcapng_packet(0, frame).substr(0, 30), "breaks off or is damaged behind packet 0");
 }
 
 TEST_F(CaptureFileTest, SaysSoWhenThereIsNoFile) {

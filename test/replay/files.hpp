@@ -18,8 +18,7 @@ using Frame = std::vector<std::byte>;
 // A folder of this process, removed with everything in it.
 class TemporaryFolder {
   public:
-    TemporaryFolder()
-        : path_(std::filesystem::temp_directory_path() / ("margay-test-" + std::to_string(::getpid()))) {
+    TemporaryFolder() : path_(std::filesystem::temp_directory_path() / ("margay-test-" + std::to_string(::getpid()))) {
         std::filesystem::create_directories(path_);
     }
     ~TemporaryFolder() {
@@ -60,8 +59,7 @@ inline constexpr std::uint32_t kEthernet = 1;
 inline std::string pcap_header(std::uint32_t magic = kNanoseconds, std::uint32_t link_type = kEthernet) {
     return word32(magic) + word16(2) + word16(4) + word32(0) + word32(0) + word32(65535) + word32(link_type);
 }
-inline std::string pcap_packet(std::uint32_t seconds, std::uint32_t fraction, Bytes frame,
-                               std::size_t on_wire = 0) {
+inline std::string pcap_packet(std::uint32_t seconds, std::uint32_t fraction, Bytes frame, std::size_t on_wire = 0) {
     return word32(seconds) + word32(fraction) + word32(static_cast<std::uint32_t>(frame.size())) +
            word32(static_cast<std::uint32_t>(on_wire == 0 ? frame.size() : on_wire)) + octets(frame);
 }
@@ -74,16 +72,14 @@ inline std::string pcapng_block(std::uint32_t type, std::string body) {
 }
 inline std::string pcapng_header(std::uint8_t resolution) {
     const auto section = word32(0x1A2B3C4D) + word16(1) + word16(0) + word32(0xFFFFFFFF) + word32(0xFFFFFFFF);
-    const auto option =
-        word16(9) + word16(1) + std::string(1, static_cast<char>(resolution)) + std::string(3, '\0');
+    const auto option = word16(9) + word16(1) + std::string(1, static_cast<char>(resolution)) + std::string(3, '\0');
     const auto interface = word16(kEthernet) + word16(0) + word32(0) + option + word32(0);
     return pcapng_block(0x0A0D0D0A, section) + pcapng_block(1, interface);
 }
 inline std::string pcapng_packet(std::uint64_t time, Bytes frame) {
     const auto size = static_cast<std::uint32_t>(frame.size());
     return pcapng_block(6, word32(0) + word32(static_cast<std::uint32_t>(time >> 32)) +
-                               word32(static_cast<std::uint32_t>(time)) + word32(size) + word32(size) +
-                               octets(frame));
+                               word32(static_cast<std::uint32_t>(time)) + word32(size) + word32(size) + octets(frame));
 }
 
 }  // namespace margay

@@ -1,5 +1,5 @@
-// Beside another master: the recording of a segment that ethercrab brought to OP, and the same segment brought to OP by us. What both write to
-// the slaves must be the same, and our cycle must take what the hardware answered to theirs.
+// Beside another master: the recording of a segment that ethercrab brought to OP, and the same segment brought to OP by
+// us. What both write to the slaves must be the same, and our cycle must take what the hardware answered to theirs.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filter_nic.hpp"
 #include "oshw/pcap/capture_file.hpp"
@@ -34,7 +34,8 @@ struct Written {
     [[nodiscard]] std::vector<std::byte> octets(std::uint16_t from, std::size_t count) const {
         std::vector<std::byte> found(count);
         for (std::size_t n = 0; n < count; ++n)
-            if (const auto at = registers.find(static_cast<std::uint16_t>(from + n)); at != registers.end()) found[n] = at->second;
+            if (const auto at = registers.find(static_cast<std::uint16_t>(from + n)); at != registers.end())
+                found[n] = at->second;
         return found;
     }
 };
@@ -57,7 +58,8 @@ struct Story {
         wire::DatagramReader reader(reply);
         while (const auto d = reader.next()) {
             const auto& header = d->header;
-            const bool logical = header.command == Command::LRW || header.command == Command::LRD || header.command == Command::LWR;
+            const bool logical =
+                header.command == Command::LRW || header.command == Command::LRD || header.command == Command::LWR;
             if (logical) cycles.push_back({header.command, header.address.value, d->data.size(), d->wkc});
             if (d->wkc == 0) continue;
             if (header.command == Command::BWR)
@@ -71,9 +73,11 @@ struct Story {
         if (address == wire::reg::kAlControl.address && data.size() == 2) {
             const auto control = load_le<std::uint16_t>(data);
             // Waiting in INIT and acknowledging there are matters of taste.
-            if ((control & 0x0F) != 1 && (slave.al_controls.empty() || slave.al_controls.back() != control)) slave.al_controls.push_back(control);
+            if ((control & 0x0F) != 1 && (slave.al_controls.empty() || slave.al_controls.back() != control))
+                slave.al_controls.push_back(control);
         }
-        for (std::size_t n = 0; n < data.size(); ++n) slave.registers[static_cast<std::uint16_t>(address + n)] = data[n];
+        for (std::size_t n = 0; n < data.size(); ++n)
+            slave.registers[static_cast<std::uint16_t>(address + n)] = data[n];
     }
 };
 
@@ -81,7 +85,8 @@ struct Story {
 std::map<std::uint16_t, std::uint32_t> mapping_of(const Written& slave) {
     std::map<std::uint16_t, std::uint32_t> found;
     for (std::uint16_t n = 0; n < 4; ++n) {
-        const auto registers = slave.octets(static_cast<std::uint16_t>(kFmmus + n * wire::reg::kFmmuStride), wire::reg::kFmmuStride);
+        const auto registers =
+            slave.octets(static_cast<std::uint16_t>(kFmmus + n * wire::reg::kFmmuStride), wire::reg::kFmmuStride);
         const auto fmmu = wire::load_fmmu(registers);
         if (!fmmu.active) continue;
         EXPECT_TRUE(fmmu.write && !fmmu.read && fmmu.logical_start_bit == 0 && fmmu.logical_end_bit == 7);
@@ -91,8 +96,8 @@ std::map<std::uint16_t, std::uint32_t> mapping_of(const Written& slave) {
     return found;
 }
 
-// Tells what comes back of our frames. Once `recording` is set that answers: ethercrab writes outputs by LRW, which counts two for each slave that takes
-// them, where we need no more than LWR, which counts one.
+// Tells what comes back of our frames. Once `recording` is set that answers: ethercrab writes outputs by LRW, which
+// counts two for each slave that takes them, where we need no more than LWR, which counts one.
 class Listener final : public FilterNic {
   public:
     using FilterNic::FilterNic;

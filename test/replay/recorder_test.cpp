@@ -46,8 +46,8 @@ TEST_F(RecorderTest, TheFileIsAsTheFormatSaysOctetByOctet) {
     ASSERT_EQ(recorder.receive(buffer), 60u);
     ASSERT_EQ(recorder.receive(buffer), 0u);
     ASSERT_TRUE(recorder.close().ok()) << recorder.problem();
-    EXPECT_EQ(read_file(path), pcap_header(kNanoseconds) + pcap_packet(1'000'007, 123, request) +
-                                   pcap_packet(1'000'008, 123, reply));
+    EXPECT_EQ(read_file(path),
+              pcap_header(kNanoseconds) + pcap_packet(1'000'007, 123, request) + pcap_packet(1'000'008, 123, reply));
 }
 
 TEST_F(RecorderTest, AFrameThatWasNotTakenIsNotRecorded) {

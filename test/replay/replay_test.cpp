@@ -36,8 +36,7 @@ Frame frame_of(const std::vector<Exchange>& exchanges, bool reply, std::uint8_t 
         auto address = exchange.address;
         if (reply && wire::counts_position(exchange.command))  // three slaves
             address = {static_cast<std::uint16_t>(address.adp() + 3), address.ado()};
-        store_le(builder.append(exchange.command, index++, address, 2), 0,
-                 reply ? exchange.answer : exchange.sent);
+        store_le(builder.append(exchange.command, index++, address, 2), 0, reply ? exchange.answer : exchange.sent);
     }
     buffer.resize(builder.finish().size());
     std::size_t at = wire::kFramePrefixBytes + wire::kDatagramHeaderBytes + 2;
@@ -51,9 +50,7 @@ Frame frame_of(const std::vector<Exchange>& exchanges, bool reply, std::uint8_t 
 Frame request(const std::vector<Exchange>& exchanges, std::uint8_t index = 0) {
     return frame_of(exchanges, false, index);
 }
-Frame reply(const std::vector<Exchange>& exchanges, std::uint8_t index = 0) {
-    return frame_of(exchanges, true, index);
-}
+Frame reply(const std::vector<Exchange>& exchanges, std::uint8_t index = 0) { return frame_of(exchanges, true, index); }
 
 struct Received {
     Time at;
@@ -76,9 +73,7 @@ struct ReplayTest : testing::Test {
         record(at, request(exchanges, index));
         record(at + 100us, reply(exchanges, index));
     }
-    void load(ReplayNic& nic) {
-        ASSERT_TRUE(nic.load(folder.write("r.pcap", recording)).ok()) << nic.problem();
-    }
+    void load(ReplayNic& nic) { ASSERT_TRUE(nic.load(folder.write("r.pcap", recording)).ok()) << nic.problem(); }
 
     std::vector<Received> run_dry(Nic& nic) {
         std::vector<Received> all;
@@ -90,8 +85,7 @@ struct ReplayTest : testing::Test {
                 one.frame.assign(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(length));
                 wire::DatagramReader reader(one.frame);
                 while (const auto datagram = reader.next()) {
-                    one.data.push_back(datagram->data.size() < 2 ? 0
-                                                                 : load_le<std::uint16_t>(datagram->data));
+                    one.data.push_back(datagram->data.size() < 2 ? 0 : load_le<std::uint16_t>(datagram->data));
                     one.wkc.push_back(datagram->wkc);
                     one.index.push_back(datagram->header.index);
                     one.adp.push_back(datagram->header.address.adp());
@@ -140,10 +134,8 @@ TEST_F(ReplayTest, TheNthRequestGetsTheNthAnswer) {
 TEST_F(ReplayTest, PackingMayChange) {
     const Exchange a{.answer = 0xA};
     const Exchange b{.command = Command::APRD, .address = {RingPosition{1}, 0x0110}, .answer = 0xB};
-    const Exchange c{.command = Command::BRD,
-                     .address = {std::uint16_t{0}, std::uint16_t{0x0130}},
-                     .answer = 0xC,
-                     .wkc = 3};
+    const Exchange c{
+        .command = Command::BRD, .address = {std::uint16_t{0}, std::uint16_t{0x0130}}, .answer = 0xC, .wkc = 3};
     record_exchange(0us, {a});
     record_exchange(500us, {b, c});
     record_exchange(900us, {a});
@@ -270,8 +262,7 @@ TEST_F(ReplayTest, SurvivesNoiseAndAFloodOfRequests) {
 }
 
 TEST_F(ReplayTest, SurvivesRecordingsWithTurnedBits) {
-    const std::vector<Exchange> two = {{.answer = 1},
-                                       {.command = Command::BRD, .address = DatagramAddress(0)}};
+    const std::vector<Exchange> two = {{.answer = 1}, {.command = Command::BRD, .address = DatagramAddress(0)}};
     record_exchange(0us, two);
     const auto good = recording;
     const auto frames_at = pcap_header().size();
@@ -286,8 +277,7 @@ TEST_F(ReplayTest, SurvivesRecordingsWithTurnedBits) {
         ++accepted;
         ASSERT_TRUE(strict.load(file).ok());
         for (ReplayNic* one : {static_cast<ReplayNic*>(&nic), static_cast<ReplayNic*>(&strict)})
-            for (const auto& answer : ask(*one, request(two)))
-                EXPECT_LE(answer.frame.size(), HeldFrame::kMaxBytes);
+            for (const auto& answer : ask(*one, request(two))) EXPECT_LE(answer.frame.size(), HeldFrame::kMaxBytes);
     }
     EXPECT_GT(accepted, 50);
 }
@@ -319,8 +309,7 @@ TEST_F(ReplayTest, StrictSaysWhereItDiverged) {
     EXPECT_TRUE(ask(nic, request({{}}, 3)).empty());  // the index
     EXPECT_TRUE(nic.diverged());
     EXPECT_FALSE(nic.finished());
-    EXPECT_EQ(nic.problem().substr(0, 50), "packet 3 of the recording differs from octet 17: r")
-        << nic.problem();
+    EXPECT_EQ(nic.problem().substr(0, 50), "packet 3 of the recording differs from octet 17: r") << nic.problem();
     EXPECT_TRUE(ask(nic, request({{}}, 2)).empty()) << "too late to come back";
 }
 
@@ -366,8 +355,8 @@ TEST_P(RecordedSegmentTest, RequestsAtTheirTimesBringTheRepliesAtTheirs) {
     }
     for (const auto& frame : capture.frames())
         if (frame.reply && senders.contains(sender(frame))) replies.push_back(frame);
-    const auto all = std::count_if(capture.frames().begin(), capture.frames().end(),
-                                   [](auto& frame) { return frame.reply; });
+    const auto all =
+        std::count_if(capture.frames().begin(), capture.frames().end(), [](auto& frame) { return frame.reply; });
     EXPECT_EQ(nic.counters().stray, static_cast<std::size_t>(all) - replies.size());
 
     std::vector<std::pair<Time, Frame>> answers;
@@ -375,8 +364,8 @@ TEST_P(RecordedSegmentTest, RequestsAtTheirTimesBringTheRepliesAtTheirs) {
     const auto drain = [&](Time until) {
         for (;;) {
             while (const auto length = nic.receive(buffer))
-                answers.emplace_back(
-                    clock.now(), Frame(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(length)));
+                answers.emplace_back(clock.now(),
+                                     Frame(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(length)));
             if (nic.next_arrival() > until) return;
             clock.wait(nic.next_arrival(), -1);
         }
@@ -409,8 +398,8 @@ INSTANTIATE_TEST_SUITE_P(Captures, RecordedSegmentTest,
                                          "soem-sdinfo-ek1100-el1004.pcapng", "soem-single-lan9252.pcapng",
                                          "soem-dual-lan9252.pcapng", "soem-sdinfo-akd.pcapng",
                                          "rs-example-sii-el2004.pcapng", "replay-dc.pcapng",
-                                         "replay-ek1100-el2828-el2889.pcapng",
-                                         "twincat-run-ek1100-el1004.pcapng", "twincat-scan-boxes.pcapng"),
+                                         "replay-ek1100-el2828-el2889.pcapng", "twincat-run-ek1100-el1004.pcapng",
+                                         "twincat-scan-boxes.pcapng"),
                          [](const auto& instance) {
                              auto name = instance.param.substr(0, instance.param.rfind('.'));
                              for (auto& c : name)

@@ -75,8 +75,8 @@ void take_field(PrintedFrame& frame, std::string_view line) {
 
 std::vector<PrintedFrame> ask_tshark(const std::string& file) {
     std::vector<PrintedFrame> frames;
-    const auto command = "tshark -n -r '" + file +
-                         "' -Y 'ecatf && eth.type == 0x88a4' -T pdml -J 'frame ecatf ecat' 2>/dev/null";
+    const auto command =
+        "tshark -n -r '" + file + "' -Y 'ecatf && eth.type == 0x88a4' -T pdml -J 'frame ecatf ecat' 2>/dev/null";
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
     if (!pipe) return frames;
     char* line = nullptr;
@@ -132,8 +132,7 @@ void compare(const wire::DatagramView& ours, const Printed& theirs) {
 
 Duration time_of(const std::string& printed) {  // "1654432544.978820000"
     const auto dot = printed.find('.');
-    return std::chrono::seconds(std::stoll(printed.substr(0, dot))) +
-           Duration(std::stoll(printed.substr(dot + 1)));
+    return std::chrono::seconds(std::stoll(printed.substr(0, dot))) + Duration(std::stoll(printed.substr(dot + 1)));
 }
 
 std::vector<std::string> captures() {
@@ -178,8 +177,7 @@ TEST_P(TsharkTest, SeesTheSameInEveryField) {
         // One of the masters announces more octets than its datagrams have; tshark takes them for padding.
         std::size_t octets = 0;
         for (const auto& datagram : theirs.datagrams) octets += datagram.octets.size() / 2;
-        EXPECT_EQ(reader.fault(),
-                  octets == theirs.length ? wire::FrameFault::none : wire::FrameFault::trailing);
+        EXPECT_EQ(reader.fault(), octets == theirs.length ? wire::FrameFault::none : wire::FrameFault::trailing);
         if (HasFailure()) return;  // the first one says enough
     }
 }

@@ -34,7 +34,8 @@ std::size_t count_of(const std::string& in, const std::string& what) {
 
 TEST(CycleReport, TextTellsWhatWentWrongAndHowTheTimesSpread) {
     const auto text = cycle_text(some());
-    EXPECT_NE(text.find("1001 cycles, 2 overruns, 3 without all frames, 4 with a wrong working counter"), std::string::npos);
+    EXPECT_NE(text.find("1001 cycles, 2 overruns, 3 without all frames, 4 with a wrong working counter"),
+              std::string::npos);
     EXPECT_NE(text.find("wake-up after the deadline: least 1 µs"), std::string::npos) << text;
     EXPECT_NE(text.find("most 3 ms"), std::string::npos) << text;
     EXPECT_GE(count_of(text, "#"), 60U) << "bars";
@@ -55,7 +56,9 @@ TEST(CycleReport, PictureHasABarForWhatCameAndStaysInItsFrame) {
         double y = 0;
         double width = 0;
         double height = 0;
-        ASSERT_EQ(std::sscanf(svg.c_str() + at, "<rect x=\"%lf\" y=\"%lf\" width=\"%lf\" height=\"%lf\"", &x, &y, &width, &height), 4);
+        ASSERT_EQ(std::sscanf(svg.c_str() + at, "<rect x=\"%lf\" y=\"%lf\" width=\"%lf\" height=\"%lf\"", &x, &y,
+                              &width, &height),
+                  4);
         EXPECT_GE(x, 0);
         EXPECT_LE(x + width, 801);
         EXPECT_GE(y, 0);

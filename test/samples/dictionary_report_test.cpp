@@ -15,14 +15,15 @@ TEST(DictionaryReport, PrintsObjectsEntriesAndValues) {
     const std::string text = dictionary_text(dictionary);
     for (const char* line : {"    0x1000     VAR       Device type\n",
                              "      :0       UNSIGNED32         32 bit  ro       Device type = 401 (0x00000191)\n",
-                             "Device name = \"Bench device of many words\"\n", "Setting = 100\n", "In b = 0\n", "Secret = (not readable)\n",
-                             "Big = 1234605616436508552 (0x1122334455667788)\n"})
+                             "Device name = \"Bench device of many words\"\n", "Setting = 100\n", "In b = 0\n",
+                             "Secret = (not readable)\n", "Big = 1234605616436508552 (0x1122334455667788)\n"})
         EXPECT_NE(text.find(line), std::string::npos) << line << "in\n" << text;
     EXPECT_NE(text.find("… (70000 octets)"), std::string::npos);
 
     const auto json = dictionary_json(dictionary);
     EXPECT_TRUE(json["problem"].is_null());
-    const auto object = std::find_if(json["objects"].begin(), json["objects"].end(), [](const auto& o) { return o["index"] == 0x2000; });
+    const auto object = std::find_if(json["objects"].begin(), json["objects"].end(),
+                                     [](const auto& o) { return o["index"] == 0x2000; });
     ASSERT_NE(object, json["objects"].end());
     EXPECT_EQ((*object)["entries"][0]["value"], 100);
     EXPECT_EQ((*object)["entries"][0]["octets"], "6400");
@@ -35,7 +36,8 @@ TEST(DictionaryReport, SaysWhyThereIsNone) {
     bus.start();
     slave.on_mail = [&](const Mail&) { slave.reply(mail_bytes({0x01, 0x00, 0x04, 0x00}), wire::MailboxType::error); };
     const Dictionary dictionary = read_dictionary(*bus.ctx, 1);
-    EXPECT_EQ(dictionary.problem.find("slave 1: SDO information of 0x0000:0: mailbox error reply (detail 0x0004"), 0U) << dictionary.problem;
+    EXPECT_EQ(dictionary.problem.find("slave 1: SDO information of 0x0000:0: mailbox error reply (detail 0x0004"), 0U)
+        << dictionary.problem;
     EXPECT_EQ(dictionary_text(dictionary), "  Dictionary        none: " + dictionary.problem + "\n");
 }
 

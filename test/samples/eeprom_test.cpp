@@ -20,9 +20,9 @@ constexpr std::uint32_t kNever = 0xFFFFFFFF;
 
 std::vector<std::byte> image(std::uint32_t product, std::size_t size = 1024) {
     std::vector<std::byte> out(size);
-    EXPECT_TRUE(sii::write_image(
-                    {.identity = {0x4D47, product, 1, 1}, .name = "Made up " + std::to_string(product)}, out)
-                    .ok());
+    EXPECT_TRUE(
+        sii::write_image({.identity = {0x4D47, product, 1, 1}, .name = "Made up " + std::to_string(product)}, out)
+            .ok());
     return out;
 }
 
@@ -69,8 +69,7 @@ struct FaultyEeprom final : Eeprom {
 
 std::size_t different_words(Bytes a, Bytes b) {
     std::size_t count = 0;
-    for (std::size_t i = 0; i < a.size(); i += 2)
-        count += load_le<std::uint16_t>(a, i) != load_le<std::uint16_t>(b, i);
+    for (std::size_t i = 0; i < a.size(); i += 2) count += load_le<std::uint16_t>(a, i) != load_le<std::uint16_t>(b, i);
     return count;
 }
 
@@ -165,10 +164,9 @@ TEST(EepromWrite, VerifyFindsAnEepromThatWrapsAround) {
 
 TEST(EepromWrite, StopsBetweenWords) {
     FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
-    const auto report =
-        write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t) {
-            return !(what == "writing" && done >= 16);
-        });
+    const auto report = write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t) {
+        return !(what == "writing" && done >= 16);
+    });
     EXPECT_EQ(report.error, "stopped");
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.written, eeprom.words_written);
@@ -181,15 +179,14 @@ TEST(EepromWrite, ProgressGoesOnlyForward) {
     std::string last_what;
     std::size_t last = 0;
     std::vector<std::string> phases;
-    const auto report =
-        write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t total) {
-            if (what != last_what) phases.emplace_back(what);
-            EXPECT_TRUE(what != last_what || done >= last);
-            EXPECT_LE(done, total);
-            last_what = what;
-            last = done;
-            return true;
-        });
+    const auto report = write_eeprom(eeprom, image(2), [&](std::string_view what, std::size_t done, std::size_t total) {
+        if (what != last_what) phases.emplace_back(what);
+        EXPECT_TRUE(what != last_what || done >= last);
+        EXPECT_LE(done, total);
+        last_what = what;
+        last = done;
+        return true;
+    });
     EXPECT_TRUE(report.verified);
     EXPECT_EQ(phases, (std::vector<std::string>{"reading", "writing", "verifying"}));
 }
@@ -221,8 +218,7 @@ TEST(EepromAlias, IsWrittenWithItsChecksum) {
     const auto second = write_alias(eeprom, 1, false);
     EXPECT_EQ(second.before, 0xABCD);
     EXPECT_EQ(second.after, 1);
-    for (const auto word : eeprom.order)
-        EXPECT_TRUE(word == 4 || word == 7) << word;  // nothing else is touched
+    for (const auto word : eeprom.order) EXPECT_TRUE(word == 4 || word == 7) << word;  // nothing else is touched
 }
 
 TEST(EepromAlias, DoesNotVouchForAnAreaThatIsWrong) {

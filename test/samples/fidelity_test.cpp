@@ -21,8 +21,7 @@ class Fidelity : public ::testing::Test {
         if (kCaptures.empty() || kImages.empty())
             GTEST_SKIP() << "the folders of recordings and SII images are not there";
         folder_ = std::filesystem::temp_directory_path() /
-                  ("margay-fidelity-" +
-                   std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+                  ("margay-fidelity-" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
         std::filesystem::create_directories(folder_);
     }
     void TearDown() override {
@@ -50,8 +49,8 @@ class Fidelity : public ::testing::Test {
         const auto path = (folder_ / "el1004.bin").string();
         std::ofstream out(path, std::ios::binary);
         out.write(reinterpret_cast<const char*>(sii.data()), static_cast<std::streamsize>(sii.size()));
-        return "[[slave]]\nsii_read_us = 100\nports = [\"ebus\", \"ebus\", \"none\", \"unused\"]\nsii = '" +
-               path + "'\n";
+        return "[[slave]]\nsii_read_us = 100\nports = [\"ebus\", \"ebus\", \"none\", \"unused\"]\nsii = '" + path +
+               "'\n";
     }
 
     static FidelityReport measure(const std::string& recording, const std::string& description) {
@@ -76,9 +75,7 @@ const std::string kEk1100 = "[[slave]]\nsii = \"ek1100.bin\"\nsii_read_us = 100\
 
 TEST_F(Fidelity, Ek1100Alone) { expect_identical(measure("soem-sdinfo-ek1100-only", kEk1100)); }
 
-TEST_F(Fidelity, Ek1100AndEl1004) {
-    expect_identical(measure("soem-sdinfo-ek1100-el1004", kEk1100 + el1004()));
-}
+TEST_F(Fidelity, Ek1100AndEl1004) { expect_identical(measure("soem-sdinfo-ek1100-el1004", kEk1100 + el1004())); }
 
 TEST_F(Fidelity, Ek1100AndTwoEl2004) {
     const std::string el2004 = "[[slave]]\nsii = \"el2004.bin\"\nsii_read_us = 100\n";
@@ -91,24 +88,22 @@ const std::string kEl28xx =
     "[[slave]]\nsii = \"el2828.bin\"\nsii_read_us = 100\n"
     "[[slave]]\nsii = \"el2889.bin\"\nsii_read_us = 100\nfeatures = 0x00FC\ndc = \"64\"\n";
 
-TEST_F(Fidelity, Ek1100El2828El2889) {
-    expect_identical(measure("replay-ek1100-el2828-el2889", kEk1100 + kEl28xx));
-}
+TEST_F(Fidelity, Ek1100El2828El2889) { expect_identical(measure("replay-ek1100-el2828-el2889", kEk1100 + kEl28xx)); }
 
 TEST_F(Fidelity, DistributedClocks) { expect_identical(measure("replay-dc", kEk1100 + kEl28xx)); }
 
 TEST_F(Fidelity, TwinCatRunning) {
     // The recording begins when the segment is in PREOP already.
     const std::string preop = "preset = [[0x0120, 0x02, 0x00]]\n";
-    expect_identical(measure("twincat-run-ek1100-el1004", kEk1100 + "station = 0x03E9\n" + preop + el1004() +
-                                                              "station = 0x03EA\n" + preop));
+    expect_identical(measure("twincat-run-ek1100-el1004",
+                             kEk1100 + "station = 0x03E9\n" + preop + el1004() + "station = 0x03EA\n" + preop));
 }
 
 TEST_F(Fidelity, TwinCatScanning) { expect_identical(measure("twincat-scan-boxes", kEk1100 + el1004())); }
 
 // Devices with a processor: their mailboxes answer as the hardware's did, with objects of the simulation's own, which
-// are not compared. A millisecond until the program looks at an event, as it takes theirs: an AL control that comes before is
-// lost, and the mailbox is full when the master looks again.
+// are not compared. A millisecond until the program looks at an event, as it takes theirs: an AL control that comes
+// before is lost, and the mailbox is full when the master looks again.
 struct FidelityOfProcessors : Fidelity {
     FidelityReport measure_rebuilt(const std::string& recording) {
         const auto slaves = slaves_of(capture(recording));
@@ -148,11 +143,13 @@ TEST_F(FidelityOfProcessors, TwoLan9252) {
     const auto report = measure_rebuilt("soem-dual-lan9252");
     EXPECT_EQ(report.equal_wkc, report.datagrams) << to_text(report);
     // Of two slaves a broadcast does not say whose type it is.
-    expect_only(report, {{"data of BRD AL status (0x0130)", 3}, {"data of FPRD AL status (0x0130)", 2}, {"data of BRD type (0x0000)", 1}});
+    expect_only(report, {{"data of BRD AL status (0x0130)", 3},
+                         {"data of FPRD AL status (0x0130)", 2},
+                         {"data of BRD type (0x0000)", 1}});
 }
 
-// This drive refuses SAFEOP by reasons of its own and reads as PREOP with an error in all of the 2997 looks that the master
-// takes in six seconds; from the SII alone there is no reason to refuse.
+// This drive refuses SAFEOP by reasons of its own and reads as PREOP with an error in all of the 2997 looks that the
+// master takes in six seconds; from the SII alone there is no reason to refuse.
 TEST_F(FidelityOfProcessors, Akd) {
     const auto report = measure_rebuilt("soem-sdinfo-akd");
     EXPECT_EQ(report.equal_wkc, report.datagrams) << to_text(report);

@@ -27,8 +27,7 @@ TEST(IntelHex, ReadsAndWritesARecord) {
     ASSERT_EQ(read.octets.size(), 0x1BU);
     for (std::size_t i = 0; i < 0x10; ++i)
         EXPECT_EQ(read.octets[i], std::byte{0xFF});  // what no record tells is erased
-    EXPECT_EQ(std::vector<std::byte>(read.octets.begin() + 0x10, read.octets.end()),
-              octets_of("address gap"));
+    EXPECT_EQ(std::vector<std::byte>(read.octets.begin() + 0x10, read.octets.end()), octets_of("address gap"));
     EXPECT_EQ(to_intel_hex(octets_of("address gap")), ":0B0000006164647265737320676170B7\n:00000001FF\n");
 }
 
@@ -50,8 +49,7 @@ TEST(IntelHex, NamesEveryFault) {
         EXPECT_TRUE(read.octets.empty()) << text;
         return read.error;
     };
-    EXPECT_EQ(error(":01000000AA56\n:00000001FF\n"),
-              "line 1: the checksum is 0x56, of these octets it is 0x55");
+    EXPECT_EQ(error(":01000000AA56\n:00000001FF\n"), "line 1: the checksum is 0x56, of these octets it is 0x55");
     EXPECT_EQ(error(":01000000AA55\nhello\n"), "line 2: not a record: it does not begin with a colon");
     EXPECT_EQ(error(":01000000AA55\n"), "there is no end record: the file is cut off");
     EXPECT_EQ(error(":01000000AA55\n:00000001F"), "line 2: an odd number of digits");
@@ -62,8 +60,7 @@ TEST(IntelHex, NamesEveryFault) {
     EXPECT_EQ(error(":01000000AA55\n:01000000AA55\n:00000001FF\n"), "line 2: the octet at 0x0 comes twice");
     EXPECT_EQ(error(":00000007F9\n:00000001FF\n"), "line 1: record type 7 does not exist");
     EXPECT_EQ(error(":0100000401FA\n"), "line 1: an address record has two octets, not 1");
-    EXPECT_EQ(error(":020000040100F9\n:01000000AA55\n:00000001FF\n"),
-              "line 2: address 0x1000000 is beyond any EEPROM");
+    EXPECT_EQ(error(":020000040100F9\n:01000000AA55\n:00000001FF\n"), "line 2: address 0x1000000 is beyond any EEPROM");
     EXPECT_EQ(error(":00000001FF\n"), "there are no data records");
     EXPECT_EQ(error(""), "there is no end record: the file is cut off");
 }
@@ -105,8 +102,8 @@ struct Objcopy : testing::Test {
 
     std::string convert(const std::string& content, const std::string& from, const std::string& to) const {
         std::ofstream(folder / "in", std::ios::binary) << content;
-        const auto command = "objcopy -I " + from + " -O " + to + " " + (folder / "in").string() + " " +
-                             (folder / "out").string();
+        const auto command =
+            "objcopy -I " + from + " -O " + to + " " + (folder / "in").string() + " " + (folder / "out").string();
         EXPECT_EQ(std::system(command.c_str()), 0);
         std::ifstream in(folder / "out", std::ios::binary);
         return std::string(std::istreambuf_iterator<char>(in), {});

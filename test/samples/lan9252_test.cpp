@@ -1,5 +1,6 @@
-// The SPI port of the LAN9252 against a model of the chip's host side, written after its data sheet (DS00001909: "SPI read and
-// write", "EtherCAT CSR and process data RAM access"): instructions, busy bits, FIFOs that fill over time, unaligned ends.
+// The SPI port of the LAN9252 against a model of the chip's host side, written after its data sheet (DS00001909: "SPI
+// read and write", "EtherCAT CSR and process data RAM access"): instructions, busy bits, FIFOs that fill over time,
+// unaligned ends.
 #include "common/lan9252_spi.hpp"
 
 #include <gtest/gtest.h>
@@ -13,8 +14,8 @@ namespace {
 class Chip final : public SpiBus {
   public:
     std::vector<std::byte> memory = std::vector<std::byte>(0x3000);
-    unsigned busy_for = 0;      // reads of a command register that show busy
-    unsigned not_ready = 0;     // reads until the chip is up
+    unsigned busy_for = 0;   // reads of a command register that show busy
+    unsigned not_ready = 0;  // reads until the chip is up
     bool stuck = false;
     unsigned transfers = 0;
     std::vector<unsigned> csr_sizes;
@@ -96,7 +97,8 @@ class Chip final : public SpiBus {
         if (reads) csr_data_ = 0xDDDDDDDD;
         for (unsigned i = 0; i < size; ++i) {
             if (reads) {
-                csr_data_ = (csr_data_ & ~(0xFFu << (8 * i))) | std::to_integer<std::uint32_t>(memory[address + i]) << (8 * i);
+                csr_data_ = (csr_data_ & ~(0xFFu << (8 * i))) | std::to_integer<std::uint32_t>(memory[address + i])
+                                                                    << (8 * i);
             } else {
                 memory[address + i] = static_cast<std::byte>(csr_data_ >> (8 * i));
             }

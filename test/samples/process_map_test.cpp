@@ -1,4 +1,5 @@
-// What lies where in a process image, and the struct made of it: compiled, and each member looked at with the compiler's own eyes.
+// What lies where in a process image, and the struct made of it: compiled, and each member looked at with the
+// compiler's own eyes.
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
 #include "common/source.hpp"
@@ -19,27 +20,33 @@ namespace {
 struct ProcessMapTest : testing::Test {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(4096);
-    std::filesystem::path folder = std::filesystem::temp_directory_path() / ("margay-map-" + std::to_string(::getpid()));
+    std::filesystem::path folder =
+        std::filesystem::temp_directory_path() / ("margay-map-" + std::to_string(::getpid()));
     ProcessMapTest() { std::filesystem::create_directories(folder); }
     ~ProcessMapTest() override { std::filesystem::remove_all(folder); }
 
-    // A program that fills one member after the other with ones and compares all octets with what the remark behind the member says.
+    // A program that fills one member after the other with ones and compares all octets with what the remark behind the
+    // member says.
     std::string program(const std::string& header, bool outputs) {
         const std::string type = outputs ? "process_outputs" : "process_inputs";
         const std::size_t first = header.find("typedef struct " + type + " ");
         if (first == std::string::npos) return {};
         const std::string body = header.substr(first, header.find("} " + type) - first);
-        static const std::regex member(R"(\n    (\w+) (s\d+_\w+)( : (\d+))?(\[(\d+)\])?; /\* [^\n]* at (\d+)\.(\d+) \*/)");
+        static const std::regex member(
+            R"(\n    (\w+) (s\d+_\w+)( : (\d+))?(\[(\d+)\])?; /\* [^\n]* at (\d+)\.(\d+) \*/)");
         std::string text;
         for (std::sregex_iterator m(body.begin(), body.end(), member), none; m != none; ++m) {
             const auto bits = (*m)[4].matched ? (*m)[4].str() : fmt::format("sizeof(at->{}) * 8", (*m)[2].str());
             text += "    memset(image, 0, sizeof image);\n";
-            text += (*m)[4].matched ? fmt::format("    at->{} = ~at->{};\n", (*m)[2].str(), (*m)[2].str())
-                                    : fmt::format("    memset(&at->{}, 255, sizeof at->{});\n", (*m)[2].str(), (*m)[2].str());
-            text += fmt::format("    failed |= check(image, {} * 8 + {}, {}, \"{}\");\n", (*m)[7].str(), (*m)[8].str(), bits, (*m)[2].str());
+            text += (*m)[4].matched
+                        ? fmt::format("    at->{} = ~at->{};\n", (*m)[2].str(), (*m)[2].str())
+                        : fmt::format("    memset(&at->{}, 255, sizeof at->{});\n", (*m)[2].str(), (*m)[2].str());
+            text += fmt::format("    failed |= check(image, {} * 8 + {}, {}, \"{}\");\n", (*m)[7].str(), (*m)[8].str(),
+                                bits, (*m)[2].str());
             ++members;
         }
-        return fmt::format("{{\n    {}* at = ({}*)(image + k{}Offset);\n{}}}\n", type, type, outputs ? "ProcessOutputs" : "ProcessInputs", text);
+        return fmt::format("{{\n    {}* at = ({}*)(image + k{}Offset);\n{}}}\n", type, type,
+                           outputs ? "ProcessOutputs" : "ProcessInputs", text);
     }
     int members = 0;
 
@@ -49,13 +56,15 @@ struct ProcessMapTest : testing::Test {
             "#include \"image.h\"\n#include <stdio.h>\n#include <string.h>\nstatic unsigned char image[4096];\n"
             "static int check(const unsigned char* i, size_t first, size_t n, const char* name) {\n"
             "    for (size_t b = 0; b < sizeof image * 8; ++b)\n"
-            "        if (((i[b / 8] >> (b % 8)) & 1) != (b >= first && b < first + n)) { printf(\"%s: bit %u\\n\", name, (unsigned)b); return 1; }\n"
+            "        if (((i[b / 8] >> (b % 8)) & 1) != (b >= first && b < first + n)) { printf(\"%s: bit %u\\n\", "
+            "name, (unsigned)b); return 1; }\n"
             "    return 0;\n}\nint main(void) {\n    int failed = 0;\n" +
             program(header, true) + program(header, false) + "    return failed;\n}\n";
         for (const std::string& compiler : {std::string("cc -std=c11 -x c"), std::string("c++ -std=c++20 -x c++")}) {
             std::ofstream(folder / "program.c") << source;
             const auto out = (folder / "program").string();
-            const std::string compile = compiler + " -Wall -Wextra -Werror -o " + out + " " + (folder / "program.c").string();
+            const std::string compile =
+                compiler + " -Wall -Wextra -Werror -o " + out + " " + (folder / "program.c").string();
             ASSERT_EQ(std::system(compile.c_str()), 0) << name << "\n" << compile << "\n" << header;
             EXPECT_EQ(std::system(out.c_str()), 0) << name << "\n" << header;
         }
@@ -63,7 +72,8 @@ struct ProcessMapTest : testing::Test {
 };
 
 TEST_F(ProcessMapTest, StructHasEveryEntryWhereTheImageHasIt) {
-    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7}, {0, 12}, {16, 0}, {2, 2}, {100, 60}, {32, 64}, {9, 31}};
+    const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7},    {0, 12},  {16, 0},
+                                                             {2, 2}, {100, 60}, {32, 64}, {9, 31}};
     for (const auto& [out, in] : sizes) bus.add(out, in);
     bus.start();
     for (const Packing packing : {Packing::bytes, Packing::bits}) {

@@ -25,30 +25,40 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
         {kCoupler + "colour = 3\n", "plant.toml: line 4: 'colour' is nothing that a slave has; it has: name, device"},
         {"[[slave]]\nname = \"a\"\n", "plant.toml: line 1: a slave is made by either 'device' or 'sii'"},
         {kCoupler + "sii = \"x.bin\"\n", "plant.toml: line 1: a slave is made by either 'device' or 'sii'"},
-        {"[[slave]]\ndevice = \"odd_device\"\nquirks = [\"polite\"]\n", "plant.toml: line 3: there is no quirk 'polite'; there are: sii_blank"},
-        {"[[slave]]\ndevice = \"coupler\"\nquirks = [\"replies_twice\"]\n", "plant.toml: line 3: 'replies_twice' is a manner of the slave stack, which this device does not run"},
-        {"[[slave]]\ndevice = \"toaster\"\n", "plant.toml: line 2: there is no device 'toaster' in the library; there are: coupler"},
+        {"[[slave]]\ndevice = \"odd_device\"\nquirks = [\"polite\"]\n",
+         "plant.toml: line 3: there is no quirk 'polite'; there are: sii_blank"},
+        {"[[slave]]\ndevice = \"coupler\"\nquirks = [\"replies_twice\"]\n",
+         "plant.toml: line 3: 'replies_twice' is a manner of the slave stack, which this device does not run"},
+        {"[[slave]]\ndevice = \"toaster\"\n",
+         "plant.toml: line 2: there is no device 'toaster' in the library; there are: coupler"},
         {"[[slave]]\nsii = \"gone.bin\"\n", "plant.toml: line 2: cannot read the SII image '/nowhere/gone.bin'"},
         // Loops, double ports, missing parents.
         {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"junction\"\nparent = \"c\"\n[[slave]]\nname = \"c\"\ndevice = "
                     "\"junction\"\nparent = \"b\"\n",
-         "plant.toml: line 7: the parent 'c' comes only in line 8: a parent comes before its children, which keeps cables from "
+         "plant.toml: line 7: the parent 'c' comes only in line 8: a parent comes before its children, which keeps "
+         "cables from "
          "making a loop"},
         {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"junction\"\nparent = \"b\"\n",
          "plant.toml: line 7: the parent 'b' comes only in line 4: a parent comes before its children"},
         {kCoupler + "parent = \"a\"\n", "plant.toml: line 4: the first slave hangs on the master and has no parent"},
-        {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nparent = \"z\"\n", "plant.toml: line 6: there is no slave 'z'"},
-        {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\n[[slave]]\ndevice = \"digital_in_8\"\nparent = \"a\"\nport = 1\n",
+        {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nparent = \"z\"\n",
+         "plant.toml: line 6: there is no slave 'z'"},
+        {kCoupler +
+             "[[slave]]\ndevice = \"digital_in_8\"\n[[slave]]\ndevice = \"digital_in_8\"\nparent = \"a\"\nport = 1\n",
          "plant.toml: line 9: port 1 of the slave 'a' is taken already"},
         {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nport = 0\n",
          "plant.toml: line 6: port 0 of the slave 'a' is taken already"},
-        {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nport = 3\n", "plant.toml: line 6: the slave 'a' has no port 3"},
+        {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nport = 3\n",
+         "plant.toml: line 6: the slave 'a' has no port 3"},
         {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nenter = 3\n", "plant.toml: line 4: the slave has no port 3"},
-        {kCoupler + "[[slave]]\nname = \"a\"\ndevice = \"coupler\"\n", "plant.toml: line 5: there is a slave 'a' already"},
-        {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"digital_in_8\"\n[[slave]]\ndevice = \"digital_in_8\"\n[[slave]]\ndevice "
+        {kCoupler + "[[slave]]\nname = \"a\"\ndevice = \"coupler\"\n",
+         "plant.toml: line 5: there is a slave 'a' already"},
+        {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"digital_in_8\"\n[[slave]]\ndevice = "
+                    "\"digital_in_8\"\n[[slave]]\ndevice "
                     "= \"digital_in_8\"\nparent = \"b\"\n",
          "plant.toml: line 9: the slave 'b' has no free port"},
-        {kCoupler + "count = 2\nalias = 7\n", "plant.toml: line 5: 'alias' fits one slave, and 'count' makes 2 of them"},
+        {kCoupler + "count = 2\nalias = 7\n",
+         "plant.toml: line 5: 'alias' fits one slave, and 'count' makes 2 of them"},
         {kCoupler + "count = 0\n", "plant.toml: line 4: 'count' is 0, not from 1 to 65535"},
         // Values.
         {kCoupler + "serial = \"x\"\n", "plant.toml: line 4: 'serial' must be an integer"},
@@ -92,11 +102,14 @@ TEST_F(SegmentFiles, UnreadableSiiIsToldWithItsLine) {
     write("text.bin", std::string(1000, 'a'));
     std::filesystem::create_directory(folder / "folder.bin");
     const auto path = [&](const std::string& name) { return (folder / name).string(); };
-    EXPECT_EQ(error("[[slave]]\nsii = \"empty.bin\"\n"), "plant.toml: line 2: '" + path("empty.bin") +
-                                                             "' is no SII image: 0 octets, where the fixed part alone takes 128");
-    EXPECT_EQ(error("[[slave]]\nsii = \"short.bin\"\n").find("plant.toml: line 2: '" + path("short.bin") + "' is no SII image: 100"),
+    EXPECT_EQ(error("[[slave]]\nsii = \"empty.bin\"\n"),
+              "plant.toml: line 2: '" + path("empty.bin") +
+                  "' is no SII image: 0 octets, where the fixed part alone takes 128");
+    EXPECT_EQ(error("[[slave]]\nsii = \"short.bin\"\n")
+                  .find("plant.toml: line 2: '" + path("short.bin") + "' is no SII image: 100"),
               0u);
-    EXPECT_EQ(error("[[slave]]\nsii = \"text.bin\"\n").find("plant.toml: line 2: '" + path("text.bin") + "' is text"), 0u);
+    EXPECT_EQ(error("[[slave]]\nsii = \"text.bin\"\n").find("plant.toml: line 2: '" + path("text.bin") + "' is text"),
+              0u);
     EXPECT_EQ(error("[[slave]]\nsii = \"folder.bin\"\n"),
               "plant.toml: line 2: '" + path("folder.bin") + "' is a folder, not an SII image");
 }
@@ -108,8 +121,9 @@ TEST_F(SegmentFiles, BlankAndBrokenImagesAreDevices) {
     std::string noise(2048, '\0');
     for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = static_cast<char>(i * i * 31 + i * 7 + 128);
     write("noise.bin", noise);
-    auto loaded = parse_segment("[[slave]]\nsii = \"blank.bin\"\n[[slave]]\nsii = \"zero.bin\"\n[[slave]]\nsii = \"noise.bin\"\n",
-                                "plant.toml", folder.string());
+    auto loaded =
+        parse_segment("[[slave]]\nsii = \"blank.bin\"\n[[slave]]\nsii = \"zero.bin\"\n[[slave]]\nsii = \"noise.bin\"\n",
+                      "plant.toml", folder.string());
     ASSERT_TRUE(loaded) << loaded.error();
     // ESC data sheets: a checksum error leaves "device information not loaded" in 0x0502 bits 11 and 12.
     EXPECT_EQ(loaded->segment.slave(0).registers().get<std::uint16_t>(0x0502) & 0x1800, 0x1800);
@@ -161,9 +175,9 @@ power = false
     EXPECT_TRUE(loaded->segment.master_link(1));
     EXPECT_FALSE(loaded->segment.powered(3));
     const auto& first = loaded->segment.slave(0);
-    EXPECT_EQ(first.peek(0x0000, 10), (std::vector<std::byte>{std::byte{0x22}, std::byte{3}, std::byte{2}, std::byte{1},
-                                                              std::byte{5}, std::byte{6}, std::byte{7}, std::byte{0xFF},
-                                                              std::byte{0xCC}, std::byte{1}}));
+    EXPECT_EQ(first.peek(0x0000, 10),
+              (std::vector<std::byte>{std::byte{0x22}, std::byte{3}, std::byte{2}, std::byte{1}, std::byte{5},
+                                      std::byte{6}, std::byte{7}, std::byte{0xFF}, std::byte{0xCC}, std::byte{1}}));
     EXPECT_EQ(first.station(), 0x1001);
     EXPECT_EQ(first.alias(), 0x1234);
     EXPECT_EQ(first.registers().get<std::uint16_t>(0x0130), 2);

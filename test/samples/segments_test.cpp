@@ -93,13 +93,16 @@ class Plant {
 
 // Bits of a part of the image, for comparison with a device's octets.
 bool same_bits(const ImagePart& part, Bytes device) {
-    const auto bit = [](Bytes bytes, std::size_t n) { return (std::to_integer<unsigned>(bytes[n / 8]) >> (n % 8)) & 1; };
+    const auto bit = [](Bytes bytes, std::size_t n) {
+        return (std::to_integer<unsigned>(bytes[n / 8]) >> (n % 8)) & 1;
+    };
     for (std::size_t n = 0; n < part.bits; ++n)
         if (bit(part.bytes, part.offset_bits % 8 + n) != bit(device, n)) return false;
     return true;
 }
 
-// What stands in the input buffers of an ESC: for devices whose own measured values are of another form than their inputs.
+// What stands in the input buffers of an ESC: for devices whose own measured values are of another form than their
+// inputs.
 std::vector<std::byte> input_buffers(const sim::Esc& esc) {
     std::vector<std::byte> all;
     for (unsigned n = 0; n < esc.sync_managers().count(); ++n) {
@@ -156,7 +159,8 @@ void reach_op_and_exchange(Plant& plant) {
             EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.position;
             const bool plain = device->inputs().size() * 8 >= inputs.bits;
             const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.position - 1u)));
-            EXPECT_TRUE(same_bits(inputs, plain ? Bytes(device->inputs()) : Bytes(buffers))) << slave.name() << slave.position;
+            EXPECT_TRUE(same_bits(inputs, plain ? Bytes(device->inputs()) : Bytes(buffers)))
+                << slave.name() << slave.position;
             compared += outputs.bits + inputs.bits;
         }
         compared_bits = compared;
@@ -181,7 +185,8 @@ INSTANTIATE_TEST_SUITE_P(Each, ReadyMadeSegments, testing::ValuesIn(ready_made()
 
 // What issue and README promise to be there.
 TEST(SegmentsFolder, HoldsWhatIsPromised) {
-    EXPECT_EQ(ready_made(), (std::vector<std::string>{"coupler", "dc_bench", "drives", "hot_connect", "mixed200", "servodrives", "tree"}));
+    EXPECT_EQ(ready_made(), (std::vector<std::string>{"coupler", "dc_bench", "drives", "hot_connect", "mixed200",
+                                                      "servodrives", "tree"}));
     Plant mixed("mixed200");
     ASSERT_TRUE(mixed.good()) << mixed.error();
     EXPECT_EQ(mixed.order().size(), 200u);
@@ -193,9 +198,9 @@ TEST(SegmentsFolder, TreeIsProcessedInPortOrder) {
     ASSERT_TRUE(plant.good()) << plant.error();
     std::vector<std::string> names;
     for (const auto n : plant.order()) names.push_back(plant.simulated().names[n]);
-    EXPECT_EQ(names, (std::vector<std::string>{"trunk", "left", "left_axis", "left_coupler", "left_inputs", "left_outputs",
-                                               "right_coupler", "right_inputs", "right_outputs", "drop_axis1", "drop_axis2",
-                                               "end_axis"}));
+    EXPECT_EQ(names, (std::vector<std::string>{"trunk", "left", "left_axis", "left_coupler", "left_inputs",
+                                               "left_outputs", "right_coupler", "right_inputs", "right_outputs",
+                                               "drop_axis1", "drop_axis2", "end_axis"}));
     ASSERT_TRUE(plant.scan());
     EXPECT_EQ(plant.ctx.slave(3).parent, 2);
     EXPECT_EQ(plant.ctx.slave(10).parent, 7) << "the drop line hangs on the coupler, behind its terminals";

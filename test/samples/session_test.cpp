@@ -86,10 +86,8 @@ TEST_F(SessionTest, ARecordingOfABadWireShowsTheSame) {
             auto source = open_source("sim:demo");
             ASSERT_TRUE(source) << source.error();
             std::vector<HeldFrame> late(256);
-            DropNic drop(source->nic(),
-                         {.seed = seed, .sent = Rate::percent(3), .received = Rate::percent(3)});
-            ReorderNic reorder(drop, source->osal(), late,
-                               {.seed = seed, .rate = Rate::percent(10), .hold = 130us});
+            DropNic drop(source->nic(), {.seed = seed, .sent = Rate::percent(3), .received = Rate::percent(3)});
+            ReorderNic reorder(drop, source->osal(), late, {.seed = seed, .rate = Rate::percent(10), .hold = 130us});
             DuplicateNic twice(reorder, {.seed = seed, .received = Rate::percent(5)});
             PcapRecorder recorder(twice, source->osal());
             ASSERT_TRUE(recorder.open(path).ok());

@@ -13,33 +13,28 @@ namespace {
 namespace sii = wire::sii;
 
 std::vector<std::byte> image() {
-    static constexpr sii::PdoEntryDescription entries[] = {{0x6000, 1, "Level", 0x05, 8, 0},
-                                                           {0, 0, "", 0, 8, 0}};
-    static constexpr sii::PdoDescription inputs[] = {
-        {0x1A00, 3, 0, "Inputs", sii::pdo_flag::kMandatory, entries},
-        {0x1A01, sii::Pdo::kNoSyncManager, 0, "", 0, {}}};
+    static constexpr sii::PdoEntryDescription entries[] = {{0x6000, 1, "Level", 0x05, 8, 0}, {0, 0, "", 0, 8, 0}};
+    static constexpr sii::PdoDescription inputs[] = {{0x1A00, 3, 0, "Inputs", sii::pdo_flag::kMandatory, entries},
+                                                     {0x1A01, sii::Pdo::kNoSyncManager, 0, "", 0, {}}};
     static constexpr FmmuUse fmmus[] = {FmmuUse::inputs, FmmuUse::mailbox_status};
     static constexpr SmInfo managers[] = {{0x1000, 128, 0x26, 1, SmType::mailbox_out},
                                           {0x1400, 2, 0x20, 9, SmType::inputs}};
-    static constexpr sii::DcDescription dc[] = {
-        {{.sync0_shift_time_ns = -5, .assign_activate = 0x0300}, "DC", ""}};
-    static constexpr std::byte vendor_octets[] = {std::byte{'o'}, std::byte{'k'}, std::byte{0},
-                                                  std::byte{0xFE}};
+    static constexpr sii::DcDescription dc[] = {{{.sync0_shift_time_ns = -5, .assign_activate = 0x0300}, "DC", ""}};
+    static constexpr std::byte vendor_octets[] = {std::byte{'o'}, std::byte{'k'}, std::byte{0}, std::byte{0xFE}};
     static const sii::RawCategory others[] = {{0x8007, vendor_octets}};
     std::vector<std::byte> out(1024);
     EXPECT_TRUE(
-        sii::write_image(
-            {.configuration = {.sync_pulse_length_10ns = 100, .alias = 0x0203},
-             .identity = {0x4D47, 0x11223344, 5, 6},
-             .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE | mailbox_protocol::kEoE},
-             .name = "Tank \xB5",
-             .general = {.coe_details = coe_detail::kSdo, .ebus_current_ma = -12, .physical_ports = 0x31},
-             .fmmus = fmmus,
-             .sync_managers = managers,
-             .tx_pdos = inputs,
-             .dc = dc,
-             .others = others},
-            out)
+        sii::write_image({.configuration = {.sync_pulse_length_10ns = 100, .alias = 0x0203},
+                          .identity = {0x4D47, 0x11223344, 5, 6},
+                          .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE | mailbox_protocol::kEoE},
+                          .name = "Tank \xB5",
+                          .general = {.coe_details = coe_detail::kSdo, .ebus_current_ma = -12, .physical_ports = 0x31},
+                          .fmmus = fmmus,
+                          .sync_managers = managers,
+                          .tx_pdos = inputs,
+                          .dc = dc,
+                          .others = others},
+                         out)
             .ok());
     return out;
 }
@@ -81,21 +76,17 @@ TEST(SiiText, NamesTheFaults) {
     damaged[14] = std::byte{0};
     damaged.resize(1000);
     const auto text = sii_text(damaged);
-    EXPECT_NE(
-        text.find("\nfaults\n  word 0x0007: the checksum of the configuration area is wrong (expected 0x"),
-        text.npos)
+    EXPECT_NE(text.find("\nfaults\n  word 0x0007: the checksum of the configuration area is wrong (expected 0x"),
+              text.npos)
         << text;
     EXPECT_NE(
-        text.find(
-            "  word 0x003e: the size word does not tell the size of the image (expected 1000, found 1024)\n"),
+        text.find("  word 0x003e: the size word does not tell the size of the image (expected 1000, found 1024)\n"),
         text.npos)
         << text;
     EXPECT_NE(text.find("Level"), text.npos);  // and shows what can be read
-    EXPECT_EQ(sii_text(std::vector<std::byte>(64, std::byte{0xFF})),
-              "the EEPROM is blank (every octet is 0xFF)\n");
-    EXPECT_NE(
-        sii_text({}).find("faults\n  word 0x0000: the content ends too early (expected 128, found 0)\n"),
-        std::string::npos);
+    EXPECT_EQ(sii_text(std::vector<std::byte>(64, std::byte{0xFF})), "the EEPROM is blank (every octet is 0xFF)\n");
+    EXPECT_NE(sii_text({}).find("faults\n  word 0x0000: the content ends too early (expected 128, found 0)\n"),
+              std::string::npos);
 }
 
 TEST(SiiText, SurvivesAnything) {

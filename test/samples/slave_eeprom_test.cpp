@@ -43,9 +43,7 @@ struct SlaveEepromTest : testing::Test {
         ASSERT_TRUE(found.ok());
         ASSERT_EQ(*found, 2);
     }
-    [[nodiscard]] std::vector<std::byte>& memory(std::uint32_t slave) {
-        return segment.slave(slave).sii().image();
-    }
+    [[nodiscard]] std::vector<std::byte>& memory(std::uint32_t slave) { return segment.slave(slave).sii().image(); }
 };
 
 TEST_F(SlaveEepromTest, IsReadAndWrittenWhole) {
@@ -76,11 +74,10 @@ TEST_F(SlaveEepromTest, BlankOneIsWritten) {
 TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
     build(image(1), std::vector<std::byte>(1024, std::byte{0xFF}));
     SlaveEeprom eeprom(ctx, 2);
-    const auto report =
-        write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
-            if (what == "writing" && done >= 8) segment.slave(second).sii().fail_next(1000);
-            return true;
-        });
+    const auto report = write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
+        if (what == "writing" && done >= 8) segment.slave(second).sii().fail_next(1000);
+        return true;
+    });
     EXPECT_NE(report.error.find("is not written for sure: slave 2: "), std::string::npos) << report.error;
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.written, 8U);
@@ -90,11 +87,10 @@ TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
 TEST_F(SlaveEepromTest, SlaveLostHalfway) {
     build(image(1), std::vector<std::byte>(1024, std::byte{0xFF}));
     SlaveEeprom eeprom(ctx, 2);
-    const auto report =
-        write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
-            if (what == "writing" && done >= 16) segment.set_cable({second, 0}, false);
-            return true;
-        });
+    const auto report = write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
+        if (what == "writing" && done >= 16) segment.set_cable({second, 0}, false);
+        return true;
+    });
     EXPECT_NE(report.error.find("is not written for sure: slave 2: "), std::string::npos) << report.error;
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.written, 16U);
@@ -106,11 +102,10 @@ TEST_F(SlaveEepromTest, SlaveLostHalfway) {
 TEST_F(SlaveEepromTest, ContentThatChangesBehindOurBackFailsTheVerification) {
     build(image(1), image(2));
     SlaveEeprom eeprom(ctx, 2);
-    const auto report =
-        write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
-            if (what == "verifying" && done == 0) memory(second)[0x20] = std::byte{0x99};
-            return true;
-        });
+    const auto report = write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t done, std::size_t) {
+        if (what == "verifying" && done == 0) memory(second)[0x20] = std::byte{0x99};
+        return true;
+    });
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.error.find("word 0x0010 reads 0x0099, written was 0x0000"), 0U) << report.error;
 }

@@ -70,8 +70,7 @@ TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {
     EXPECT_NE(error_of("pcap:/no/such/file").find("/no/such/file"), std::string::npos);
     EXPECT_NE(error_of("pcap:").find("cannot be read"), std::string::npos) << error_of("pcap:");
     std::ofstream(folder / "text") << "this is a text file and no recording";
-    EXPECT_NE(error_of("pcap:" + (folder / "text").string()).find("neither pcap nor pcapng"),
-              std::string::npos);
+    EXPECT_NE(error_of("pcap:" + (folder / "text").string()).find("neither pcap nor pcapng"), std::string::npos);
 }
 
 TEST_F(SourceTest, AnImageThatIsNoneIsNamed) {
@@ -130,16 +129,14 @@ TEST_F(SourceTest, ARecordingIsNotWrittenOverItself) {
     const auto file = recording();
     const auto size = std::filesystem::file_size(file);
     EXPECT_NE(error_of("pcap:" + file, {.record = file}).find("at the same time"), std::string::npos);
-    EXPECT_NE(
-        error_of("pcap:" + file, {.record = (folder / "." / "one.pcap").string()}).find("at the same time"),
-        std::string::npos);
+    EXPECT_NE(error_of("pcap:" + file, {.record = (folder / "." / "one.pcap").string()}).find("at the same time"),
+              std::string::npos);
     EXPECT_EQ(std::filesystem::file_size(file), size);
 }
 
 TEST_F(SourceTest, ARecordingThatCannotBeMadeIsNamed) {
-    EXPECT_NE(
-        error_of("pcap:" + recording(), {.record = "/no/such/folder/x.pcap"}).find("/no/such/folder/x.pcap"),
-        std::string::npos);
+    EXPECT_NE(error_of("pcap:" + recording(), {.record = "/no/such/folder/x.pcap"}).find("/no/such/folder/x.pcap"),
+              std::string::npos);
 }
 
 TEST_F(SourceTest, AnIncompleteRecordingIsToldAtTheEnd) {

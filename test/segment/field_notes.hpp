@@ -1,4 +1,5 @@
-// A master and devices with the manners of real ones (sim/library/quirks.hpp), in virtual time: what the tests of the field notes share.
+// A master and devices with the manners of real ones (sim/library/quirks.hpp), in virtual time: what the tests of the
+// field notes share.
 #pragma once
 
 #include "segment/bench.hpp"
@@ -37,7 +38,8 @@ class FieldNotes : public SegmentTest {
     Result<std::uint32_t> cycle() {
         osal.advance(std::chrono::milliseconds(1));
         const auto sent = send_processdata(ctx);
-        const auto wkc = sent ? receive_processdata(ctx, std::chrono::microseconds(500)) : Result<std::uint32_t>(sent.error());
+        const auto wkc =
+            sent ? receive_processdata(ctx, std::chrono::microseconds(500)) : Result<std::uint32_t>(sent.error());
         (void)poll(ctx, osal.now());
         return wkc;
     }

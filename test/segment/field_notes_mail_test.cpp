@@ -1,5 +1,5 @@
-// Slaves with odd mailboxes and dictionaries: the value comes all the same, or an error that names what was wrong, and the next request is not harmed.
-// test/README.md says which note each test is of.
+// Slaves with odd mailboxes and dictionaries: the value comes all the same, or an error that names what was wrong, and
+// the next request is not harmed. test/README.md says which note each test is of.
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -26,16 +26,21 @@ class FieldNotesMail : public FieldNotes {
         std::array<std::byte, 32> whole{};
         const auto read = SDOread(ctx, static_cast<std::uint16_t>(n), 0x1018, 0, true, whole, 2s);
         EXPECT_TRUE(read) << words(read.error());
-        return read && *read == 18 && load_le<std::uint16_t>(whole) == 4 && load_le<std::uint32_t>(whole, 6) == kProduct;
+        return read && *read == 18 && load_le<std::uint16_t>(whole) == 4 &&
+               load_le<std::uint32_t>(whole, 6) == kProduct;
     }
 };
 
 // What does not harm: values, long ones too, complete access, and process data by the dictionary.
 TEST_F(FieldNotesMail, TheValueComesWhateverComesBeforeIt) {
-    const std::string_view manners[] = {"old_mail",          "counter_zero",    "replies_twice",  "emergency_first",
-                                        "ethernet_first",    "mail_for_others", "foreign_replies", "mailbox_full",
-                                        "slow_replies",      "no_size_indicated", "never_expedited", "segments_only",
-                                        "small_segments",    "refuses_complete_access", "slow_firmware"};
+    const std::string_view manners[] = {"old_mail",        "counter_zero",
+                                        "replies_twice",   "emergency_first",
+                                        "ethernet_first",  "mail_for_others",
+                                        "foreign_replies", "mailbox_full",
+                                        "slow_replies",    "no_size_indicated",
+                                        "never_expedited", "segments_only",
+                                        "small_segments",  "refuses_complete_access",
+                                        "slow_firmware"};
     for (const auto name : manners) plug_odd({name});
     start();
     for (std::size_t n = 1; n <= std::size(manners); ++n) {
@@ -65,10 +70,10 @@ TEST_F(FieldNotesMail, WhatIsWrongIsNamedInBoundedTime) {
         std::string_view says;
     };
     const Case cases[] = {
-        {"never_replies", Errc::timeout, "0x2000"},        {"error_replies", Errc::mailbox_error, "mailbox error reply"},
-        {"overlong_replies", Errc::protocol, "0x2000"},    {"empty_replies", Errc::protocol, "0x2000"},
-        {"short_replies", Errc::protocol, "0x2000"},       {"empty_segments", Errc::protocol, "0x2000"},
-        {"aborts_midway", Errc::sdo_abort, "abort code"},  {"toggle_stuck", Errc::protocol, "0x2000"},
+        {"never_replies", Errc::timeout, "0x2000"},       {"error_replies", Errc::mailbox_error, "mailbox error reply"},
+        {"overlong_replies", Errc::protocol, "0x2000"},   {"empty_replies", Errc::protocol, "0x2000"},
+        {"short_replies", Errc::protocol, "0x2000"},      {"empty_segments", Errc::protocol, "0x2000"},
+        {"aborts_midway", Errc::sdo_abort, "abort code"}, {"toggle_stuck", Errc::protocol, "0x2000"},
     };
     for (const auto& c : cases) plug_odd({c.manner});
     plug_odd({});

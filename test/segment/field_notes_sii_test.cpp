@@ -1,4 +1,5 @@
-// Slaves whose EEPROM is not as it should be: what the master makes of them. test/README.md says which note each test is of.
+// Slaves whose EEPROM is not as it should be: what the master makes of them. test/README.md says which note each test
+// is of.
 #include "mailbox/mailbox_bus.hpp"
 #include "segment/field_notes.hpp"
 
@@ -32,7 +33,7 @@ class FieldNotesSii : public FieldNotes {};
 TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     struct Case {
         std::string_view manner;
-        Errc told;      // of the bring-up
+        Errc told;  // of the bring-up
         bool reaches_op;
     };
     const Case cases[] = {
@@ -66,7 +67,8 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     for (std::size_t n = 1; n <= last; ++n) {
         const bool odd = n > 1 && n < last;
         if (odd && !cases[n - 2].reaches_op) continue;
-        EXPECT_EQ(ctx.slave(n).al, (AlStatus{AlState::op, false, 0})) << (odd ? cases[n - 2].manner : "neighbour") << ": " << told(n);
+        EXPECT_EQ(ctx.slave(n).al, (AlStatus{AlState::op, false, 0}))
+            << (odd ? cases[n - 2].manner : "neighbour") << ": " << told(n);
     }
 }
 
@@ -96,7 +98,8 @@ TEST_F(FieldNotesSii, WithoutPdosTheSyncManagersLengthCounts) {
     EXPECT_EQ(*cycle(), 3U);
 }
 
-// The SII leaves the watchdog trigger out of the outputs' control octet. A watchdog that the application asks for bites all the same.
+// The SII leaves the watchdog trigger out of the outputs' control octet. A watchdog that the application asks for bites
+// all the same.
 TEST_F(FieldNotesSii, AWatchdogThatIsAskedForIsFedThoughTheSiiForgotIt) {
     plug_odd({"sii_no_watchdog_trigger"});
     plug_odd({"sii_no_watchdog_trigger"});

@@ -1,4 +1,5 @@
-// What real slaves and their users do to a master while slaves are brought up, changed in state and lost. test/README.md says which note each test is of.
+// What real slaves and their users do to a master while slaves are brought up, changed in state and lost.
+// test/README.md says which note each test is of.
 #include "segment/field_notes.hpp"
 
 #include "wire/fmmu.hpp"
@@ -100,7 +101,9 @@ TEST_F(FieldNotes, SlowAndReluctantSlavesReachOp) {
     ASSERT_TRUE(submit(ctx, supervision));
     bool right = false;
     for (int n = 0; n < 5000 && !right; ++n)
-        right = cycle().ok() && std::ranges::all_of(ctx.slaves(), [](const Slave& s) { return s.al == AlStatus{AlState::op, false, 0}; });
+        right = cycle().ok() && std::ranges::all_of(ctx.slaves(), [](const Slave& s) {
+                    return s.al == AlStatus{AlState::op, false, 0};
+                });
     EXPECT_TRUE(right) << told(1) << "\n" << told(2) << "\n" << told(3);
 }
 
@@ -137,9 +140,11 @@ TEST_F(FieldNotes, AnotherMasterTakesOverARunningSegment) {
     EXPECT_EQ(at<std::uint8_t>(0, reg::kSyncActivation.address), 0);
     for (std::uint32_t n = 0; n < 3; ++n) {
         EXPECT_EQ(other.slave(n + 1).al, (AlStatus{AlState::preop, false, 0})) << words(other.slave(n + 1).error);
-        for (std::uint16_t fmmu = 0; fmmu < 3; ++fmmu) EXPECT_EQ(at<std::uint8_t>(n, static_cast<std::uint16_t>(0x060C + fmmu * 16)), 0);
+        for (std::uint16_t fmmu = 0; fmmu < 3; ++fmmu)
+            EXPECT_EQ(at<std::uint8_t>(n, static_cast<std::uint16_t>(0x060C + fmmu * 16)), 0);
     }
-    for (const std::uint16_t activate : std::initializer_list<std::uint16_t>{0x0816, 0x081E}) EXPECT_EQ(at<std::uint8_t>(0, activate), 0);
+    for (const std::uint16_t activate : std::initializer_list<std::uint16_t>{0x0816, 0x081E})
+        EXPECT_EQ(at<std::uint8_t>(0, activate), 0);
     for (const std::uint16_t slave : std::initializer_list<std::uint16_t>{1, 2}) {
         const auto value = SDOread<std::uint32_t>(other, slave, 0x1018, 2);
         ASSERT_TRUE(value) << words(value.error());
@@ -180,7 +185,8 @@ TEST_F(FieldNotes, BrothersOfOneIdentityMayHaveOtherPdos) {
     EXPECT_TRUE(cycle());
 }
 
-// ETG.1000.4, tables of the logical commands: LRD 1, LWR 1, LRW 1 for reading and 2 for writing, of each slave that takes part.
+// ETG.1000.4, tables of the logical commands: LRD 1, LWR 1, LRW 1 for reading and 2 for writing, of each slave that
+// takes part.
 TEST_F(FieldNotes, WorkingCountersAreCountedBySlaveAndDatagram) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "digital_in_8", "coupler"});
     plug_odd({});

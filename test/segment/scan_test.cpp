@@ -192,7 +192,8 @@ TEST_F(Scan, OneFrameInTenLost) {
         const auto found = config_init(other);
         ASSERT_TRUE(found) << seed << ": " << words(found.error());
         ASSERT_EQ(*found, 5);
-        for (const Slave& slave : other.slaves()) EXPECT_EQ(slave.al.state, AlState::preop) << seed << ": " << words(slave.error);
+        for (const Slave& slave : other.slaves())
+            EXPECT_EQ(slave.al.state, AlState::preop) << seed << ": " << words(slave.error);
         EXPECT_EQ(other.slave(4).name(), "4-channel analogue input") << seed << words(other.slave(4).error);
         lost += other.statistics().lost;
     }

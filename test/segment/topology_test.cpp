@@ -17,8 +17,8 @@ std::uint16_t open_ports(std::initializer_list<unsigned> ports) {
     std::uint16_t status = 0x5500;  // all loops closed
     for (const unsigned p : ports) {
         status = static_cast<std::uint16_t>(status & ~wire::dl_status::loop_closed(p));
-        status = static_cast<std::uint16_t>(status | wire::dl_status::communication(p) |
-                                            wire::dl_status::physical_link(p));
+        status =
+            static_cast<std::uint16_t>(status | wire::dl_status::communication(p) | wire::dl_status::physical_link(p));
     }
     return status;
 }

@@ -1,5 +1,5 @@
-// Error counters and watchdogs. ETG.1000.4 tables "RX error counter" … "Lost link counter", "Watchdog"; ET1100 data sheet II,
-// "Error counters", "Watchdogs".
+// Error counters and watchdogs. ETG.1000.4 tables "RX error counter" … "Lost link counter", "Watchdog"; ET1100 data
+// sheet II, "Error counters", "Watchdogs".
 #include "rig.hpp"
 
 #include "wire/sync_manager.hpp"
@@ -18,7 +18,9 @@ struct ErrorCounters : testing::Test {
         rig.on();
     }
     // Registers as they stand, without a frame.
-    unsigned peek(std::uint32_t n, std::uint16_t address) { return std::to_integer<unsigned>(rig.slave(n).peek(address, 1)[0]); }
+    unsigned peek(std::uint32_t n, std::uint16_t address) {
+        return std::to_integer<unsigned>(rig.slave(n).peek(address, 1)[0]);
+    }
     void damage_at(PortRef end) {
         rig.segment.corrupt_next(end);
         EXPECT_FALSE(rig.read(0, 0, 1).returned) << "the master's NIC drops it";

@@ -1,5 +1,5 @@
-// The clock of an ESC. ETG.1000.4 section "Distributed clock"; ET1100 data sheet II, "Distributed clocks"; I, "Distributed
-// clocks", "Propagation delay measurement", "Drift compensation".
+// The clock of an ESC. ETG.1000.4 section "Distributed clock"; ET1100 data sheet II, "Distributed clocks"; I,
+// "Distributed clocks", "Propagation delay measurement", "Drift compensation".
 #include "rig.hpp"
 
 #include <cstdlib>
@@ -53,7 +53,8 @@ TEST(ReceiveTimes, AreLatchedByAWriteOnly) {
     EXPECT_NE(rig.get<std::uint64_t>(0, 0x0900), latched) << "one octet is enough";
 }
 
-// The delay between two slaves is half of what the frame was away behind the first, less what it was away behind the second.
+// The delay between two slaves is half of what the frame was away behind the first, less what it was away behind the
+// second.
 TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     Rig rig;
     for (int i = 0; i < 3; ++i) rig.segment.add(std::make_unique<Esc>(clocked(0), sii_image(kEmulationWithDc)));
@@ -62,12 +63,14 @@ TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     EXPECT_TRUE(rig.segment.connect({1, 1}, {2, 0}, 500ns));
     rig.on();
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0900}, bytes({0, 0, 0, 0})).wkc, 3);
-    const auto away = [&](std::uint16_t n) { return rig.get<std::uint32_t>(n, 0x0904) - rig.get<std::uint32_t>(n, 0x0900); };
+    const auto away = [&](std::uint16_t n) {
+        return rig.get<std::uint32_t>(n, 0x0904) - rig.get<std::uint32_t>(n, 0x0900);
+    };
     const auto& chip = rig.slave(0).description();
     const Duration port = chip.ports[0].delay;
     const auto ns = [](Duration d) { return static_cast<std::uint32_t>(d.count()); };
-    // In, processed, out, over the cable; at the end of the line in, processed, past the closed port 1 and out; on the way back
-    // in, forwarded, out.
+    // In, processed, out, over the cable; at the end of the line in, processed, past the closed port 1 and out; on the
+    // way back in, forwarded, out.
     const auto there = [&](Duration cable) { return 2 * port + chip.processing_delay + cable; };
     const Duration turn = 2 * port + chip.processing_delay + chip.forwarding_delay;
     const Duration back = 2 * port + chip.forwarding_delay;
@@ -116,8 +119,8 @@ TEST(SystemTime, IsLocalTimePlusOffset) {
     const auto there = static_cast<std::uint64_t>((50ns + chip.ports[0].delay).count());
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0910), local + 0x1'0000'0000 + there) << "when the frame was processed";
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0920), 0x1'0000'0000u);
-    // The delay is taken off for the master, who reads what the reference clock had when the frame passed it; the PDI sees
-    // the copy as it is.
+    // The delay is taken off for the master, who reads what the reference clock had when the frame passed it; the PDI
+    // sees the copy as it is.
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x0928, 300), 1);
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0910), local + 0x1'0000'0000 + there - 300);
     EXPECT_EQ(rig.pdi_get<std::uint64_t>(0, 0x0910), rig.slave(0).clock().local(rig.slave(0).now()) + 0x1'0000'0000);
@@ -161,7 +164,8 @@ struct ControlLoop : testing::Test {
         rig.add(clocked(100'000), sii_image(kEmulationWithDc));
         rig.add(clocked(-80'000, 0, DcUnit::bits32), sii_image(kEmulationWithDc));
         rig.on();
-        for (std::uint16_t n = 0; n < 3; ++n) (void)rig.put<std::uint16_t>(n, 0x0010, static_cast<std::uint16_t>(0x1001 + n));
+        for (std::uint16_t n = 0; n < 3; ++n)
+            (void)rig.put<std::uint16_t>(n, 0x0010, static_cast<std::uint16_t>(0x1001 + n));
         // Delays as the master would have measured them, by the model's own times.
         for (std::uint16_t n = 1; n < 3; ++n)
             (void)rig.put<std::uint32_t>(n, 0x0928, static_cast<std::uint32_t>(n * kHop.count()));
@@ -211,7 +215,8 @@ TEST_F(ControlLoop, DifferenceIsSignAndMagnitude) {
     const auto raw_slow = rig.get<std::uint32_t>(2, 0x092C);
     EXPECT_EQ(raw_fast >> 31, 0u);
     EXPECT_EQ(raw_slow >> 31, 1u);
-    EXPECT_NEAR(static_cast<double>(raw_fast & 0x7FFFFFFF), static_cast<double>(fast), 120.0) << "a millisecond later: 100 ns more";
+    EXPECT_NEAR(static_cast<double>(raw_fast & 0x7FFFFFFF), static_cast<double>(fast), 120.0)
+        << "a millisecond later: 100 ns more";
     EXPECT_GT(raw_slow & 0x7FFFFFFF, 3'000u);
 }
 
@@ -252,7 +257,8 @@ TEST_F(ControlLoop, FollowsWhateverIsWritten) {
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0910}, time).wkc, 3);
     for (std::uint16_t n = 0; n < 3; ++n) EXPECT_LT(difference(n), 0) << "behind what came";
     // Not stored: the register shows the copy.
-    EXPECT_NEAR(static_cast<double>(rig.get<std::uint32_t>(0, 0x0910)), static_cast<double>(before + 3'000'000), 2'500'000.0);
+    EXPECT_NEAR(static_cast<double>(rig.get<std::uint32_t>(0, 0x0910)), static_cast<double>(before + 3'000'000),
+                2'500'000.0);
 }
 
 }  // namespace

@@ -58,8 +58,9 @@ TEST(WriteProtection, RegistersNeedTheEnableInTheSameFrame) {
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0021, 0), 0) << "the protection protects itself";
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0F80, 0x55), 1) << "user RAM and process memory are not registers";
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x1000, 0x55), 1);
-    const auto replies = rig.frame({{Command::APWR, {RingPosition{0}, 0x0020}, bytes({0xAB})},  // the value does not matter
-                                    {Command::APWR, {RingPosition{0}, 0x0010}, bytes({0x01, 0x10})}});
+    const auto replies =
+        rig.frame({{Command::APWR, {RingPosition{0}, 0x0020}, bytes({0xAB})},  // the value does not matter
+                   {Command::APWR, {RingPosition{0}, 0x0010}, bytes({0x01, 0x10})}});
     EXPECT_EQ(replies.at(0).wkc, 1);
     EXPECT_EQ(replies.at(1).wkc, 1);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0010), 0x1001);
@@ -88,13 +89,18 @@ TEST(WriteProtection, OfTheWholeEscCoversItsMemory) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x1000), 0x66);
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x1000, 0x77), 0);
     // A SyncManager's buffer is part of it, by its address and by an FMMU.
-    (void)rig.frame({{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})},
-                     {Command::APWR, {RingPosition{0}, 0x0800}, bytes({0x00, 0x11, 2, 0, 0x24, 0, 1, 0})},
-                     {Command::APWR, {RingPosition{0}, 0x0600}, bytes({0, 0, 0, 0, 2, 0, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0})}});
+    (void)rig.frame(
+        {{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})},
+         {Command::APWR, {RingPosition{0}, 0x0800}, bytes({0x00, 0x11, 2, 0, 0x24, 0, 1, 0})},
+         {Command::APWR, {RingPosition{0}, 0x0600}, bytes({0, 0, 0, 0, 2, 0, 0, 7, 0x00, 0x11, 0, 2, 1, 0, 0, 0})}});
     const wire::DatagramAddress logical{LogicalAddress{0}};
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x1100, 0x7777), 0);
     EXPECT_EQ(rig.send(Command::LWR, logical, bytes({1, 2})).wkc, 0);
-    EXPECT_EQ(rig.frame({{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})}, {Command::LWR, logical, bytes({1, 2})}}).at(1).wkc, 1);
+    EXPECT_EQ(
+        rig.frame({{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})}, {Command::LWR, logical, bytes({1, 2})}})
+            .at(1)
+            .wkc,
+        1);
 }
 
 // ET1100 data sheet II, table "Register ESC Reset ECAT (0x0040)": R, E, S in consecutive frames; reading shows how far.
@@ -136,7 +142,8 @@ TEST(DlControl, LoopsAreAutomaticOpenOrClosed) {
     EXPECT_EQ(status(), 0x5631) << "link at ports 0 and 1, loop of 1 closed, communication at 0 only";
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0101, 0x00), 1);  // automatic again
     EXPECT_EQ(count(), 2);
-    EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0101, 0x20), 1);  // port 2 open, without a link: frames leave and never come back
+    EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0101, 0x20),
+              1);  // port 2 open, without a link: frames leave and never come back
     rig.segment.advance(rig.now);
     EXPECT_FALSE(rig.send(Command::BRD, {std::uint16_t{0}, 0x0000}, bytes({0})).returned);
 }

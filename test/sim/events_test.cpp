@@ -1,5 +1,5 @@
-// AL control and status, PDI, event masks and requests. ETG.1000.4 sections "AL control, status", "Event parameters"; ET1100
-// data sheet II, "Application layer", "PDI", "Interrupts".
+// AL control and status, PDI, event masks and requests. ETG.1000.4 sections "AL control, status", "Event parameters";
+// ET1100 data sheet II, "Application layer", "PDI", "Interrupts".
 #include "rig.hpp"
 
 #include "wire/sync_manager.hpp"
@@ -28,7 +28,8 @@ struct Processor : testing::Test {
     }
 };
 
-// ET1100 data sheet II, table "Register AL Control (0x0120:0x0121)": "behaves like a mailbox if device emulation is off".
+// ET1100 data sheet II, table "Register AL Control (0x0120:0x0121)": "behaves like a mailbox if device emulation is
+// off".
 TEST_F(Processor, AlControlIsFullUntilThePdiHasReadIt) {
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 0x0002), 1);
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 0x0004), 0);
@@ -79,7 +80,8 @@ TEST(EcatEvents, OfAllSlavesAreOred) {
     rig.on();
     rig.pass(1ms);
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0200}, bytes({0x0F, 0x00})).wkc, 3);
-    (void)rig.send(Command::BRD, {std::uint16_t{0}, 0x0110}, bytes({0, 0}));  // clears the DL status events of switching on
+    (void)rig.send(Command::BRD, {std::uint16_t{0}, 0x0110},
+                   bytes({0, 0}));  // clears the DL status events of switching on
     EXPECT_EQ(rig.read(0, 0x0000, 1).header.irq, 0);
     rig.pdi_put<std::uint16_t>(2, 0x0130, 0x0002);
     rig.segment.set_cable({2, 0}, false);
@@ -104,7 +106,8 @@ TEST(EcatEvents, LinkChangeRaisesTheDlStatusEvent) {
 
 // Bits 4 to 11: SyncManager 0 to 7, where its control octet lets it (bit 4: interrupt in ECAT).
 TEST_F(Processor, SyncManagersRaiseEcatEvents) {
-    set_sm(1, 0x1100, 4, wire::sm_control::kModeMailbox | wire::sm_control::kEcatReads | wire::sm_control::kEcatInterrupt);
+    set_sm(1, 0x1100, 4,
+           wire::sm_control::kModeMailbox | wire::sm_control::kEcatReads | wire::sm_control::kEcatInterrupt);
     EXPECT_EQ(ecat_events() & 0x0FF0, 0);
     rig.pdi_put<std::uint32_t>(0, 0x1100, 1);
     EXPECT_EQ(ecat_events() & 0x0FF0, 0x0020);
@@ -112,7 +115,8 @@ TEST_F(Processor, SyncManagersRaiseEcatEvents) {
     EXPECT_EQ(ecat_events() & 0x0FF0, 0);
 }
 
-// Table "AL event request" bits 8 to 23: SyncManager 0 to 15, where its control octet lets it (bit 5: interrupt in PDI).
+// Table "AL event request" bits 8 to 23: SyncManager 0 to 15, where its control octet lets it (bit 5: interrupt in
+// PDI).
 TEST_F(Processor, SyncManagersRaiseAlEvents) {
     set_sm(0, 0x1000, 4,
            wire::sm_control::kModeMailbox | wire::sm_control::kEcatWrites | wire::sm_control::kPdiInterrupt);

@@ -32,13 +32,11 @@ TEST_F(Line, BroadcastReadCountsSlavesAndOrsTheirData) {
 TEST_F(Line, StationAddressesAndAliases) {
     for (std::uint16_t n = 0; n < 3; ++n)
         EXPECT_EQ(rig.put<std::uint16_t>(n, 0x0010, static_cast<std::uint16_t>(0x1001 + n)), 1);
-    EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x1003}, 0x0010}, bytes({0, 0})).as<std::uint16_t>(),
-              0x1003);
+    EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x1003}, 0x0010}, bytes({0, 0})).as<std::uint16_t>(), 0x1003);
     EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x1004}, 0x0010}, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x0077}, 0x0012}, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0103, 1), 1);  // alias addressing on
-    EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x0077}, 0x0012}, bytes({0, 0})).as<std::uint16_t>(),
-              0x0077);
+    EXPECT_EQ(rig.send(Command::FPRD, {StationAddress{0x0077}, 0x0012}, bytes({0, 0})).as<std::uint16_t>(), 0x0077);
 }
 
 TEST_F(Line, SiiIsBusyForItsTimeAndThenHasEightOctets) {

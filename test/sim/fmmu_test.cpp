@@ -20,7 +20,9 @@ struct FmmuTest : testing::Test {
     void fill(std::uint16_t address, std::initializer_list<unsigned> values) {
         EXPECT_EQ(rig.write(0, address, bytes(values)).wkc, 1);
     }
-    std::vector<std::byte> memory(std::uint16_t address, std::size_t count) { return rig.slave(0).peek(address, count); }
+    std::vector<std::byte> memory(std::uint16_t address, std::size_t count) {
+        return rig.slave(0).peek(address, count);
+    }
     Reply logical(Command command, std::uint32_t address, std::vector<std::byte> data) {
         return rig.send(command, wire::DatagramAddress(LogicalAddress{address}), std::move(data));
     }
@@ -46,7 +48,8 @@ TEST_F(FmmuTest, WorkingCounters) {
 TEST_F(FmmuTest, ReadsAndWritesItsWindowOnly) {
     fill(0x1000, {0x11, 0x22, 0x33, 0x44, 0x55, 0x66});
     set(0, kRead);
-    EXPECT_EQ(logical(Command::LRD, 0xFFFE, bytes({9, 9, 9, 9, 9, 9, 9, 9})).data, bytes({9, 9, 0x11, 0x22, 0x33, 0x44, 9, 9}));
+    EXPECT_EQ(logical(Command::LRD, 0xFFFE, bytes({9, 9, 9, 9, 9, 9, 9, 9})).data,
+              bytes({9, 9, 0x11, 0x22, 0x33, 0x44, 9, 9}));
     EXPECT_EQ(logical(Command::LRD, 0x10002, bytes({9, 9, 9})).data, bytes({0x33, 0x44, 9})) << "from its middle";
     EXPECT_EQ(logical(Command::LRD, 0x10004, bytes({9})).wkc, 0) << "behind it";
     EXPECT_EQ(logical(Command::LRD, 0xFFFF, bytes({9})).wkc, 0) << "before it";
@@ -103,8 +106,8 @@ TEST_F(FmmuTest, ChipsWithoutBitOperationMapOctets) {
     EXPECT_EQ(other.send(Command::LRD, wire::DatagramAddress(LogicalAddress{0}), bytes({0})).data, bytes({0xA5}));
 }
 
-// "If two or more FMMUs with the same direction are configured for the same logical byte, the one with the lower number is
-// used, the other ones are ignored."
+// "If two or more FMMUs with the same direction are configured for the same logical byte, the one with the lower number
+// is used, the other ones are ignored."
 TEST_F(FmmuTest, TheLowerNumberWinsAnOctet) {
     fill(0x1000, {1, 1, 1, 1});
     fill(0x1100, {2, 2, 2, 2, 2, 2});
@@ -134,11 +137,11 @@ TEST_F(FmmuTest, OnlyActiveOnesMap) {
 }
 
 TEST_F(FmmuTest, NonsenseMapsNothing) {
-    set(0, {{0x10000}, 0, 0, 7, 0x1000, 0, true, true, true});                // no length
-    set(1, {{0x20000}, 1, 7, 0, 0x1000, 0, true, true, true});                // ends before it starts
-    set(2, {{0x30000}, 4, 0, 7, 0xFFFE, 0, true, true, true});                // memory that is not there
-    set(3, {{0x40000}, 4, 0, 7, 0x2FFE, 0, true, true, true});                // over the end of what is there
-    set(4, {{0xFFFFFFFE}, 0xFFFF, 0, 7, 0x1000, 0, true, true, true});        // over the end of the logical space
+    set(0, {{0x10000}, 0, 0, 7, 0x1000, 0, true, true, true});          // no length
+    set(1, {{0x20000}, 1, 7, 0, 0x1000, 0, true, true, true});          // ends before it starts
+    set(2, {{0x30000}, 4, 0, 7, 0xFFFE, 0, true, true, true});          // memory that is not there
+    set(3, {{0x40000}, 4, 0, 7, 0x2FFE, 0, true, true, true});          // over the end of what is there
+    set(4, {{0xFFFFFFFE}, 0xFFFF, 0, 7, 0x1000, 0, true, true, true});  // over the end of the logical space
     EXPECT_EQ(logical(Command::LRW, 0x10000, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(logical(Command::LRW, 0x20000, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(logical(Command::LRW, 0x30000, bytes({0, 0, 0, 0})).wkc, 0);
@@ -152,8 +155,8 @@ TEST_F(FmmuTest, NonsenseMapsNothing) {
 TEST_F(FmmuTest, ChipsWithoutLrw) {
     Rig other;
     auto chip = et1100();
-    chip.features =
-        static_cast<std::uint16_t>(chip.features | wire::features::kLrwNotSupported | wire::features::kReadWriteNotSupported);
+    chip.features = static_cast<std::uint16_t>(chip.features | wire::features::kLrwNotSupported |
+                                               wire::features::kReadWriteNotSupported);
     other.add(chip, sii_image(kEmulationWithDc));
     other.on();
     std::vector<std::byte> raw(16);

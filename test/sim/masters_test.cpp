@@ -1,5 +1,6 @@
-// How other masters talk, row by row of the notes on masters on the wire: each column of that table brings a segment from nothing
-// to process data with its own frames, start-up writes, SII and mailbox access, and expects what ESCs answer.
+// How other masters talk, row by row of the notes on masters on the wire: each column of that table brings a segment
+// from nothing to process data with its own frames, start-up writes, SII and mailbox access, and expects what ESCs
+// answer.
 #include "rig.hpp"
 
 #include "wire/fmmu.hpp"
@@ -27,11 +28,33 @@ struct Master {
 };
 
 constexpr Master kMasters[] = {
-    {"SOEM", false, {1, 1, 1, 1, 1, 1}, 0x1001, 16, false, Sii::eight_where_possible, Mail::status, Data::lrw_with_frmw},
+    {"SOEM",
+     false,
+     {1, 1, 1, 1, 1, 1},
+     0x1001,
+     16,
+     false,
+     Sii::eight_where_possible,
+     Mail::status,
+     Data::lrw_with_frmw},
     {"IgH", true, {0x02, 0, 0, 0x11, 0x22, 0x33}, 0x0001, 256, false, Sii::igh, Mail::whole_sm1, Data::per_domain},
-    {"KickCAT", true, {0xCA, 0xDE, 0xCA, 0xDE, 0xDE, 0xFF}, 0x03E9, 256, true, Sii::broadcast, Mail::mapped_status,
+    {"KickCAT",
+     true,
+     {0xCA, 0xDE, 0xCA, 0xDE, 0xDE, 0xFF},
+     0x03E9,
+     256,
+     true,
+     Sii::broadcast,
+     Mail::mapped_status,
      Data::lrd_lwr_and_reads},
-    {"libethercat", false, {0x00, 0x30, 0x64, 0x0F, 0x83, 0x35}, 0x03E8, 256, false, Sii::four, Mail::mapped_bit,
+    {"libethercat",
+     false,
+     {0x00, 0x30, 0x64, 0x0F, 0x83, 0x35},
+     0x03E8,
+     256,
+     false,
+     Sii::four,
+     Mail::mapped_bit,
      Data::lrw_overlapping},
 };
 
@@ -56,8 +79,9 @@ class MastersOnTheWire : public testing::TestWithParam<Master> {
         std::vector<std::uint8_t> indices;
         for (const auto& r : requests) {
             const bool broadcast = r.command == Command::BRD || r.command == Command::BWR;
-            indices.push_back(m.broadcasts_by_index_0 && broadcast ? std::uint8_t{0}
-                                                                   : static_cast<std::uint8_t>(next_index_++ % m.indices));
+            indices.push_back(m.broadcasts_by_index_0 && broadcast
+                                  ? std::uint8_t{0}
+                                  : static_cast<std::uint8_t>(next_index_++ % m.indices));
             const auto data = builder.append(r.command, indices.back(), r.address, r.data.size());
             std::copy(r.data.begin(), r.data.end(), data.begin());
         }
@@ -164,7 +188,8 @@ TEST_P(MastersOnTheWire, SiiAccess) {
                 const bool eight = (send(Command::FPRD, at(n, 0x0502), bytes({0, 0})).as<std::uint16_t>() & 0x40) != 0;
                 EXPECT_EQ(eight, n == 0) << "0x0502 bit 6";
                 EXPECT_EQ(send(Command::FPWR, at(n, 0x0502), bytes({0, 1, 8, 0, 0, 0})).wkc, 1);
-                while ((send(Command::FPRD, at(n, 0x0502), bytes({0, 0})).as<std::uint16_t>() & 0x8000) != 0) {}
+                while ((send(Command::FPRD, at(n, 0x0502), bytes({0, 0})).as<std::uint16_t>() & 0x8000) != 0) {
+                }
                 const auto data = send(Command::FPRD, at(n, 0x0508), std::vector<std::byte>(eight ? 8 : 4));
                 EXPECT_EQ(data.as<std::uint32_t>(), static_cast<std::uint32_t>(words));
                 if (eight) {
@@ -185,7 +210,8 @@ TEST_P(MastersOnTheWire, SiiAccess) {
             break;
         case Sii::broadcast:
             EXPECT_EQ(broadcast(0x0502, bytes({0, 1, 8, 0, 0, 0})), 3);
-            while ((broadcast_read(0x0502, 2).as<std::uint16_t>() & 0x8000) != 0) {}
+            while ((broadcast_read(0x0502, 2).as<std::uint16_t>() & 0x8000) != 0) {
+            }
             for (std::uint16_t n = 0; n < 3; ++n)
                 EXPECT_EQ(send(Command::FPRD, at(n, 0x0508), std::vector<std::byte>(4)).as<std::uint32_t>(),
                           static_cast<std::uint32_t>(words));
@@ -194,7 +220,8 @@ TEST_P(MastersOnTheWire, SiiAccess) {
             for (std::uint16_t n = 0; n < 3; ++n)
                 for (const unsigned word : {8u, 10u}) {
                     EXPECT_EQ(send(Command::FPWR, at(n, 0x0502), bytes({0, 1, word, 0, 0, 0})).wkc, 1);
-                    while ((send(Command::FPRD, at(n, 0x0502), bytes({0, 0})).as<std::uint16_t>() & 0x8000) != 0) {}
+                    while ((send(Command::FPRD, at(n, 0x0502), bytes({0, 0})).as<std::uint16_t>() & 0x8000) != 0) {
+                    }
                     EXPECT_EQ(send(Command::FPRD, at(n, 0x0508), std::vector<std::byte>(4)).as<std::uint32_t>(),
                               static_cast<std::uint32_t>(words >> (word == 8 ? 0 : 32)));
                 }
@@ -209,7 +236,8 @@ TEST_P(MastersOnTheWire, MailboxCheck) {
     const auto full = [&]() -> bool {
         switch (GetParam().mail) {
             case Mail::status: {
-                EXPECT_EQ(send(Command::FPRD, at(kMailSlave, 0x0805), bytes({0})).data[0], std::byte{0}) << "room to write";
+                EXPECT_EQ(send(Command::FPRD, at(kMailSlave, 0x0805), bytes({0})).data[0], std::byte{0})
+                    << "room to write";
                 const auto status = send(Command::FPRD, at(kMailSlave, 0x080D), bytes({0, 0}));
                 return (status.data[0] & std::byte{8}) != std::byte{0};
             }

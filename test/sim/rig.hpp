@@ -23,8 +23,7 @@ inline std::vector<std::byte> bytes(std::initializer_list<unsigned> values) {
 }
 
 // A configuration area with the given PDI control word, and words counting up behind it.
-inline std::vector<std::byte> sii_image(std::uint16_t pdi_control, std::uint16_t alias = 0,
-                                        std::size_t size = 512) {
+inline std::vector<std::byte> sii_image(std::uint16_t pdi_control, std::uint16_t alias = 0, std::size_t size = 512) {
     std::vector<std::byte> image(size);
     for (std::size_t i = 16; i + 2 <= size; i += 2)
         store_le<std::uint16_t>(image, i, static_cast<std::uint16_t>(0xA000 + i / 2));
@@ -81,7 +80,8 @@ class Rig {
         return n;
     }
     // An ESC whose processor is the test.
-    std::uint32_t add_with_processor(const EscDescription& description, std::vector<std::byte> sii = sii_image(kProcessor)) {
+    std::uint32_t add_with_processor(const EscDescription& description,
+                                     std::vector<std::byte> sii = sii_image(kProcessor)) {
         const auto n = add(description, std::move(sii));
         slave(n).set_firmware(std::make_unique<IdleFirmware>());
         return n;
@@ -109,12 +109,8 @@ class Rig {
         std::vector<Reply> replies;
         wire::DatagramReader reader(Bytes(buffer).first(size));
         while (const auto d = reader.next())
-            replies.push_back({passage.returned,
-                               passage.at,
-                               d->header,
-                               {d->data.begin(), d->data.end()},
-                               d->wkc,
-                               buffer[6]});
+            replies.push_back(
+                {passage.returned, passage.at, d->header, {d->data.begin(), d->data.end()}, d->wkc, buffer[6]});
         return replies;
     }
     Reply send(Command command, wire::DatagramAddress address, std::vector<std::byte> data) {

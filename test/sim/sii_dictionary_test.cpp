@@ -12,7 +12,10 @@ namespace {
 
 struct Objects {
     explicit Objects(Bytes image)
-        : model(read_sii_model(image)), made(image, model), values(made.image_bytes()), dictionary(made.objects(), values) {}
+        : model(read_sii_model(image)),
+          made(image, model),
+          values(made.image_bytes()),
+          dictionary(made.objects(), values) {}
     SiiModel model;
     SiiDictionary made;
     std::vector<std::byte> values;

@@ -1,5 +1,5 @@
-// The SII EEPROM interface. ETG.1000.4 "Slave information interface"; ET1100 data sheet II, tables "EEPROM configuration
-// (0x0500)" … "EEPROM data (0x0508:0x050F)".
+// The SII EEPROM interface. ETG.1000.4 "Slave information interface"; ET1100 data sheet II, tables "EEPROM
+// configuration (0x0500)" … "EEPROM data (0x0508:0x050F)".
 #include "rig.hpp"
 
 namespace margay::sim::test {
@@ -188,8 +188,8 @@ TEST(SiiBroadcast, AllSlavesReadAtOnce) {
     for (std::uint16_t n = 0; n < 3; ++n) EXPECT_EQ(rig.get<std::uint16_t>(n, 0x0508), 0xA008);
 }
 
-// EEPROM emulation, ESC data sheets I, "EEPROM emulation": the command waits for the PDI (AL event bit 5), which answers
-// with data and by writing the command back to 0x0502.
+// EEPROM emulation, ESC data sheets I, "EEPROM emulation": the command waits for the PDI (AL event bit 5), which
+// answers with data and by writing the command back to 0x0502.
 struct Emulation : SiiUnitTest {
     void SetUp() override {
         auto chip = ip_core();

@@ -257,7 +257,9 @@ TEST_F(SyncManagerTest, MailboxStatusAsMastersLookAtIt) {
     pdi_write(0x1100, bytes({1, 2}));
     EXPECT_EQ(rig.read(0, 0x0808, 8).data, bytes({0x00, 0x11, 2, 0, kMailboxIn, 0x09, 1, 0}));
     EXPECT_EQ(rig.write(0, 0x0600, bytes({0, 0, 0, 9, 1, 0, 0, 0, 0x0D, 0x08, 3, 1, 1, 0, 0, 0})).wkc, 1);
-    const auto look = [&] { return rig.send(Command::LRD, wire::DatagramAddress(LogicalAddress{0x09000000}), bytes({0})); };
+    const auto look = [&] {
+        return rig.send(Command::LRD, wire::DatagramAddress(LogicalAddress{0x09000000}), bytes({0}));
+    };
     EXPECT_EQ(look().data, bytes({1}));
     EXPECT_EQ(look().wkc, 1);
     (void)rig.read(0, 0x1100, 2);

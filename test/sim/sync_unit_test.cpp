@@ -1,5 +1,5 @@
-// SYNC signals and latch inputs. ETG.1000.4 "Distributed clock"; ET1100 data sheet II, tables "Cyclic unit control (0x0980)"
-// … "Latch1 time negative edge (0x09C8:0x09CF)"; I, "SyncSignal generation", "LatchSignals".
+// SYNC signals and latch inputs. ETG.1000.4 "Distributed clock"; ET1100 data sheet II, tables "Cyclic unit control
+// (0x0980)" … "Latch1 time negative edge (0x09C8:0x09CF)"; I, "SyncSignal generation", "LatchSignals".
 #include "rig.hpp"
 
 namespace margay::sim::test {

@@ -1,5 +1,5 @@
-// The segment in physical order: line, tree, star, drop lines, rings; cables that break, slaves that lose power, frames that are
-// lost. Order of processing: ETG.1000.4 "Frame processing order"; port states: table "DL status".
+// The segment in physical order: line, tree, star, drop lines, rings; cables that break, slaves that lose power, frames
+// that are lost. Order of processing: ETG.1000.4 "Frame processing order"; port states: table "DL status".
 #include "rig.hpp"
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -28,7 +28,9 @@ struct Topology : testing::Test {
             }
         }
     }
-    Reply count(unsigned port = 0) { return rig.frame({{Command::BRD, {std::uint16_t{0}, 0x0000}, bytes({0})}}, port).at(0); }
+    Reply count(unsigned port = 0) {
+        return rig.frame({{Command::BRD, {std::uint16_t{0}, 0x0000}, bytes({0})}}, port).at(0);
+    }
     std::uint16_t dl_status(std::uint32_t n) { return rig.slave(n).registers().get<std::uint16_t>(0x0110); }
     using Order = std::vector<std::uint32_t>;
 };
@@ -154,7 +156,8 @@ TEST_F(Topology, RingGoesThroughAndBreaksIntoTwoLines) {
     for (std::uint32_t n = 1; n < 4; ++n) {
         rig.segment.set_cable({n, 0}, false);
         EXPECT_EQ(pass(0), std::tuple(true, 0u, static_cast<int>(n)));
-        EXPECT_EQ(pass(1), std::tuple(true, 1u, static_cast<int>(4 - n))) << "turned at a closed port 0, and processed there";
+        EXPECT_EQ(pass(1), std::tuple(true, 1u, static_cast<int>(4 - n)))
+            << "turned at a closed port 0, and processed there";
         rig.segment.set_cable({n, 0}, true);
         EXPECT_EQ(pass(0), std::tuple(true, 1u, 4));
     }
@@ -218,7 +221,8 @@ TEST_F(Topology, ALostFrameHasDoneWhatItDidBefore) {
     EXPECT_FALSE(rig.send(Command::BWR, {std::uint16_t{0}, 0x0010}, bytes({0x34, 0x12})).returned);
     EXPECT_EQ(rig.slave(1).station(), 0x1234);
     EXPECT_EQ(rig.slave(2).station(), 0);
-    for (std::uint32_t n = 0; n < 3; ++n) EXPECT_EQ(rig.slave(n).peek(0x0300, 14), std::vector<std::byte>(14)) << "nobody counts it";
+    for (std::uint32_t n = 0; n < 3; ++n)
+        EXPECT_EQ(rig.slave(n).peek(0x0300, 14), std::vector<std::byte>(14)) << "nobody counts it";
 }
 
 // A thousand slaves in a line and one at each of the last's ports.

@@ -41,16 +41,16 @@ Transfer upload(Bench& bench, int index, int subindex, bool complete) {
     return out;
 }
 
-Transfer download(Bench& bench, int index, int subindex, std::vector<std::byte> data, bool complete,
-                  bool normal, std::size_t first_bytes) {
+Transfer download(Bench& bench, int index, int subindex, std::vector<std::byte> data, bool complete, bool normal,
+                  std::size_t first_bytes) {
     Transfer out;
     const int flag = complete ? 0x10 : 0;
     if (data.size() <= 4 && !data.empty() && !normal) {
         const auto size = data.size();
         data.resize(4);
         const auto tail = load_le<std::uint32_t>(data);
-        out.abort = abort_of(bench.exchange(
-            sdo_request(0x23 | flag | static_cast<int>((4 - size) << 2), index, subindex, tail)));
+        out.abort = abort_of(
+            bench.exchange(sdo_request(0x23 | flag | static_cast<int>((4 - size) << 2), index, subindex, tail)));
         return out;
     }
     const std::size_t room = bench.esc.sync_manager(0).length_bytes - 6u;
@@ -66,8 +66,7 @@ Transfer download(Bench& bench, int index, int subindex, std::vector<std::byte> 
         const bool last = at + bytes == data.size();
         std::vector<std::byte> segment(3 + padded);
         wire::coe::store_header(segment, {0, wire::coe::Service::sdo_request});
-        segment[2] =
-            static_cast<std::byte>(toggle | (last ? 1u : 0u) | static_cast<unsigned>((padded - bytes) << 1));
+        segment[2] = static_cast<std::byte>(toggle | (last ? 1u : 0u) | static_cast<unsigned>((padded - bytes) << 1));
         std::copy_n(data.begin() + static_cast<std::ptrdiff_t>(at), bytes, segment.begin() + 3);
         reply = bench.exchange(segment);
         out.abort = abort_of(reply);

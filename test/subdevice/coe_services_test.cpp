@@ -58,8 +58,7 @@ Information ask(Bench& bench, const std::vector<std::byte>& request) {
 
 std::vector<int> indices(const Information& info) {
     std::vector<int> out;
-    for (std::size_t i = 2; i + 1 < info.data.size(); i += 2)
-        out.push_back(load_le<std::uint16_t>(info.data, i));
+    for (std::size_t i = 2; i + 1 < info.data.size(); i += 2) out.push_back(load_le<std::uint16_t>(info.data, i));
     return out;
 }
 
@@ -123,9 +122,8 @@ TEST(SdoInformation, EntryDescriptionsCarryWhatIsAskedForAndThere) {
                                  0x0C, 0xFE, 0xF4, 0x01, 'S', 'e', 't', 't', 'i',  'n',  'g'}));
     EXPECT_EQ(ask(bench, info_request(5, 0x2000, 0, 0)).data,
               raw({0x00, 0x20, 0, 0, 3, 0, 16, 0, 0x3F, 0x03, 'S', 'e', 't', 't', 'i', 'n', 'g'}));
-    EXPECT_EQ(
-        ask(bench, info_request(5, 0x2000, 0, 0x40)).data,
-        raw({0x00, 0x20, 0, 0x40, 3, 0, 16, 0, 0x3F, 0x03, 0xF4, 0x01, 'S', 'e', 't', 't', 'i', 'n', 'g'}));
+    EXPECT_EQ(ask(bench, info_request(5, 0x2000, 0, 0x40)).data,
+              raw({0x00, 0x20, 0, 0x40, 3, 0, 16, 0, 0x3F, 0x03, 0xF4, 0x01, 'S', 'e', 't', 't', 'i', 'n', 'g'}));
     const auto flag = ask(bench, info_request(5, 0x7000, 3, 0));
     EXPECT_EQ(flag.data, raw({0x00, 0x70, 3, 0, 1, 0, 1, 0, 0x7F, 0, 'B', 'i', 't', ' ', 'a'}));
     EXPECT_EQ(ask(bench, info_request(5, 0x1600, 7, 0)).text(10), "SubIndex 007") << "one of several alike";
@@ -144,8 +142,7 @@ TEST(SdoInformation, ErrorsCarryAnAbortCode) {
     EXPECT_EQ(code(info_request(3, 0x5000)), Abort::no_object);
     EXPECT_EQ(code(info_request(5, 0x5000, 0)), Abort::no_object);
     EXPECT_EQ(code(info_request(5, 0x1018, 5)), Abort::no_subindex);
-    for (const int opcode : {0, 2, 4, 6, 7, 9, 127})
-        EXPECT_EQ(code(info_request(opcode, 1)), Abort::unknown_command);
+    for (const int opcode : {0, 2, 4, 6, 7, 9, 127}) EXPECT_EQ(code(info_request(opcode, 1)), Abort::unknown_command);
 }
 
 // --- Emergencies ---
@@ -217,9 +214,8 @@ TEST(Diagnosis, MessagesAsTheObjectShowsThem) {
     EXPECT_TRUE(diagnosis.add({0xE8008130, DiagnosisType::error, 0x0102, 0x1122334455667788, 1, parameter}));
     EXPECT_EQ(upload(bench, 0x10F3, 2).number(), 6u);
     EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 1u);
-    EXPECT_EQ(upload(bench, 0x10F3, 6).data,
-              raw({0x30, 0x81, 0x00, 0xE8, 0x02, 0x01, 0x02, 0x01, 0x88, 0x77,
-                   0x66, 0x55, 0x44, 0x33, 0x22, 0x11, 2,    0x10, 0x34, 0x12}));
+    EXPECT_EQ(upload(bench, 0x10F3, 6).data, raw({0x30, 0x81, 0x00, 0xE8, 0x02, 0x01, 0x02, 0x01, 0x88, 0x77,
+                                                  0x66, 0x55, 0x44, 0x33, 0x22, 0x11, 2,    0x10, 0x34, 0x12}));
     EXPECT_TRUE(upload(bench, 0x10F3, 7).data.empty());
     EXPECT_EQ(download(bench, 0x10F3, 3, number(6, 1)).abort, Abort::none);
     EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 0u);
@@ -231,9 +227,7 @@ TEST(Diagnosis, MessagesAsTheObjectShowsThem) {
 TEST(Diagnosis, OverwritesOrWaitsForAcknowledgeAsTheMasterWantsIt) {
     Bench bench;
     auto& diagnosis = *bench.application.diagnosis();
-    const auto add = [&](unsigned code) {
-        return diagnosis.add({.code = code, .type = DiagnosisType::warning});
-    };
+    const auto add = [&](unsigned code) { return diagnosis.add({.code = code, .type = DiagnosisType::warning}); };
     for (unsigned i = 1; i <= 4; ++i) EXPECT_TRUE(add(i));
     EXPECT_EQ(upload(bench, 0x10F3, 2).number(), 6u);
     EXPECT_EQ(upload(bench, 0x10F3, 6).data[0], std::byte{4}) << "the oldest is overwritten";
@@ -304,8 +298,7 @@ TEST(PdoRules, CompleteAccessWritesAllAtOnceOrNothing) {
     EXPECT_EQ(upload(bench, 0x1C12, 0, true).data, raw({2, 0, 0x00, 0x16, 0x01, 0x16}));
     EXPECT_EQ(download(bench, 0x1C12, 0, raw({0, 0}), true).abort, none);
     EXPECT_EQ(upload(bench, 0x1C12, 0).number(), 0u);
-    EXPECT_EQ(download(bench, 0x1C12, 0, raw({5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}), true).abort,
-              value_too_high);
+    EXPECT_EQ(download(bench, 0x1C12, 0, raw({5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}), true).abort, value_too_high);
     EXPECT_EQ(download(bench, 0x1600, 0, raw({1, 0, 0x08, 0x01, 0x00, 0x70}), true).abort, none);
     EXPECT_EQ(download(bench, 0x1C12, 0, raw({1, 0, 0x00, 0x16}), true).abort, none);
     bench.esc.configure(2, {0x1200, 1, 0x64, 1});

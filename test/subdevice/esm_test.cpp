@@ -81,8 +81,7 @@ class EsmTest : public ::testing::Test {
             (void)request(0x03);
         }
         for (const int s : {2, 4, 8})
-            if (state != AlState::boot && s <= static_cast<int>(state))
-                (void)request(static_cast<std::uint16_t>(s));
+            if (state != AlState::boot && s <= static_cast<int>(state)) (void)request(static_cast<std::uint16_t>(s));
         ASSERT_EQ(esc.al_status(), (AlStatus{state, false, 0}));
         client.log.clear();
     }
@@ -113,8 +112,7 @@ TEST_F(EsmTest, EveryPairOfStatesAnswersAsTheStandardSays) {
             legal |= from == AlState::preop && to == AlState::safeop;
             legal |= from == AlState::safeop && (to == AlState::preop || to == AlState::op);
             legal |= from == AlState::op && (to == AlState::preop || to == AlState::safeop);
-            const auto expected =
-                legal ? ok(to) : refused(from, AlStatusCode::invalid_requested_state_change);
+            const auto expected = legal ? ok(to) : refused(from, AlStatusCode::invalid_requested_state_change);
             EXPECT_EQ(request(static_cast<std::uint16_t>(to)), expected)
                 << "from " << int(from) << " to " << int(to) << " code " << esc.al_status().code;
         }
@@ -138,10 +136,8 @@ TEST_F(EsmTest, BootIsRefusedByADeviceWithoutIt) {
 TEST_F(EsmTest, ErrorStandsUntilAcknowledgedOrLeftDownwards) {
     bring_to(AlState::safeop);
     EXPECT_EQ(request(0x03), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change));
-    EXPECT_EQ(request(0x08), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change))
-        << "not up";
-    EXPECT_EQ(request(0x04), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change))
-        << "not in place";
+    EXPECT_EQ(request(0x08), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change)) << "not up";
+    EXPECT_EQ(request(0x04), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change)) << "not in place";
     EXPECT_EQ(request(0x14), ok(AlState::safeop));
     EXPECT_EQ(request(0x03), refused(AlState::safeop, AlStatusCode::invalid_requested_state_change));
     EXPECT_EQ(request(0x18), ok(AlState::op)) << "acknowledge and go on in one";
@@ -181,9 +177,8 @@ TEST_F(EsmTest, MailboxSettingsAreCheckedOneByOne) {
         (void)request(0x11);
         esc.configure(0, c.receive);
         esc.configure(1, c.send);
-        const auto expected = c.accepted
-                                  ? ok(AlState::preop)
-                                  : refused(AlState::init, AlStatusCode::invalid_mailbox_configuration);
+        const auto expected =
+            c.accepted ? ok(AlState::preop) : refused(AlState::init, AlStatusCode::invalid_mailbox_configuration);
         EXPECT_EQ(request(0x12), expected) << c.what;
     }
 }
@@ -232,15 +227,13 @@ TEST_F(EsmTest, ProcessDataSettingsAreCheckedOneByOne) {
         bring_to(AlState::preop);
         esc.configure(2, c.outputs);
         esc.configure(3, c.inputs);
-        EXPECT_EQ(request(0x14), c.code == none ? ok(AlState::safeop) : refused(AlState::preop, c.code))
-            << c.what;
+        EXPECT_EQ(request(0x14), c.code == none ? ok(AlState::safeop) : refused(AlState::preop, c.code)) << c.what;
     }
     bring_to(AlState::preop);
     client.sizes = {.fault = invalid_output_mapping};
     EXPECT_EQ(request(0x14), refused(AlState::preop, invalid_output_mapping));
     client.sizes = {0, 8};
-    EXPECT_EQ(request(0x14), refused(AlState::preop, invalid_output_configuration))
-        << "nothing mapped, SM2 enabled";
+    EXPECT_EQ(request(0x14), refused(AlState::preop, invalid_output_configuration)) << "nothing mapped, SM2 enabled";
     esc.configure(2, {0x1100, 0, 0x64, 0});
     esc.configure(3, kInputs);
     EXPECT_EQ(request(0x14), ok(AlState::safeop)) << "nothing mapped, SM2 off";
@@ -271,8 +264,7 @@ TEST_F(EsmTest, DcActivationIsChecked) {
     EXPECT_EQ(attempt(0, 0), ok(AlState::safeop));
     EXPECT_EQ(attempt(3, 1'000'000), ok(AlState::safeop));
     EXPECT_EQ(attempt(7, 1'000'000), ok(AlState::safeop));
-    EXPECT_EQ(attempt(1, 1'000'000), refused(AlState::preop, invalid_dc_sync_configuration))
-        << "cyclic, yet no SYNC0";
+    EXPECT_EQ(attempt(1, 1'000'000), refused(AlState::preop, invalid_dc_sync_configuration)) << "cyclic, yet no SYNC0";
     EXPECT_EQ(attempt(3, 0), refused(AlState::preop, invalid_dc_sync0_cycle_time));
     EXPECT_EQ(attempt(3, 99'999), refused(AlState::preop, invalid_dc_sync0_cycle_time));
     EXPECT_EQ(attempt(3, 100'000), ok(AlState::safeop));
@@ -286,8 +278,7 @@ TEST_F(EsmTest, DcActivationIsChecked) {
     EXPECT_EQ(attempt(3, 1'000'000), refused(AlState::preop, invalid_dc_sync_configuration));
     other.dc = {};
     start(other);
-    EXPECT_EQ(attempt(3, 1'000'000), refused(AlState::preop, invalid_dc_sync_configuration))
-        << "a device without DC";
+    EXPECT_EQ(attempt(3, 1'000'000), refused(AlState::preop, invalid_dc_sync_configuration)) << "a device without DC";
 }
 
 TEST_F(EsmTest, StepsOfATransitionComeInOrder) {
@@ -309,9 +300,7 @@ TEST_F(EsmTest, ApplicationRefusesWithItsCode) {
 TEST_F(EsmTest, ATransitionMayTakeItsTime) {
     bring_to(AlState::preop);
     const auto ready = esc.time + 30ms;
-    client.answer = [&](Transition, Time now) {
-        return now < ready ? Verdict::wait(now + 10ms) : Verdict::go();
-    };
+    client.answer = [&](Transition, Time now) { return now < ready ? Verdict::wait(now + 10ms) : Verdict::go(); };
     EXPECT_EQ(request(4), ok(AlState::preop));
     EXPECT_EQ(step(), esc.time + 10ms) << "asks to be called again";
     EXPECT_EQ(client.log, "PS? ") << "and does not bother the application before";

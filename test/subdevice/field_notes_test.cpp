@@ -6,9 +6,7 @@
 namespace margay::subdevice::testing {
 namespace {
 
-void to_safeop(Bench& bench) {
-    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
-}
+void to_safeop(Bench& bench) { ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0})); }
 
 // O#122: outputs in SAFEOP are read, which feeds the watchdog and frees the buffer, and not applied.
 TEST(FieldNotes, SafeopReadsOutputsAndDoesNotApplyThem) {
@@ -22,7 +20,8 @@ TEST(FieldNotes, SafeopReadsOutputsAndDoesNotApplyThem) {
     EXPECT_FALSE(bench.application.last_valid);
 }
 
-// O#115: a subindex that is not there is 0x06090011, an object that is not there 0x06020000, whatever the kind of access.
+// O#115: a subindex that is not there is 0x06090011, an object that is not there 0x06020000, whatever the kind of
+// access.
 TEST(FieldNotes, AbortCodesAreThoseOfTheStandard) {
     Bench bench;
     EXPECT_EQ(upload(bench, 0x1018, 5).abort, Abort::no_subindex);

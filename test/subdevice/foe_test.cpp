@@ -32,15 +32,13 @@ class Store final : public FoeStore {
     }
     FoeAnswer open_to_write(const FoeFile& file, Time) override {
         last = {std::string(file.name), file.password, file.state};
-        if (last.name == "firmware" && file.state != AlState::boot)
-            return FoeAnswer::error(FoeError::bootstrap_only);
+        if (last.name == "firmware" && file.state != AlState::boot) return FoeAnswer::error(FoeError::bootstrap_only);
         content.clear();
         return FoeAnswer::go();
     }
     FoeAnswer write(std::size_t offset, Bytes data, Time) override {
         if (busy_writes > 0)
-            return --busy_writes,
-                   FoeAnswer::busy(static_cast<std::uint16_t>(10 - busy_writes), 10, "erasing");
+            return --busy_writes, FoeAnswer::busy(static_cast<std::uint16_t>(10 - busy_writes), 10, "erasing");
         if (offset != content.size()) return FoeAnswer::error(FoeError::program_error);
         if (offset + data.size() > limit) return FoeAnswer::error(FoeError::disk_full, "full up");
         content.insert(content.end(), data.begin(), data.end());
@@ -120,8 +118,7 @@ class FoeTest : public ::testing::Test {
     }
     static std::string text_of(const std::vector<std::byte>& reply) {
         std::string out;
-        for (std::size_t i = foe::kHeaderBytes; i < reply.size(); ++i)
-            out.push_back(static_cast<char>(reply[i]));
+        for (std::size_t i = foe::kHeaderBytes; i < reply.size(); ++i) out.push_back(static_cast<char>(reply[i]));
         return out;
     }
     std::vector<std::byte> read_file(std::string_view name, std::uint32_t password = 0) {
@@ -129,8 +126,7 @@ class FoeTest : public ::testing::Test {
         auto reply = exchange(packet(Opcode::read, password, letters(name)));
         for (std::uint32_t number = 1;; ++number) {
             expect(reply, Opcode::data, number);
-            if (reply.size() < foe::kHeaderBytes || foe::Layout::opcode::load(reply) != Opcode::data)
-                return out;
+            if (reply.size() < foe::kHeaderBytes || foe::Layout::opcode::load(reply) != Opcode::data) return out;
             out.insert(out.end(), reply.begin() + foe::kHeaderBytes, reply.end());
             if (reply.size() < kRoom + foe::kHeaderBytes) break;
             reply = exchange(packet(Opcode::acknowledge, number));

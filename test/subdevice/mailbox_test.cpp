@@ -12,8 +12,7 @@ using namespace testing;
 using wire::MailboxErrorCode;
 using wire::MailboxType;
 
-std::vector<std::byte> message(int type, int counter, std::vector<std::byte> data, int length = -1,
-                               int channel = 0) {
+std::vector<std::byte> message(int type, int counter, std::vector<std::byte> data, int length = -1, int channel = 0) {
     std::vector<std::byte> out(6 + data.size());
     wire::store_mailbox_header(
         out, {.length = static_cast<std::uint16_t>(length < 0 ? static_cast<int>(data.size()) : length),
@@ -25,9 +24,7 @@ std::vector<std::byte> message(int type, int counter, std::vector<std::byte> dat
     return out;
 }
 
-std::vector<std::byte> ask(int index, int counter = 0) {
-    return message(3, counter, sdo_request(0x40, index, 0));
-}
+std::vector<std::byte> ask(int index, int counter = 0) { return message(3, counter, sdo_request(0x40, index, 0)); }
 int index_of(const std::vector<std::byte>& reply) {
     return reply.size() < 12 ? -1 : wire::coe::SdoLayout::index::load(Bytes(reply).subspan(6));
 }
@@ -108,8 +105,7 @@ void toggle_repeat(Bench& bench) {
     const auto activate = bench.esc.get<std::uint8_t>(0x080E);
     bench.esc.ecat_set(0x080E, static_cast<std::uint8_t>(activate ^ 0x02));
     (void)bench.step();
-    EXPECT_EQ(bench.esc.get<std::uint8_t>(0x080F) & 2, bench.esc.get<std::uint8_t>(0x080E) & 2)
-        << "acknowledged";
+    EXPECT_EQ(bench.esc.get<std::uint8_t>(0x080F) & 2, bench.esc.get<std::uint8_t>(0x080E) & 2) << "acknowledged";
 }
 
 TEST(MailboxRepeat, TheLastReplyComesAgainUnchanged) {
@@ -243,14 +239,12 @@ TEST(MailboxNoise, NeverStuck) {
         for (auto& b : noise) b = static_cast<std::byte>(random());
         if (noise.size() >= 8 && random() % 4 != 0) {  // mostly likely ones
             wire::store_mailbox_header(
-                noise,
-                {.length = static_cast<std::uint16_t>(random() % 3 ? noise.size() - 6 : random() % 200),
-                 .type = static_cast<MailboxType>(random() % 3 ? 3 : random() % 16),
-                 .counter = static_cast<std::uint8_t>(random() % 8)});
+                noise, {.length = static_cast<std::uint16_t>(random() % 3 ? noise.size() - 6 : random() % 200),
+                        .type = static_cast<MailboxType>(random() % 3 ? 3 : random() % 16),
+                        .counter = static_cast<std::uint8_t>(random() % 8)});
             noise[7] = static_cast<std::byte>((random() % 9) << 4);
             if (noise.size() >= 11)
-                store_le(MutableBytes(noise), 9,
-                         table::kObjects[random() % std::size(table::kObjects)].index);
+                store_le(MutableBytes(noise), 9, table::kObjects[random() % std::size(table::kObjects)].index);
         }
         if (noise.empty()) noise.resize(1);
         noise.resize(128);
@@ -261,8 +255,7 @@ TEST(MailboxNoise, NeverStuck) {
             (void)bench.esc.ecat_read(0x1100, reply);
         }
         if (random() % 50 == 0 && bench.mailbox->running()) toggle_repeat(bench);
-        if (random() % 100 == 0)
-            bench.esc.al_control(static_cast<std::uint16_t>(0x10 | (1u << (random() % 4))));
+        if (random() % 100 == 0) bench.esc.al_control(static_cast<std::uint16_t>(0x10 | (1u << (random() % 4))));
         bench.esc.time += 1ms;
     }
     (void)bench.request(0x11);

@@ -137,8 +137,7 @@ class PlainEsc final : public EscAccess {
         return static_cast<std::uint16_t>(wire::reg::sync_manager(n).address + 5u);
     }
     static bool covers(const wire::SyncManager& sm, unsigned address) {
-        return sm.enabled() && address >= sm.physical_start &&
-               address < unsigned{sm.physical_start} + sm.length_bytes;
+        return sm.enabled() && address >= sm.physical_start && address < unsigned{sm.physical_start} + sm.length_bytes;
     }
     static bool hits_last(const wire::SyncManager& sm, unsigned address, std::size_t size) {
         const unsigned last = unsigned{sm.physical_start} + sm.length_bytes - 1u;

@@ -183,8 +183,7 @@ TEST(ProcessData, OutputsAreFoundWhereTheMasterLeftTheirEventOff) {
 
 TEST(ProcessData, MappingsThatDoNotFitAreRefusedWithTheirCode) {
     Bench bench;
-    store_le(MutableBytes(bench.image), Values::rx_first::offset,
-             std::uint32_t{0x50000108});  // behind the rules' back
+    store_le(MutableBytes(bench.image), Values::rx_first::offset, std::uint32_t{0x50000108});  // behind the rules' back
     EXPECT_EQ(bench.request(4), refused(AlState::preop, AlStatusCode::invalid_output_mapping));
     bench.dictionary.restore_defaults();
     store_le(MutableBytes(bench.image), Values::tx_first::offset, std::uint32_t{0x60000108});
@@ -265,15 +264,12 @@ TEST_F(DcTest, OutputsThatDoNotKeepUpWithSync0AreASyncError) {
 class InterruptTest : public ::testing::TestWithParam<RunMode> {
   protected:
     InterruptTest() {
-        bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox, nullptr,
-                             GetParam());
+        bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox, nullptr, GetParam());
         bench.device->start(bench.esc.time);
         bench.configure(128);
         (void)bench.request(2);
     }
-    [[nodiscard]] std::uint32_t mask() const {
-        return bench.esc.get<std::uint32_t>(reg::kAlEventMask.address);
-    }
+    [[nodiscard]] std::uint32_t mask() const { return bench.esc.get<std::uint32_t>(reg::kAlEventMask.address); }
     Bench bench;
 };
 
@@ -330,8 +326,7 @@ INSTANTIATE_TEST_SUITE_P(Modes, InterruptTest, ::testing::Values(RunMode::mixed,
 
 TEST(DeviceTest, PartsCanBeDrivenByHand) {
     Bench bench;
-    bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox, nullptr,
-                         RunMode::mixed);
+    bench.device.emplace(bench.esc, bench.application, bench.process_data, &*bench.mailbox, nullptr, RunMode::mixed);
     bench.device->start(bench.esc.time);
     bench.configure(128);
     (void)bench.request(2);

@@ -16,20 +16,16 @@ std::vector<std::byte> pattern(std::size_t bytes) {
 
 TEST(SdoUpload, ExpeditedForUpToFourOctets) {
     Bench bench;
-    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x1018, 1)),
-              raw({0, 0x30, 0x43, 0x18, 0x10, 1, 0x47, 0x4D, 0, 0}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x1018, 1)), raw({0, 0x30, 0x43, 0x18, 0x10, 1, 0x47, 0x4D, 0, 0}));
     EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x1C00, 3)), raw({0, 0x30, 0x4F, 0x00, 0x1C, 3, 3, 0, 0, 0}));
-    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x2000, 0)),
-              raw({0, 0x30, 0x4B, 0x00, 0x20, 0, 100, 0, 0, 0}));
-    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x2002, 0)),
-              raw({0, 0x30, 0x43, 0x02, 0x20, 0, 'n', 'o', 'n', 'e'}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x2000, 0)), raw({0, 0x30, 0x4B, 0x00, 0x20, 0, 100, 0, 0, 0}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x2002, 0)), raw({0, 0x30, 0x43, 0x02, 0x20, 0, 'n', 'o', 'n', 'e'}));
 }
 
 TEST(SdoUpload, NormalInOneMessage) {
     Bench bench;
-    EXPECT_EQ(
-        bench.exchange(sdo_request(0x40, 0x2001, 0)),
-        raw({0, 0x30, 0x41, 0x01, 0x20, 0, 8, 0, 0, 0, 0x88, 0x77, 0x66, 0x55, 0x44, 0x33, 0x22, 0x11}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x2001, 0)),
+              raw({0, 0x30, 0x41, 0x01, 0x20, 0, 8, 0, 0, 0, 0x88, 0x77, 0x66, 0x55, 0x44, 0x33, 0x22, 0x11}));
     EXPECT_EQ(upload(bench, 0x1008).text(), "Bench device of many words");
 }
 
@@ -49,8 +45,8 @@ TEST(SdoTransfer, EveryLengthGoesThereAndBackThroughEveryMailbox) {
             ASSERT_EQ(upload(bench, 0x2002).data, data) << bytes << " through " << mailbox;
         }
         const std::size_t room = mailbox - 6u;
-        for (const std::size_t bytes : {room - 17, room - 11, room - 10, room - 9, room - 4, room - 3,
-                                        room - 2, room, room + 1, room * 2})
+        for (const std::size_t bytes :
+             {room - 17, room - 11, room - 10, room - 9, room - 4, room - 3, room - 2, room, room + 1, room * 2})
             for (const std::size_t first : {std::size_t{0}, std::size_t{1}, SIZE_MAX}) {
                 if (bytes > 300) continue;
                 const auto data = pattern(bytes);
@@ -59,8 +55,8 @@ TEST(SdoTransfer, EveryLengthGoesThereAndBackThroughEveryMailbox) {
                 const auto back = upload(bench, 0x2003);
                 ASSERT_EQ(back.data.size(), 300u) << "an octet string keeps its length";
                 ASSERT_TRUE(std::equal(data.begin(), data.end(), back.data.begin()));
-                ASSERT_TRUE(std::all_of(back.data.begin() + static_cast<std::ptrdiff_t>(bytes),
-                                        back.data.end(), [](std::byte b) { return b == std::byte{0}; }));
+                ASSERT_TRUE(std::all_of(back.data.begin() + static_cast<std::ptrdiff_t>(bytes), back.data.end(),
+                                        [](std::byte b) { return b == std::byte{0}; }));
             }
     }
 }
@@ -94,8 +90,7 @@ TEST(SdoDownload, ExpeditedWithoutSizeTakesTheObjectsLength) {
 
 TEST(SdoDownload, IsConfirmedOctetByOctet) {
     Bench bench;
-    EXPECT_EQ(bench.exchange(sdo_request(0x2B, 0x2000, 0, 5)),
-              raw({0, 0x30, 0x60, 0x00, 0x20, 0, 0, 0, 0, 0}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x2B, 0x2000, 0, 5)), raw({0, 0x30, 0x60, 0x00, 0x20, 0, 0, 0, 0, 0}));
 }
 
 TEST(SdoAbort, EachWhereItBelongs) {
@@ -115,8 +110,7 @@ TEST(SdoAbort, EachWhereItBelongs) {
     EXPECT_EQ(download(bench, 0x2002, 0, pattern(21)).abort, length_too_high);
     EXPECT_EQ(download(bench, 0x2001, 0, pattern(7), false, true).abort, length_too_low);
     EXPECT_EQ(download(bench, 0x2001, 0, pattern(9), false, true).abort, length_too_high);
-    EXPECT_EQ(download(bench, 0x2003, 0, pattern(301)).abort, length_too_high)
-        << "told before the segments travel";
+    EXPECT_EQ(download(bench, 0x2003, 0, pattern(301)).abort, length_too_high) << "told before the segments travel";
     EXPECT_EQ(upload(bench, 0x1018, 2, true).abort, unsupported_access) << "complete access begins at 0 or 1";
     EXPECT_EQ(upload(bench, 0x2000, 0, true).abort, unsupported_access) << "a variable is complete as it is";
     EXPECT_EQ(upload(bench, 0x10F3, 0, true).abort, complete_access_unsupported);
@@ -134,8 +128,7 @@ TEST(SdoAbort, EachWhereItBelongs) {
 
 TEST(SdoAbort, NamesTheObjectAndTravelsAsRequest) {
     Bench bench;
-    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x5000, 7)),
-              raw({0, 0x20, 0x80, 0x00, 0x50, 7, 0, 0, 0x02, 0x06}));
+    EXPECT_EQ(bench.exchange(sdo_request(0x40, 0x5000, 7)), raw({0, 0x20, 0x80, 0x00, 0x50, 7, 0, 0, 0x02, 0x06}));
 }
 
 TEST(SdoAbort, DevicesWithoutCompleteAccess) {
@@ -171,9 +164,7 @@ TEST(SdoAbort, SegmentsOutOfStep) {
 
 TEST(SdoAbort, SegmentedDownloadsThatEndWrong) {
     Bench bench(64);
-    const auto start = [&](std::uint32_t size) {
-        return abort_of(bench.exchange(sdo_request(0x21, 0x2003, 0, size)));
-    };
+    const auto start = [&](std::uint32_t size) { return abort_of(bench.exchange(sdo_request(0x21, 0x2003, 0, size))); };
     const auto segment = [&](int command, std::size_t bytes) {
         std::vector<std::byte> data(3 + bytes);
         data[1] = std::byte{0x20};
@@ -210,25 +201,20 @@ TEST(SdoComplete, SubindexZeroTakesSixteenBits) {
     Bench bench;
     EXPECT_EQ(upload(bench, 0x1018, 0, true).data,
               raw({4, 0, 0x47, 0x4D, 0, 0, 0x10, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, 0}));
-    EXPECT_EQ(upload(bench, 0x1018, 1, true).data,
-              raw({0x47, 0x4D, 0, 0, 0x10, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, 0}));
+    EXPECT_EQ(upload(bench, 0x1018, 1, true).data, raw({0x47, 0x4D, 0, 0, 0x10, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, 0}));
     EXPECT_EQ(upload(bench, 0x1C12, 0, true).data, raw({1, 0, 0x00, 0x16}));
     EXPECT_EQ(upload(bench, 0x1C00, 0, true).data, raw({4, 0, 1, 2, 3, 4}));
 }
 
 TEST(SdoComplete, BitsArePackedAndWriteOnlyEntriesReadAsZero) {
     Bench bench;
-    EXPECT_EQ(upload(bench, 0x2006, 0, true).data,
-              raw({5, 0, 0x01, 0xD4, 0xC3, 0xB2, 0xA1, 0xEF, 0xBE, 0x00}));
-    ASSERT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0x00, 1, 2, 3, 4, 0x12, 0x34, 8}), true).abort,
-              Abort::none);
+    EXPECT_EQ(upload(bench, 0x2006, 0, true).data, raw({5, 0, 0x01, 0xD4, 0xC3, 0xB2, 0xA1, 0xEF, 0xBE, 0x00}));
+    ASSERT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0x00, 1, 2, 3, 4, 0x12, 0x34, 8}), true).abort, Abort::none);
     EXPECT_EQ(upload(bench, 0x2006, 0, true).data, raw({5, 0, 0x00, 1, 2, 3, 4, 0xEF, 0xBE, 0x00}))
         << "the constant stays";
     EXPECT_EQ(Values::level::load(bench.image), 8);
-    EXPECT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0x00, 1, 2, 3, 4, 0x12, 0x34}), true).abort,
-              Abort::length_too_low);
-    EXPECT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0, 1, 2, 3, 4, 1, 2, 3, 4}), true).abort,
-              Abort::length_too_high);
+    EXPECT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0x00, 1, 2, 3, 4, 0x12, 0x34}), true).abort, Abort::length_too_low);
+    EXPECT_EQ(download(bench, 0x2006, 0, raw({5, 0, 0, 1, 2, 3, 4, 1, 2, 3, 4}), true).abort, Abort::length_too_high);
     EXPECT_EQ(download(bench, 0x2006, 1, raw({0x01, 9, 9, 9, 9, 0, 0, 7}), true).abort, Abort::none);
     EXPECT_EQ(upload(bench, 0x2006, 3).number(), 0x09090909u);
 }

@@ -13,9 +13,8 @@ namespace sii = wire::sii;
 class SiiImageTest : public ::testing::Test {
   protected:
     SiiImageTest() {
-        const auto written =
-            write_sii(bench.application.description(), {.pdi_control = 0x0C05, .alias = 0x1234},
-                      bench.dictionary, workspace, image);
+        const auto written = write_sii(bench.application.description(), {.pdi_control = 0x0C05, .alias = 0x1234},
+                                       bench.dictionary, workspace, image);
         EXPECT_TRUE(written.ok()) << to_text(written.fault);
     }
     Bytes category(std::uint16_t type) {
@@ -23,8 +22,7 @@ class SiiImageTest : public ::testing::Test {
         while (chain.more()) {
             const auto place = chain.step(Bytes(image).subspan(chain.header_word() * 2, 4));
             if (!place) break;
-            if (place->type == type)
-                return Bytes(image).subspan(place->word * 2, place->words * std::size_t{2});
+            if (place->type == type) return Bytes(image).subspan(place->word * 2, place->words * std::size_t{2});
         }
         return {};
     }
@@ -48,9 +46,8 @@ TEST_F(SiiImageTest, FixedPartSaysWhatTheDescriptionSays) {
 TEST_F(SiiImageTest, CategoriesSayWhatTheDictionarySays) {
     const auto general = sii::parse_general(category(sii::category::kGeneral));
     ASSERT_TRUE(general.ok());
-    EXPECT_EQ(general.value.coe_details, coe_detail::kSdo | coe_detail::kSdoInformation |
-                                             coe_detail::kPdoAssignment | coe_detail::kPdoConfiguration |
-                                             coe_detail::kCompleteAccess);
+    EXPECT_EQ(general.value.coe_details, coe_detail::kSdo | coe_detail::kSdoInformation | coe_detail::kPdoAssignment |
+                                             coe_detail::kPdoConfiguration | coe_detail::kCompleteAccess);
     sii::SyncManagers managers(category(sii::category::kSyncManager));
     EXPECT_EQ(managers.next()->control, 0x26);
     EXPECT_EQ(managers.next()->control, 0x22);

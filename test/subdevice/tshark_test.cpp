@@ -1,5 +1,5 @@
-// What the slave stack sends in all tests of this program, read by tshark: every message must be a mailbox message to it, with
-// no malformed field and no expert warning. The program runs itself once more, with a file to write them to.
+// What the slave stack sends in all tests of this program, read by tshark: every message must be a mailbox message to
+// it, with no malformed field and no expert warning. The program runs itself once more, with a file to write them to.
 #include "bench_device.hpp"
 
 #include "wire/mailbox_pcap.hpp"
@@ -15,8 +15,9 @@ namespace {
 
 constexpr const char* kRecordTo = "MARGAY_MAILBOX_RECORD";
 
-// What tshark cannot read though it is as the standard has it (ETG.1000.6 "SDO information"): it takes the second fragment of a
-// description for a description, and default, minimum and maximum of an entry for its name. Lists it does read.
+// What tshark cannot read though it is as the standard has it (ETG.1000.6 "SDO information"): it takes the second
+// fragment of a description for a description, and default, minimum and maximum of an entry for its name. Lists it does
+// read.
 bool beyond_tshark(const std::vector<std::byte>& message, bool& more_to_come) {
     namespace coe = wire::coe;
     const auto data = Bytes(message).subspan(wire::kMailboxHeaderBytes);
@@ -29,8 +30,9 @@ bool beyond_tshark(const std::vector<std::byte>& message, bool& more_to_come) {
     const bool fragment = more_to_come || (opcode & coe::kInfoIncomplete) != 0;
     more_to_come = (opcode & coe::kInfoIncomplete) != 0;
     if (!description) return false;
-    return fragment || (kind == coe::InfoOpcode::entry_response && data.size() > coe::InfoLayout::entry_value_info::offset &&
-                        coe::InfoLayout::entry_value_info::load(data) != 0);
+    return fragment ||
+           (kind == coe::InfoOpcode::entry_response && data.size() > coe::InfoLayout::entry_value_info::offset &&
+            coe::InfoLayout::entry_value_info::load(data) != 0);
 }
 
 class Recorder final : public ::testing::Environment {
@@ -62,8 +64,9 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
     const auto run = std::string(kRecordTo) + "='" + file.string() + "' '" + self +
                      "' --gtest_filter='-TsharkMailbox*' --gtest_brief=1 >/dev/null 2>&1";
     ASSERT_EQ(std::system(run.c_str()), 0) << "other tests fail: see them first";
-    const auto packets = testing_tshark::fields_of(file.string(), {"frame.number", "_ws.malformed", "_ws.expert", "ecat_mailbox.length",
-                                                                   "ecat_mailbox.coe.type", "ecat_mailbox.foe_opmode", "ecat_mailbox.soe_opcode"});
+    const auto packets = testing_tshark::fields_of(
+        file.string(), {"frame.number", "_ws.malformed", "_ws.expert", "ecat_mailbox.length", "ecat_mailbox.coe.type",
+                        "ecat_mailbox.foe_opmode", "ecat_mailbox.soe_opcode"});
     std::size_t coe = 0;
     std::size_t foe = 0;
     std::size_t soe = 0;

@@ -14,15 +14,11 @@ namespace {
 
 TEST(MailboxHeaderTest, BitsLieWhereTheStandardPutsThem) {
     std::array<std::byte, kMailboxHeaderBytes> bytes{};
-    store_mailbox_header(bytes, {.length = 0x0102,
-                                 .address = 0x1001,
-                                 .channel = 0x21,
-                                 .priority = 2,
-                                 .type = MailboxType::coe,
-                                 .counter = 5});
+    store_mailbox_header(
+        bytes,
+        {.length = 0x0102, .address = 0x1001, .channel = 0x21, .priority = 2, .type = MailboxType::coe, .counter = 5});
     const std::array<int, 6> expected{0x02, 0x01, 0x01, 0x10, 0xA1, 0x53};
-    for (std::size_t i = 0; i < bytes.size(); ++i)
-        EXPECT_EQ(std::to_integer<int>(bytes[i]), expected[i]) << i;
+    for (std::size_t i = 0; i < bytes.size(); ++i) EXPECT_EQ(std::to_integer<int>(bytes[i]), expected[i]) << i;
 }
 
 TEST(MailboxHeaderTest, EveryHeaderComesBackAsItWasStored) {
@@ -31,12 +27,8 @@ TEST(MailboxHeaderTest, EveryHeaderComesBackAsItWasStored) {
         for (unsigned priority = 0; priority < 4; ++priority)
             for (unsigned type = 0; type < 16; ++type)
                 for (unsigned counter = 0; counter < 8; ++counter) {
-                    const MailboxHeader h{7,
-                                          9,
-                                          std::uint8_t(channel),
-                                          std::uint8_t(priority),
-                                          MailboxType(type),
-                                          std::uint8_t(counter)};
+                    const MailboxHeader h{
+                        7, 9, std::uint8_t(channel), std::uint8_t(priority), MailboxType(type), std::uint8_t(counter)};
                     store_mailbox_header(bytes, h);
                     ASSERT_EQ(load_mailbox_header(bytes), h);
                 }
@@ -44,8 +36,7 @@ TEST(MailboxHeaderTest, EveryHeaderComesBackAsItWasStored) {
 
 TEST(MailboxHeaderTest, CountersGoOneToSeven) {
     std::uint8_t counter = 0;
-    for (const int expected : {1, 2, 3, 4, 5, 6, 7, 1, 2})
-        EXPECT_EQ(counter = next_mailbox_counter(counter), expected);
+    for (const int expected : {1, 2, 3, 4, 5, 6, 7, 1, 2}) EXPECT_EQ(counter = next_mailbox_counter(counter), expected);
 }
 
 TEST(MailboxMessageTest, NothingIsReadPastTheEnd) {

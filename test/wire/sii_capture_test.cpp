@@ -24,8 +24,7 @@ std::vector<std::vector<std::string>> printed(const std::string& capture, const 
     const std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen((command + " 2>/dev/null").c_str(), "r"), pclose);
     std::string all;
     std::array<char, 4096> block{};
-    while (const auto n = pipe ? std::fread(block.data(), 1, block.size(), pipe.get()) : 0)
-        all.append(block.data(), n);
+    while (const auto n = pipe ? std::fread(block.data(), 1, block.size(), pipe.get()) : 0) all.append(block.data(), n);
     std::vector<std::vector<std::string>> out;
     std::istringstream lines(all);
     for (std::string line; std::getline(lines, line);) {
@@ -49,8 +48,7 @@ class SeenEeprom {
         seen_[at] = true;
     }
     [[nodiscard]] Bytes words(std::uint32_t at, std::size_t count) const {
-        for (std::size_t i = at; i < at + count; ++i)
-            EXPECT_TRUE(i < seen_.size() && seen_[i]) << "word " << i;
+        for (std::size_t i = at; i < at + count; ++i) EXPECT_TRUE(i < seen_.size() && seen_[i]) << "word " << i;
         return Bytes(image_).subspan(at * 2, count * 2);
     }
     // Follows the chain as far as its headers were read.
@@ -74,14 +72,13 @@ std::map<unsigned, SeenEeprom> eeproms_in(const std::string& capture) {
     std::map<unsigned, SeenEeprom> out;
     std::map<unsigned, std::uint32_t> asked;
     for (const auto& line : printed(capture, "ecat.cnt == 1 && (ecat.ado == 0x0502 || ecat.ado == 0x0508)",
-                                    {"ecat.cmd", "ecat.adp", "ecat.reg.addrl", "ecat.reg.data0",
-                                     "ecat.reg.data1", "ecat.reg.data2", "ecat.reg.data3"})) {
+                                    {"ecat.cmd", "ecat.adp", "ecat.reg.addrl", "ecat.reg.data0", "ecat.reg.data1",
+                                     "ecat.reg.data2", "ecat.reg.data3"})) {
         const auto slave = number(line[1]);
         if (number(line[0]) == 5 && !line[2].empty()) asked[slave] = number(line[2]);
         if (number(line[0]) != 4) continue;
         for (std::uint32_t i = 0; i < 4; ++i)
-            if (!line[3 + i].empty())
-                out[slave].see(asked[slave] + i, static_cast<std::uint16_t>(number(line[3 + i])));
+            if (!line[3 + i].empty()) out[slave].see(asked[slave] + i, static_cast<std::uint16_t>(number(line[3 + i])));
     }
     return out;
 }
@@ -122,8 +119,7 @@ class SiiCaptures : public ::testing::Test {
     }
 
     // The SII's SyncManagers against those that the master configured. Lengths of 0 come from the PDOs.
-    static void expect_as_written(const std::string& capture, unsigned slave, Bytes content,
-                                  std::size_t count) {
+    static void expect_as_written(const std::string& capture, unsigned slave, Bytes content, std::size_t count) {
         const auto written = sync_managers_written(capture, slave);
         ASSERT_EQ(written.size(), count);
         SyncManagers managers(content);

@@ -15,8 +15,8 @@
 namespace margay::wire::sii {
 
 void PrintTo(const Finding& f, std::ostream* out) {
-    *out << to_text(f.fault) << ", category " << f.category << ", word " << f.word << ", expected "
-         << f.expected << ", actual " << f.actual;
+    *out << to_text(f.fault) << ", category " << f.category << ", word " << f.word << ", expected " << f.expected
+         << ", actual " << f.actual;
 }
 
 namespace {
@@ -51,17 +51,14 @@ constexpr auto kNone = category::kEnd;
 TEST(SiiCheck, HasNothingToSayAboutAGoodImage) { EXPECT_EQ(findings_of(MadeUpDevice{}.image()), Findings{}); }
 
 TEST(SiiCheck, Blank) {
-    EXPECT_EQ(findings_of(std::vector<std::byte>(2048, std::byte{0xFF})),
-              (Findings{{Fault::blank, kNone, 0, 0, 0}}));
-    EXPECT_EQ(findings_of(std::vector<std::byte>(1, std::byte{0xFF})),
-              (Findings{{Fault::blank, kNone, 0, 0, 0}}));
+    EXPECT_EQ(findings_of(std::vector<std::byte>(2048, std::byte{0xFF})), (Findings{{Fault::blank, kNone, 0, 0, 0}}));
+    EXPECT_EQ(findings_of(std::vector<std::byte>(1, std::byte{0xFF})), (Findings{{Fault::blank, kNone, 0, 0, 0}}));
 }
 
 TEST(SiiCheck, Zeros) {
-    EXPECT_EQ(findings_of(std::vector<std::byte>(2048)),
-              (Findings{{Fault::checksum, kNone, 7, 0x30, 0},
-                        {Fault::size_mismatch, kNone, 0x3E, 2048, 128},
-                        {Fault::no_end, kNone, 0x40, 0, 0}}));
+    EXPECT_EQ(findings_of(std::vector<std::byte>(2048)), (Findings{{Fault::checksum, kNone, 7, 0x30, 0},
+                                                                   {Fault::size_mismatch, kNone, 0x3E, 2048, 128},
+                                                                   {Fault::no_end, kNone, 0x40, 0, 0}}));
 }
 
 TEST(SiiCheck, Truncated) {
@@ -115,8 +112,7 @@ TEST(SiiCheck, Mailboxes) {
     EXPECT_EQ(change_word(0x16, 0x10FF), (Findings{{Fault::mailbox_overlap, kNone, 0x14, 0, 0}}));
     EXPECT_EQ(findings_after([](auto& image) { std::fill_n(image.begin() + 0x30, 8, std::byte{0}); }),
               (Findings{{Fault::mailbox_without_size, kNone, 0x18, 0, 0}}));
-    EXPECT_EQ(findings_after([](auto& image) { std::fill_n(image.begin() + 0x28, 8, std::byte{0}); }),
-              Findings{});
+    EXPECT_EQ(findings_after([](auto& image) { std::fill_n(image.begin() + 0x28, 8, std::byte{0}); }), Findings{});
 }
 
 TEST(SiiCheck, Size) {

@@ -36,15 +36,13 @@ inline std::vector<std::byte> image_of(const std::string& file) {
 
 // A device with everything that an SII can describe.
 struct MadeUpDevice {
-    static constexpr PdoEntryDescription kStatus[] = {{0x6041, 0, "Status word", 0x06, 16, 0},
-                                                      {0x0000, 0, "", 0x00, 3, 0},
-                                                      {0x6060, 1, "Ready", 0x01, 1, 0}};
+    static constexpr PdoEntryDescription kStatus[] = {
+        {0x6041, 0, "Status word", 0x06, 16, 0}, {0x0000, 0, "", 0x00, 3, 0}, {0x6060, 1, "Ready", 0x01, 1, 0}};
     static constexpr PdoEntryDescription kControl[] = {{0x6040, 0, "Control word", 0x06, 16, 0}};
     static constexpr PdoDescription kInputs[] = {
         {0x1A00, 3, 0, "Inputs", pdo_flag::kFixedContent | pdo_flag::kMandatory, kStatus},
         {0x1A01, Pdo::kNoSyncManager, 1, "Inputs", 0, {}}};
-    static constexpr PdoDescription kOutputs[] = {
-        {0x1600, 2, 0, "Outputs", pdo_flag::kFixedContent, kControl}};
+    static constexpr PdoDescription kOutputs[] = {{0x1600, 2, 0, "Outputs", pdo_flag::kFixedContent, kControl}};
     static constexpr FmmuUse kFmmus[] = {FmmuUse::outputs, FmmuUse::inputs, FmmuUse::mailbox_status};
     static constexpr SmInfo kSyncManagers[] = {{0x1000, 128, 0x26, 1, SmType::mailbox_out},
                                                {0x1080, 128, 0x22, 1, SmType::mailbox_in},
@@ -60,29 +58,28 @@ struct MadeUpDevice {
                                              "Distributed clocks"},
                                             {{}, "Free run", ""}};
 
-    Description description{
-        .configuration = {.pdi_control = 0x0C08, .pdi_configuration = 0x6E, .alias = 0x1234},
-        .identity = {0x4D47, 0x10203040, 0x00010002, 77},
-        .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE | mailbox_protocol::kFoE},
-        .boot_mailbox = {0x1000, 256, 0x1200, 256, 0},
-        .group = "Made up",
-        .order = "MG-1",
-        .name = "Made up drive",
-        .general = {.coe_details = coe_detail::kSdo | coe_detail::kCompleteAccess,
-                    .foe_details = 1,
-                    .eoe_details = 3,
-                    .soe_channels = 2,
-                    .ds402_channels = 4,
-                    .sysman_class = 5,
-                    .flags = general_flag::kNotLrw,
-                    .ebus_current_ma = -500,
-                    .physical_ports = 0x3311,
-                    .identification_address = 0x0F40},
-        .fmmus = kFmmus,
-        .sync_managers = kSyncManagers,
-        .tx_pdos = kInputs,
-        .rx_pdos = kOutputs,
-        .dc = kDc};
+    Description description{.configuration = {.pdi_control = 0x0C08, .pdi_configuration = 0x6E, .alias = 0x1234},
+                            .identity = {0x4D47, 0x10203040, 0x00010002, 77},
+                            .mailbox = {0x1000, 128, 0x1080, 128, mailbox_protocol::kCoE | mailbox_protocol::kFoE},
+                            .boot_mailbox = {0x1000, 256, 0x1200, 256, 0},
+                            .group = "Made up",
+                            .order = "MG-1",
+                            .name = "Made up drive",
+                            .general = {.coe_details = coe_detail::kSdo | coe_detail::kCompleteAccess,
+                                        .foe_details = 1,
+                                        .eoe_details = 3,
+                                        .soe_channels = 2,
+                                        .ds402_channels = 4,
+                                        .sysman_class = 5,
+                                        .flags = general_flag::kNotLrw,
+                                        .ebus_current_ma = -500,
+                                        .physical_ports = 0x3311,
+                                        .identification_address = 0x0F40},
+                            .fmmus = kFmmus,
+                            .sync_managers = kSyncManagers,
+                            .tx_pdos = kInputs,
+                            .rx_pdos = kOutputs,
+                            .dc = kDc};
 
     [[nodiscard]] std::vector<std::byte> image(std::size_t eeprom_bytes = 2048) const {
         std::vector<std::byte> out(eeprom_bytes);

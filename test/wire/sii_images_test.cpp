@@ -39,22 +39,19 @@ constexpr auto kNo = PhysicalPort::unused;
 std::vector<ExpectedPdo> digital_outputs(unsigned channels) {
     std::vector<ExpectedPdo> out;
     for (unsigned n = 0; n < channels; ++n)
-        out.push_back({static_cast<std::uint16_t>(0x1600 + n),
-                       static_cast<std::uint8_t>(n / 8),
-                       {0x70000101 + (n << 20)}});
+        out.push_back(
+            {static_cast<std::uint16_t>(0x1600 + n), static_cast<std::uint8_t>(n / 8), {0x70000101 + (n << 20)}});
     return out;
 }
 
 // The EL2262's channels: a cycle counter, an output that may be one bit or an oversampled octet, and gaps of
 // one to seven bits.
 std::vector<ExpectedPdo> oversampled_outputs() {
-    return {{0x1700, 0, {0x78000110}}, {0x1600, 0, {0x70000101}}, {0x1800, 0, {0x72000108}},
-            {0x1710, 0, {1}},          {0x1711, 0, {2}},          {0x1712, 0, {3}},
-            {0x1713, 0, {4}},          {0x1714, 0, {5}},          {0x1715, 0, {6}},
-            {0x1716, 0, {7}},          {0x1701, 1, {0x78000210}}, {0x1680, 1, {0x70000201}},
-            {0x1880, 1, {0x72000208}}, {0x1718, 1, {1}},          {0x1719, 1, {2}},
-            {0x171A, 1, {3}},          {0x171B, 1, {4}},          {0x171C, 1, {5}},
-            {0x171D, 1, {6}},          {0x171E, 1, {7}}};
+    return {{0x1700, 0, {0x78000110}}, {0x1600, 0, {0x70000101}}, {0x1800, 0, {0x72000108}}, {0x1710, 0, {1}},
+            {0x1711, 0, {2}},          {0x1712, 0, {3}},          {0x1713, 0, {4}},          {0x1714, 0, {5}},
+            {0x1715, 0, {6}},          {0x1716, 0, {7}},          {0x1701, 1, {0x78000210}}, {0x1680, 1, {0x70000201}},
+            {0x1880, 1, {0x72000208}}, {0x1718, 1, {1}},          {0x1719, 1, {2}},          {0x171A, 1, {3}},
+            {0x171B, 1, {4}},          {0x171C, 1, {5}},          {0x171D, 1, {6}},          {0x171E, 1, {7}}};
 }
 
 std::vector<Expected> devices() {
@@ -134,8 +131,8 @@ std::vector<ExpectedPdo> pdos_of(Bytes image, std::uint16_t type) {
         out.push_back({pdo->index, pdo->sync_manager, {}});
         PdoEntries entries(pdo->entries);
         while (const auto entry = entries.next())
-            out.back().entries.push_back((std::uint32_t{entry->index} << 16) |
-                                         (std::uint32_t{entry->subindex} << 8) | entry->bit_length);
+            out.back().entries.push_back((std::uint32_t{entry->index} << 16) | (std::uint32_t{entry->subindex} << 8) |
+                                         entry->bit_length);
     }
     EXPECT_EQ(pdos.fault(), Fault::none);
     return out;
@@ -248,8 +245,7 @@ TEST_F(SiiImages, DriveHasMailboxesObjectsAndModes) {
     ASSERT_TRUE(general.ok());
     EXPECT_EQ(string_of(image, general.value.order), "AKD");
     EXPECT_EQ(string_of(image, general.value.name), "AKD EtherCAT Drive (CoE)");
-    EXPECT_EQ(general.value.coe_details,
-              coe_detail::kSdo | coe_detail::kPdoAssignment | coe_detail::kPdoConfiguration);
+    EXPECT_EQ(general.value.coe_details, coe_detail::kSdo | coe_detail::kPdoAssignment | coe_detail::kPdoConfiguration);
     EXPECT_EQ(general.value.foe_details & 1, 1);
     EXPECT_EQ(general.value.eoe_details & 1, 1);
     EXPECT_EQ(general.value.ds402_channels, 1);
@@ -297,13 +293,12 @@ TEST_F(SiiImages, DriveAssignsTheDefaultPdos) {
     EXPECT_EQ(outputs[0].entries, (std::vector<std::uint32_t>{0x60C10120, 0x60400010}));
     std::vector<unsigned> indices;
     for (const auto& pdo : pdos_of(image, category::kRxPdo)) indices.push_back(pdo.index);
-    EXPECT_EQ(indices, (std::vector<unsigned>{0x1600, 0x1601, 0x1602, 0x1603, 0x1701, 0x1702, 0x1720, 0x1721,
-                                              0x1722, 0x1723, 0x1724, 0x1725}));
+    EXPECT_EQ(indices, (std::vector<unsigned>{0x1600, 0x1601, 0x1602, 0x1603, 0x1701, 0x1702, 0x1720, 0x1721, 0x1722,
+                                              0x1723, 0x1724, 0x1725}));
 }
 
 TEST_F(SiiImages, TheStrictCheckFindsNothing) {
-    for (const auto* file :
-         {"akd.bin", "ek1100.bin", "el2004.bin", "el2262.bin", "el2828.bin", "el2889.bin"}) {
+    for (const auto* file : {"akd.bin", "ek1100.bin", "el2004.bin", "el2262.bin", "el2828.bin", "el2889.bin"}) {
         std::array<Finding, 4> findings{};
         EXPECT_EQ(check_image(image_of(file), findings), 0U) << file << ": " << to_text(findings[0].fault);
     }

@@ -148,8 +148,7 @@ TEST(SiiCategories, EndMarkAsTheLastWordNeedsNoLength) {
 TEST(SiiCategories, WithoutEndMark) {
     EXPECT_EQ(walk(with_categories({})), (Walk{{}, Fault::no_end, 0x40}));
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 1, 0, 0, 0}))), (Walk{{10}, Fault::no_end, 0x43}));
-    EXPECT_EQ(walk(std::vector<std::byte>(2048)),
-              (Walk{{}, Fault::no_end, 0x40}));  // zeros are not walked through
+    EXPECT_EQ(walk(std::vector<std::byte>(2048)), (Walk{{}, Fault::no_end, 0x40}));  // zeros are not walked through
     EXPECT_EQ(walk({}), (Walk{{}, Fault::no_end, 0x40}));
     EXPECT_EQ(walk(std::vector<std::byte>(50)), (Walk{{}, Fault::no_end, 0x40}));
 }
@@ -158,8 +157,7 @@ TEST(SiiCategories, LongerThanTheEeprom) {
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 2, 0, 1, 1}))), (Walk{{}, Fault::category_past_end, 0x40}));
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 0, 0, 30, 0, 0xFF, 0xFF, 0, 0}))),
               (Walk{{10}, Fault::category_past_end, 0x42}));
-    EXPECT_EQ(walk(with_categories(bytes({10, 0}))),
-              (Walk{{}, Fault::category_past_end, 0x40}));  // not even a length
+    EXPECT_EQ(walk(with_categories(bytes({10, 0}))), (Walk{{}, Fault::category_past_end, 0x40}));  // not even a length
 }
 
 // The chain for reading over the wire needs no more than the headers, and ends whatever they say.
@@ -345,8 +343,7 @@ TEST(SiiPdos, FieldByField) {
 }
 
 TEST(SiiPdos, EntriesThatReachIntoTheNextCategory) {
-    const auto content =
-        bytes({0x00, 0x1A, 0, 3, 0, 0, 0, 0, 0x01, 0x1A, 2, 3, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8});
+    const auto content = bytes({0x00, 0x1A, 0, 3, 0, 0, 0, 0, 0x01, 0x1A, 2, 3, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8});
     Pdos pdos(content);
     ASSERT_TRUE(pdos.next());
     EXPECT_EQ(pdos.fault(), Fault::none);

@@ -37,9 +37,8 @@ TEST(SiiWriter, WritesTheSmallestDeviceOctetByOctet) {
                              30,   0,    16,   0,    0, 0, 0,   1, 0, 0, 0, 0, 0, 0, 0, 0, 100, 0,
                              0,    0,    0x33, 0,    0, 0, 0,   0, 0, 0, 0, 0, 0, 0, 0, 0, 0,   0,  //
                              0xFF, 0xFF});
-    EXPECT_EQ(
-        std::vector<std::byte>(eeprom.begin() + 0x7C, eeprom.begin() + 0x7C + static_cast<long>(rest.size())),
-        rest);
+    EXPECT_EQ(std::vector<std::byte>(eeprom.begin() + 0x7C, eeprom.begin() + 0x7C + static_cast<long>(rest.size())),
+              rest);
     EXPECT_EQ(written.value, 0x7C + rest.size());
     EXPECT_TRUE(is_blank(Bytes(eeprom).subspan(written.value)));
 }
@@ -192,15 +191,13 @@ TEST(SiiWriter, RawCategoriesStandWhereTheyBelong) {
     const RawCategory device_specific[] = {{3, before}};
     const RawCategory others[] = {{0x8123, behind}};
     std::vector<std::byte> eeprom(512);
-    ASSERT_TRUE(
-        write_image({.name = "N", .device_specific = device_specific, .others = others}, eeprom).ok());
+    ASSERT_TRUE(write_image({.name = "N", .device_specific = device_specific, .others = others}, eeprom).ok());
     std::vector<std::uint16_t> types;
     CategoryWalker walker(eeprom);
     while (const auto found = walker.next()) {
         types.push_back(found->place.type);
         if (found->place.type == 3) {
-            EXPECT_EQ(std::vector<std::byte>(found->content.begin(), found->content.end()),
-                      bytes({1, 2, 3, 0}));
+            EXPECT_EQ(std::vector<std::byte>(found->content.begin(), found->content.end()), bytes({1, 2, 3, 0}));
         }
     }
     EXPECT_EQ(walker.fault(), Fault::none);

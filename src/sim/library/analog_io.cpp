@@ -70,14 +70,13 @@ struct Input {
     using At = Field<typename F::Type, in_at(N) + F::offset>;
     template <class F>
     using Set = Field<typename F::Type, scale_at(N) + F::offset>;
-    static constexpr std::array<Entry, 7> kValues{
-        entry_count(0x11),
-        flag<At<In::underrange>>(1, "Underrange", kOneBit),
-        flag<At<In::overrange>>(2, "Overrange", kOneBit),
-        flag<At<In::limit>>(3, "Limit", kOneBit, 2),
-        flag<At<In::error>>(7, "Error", kOneBit),
-        flag<At<In::toggle>>(0x10, "Toggle", kOneBit),
-        value<At<In::value>>(0x11, "Value", kOneBit)};
+    static constexpr std::array<Entry, 7> kValues{entry_count(0x11),
+                                                  flag<At<In::underrange>>(1, "Underrange", kOneBit),
+                                                  flag<At<In::overrange>>(2, "Overrange", kOneBit),
+                                                  flag<At<In::limit>>(3, "Limit", kOneBit, 2),
+                                                  flag<At<In::error>>(7, "Error", kOneBit),
+                                                  flag<At<In::toggle>>(0x10, "Toggle", kOneBit),
+                                                  value<At<In::value>>(0x11, "Value", kOneBit)};
     static constexpr std::array<Entry, 7> kSettings{
         entry_count(0x14),
         flag<Set<Scale::on>>(1, "Enable user scale", od::kReadWrite | od::kBackup),
@@ -89,8 +88,8 @@ struct Input {
     static constexpr std::array<Entry, 2> kRaw{entry_count(1), value<At<In::raw>>(1, "Converter value", od::kRead)};
     static constexpr std::uint16_t kIndex = 0x6000 + 0x10 * N;
     static constexpr std::array<Entry, 9> kPdo{
-        entry_count(8),         mapped(1, kIndex, 1, 1), mapped(2, kIndex, 2, 1),
-        mapped(3, kIndex, 3, 2), mapped(4, 0, 0, 2),      mapped(5, kIndex, 7, 1),
+        entry_count(8),          mapped(1, kIndex, 1, 1),    mapped(2, kIndex, 2, 1),
+        mapped(3, kIndex, 3, 2), mapped(4, 0, 0, 2),         mapped(5, kIndex, 7, 1),
         mapped(6, 0, 0, 8),      mapped(7, kIndex, 0x10, 1), mapped(8, kIndex, 0x11, 16)};
 };
 
@@ -101,8 +100,8 @@ struct Output {
     template <class F>
     using Set = Field<typename F::Type, scale_at(kInputChannels + N) + F::offset>;
     static constexpr std::uint16_t kIndex = 0x7040 + 0x10 * N;
-    static constexpr std::array<Entry, 2> kValues{
-        entry_count(1), value<At<Out::value>>(1, "Value", od::kReadWrite | od::kRxMappable)};
+    static constexpr std::array<Entry, 2> kValues{entry_count(1),
+                                                  value<At<Out::value>>(1, "Value", od::kReadWrite | od::kRxMappable)};
     static constexpr std::array<Entry, 4> kSettings{
         entry_count(0x12), flag<Set<Scale::on>>(1, "Enable user scale", od::kReadWrite | od::kBackup),
         value<Set<Scale::offset>>(0x11, "User scale offset", od::kReadWrite | od::kBackup),
@@ -158,8 +157,7 @@ static_assert(well_formed(kObjects, kImageBytes));
 
 std::int16_t scaled(Bytes scale, std::int16_t value) {
     std::int64_t result = value;
-    if (Scale::on::load(scale) != 0)
-        result = (result * Scale::gain::load(scale)) / 65536 + Scale::offset::load(scale);
+    if (Scale::on::load(scale) != 0) result = (result * Scale::gain::load(scale)) / 65536 + Scale::offset::load(scale);
     return static_cast<std::int16_t>(std::clamp<std::int64_t>(result, INT16_MIN, INT16_MAX));
 }
 

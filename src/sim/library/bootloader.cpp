@@ -1,5 +1,5 @@
-// "bootloader": a device whose firmware is exchanged in BOOT, by FoE. A good image counts from the next start on, which comes
-// with the way back to INIT; until one is there the device refuses PREOP.
+// "bootloader": a device whose firmware is exchanged in BOOT, by FoE. A good image counts from the next start on, which
+// comes with the way back to INIT; until one is there the device refuses PREOP.
 #include "sim/library/bootloader.hpp"
 
 #include "sim/library/library.hpp"
@@ -79,7 +79,8 @@ const DeviceDescription& Bootloader::description() const { return kDevice; }
 
 std::vector<std::byte> Bootloader::make_image(std::uint16_t major, std::uint16_t minor, std::size_t code_bytes) {
     std::vector<std::byte> image(ImageLayout::bytes + code_bytes);
-    for (std::size_t i = 0; i < code_bytes; ++i) image[ImageLayout::bytes + i] = static_cast<std::byte>(i * 7 + i / 256);
+    for (std::size_t i = 0; i < code_bytes; ++i)
+        image[ImageLayout::bytes + i] = static_cast<std::byte>(i * 7 + i / 256);
     ImageLayout::magic::store(image, ImageLayout::kMagic);
     ImageLayout::product::store(image, kDevice.product_code);
     ImageLayout::minor::store(image, minor);
@@ -171,7 +172,8 @@ FoeAnswer Bootloader::open_to_write(const FoeFile& file, Time now) {
 FoeAnswer Bootloader::write(std::size_t offset, Bytes data, Time now) {
     if (now < busy_until_) return busy(now, kErase, "erasing");
     if (offset != flash_.size()) return FoeAnswer::error(FoeError::illegal);
-    if (flash_.size() + data.size() > kFlashBytes) return FoeAnswer::error(FoeError::disk_full, "the image is larger than the flash");
+    if (flash_.size() + data.size() > kFlashBytes)
+        return FoeAnswer::error(FoeError::disk_full, "the image is larger than the flash");
     flash_.insert(flash_.end(), data.begin(), data.end());
     return FoeAnswer::go();
 }

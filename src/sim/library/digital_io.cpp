@@ -59,8 +59,8 @@ constexpr auto kRxPdo = pdo(0x7000);
 constexpr auto kTxPdo = pdo(0x6000);
 constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
 constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
-constexpr Entry kSettings[] = {
-    entry_count(1), value<Values::invert>(1, "Invert inputs", od::kReadWrite | od::kBackup | od::kSettings)};
+constexpr Entry kSettings[] = {entry_count(1),
+                               value<Values::invert>(1, "Invert inputs", od::kReadWrite | od::kBackup | od::kSettings)};
 
 constexpr Object kObjects[] = {
     Common::device_type,
@@ -88,9 +88,8 @@ class DigitalIo final : public Model {
     [[nodiscard]] const DeviceDescription& description() const override { return kDevice; }
     void start(const Surroundings& around, Time) override { image_ = around.dictionary->image(); }
     void cycle(Time, bool) override {
-        const unsigned level = load_le<std::uint16_t>(pins_) ^ unsigned{Values::invert::load(image_)};
-        for (unsigned n = 0; n < kChannels; ++n)
-            image_[Values::inputs + n] = static_cast<std::byte>(level >> n & 1u);
+        const unsigned level = load_le<std::uint16_t>(pins_) ^ unsigned { Values::invert::load(image_) };
+        for (unsigned n = 0; n < kChannels; ++n) image_[Values::inputs + n] = static_cast<std::byte>(level >> n & 1u);
     }
     // The levels at the input pins, bit by bit.
     [[nodiscard]] MutableBytes measured() override { return pins_; }

@@ -68,7 +68,8 @@ void Drive::start(const Surroundings& around, Time now) {
 }
 
 MotorLimits Drive::limits() const {
-    return {static_cast<double>(Values::max_torque::load(image_)), static_cast<double>(Values::max_speed::load(image_))};
+    return {static_cast<double>(Values::max_torque::load(image_)),
+            static_cast<double>(Values::max_speed::load(image_))};
 }
 
 Profile::Shape Drive::shape() const {
@@ -137,8 +138,8 @@ void Drive::operate() {
         case Mode::cst: motor_.step_torque(Values::target_torque::load(image_), limits()); break;
         case Mode::hm:
             if (homing_.state() == Homing::State::moving) {
-                const double wanted = homing_.step({motor_.position(), previous_, motor_.position() <= -kTravel,
-                                                    motor_.position() >= kTravel});
+                const double wanted = homing_.step(
+                    {motor_.position(), previous_, motor_.position() <= -kTravel, motor_.position() >= kTravel});
                 const double change = Values::homing_acceleration::load(image_) * Motor::kStepSeconds;
                 ramp_to(wanted, change);
                 if (homing_.state() == Homing::State::attained)
@@ -172,8 +173,7 @@ void Drive::ramp_to(double speed, double change) {
 // Quick stop, and the reaction to a fault.
 void Drive::ramp_down() {
     const bool fault = states_.state() == DriveState::fault_reaction_active;
-    const int option =
-        fault ? Values::fault_option::load(image_) : Values::quick_stop_option::load(image_);
+    const int option = fault ? Values::fault_option::load(image_) : Values::quick_stop_option::load(image_);
     if (option == 0) {
         motor_.step_unpowered();
         return states_.stopped(false);
@@ -228,8 +228,8 @@ void Drive::safe_outputs(Time now) {
 }
 
 void Drive::obey(Time now) {
-    const auto code = static_cast<std::uint16_t>(Values::raise_error::load(image_) |
-                                                 load_le<std::uint16_t>(measured_, 2));
+    const auto code =
+        static_cast<std::uint16_t>(Values::raise_error::load(image_) | load_le<std::uint16_t>(measured_, 2));
     if (code != 0 && !error_requested_) fault(code, controllable(code), now);
     error_requested_ = code != 0;
     const auto supply = Values::supply::load(image_);
@@ -321,8 +321,7 @@ void Drive::profile_command(unsigned control, unsigned edges) {
 void Drive::homing_command(unsigned control, unsigned edges) {
     if ((edges & cw::kNewSetPoint) != 0 && (control & cw::kHalt) == 0) {
         ramp_ = motor_.speed();
-        homing_.begin({Values::homing_method::load(image_),
-                       static_cast<double>(Values::homing_fast::load(image_)),
+        homing_.begin({Values::homing_method::load(image_), static_cast<double>(Values::homing_fast::load(image_)),
                        static_cast<double>(Values::homing_slow::load(image_))});
     }
     const bool stop = (control & cw::kNewSetPoint) == 0 || (control & cw::kHalt) != 0;
@@ -352,8 +351,7 @@ unsigned Drive::mode_bits() const {
         }
         case Mode::csp:
         case Mode::csv:
-        case Mode::cst:
-            return (enabled ? sw::kSetPointAcknowledge : 0) | (following_error_ ? sw::kFollowingError : 0);
+        case Mode::cst: return (enabled ? sw::kSetPointAcknowledge : 0) | (following_error_ ? sw::kFollowingError : 0);
         case Mode::none: break;
     }
     return 0;

@@ -51,12 +51,12 @@ class Drive final : public Model {
     Interpolation interpolation_;
     Homing homing_;
     Mode mode_ = Mode::none;
-    Time time_{};           // the motor is there
-    double zero_ = 0;       // of the user's positions, in positions of the motor
-    double ramp_ = 0;       // speed wanted while a ramp runs
-    double previous_ = 0;   // position of the motor one step before
-    double overload_s_ = 0; // heat of the motor
-    Duration behind_{};     // how long the following error has been too large
+    Time time_{};            // the motor is there
+    double zero_ = 0;        // of the user's positions, in positions of the motor
+    double ramp_ = 0;        // speed wanted while a ramp runs
+    double previous_ = 0;    // position of the motor one step before
+    double overload_s_ = 0;  // heat of the motor
+    Duration behind_{};      // how long the following error has been too large
     unsigned last_control_ = 0;
     bool following_error_ = false;
     bool limited_ = false;

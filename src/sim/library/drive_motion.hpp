@@ -46,9 +46,7 @@ class Interpolation {
         if (done_ < steps_) done_ += 1;
     }
     [[nodiscard]] double position() const { return steps_ > 0 ? from_ + (to_ - from_) * done_ / steps_ : to_; }
-    [[nodiscard]] double speed() const {
-        return done_ < steps_ ? (to_ - from_) / (steps_ * Motor::kStepSeconds) : 0;
-    }
+    [[nodiscard]] double speed() const { return done_ < steps_ ? (to_ - from_) / (steps_ * Motor::kStepSeconds) : 0; }
 
   private:
     double from_ = 0;

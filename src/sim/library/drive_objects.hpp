@@ -1,4 +1,5 @@
-// The objects of "drive": what CiA 402 (IEC 61800-7-201) names for a servo drive with the modes pp, hm, csp, csv and cst.
+// The objects of "drive": what CiA 402 (IEC 61800-7-201) names for a servo drive with the modes pp, hm, csp, csv and
+// cst.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -101,8 +102,7 @@ inline constexpr Entry kFollowingTimeout[] = {
     value<Values::following_timeout>(0, "Following error time out", kSet, 10)};
 inline constexpr Entry kPositionWindow[] = {value<Values::position_window>(0, "Position window", kSet, 1000)};
 inline constexpr Entry kSpeed[] = {value<Values::speed>(0, "Velocity actual value", kIn)};
-inline constexpr Entry kTargetTorque[] = {
-    value<Values::target_torque>(0, "Target torque", kOut).within(-3000, 3000)};
+inline constexpr Entry kTargetTorque[] = {value<Values::target_torque>(0, "Target torque", kOut).within(-3000, 3000)};
 inline constexpr Entry kMaxTorque[] = {
     value<Values::max_torque>(0, "Max torque", kSet | od::kRxMappable, 3000).within(0, 3000)};
 inline constexpr Entry kRatedTorque[] = {constant<std::uint32_t>(0, "Motor rated torque", 2400)};
@@ -110,9 +110,8 @@ inline constexpr Entry kTorque[] = {value<Values::torque>(0, "Torque actual valu
 inline constexpr Entry kVoltage[] = {value<Values::voltage>(0, "DC link circuit voltage", kIn, 325'000)};
 inline constexpr Entry kTargetPosition[] = {value<Values::target_position>(0, "Target position", kOut)};
 inline constexpr Entry kHomeOffset[] = {value<Values::home_offset>(0, "Home offset", kSet)};
-inline constexpr Entry kSoftwareLimits[] = {
-    entry_count(2), value<Values::limit_low>(1, "Min position limit", kSet),
-    value<Values::limit_high>(2, "Max position limit", kSet)};
+inline constexpr Entry kSoftwareLimits[] = {entry_count(2), value<Values::limit_low>(1, "Min position limit", kSet),
+                                            value<Values::limit_high>(2, "Max position limit", kSet)};
 inline constexpr Entry kMaxSpeed[] = {value<Values::max_speed>(0, "Max motor speed", kSet, 100 * kTurn)};
 inline constexpr Entry kProfileSpeed[] = {
     value<Values::profile_speed>(0, "Profile velocity", kSet | od::kRxMappable, 20 * kTurn)};
@@ -148,10 +147,10 @@ inline constexpr Entry kFaults[] = {entry_count(4), value<Values::raise_error>(1
 inline constexpr auto kRxPdo = changeable_list<std::uint32_t, 8>(
     Values::rx_pdo, 6, "Mapping entry",
     {map(0x6040, 0, 16), map(0x607A, 0, 32), map(0x60FF, 0, 32), map(0x6071, 0, 16), map(0x6060, 0, 8), map(0, 0, 8)});
-inline constexpr auto kTxPdo = changeable_list<std::uint32_t, 10>(
-    Values::tx_pdo, 8, "Mapping entry",
-    {map(0x6041, 0, 16), map(0x6064, 0, 32), map(0x606C, 0, 32), map(0x6077, 0, 16), map(0x6061, 0, 8), map(0, 0, 8),
-     map(0x603F, 0, 16), map(0x60FD, 0, 32)});
+inline constexpr auto kTxPdo =
+    changeable_list<std::uint32_t, 10>(Values::tx_pdo, 8, "Mapping entry",
+                                       {map(0x6041, 0, 16), map(0x6064, 0, 32), map(0x606C, 0, 32), map(0x6077, 0, 16),
+                                        map(0x6061, 0, 8), map(0, 0, 8), map(0x603F, 0, 16), map(0x60FD, 0, 32)});
 inline constexpr Entry kRxPosition[] = {entry_count(2), mapped(1, 0x6040, 0, 16), mapped(2, 0x607A, 0, 32)};
 inline constexpr Entry kRxSpeed[] = {entry_count(2), mapped(1, 0x6040, 0, 16), mapped(2, 0x60FF, 0, 32)};
 inline constexpr Entry kRxTorque[] = {entry_count(2), mapped(1, 0x6040, 0, 16), mapped(2, 0x6071, 0, 16)};

@@ -1,5 +1,5 @@
-// The state machine of a drive (IEC 61800-7-201, CiA 402: "Power drive system state machine"; control word 0x6040, status
-// word 0x6041).
+// The state machine of a drive (IEC 61800-7-201, CiA 402: "Power drive system state machine"; control word 0x6040,
+// status word 0x6041).
 #pragma once
 
 #include <cstdint>

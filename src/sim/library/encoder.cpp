@@ -151,7 +151,8 @@ class Encoder final : public Model {
     void look_for_index(std::int64_t before) {
         if (!index_armed_ || position_ == before || Values::index_valid::load(image_) != 0) return;
         const bool up = position_ > before;
-        const auto pulse = (up ? floor_div(before, kCountsPerTurn) + 1 : floor_div(before - 1, kCountsPerTurn)) * kCountsPerTurn;
+        const auto pulse =
+            (up ? floor_div(before, kCountsPerTurn) + 1 : floor_div(before - 1, kCountsPerTurn)) * kCountsPerTurn;
         if (up ? pulse > position_ : pulse < position_) return;
         Values::latched::store(image_, counter(pulse));
         Values::index_valid::store(image_, 1);

@@ -1,5 +1,5 @@
-// "odd_device": 64 KiB of objects, some of them slow, PDOs that can be mapped at will, outputs that come back as inputs. What
-// else is odd about it is switched on by name (quirks.hpp).
+// "odd_device": 64 KiB of objects, some of them slow, PDOs that can be mapped at will, outputs that come back as
+// inputs. What else is odd about it is switched on by name (quirks.hpp).
 #include "sim/library/library.hpp"
 
 namespace margay::sim {
@@ -80,16 +80,15 @@ constexpr Entry kOutputs[] = {entry_count(kWords), words("Word", od::kReadWrite 
 constexpr auto pdo(unsigned n, std::uint16_t index, std::uint8_t first, std::uint8_t count) {
     std::array<std::uint32_t, kMappingEntries> entries{};
     for (std::uint8_t i = 0; i < count; ++i) entries[i] = map(index, static_cast<std::uint8_t>(first + i), 16);
-    return changeable_list<std::uint32_t, kMappingEntries>(Values::pdos + n * Values::pdo_bytes, count, "Mapping entry", entries);
+    return changeable_list<std::uint32_t, kMappingEntries>(Values::pdos + n * Values::pdo_bytes, count, "Mapping entry",
+                                                           entries);
 }
 constexpr auto kRxPdo1 = pdo(0, 0x7000, 1, 4);
 constexpr auto kRxPdo2 = pdo(1, 0x7000, 5, 8);
 constexpr auto kTxPdo1 = pdo(2, 0x6000, 1, 4);
 constexpr auto kTxPdo2 = pdo(3, 0x6000, 5, 8);
-constexpr auto kRxAssignment =
-    changeable_list<std::uint16_t, 2>(Values::rx_assignment, 1, "Assigned PDO", {0x1600});
-constexpr auto kTxAssignment =
-    changeable_list<std::uint16_t, 2>(Values::tx_assignment, 1, "Assigned PDO", {0x1A00});
+constexpr auto kRxAssignment = changeable_list<std::uint16_t, 2>(Values::rx_assignment, 1, "Assigned PDO", {0x1600});
+constexpr auto kTxAssignment = changeable_list<std::uint16_t, 2>(Values::tx_assignment, 1, "Assigned PDO", {0x1A00});
 
 constexpr auto kObjects = [] {
     std::array<Object, 14 + kBlocks + 3> objects{};

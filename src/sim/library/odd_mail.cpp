@@ -46,11 +46,10 @@ void OddMail::start(AlState state, const MailboxRoom& room) {
     queue(type_, reply, 0);
 }
 
-bool OddMail::busy() const {
-    return late_until_ != kNever || inner_.busy() || waiting_ + 4 > letters_.size();
-}
+bool OddMail::busy() const { return late_until_ != kNever || inner_.busy() || waiting_ + 4 > letters_.size(); }
 
-std::optional<MailboxErrorCode> OddMail::receive(const wire::MailboxMessage& message, subdevice::Outbox& out, Time now) {
+std::optional<MailboxErrorCode> OddMail::receive(const wire::MailboxMessage& message, subdevice::Outbox& out,
+                                                 Time now) {
     if (quirks_.has(Quirk::error_replies)) return MailboxErrorCode::service_not_supported;
     if (quirks_.has(Quirk::slow_replies)) {
         late_.bytes = std::min(message.data.size(), late_.data.size());
@@ -75,7 +74,8 @@ std::optional<MailboxErrorCode> OddMail::forward(const wire::MailboxMessage& mes
 Time OddMail::step(subdevice::Outbox& out, Time now) {
     if (late_until_ <= now) {
         late_until_ = kNever;
-        const wire::MailboxMessage message{{.address = late_.address, .type = type_}, Bytes(late_.data).first(late_.bytes)};
+        const wire::MailboxMessage message{{.address = late_.address, .type = type_},
+                                           Bytes(late_.data).first(late_.bytes)};
         (void)forward(message, now);
     }
     const auto next = inner_.step(*this, now);
@@ -196,8 +196,8 @@ void OddMail::spoil_upload(MutableBytes data, std::size_t& bytes) {
                            data.begin() + SdoLayout::expedited_data + static_cast<std::ptrdiff_t>(size),
                            data.begin() + SdoLayout::normal_data + static_cast<std::ptrdiff_t>(size));
         SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(size));
-        SdoLayout::command::store(data, sdo::command(coe::response::kUpload, sdo::kSizeIndicated |
-                                                                                 (command & sdo::kCompleteAccess)));
+        SdoLayout::command::store(
+            data, sdo::command(coe::response::kUpload, sdo::kSizeIndicated | (command & sdo::kCompleteAccess)));
         bytes = SdoLayout::normal_data + size;
     }
     hold_back(data, bytes);

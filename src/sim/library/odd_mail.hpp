@@ -1,4 +1,5 @@
-// A mailbox server with manners: it stands in front of a good one and spoils what goes in and out, as its quirks have it.
+// A mailbox server with manners: it stands in front of a good one and spoils what goes in and out, as its quirks have
+// it.
 #pragma once
 
 #include "sim/library/quirk.hpp"
@@ -51,11 +52,11 @@ class OddMail final : public subdevice::MailboxServer, private subdevice::Outbox
     std::array<Letter, 8> letters_;  // that wait, from first_ on
     std::size_t first_ = 0;
     std::size_t waiting_ = 0;
-    std::vector<std::byte> draft_;   // what the inner server writes into
+    std::vector<std::byte> draft_;  // what the inner server writes into
     std::size_t room_ = 0;
-    Letter late_;                    // a request that will be looked at later
+    Letter late_;  // a request that will be looked at later
     Time late_until_ = kNever;
-    std::vector<std::byte> held_;    // a value that is given out in segments
+    std::vector<std::byte> held_;  // a value that is given out in segments
     std::size_t held_bytes_ = 0;
     std::size_t held_at_ = 0;
     bool holding_ = false;

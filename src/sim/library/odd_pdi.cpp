@@ -1,7 +1,7 @@
 #include "sim/library/odd_pdi.hpp"
 
-#include "subdevice/esm_checks.hpp"
 #include "subdevice/esc_registers.hpp"
+#include "subdevice/esm_checks.hpp"
 #include "wire/mailbox.hpp"
 
 #include <algorithm>

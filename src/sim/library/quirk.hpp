@@ -53,9 +53,7 @@ class Quirks {
         for (const auto q : list) add(q);
     }
     constexpr void add(Quirk quirk) { bits_ |= std::uint64_t{1} << static_cast<unsigned>(quirk); }
-    [[nodiscard]] constexpr bool has(Quirk quirk) const {
-        return (bits_ >> static_cast<unsigned>(quirk) & 1) != 0;
-    }
+    [[nodiscard]] constexpr bool has(Quirk quirk) const { return (bits_ >> static_cast<unsigned>(quirk) & 1) != 0; }
     [[nodiscard]] constexpr bool any() const { return bits_ != 0; }
 
   private:

@@ -15,8 +15,9 @@ struct QuirkInfo {
 // All there are, in the order of the table.
 [[nodiscard]] std::span<const QuirkInfo> quirks();
 
-// Switches one on, before the device is assembled; several may be on together. False: there is none of that name, or it is
-// one of the slave stack and the device runs another firmware (those of the library that do: "digital_io_16" and behind).
+// Switches one on, before the device is assembled; several may be on together. False: there is none of that name, or it
+// is one of the slave stack and the device runs another firmware (those of the library that do: "digital_io_16" and
+// behind).
 [[nodiscard]] bool add_quirk(Device& device, std::string_view name);
 
 }  // namespace margay::sim

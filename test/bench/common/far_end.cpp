@@ -19,7 +19,8 @@ bool make_cable(std::string& why) {
         why = std::string("no network namespace of its own: ") + std::strerror(errno);
         return false;
     }
-    const std::string make = std::string("ip link add ") + kNear + " type veth peer name far 2>/dev/null && ip link set " + kNear +
+    const std::string make = std::string("ip link add ") + kNear +
+                             " type veth peer name far 2>/dev/null && ip link set " + kNear +
                              " up && ip link set far up";
     if (std::system(make.c_str()) == 0) return true;
     why = "no veth pair could be made";
@@ -43,7 +44,9 @@ class ThreadEcho final : public FarEnd {
         thread_ = std::thread([this] { run(); });
         return true;
     }
-    [[nodiscard]] std::string name() const override { return "a thread at the far end of a veth pair, on a core of its own"; }
+    [[nodiscard]] std::string name() const override {
+        return "a thread at the far end of a veth pair, on a core of its own";
+    }
 
   private:
     void run() {

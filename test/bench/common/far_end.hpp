@@ -1,5 +1,6 @@
-// The far end of a cable for measuring: a veth pair in a network namespace of this process's own, and behind it something that gives each EtherCAT
-// frame back as a segment would, marked as passed and with the working counter that is told.
+// The far end of a cable for measuring: a veth pair in a network namespace of this process's own, and behind it
+// something that gives each EtherCAT frame back as a segment would, marked as passed and with the working counter that
+// is told.
 #pragma once
 
 #include <cstddef>
@@ -32,7 +33,8 @@ struct Answer {
     std::uint16_t wkc = 0;
 };
 
-// An XDP program: it runs in the sender's own system call and takes no second core. nullptr, and why, where it cannot be had.
+// An XDP program: it runs in the sender's own system call and takes no second core. nullptr, and why, where it cannot
+// be had.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_xdp(const Answer& answer, std::string& why);
 // A thread with a socket. nullptr, and why.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_thread(const Answer& answer, std::string& why);

@@ -40,8 +40,12 @@ class SwitchOsal final : public Osal {
     LinuxOsal real;
     bool live = false;
     Time now() noexcept override { return live ? real.now() : simulated.now(); }
-    void wait(Time until, int handle) noexcept override { live ? real.wait(until, handle) : simulated.wait(until, handle); }
-    std::uintptr_t calling_thread() noexcept override { return live ? real.calling_thread() : simulated.calling_thread(); }
+    void wait(Time until, int handle) noexcept override {
+        live ? real.wait(until, handle) : simulated.wait(until, handle);
+    }
+    std::uintptr_t calling_thread() noexcept override {
+        return live ? real.calling_thread() : simulated.calling_thread();
+    }
     void wake() noexcept override { live ? real.wake() : simulated.wake(); }
 };
 
