@@ -91,17 +91,31 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
     return request.bytes;
 }
 
-Result<> send_processdata(Context& ctx, std::uint8_t group) {
+namespace {
+
+// `now` is called when it is known that there is something to be sent.
+template <class Now>
+[[gnu::always_inline]] inline Result<> send_group(Context& ctx, std::uint8_t group, Now now) {
     Network* network = ContextAccess::network(ctx);
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     Osal& osal = *ContextAccess::osal(ctx);
-    const Time now = osal.now();
+    const Time at = now(osal);
     ProcessGroup& wanted = network->process.groups[group];
     if (wanted.overlap.sets > 1) [[unlikely]]
-        return send_overlapped(wanted, network->engine.link(), now);
-    note_cycle(network->queue, osal, now);
-    return send_cycle(wanted, network->engine.link(), now);
+        return send_overlapped(wanted, network->engine.link(), at);
+    note_cycle(network->queue, osal, at);
+    return send_cycle(wanted, network->engine.link(), at);
+}
+
+}  // namespace
+
+Result<> send_processdata(Context& ctx, std::uint8_t group) {
+    return send_group(ctx, group, [](Osal& osal) { return osal.now(); });
+}
+
+Result<> send_processdata(Context& ctx, Time now, std::uint8_t group) {
+    return send_group(ctx, group, [now](Osal&) { return now; });
 }
 
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group) {

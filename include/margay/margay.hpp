@@ -93,7 +93,10 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave);
 // The cycle. send_processdata() sends the outputs of a group's image in the frames that config_map() has prepared, and
 // queued datagrams in the space that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits,
 // does not allocate. Errors: unknown_group (nothing mapped), nic (a frame was not taken).
+//
+// With `now`, the time of the osal, for a task that has read its clock already.
 Result<> send_processdata(Context& ctx, std::uint8_t group = 0);
+Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 
 // Takes in the frames of the last send_processdata(): returns as soon as all are back, and gives up those that are not
 // back after `timeout`. Inputs go into the image datagram by datagram, each only if its working counter is the expected

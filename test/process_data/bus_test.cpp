@@ -131,6 +131,24 @@ TEST_F(BusTest, LostFrameLeavesInputsAloneAndIsNamed) {
     EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x22});
 }
 
+TEST_F(BusTest, ATaskThatKnowsTheTimeTellsIt) {
+    bus.add(8, 8);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    const auto frames = ctx().statistics().frames_sent;
+    for (int n = 0; n < 3; ++n) {
+        bus.osal.advance(1ms);
+        ctx().slave(1).image.outputs.bytes[0] = static_cast<std::byte>(n + 1);
+        ASSERT_TRUE(send_processdata(ctx(), bus.osal.now()).ok());
+        ASSERT_EQ(*receive_processdata(ctx(), 500us), ctx().group(0).expected_wkc);
+        (void)poll(ctx(), bus.osal.now());
+        EXPECT_EQ(bus.device(1).outputs()[0], static_cast<std::byte>(n)) << "the device has taken those before";
+    }
+    EXPECT_EQ(ctx().statistics().frames_sent - frames, 3U);
+    EXPECT_EQ(send_processdata(ctx(), bus.osal.now(), 9).error().code, Errc::unknown_group);
+}
+
 TEST_F(BusTest, SlaveWithoutPowerIsShortAndNamed) {
     for (int i = 0; i < 3; ++i) bus.add(8, 8);
     bus.start();
