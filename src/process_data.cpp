@@ -62,14 +62,19 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     if (!group.mapped) return refused(Errc::unknown_group, group.number);
     Time now = osal.now();
     const Time start = now;
+    Time from = start;
+    bool none = false;
     note_cycle(network.queue, osal, now);
     for (;;) {
         const auto frames = oldest_cycle(group);
-        const bool all = !frames.empty() && engine.receive_overlapped(frames, now);
-        while (frames.empty() && engine.receive_one(now)) {
+        // The other thread has sent it meanwhile, however long ago it has read its clock for that.
+        if (none && !frames.empty()) from = now;
+        none = frames.empty();
+        const bool all = !none && engine.receive_overlapped(frames, now);
+        while (none && engine.receive_one(now)) {
         }
-        const Time give_up = (frames.empty() ? start : std::max(start, sent_at(group))) + timeout;
-        if (all || (now >= give_up && !frames.empty())) return end_overlapped(group, engine.link(), now);
+        const Time give_up = (none ? start : std::max(from, sent_at(group))) + timeout;
+        if (all || (now >= give_up && !none)) return end_overlapped(group, engine.link(), now);
         if (now >= give_up) return refused(Errc::timeout, group.number);
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
         now = osal.now();
