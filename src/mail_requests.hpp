@@ -35,15 +35,14 @@ namespace margay {
     return where.code == Errc::none ? Error{} : where;
 }
 
-// For the calls that wait. The thread of a cycle must not: it gets Errc::cycle_running.
+// As submit_and_wait(), but the thread of a cycle must not: it gets Errc::cycle_running.
 template <class R>
 Result<> do_and_wait(Context& ctx, R& request, Step step, std::uint16_t index, std::uint8_t subindex) {
     if (ContextAccess::osal(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = step};
     if (cycle_runs(ctx) && is_cycle_thread(ctx))
         return Error{
             .code = Errc::cycle_running, .step = step, .slave = request.slave, .index = index, .subindex = subindex};
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
+    return submit_and_wait(ctx, request);
 }
 
 }  // namespace margay

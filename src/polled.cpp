@@ -24,9 +24,7 @@ Result<> wait(Context& ctx, Request& request) {
 
 Result<std::uint16_t> config_init(Context& ctx) {
     ScanRequest request;
-    const auto submitted = submit(ctx, request);
-    if (!submitted) return submitted.error();
-    const auto done = wait(ctx, request);
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done.error();
     return request.slaves;
 }
@@ -36,8 +34,7 @@ Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std:
     request.slave = slave;
     request.word = word;
     request.data = data;
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
+    return submit_and_wait(ctx, request);
 }
 
 Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
@@ -45,8 +42,7 @@ Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std
     request.slave = slave;
     request.word = word;
     request.data = data;
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
+    return submit_and_wait(ctx, request);
 }
 
 }  // namespace margay

@@ -22,7 +22,7 @@ void go_back(Context& ctx, const Slave& slave) {
     StateRequest request;
     request.slave = slave.position;
     request.state = AlState::preop;
-    if (submit(ctx, request)) (void)wait(ctx, request);  // the slave's own mapping tells what is wrong with it
+    (void)submit_and_wait(ctx, request);  // the slave's own mapping tells what is wrong with it
 }
 
 void call_hooks(Context& ctx, std::uint8_t group) {
@@ -89,9 +89,7 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
     MapRequest request;
     request.group = group;
     request.image = image;
-    const auto submitted = submit(ctx, request);
-    if (!submitted) return submitted.error();
-    const auto done = wait(ctx, request);
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done.error();
     return request.bytes;
 }

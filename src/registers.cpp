@@ -26,12 +26,6 @@ Result<> judged(const Station& station, const Datagram& datagram, Step step, std
     return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 
-template <class R>
-Result<> do_it(Context& ctx, R& request) {
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
-}
-
 }  // namespace
 
 static Task<Result<>> run(Network& network, RegisterReadRequest& request) {
@@ -61,7 +55,7 @@ Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address,
     request.slave = slave;
     request.address = address;
     request.data = data;
-    return do_it(ctx, request);
+    return submit_and_wait(ctx, request);
 }
 
 Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data) {
@@ -69,7 +63,7 @@ Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address
     request.slave = slave;
     request.address = address;
     request.data = data;
-    return do_it(ctx, request);
+    return submit_and_wait(ctx, request);
 }
 
 }  // namespace margay

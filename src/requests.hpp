@@ -90,6 +90,13 @@ Result<> start(Context& ctx, R& request, const Error& refused) {
     return Result<>();
 }
 
+// For the calls that wait.
+template <class R>
+Result<> submit_and_wait(Context& ctx, R& request) {
+    const auto submitted = submit(ctx, request);
+    return submitted ? wait(ctx, request) : submitted;
+}
+
 [[nodiscard]] inline Error check_init(Context& ctx) {
     return ContextAccess::network(ctx) != nullptr ? Error{} : Error{.code = Errc::wrong_state};
 }

@@ -1,13 +1,13 @@
 // States of slaves by the public API: the blocking forms.
+#include "requests.hpp"
+
 #include <margay/margay.hpp>
 
 namespace margay {
 
 Result<AlStatus> readstate(Context& ctx) {
     ReadStateRequest request;
-    const auto submitted = submit(ctx, request);
-    if (!submitted) return submitted.error();
-    const auto done = wait(ctx, request);
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done.error();
     return request.lowest;
 }
@@ -16,8 +16,7 @@ Result<> writestate(Context& ctx, std::uint16_t slave, AlState state) {
     WriteStateRequest request;
     request.slave = slave;
     request.wanted = state;
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
+    return submit_and_wait(ctx, request);
 }
 
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout) {
@@ -25,9 +24,7 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
     request.slave = slave;
     request.wanted = state;
     request.timeout = timeout;
-    const auto submitted = submit(ctx, request);
-    if (!submitted) return submitted.error();
-    const auto done = wait(ctx, request);
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done.error();
     return request.reached;
 }

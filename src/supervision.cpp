@@ -53,8 +53,7 @@ Result<> submit(Context& ctx, RecoverRequest& request) { return start(ctx, reque
 Result<> reconfig_slave(Context& ctx, std::uint16_t slave) {
     ReconfigRequest request;
     request.slave = slave;
-    const auto submitted = submit(ctx, request);
-    return submitted ? wait(ctx, request) : submitted;
+    return submit_and_wait(ctx, request);
 }
 
 Result<> recover_slave(Context& ctx, std::uint16_t slave) {
@@ -66,8 +65,7 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave) {
     if (const auto states = readstate(ctx); !states) return states.error();
     if (slave != 0 && ctx.slave(slave).al.state != AlState::none) return Result<>();
     RecoverRequest request;
-    const auto submitted = submit(ctx, request);
-    const auto done = submitted ? wait(ctx, request) : submitted;
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done;
     const bool there = slave == 0 ? request.found > 0 : ctx.slave(slave).al.state != AlState::none;
     if (there) return Result<>();
