@@ -1,12 +1,6 @@
 // Overlapped cycles: one is sent before the one before it is received, by one thread or by two.
-#include "engine/scripted_nic.hpp"
-#include "link/engine.hpp"
-#include "network/process_data.hpp"
 #include "process_data/bus.hpp"
-#include "process_data/slaves.hpp"
-#include "util/task.hpp"
-
-#include <gtest/gtest.h>
+#include "process_data/prepared_group.hpp"
 
 #include <mutex>
 #include <thread>
@@ -16,40 +10,16 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kIndexAt = wire::kFramePrefixBytes + 1;
-constexpr std::size_t kDataAt = wire::kFramePrefixBytes + wire::kDatagramHeaderBytes;
-
 // Two slaves of an octet each way, against a far end whose every reply the test writes.
-class OverlapTest : public testing::Test {
+class OverlapTest : public testing::Test, protected PreparedGroup {
   protected:
-    Time now{1s};
-    ScriptedNic nic;
-    std::vector<FrameSlot> slots = std::vector<FrameSlot>(8);
-    std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
-    Engine engine{nic, slots, memory};
-    std::vector<Slave> slaves{io_slave(1, 8, 8), io_slave(2, 8, 8)};
-    std::array<std::byte, 4> image{};
-
-    std::vector<ProcessGroup> groups = std::vector<ProcessGroup>(1);
-    std::vector<PreparedFrame> frames = std::vector<PreparedFrame>(2);
-    std::vector<PreparedDatagram> datagrams = std::vector<PreparedDatagram>(4);
-    std::vector<DatagramStatus> statuses = std::vector<DatagramStatus>(4);
-    std::vector<DatagramPlan> plans = std::vector<DatagramPlan>(4);
-    std::vector<DatagramPlan> scratch = std::vector<DatagramPlan>(4);
-    ProcessTables tables{groups, frames, datagrams, statuses, plans, scratch};
-    ProcessGroup& group = groups[0];
-
+    OverlapTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {}
     void SetUp() override {
         group.config.cycles_in_flight = 2;
         group.config.al_status = true;
-        group.layout = *lay_out(slaves, 0, group.config, image);
-        group.image = image;
-        group.slaves = slaves;
         for (Slave& slave : slaves) slave.takes_part = true;
-        const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
-        ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
+        prepare_frames();
     }
-    const LinkStatistics& counted() { return engine.link().statistics(); }
     Result<> send() { return send_overlapped(group, engine.link(), now += 1ms); }
     // All that the NIC has, and the end of the oldest cycle.
     Result<std::uint32_t> receive() {

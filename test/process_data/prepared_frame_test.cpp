@@ -1,48 +1,16 @@
 // The cycle's frames at the link, against a far end that answers right, late, twice, wrong or not at all.
-#include "engine/scripted_nic.hpp"
-#include "link/engine.hpp"
-#include "network/process_data.hpp"
-#include "process_data/slaves.hpp"
-#include "util/task.hpp"
-
-#include <gtest/gtest.h>
+#include "process_data/prepared_group.hpp"
 
 namespace margay {
 namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kIndexAt = wire::kFramePrefixBytes + 1;
-constexpr std::size_t kDataAt = wire::kFramePrefixBytes + wire::kDatagramHeaderBytes;
-
 // True: what comes is taken in by poll() before the cycle asks for it.
-class PreparedFrameTest : public testing::TestWithParam<bool> {
+class PreparedFrameTest : public testing::TestWithParam<bool>, protected PreparedGroup {
   protected:
-    Time now{1s};
-    ScriptedNic nic;
-    std::vector<FrameSlot> slots = std::vector<FrameSlot>(8);
-    std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
-    Engine engine{nic, slots, memory};
-    std::vector<Slave> slaves{io_slave(1, 16, 16)};
-    std::array<std::byte, 4> image{};
-
-    std::vector<ProcessGroup> groups = std::vector<ProcessGroup>(1);
-    std::vector<PreparedFrame> frames = std::vector<PreparedFrame>(2);
-    std::vector<PreparedDatagram> datagrams = std::vector<PreparedDatagram>(4);
-    std::vector<DatagramStatus> statuses = std::vector<DatagramStatus>(4);
-    std::vector<DatagramPlan> plans = std::vector<DatagramPlan>(4);
-    std::vector<DatagramPlan> scratch = std::vector<DatagramPlan>(4);
-    ProcessTables tables{groups, frames, datagrams, statuses, plans, scratch};
-    ProcessGroup& group = groups[0];
-
-    void SetUp() override {
-        group.layout = *lay_out(slaves, 0, group.config, image);
-        group.image = image;
-        const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
-        group.slaves = slaves;
-        ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
-    }
-    const LinkStatistics& counted() { return engine.link().statistics(); }
+    PreparedFrameTest() : PreparedGroup({io_slave(1, 16, 16)}) {}
+    void SetUp() override { prepare_frames(); }
     Result<> send(Duration later = 1ms) { return send_cycle(group, engine.link(), now += later); }
     Result<std::uint32_t> end() {
         if (GetParam()) drain();
