@@ -1,4 +1,5 @@
 // File lengths, a README.md in every folder, and nothing lying about at the top level.
+#include <places.hpp>
 #include "layers/house_check.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 // The core does without heap, exceptions, RTTI, clocks and streams, as far as the sources tell;
 // symbol_test.cpp asks the archives.
+#include <places.hpp>
 #include "layers/identifier_check.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // The includes of the tree follow the table of layers, and the check that says so catches what it has to.
+#include <places.hpp>
 #include "layers/include_check.hpp"
 
 #include <gtest/gtest.h>

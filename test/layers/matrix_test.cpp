@@ -1,4 +1,5 @@
 // README.md and test/README.md claim nothing that no test proves.
+#include <places.hpp>
 #include "layers/matrix_check.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,5 @@
 // What the core archives ask the linker for: no heap, no exceptions, no RTTI, no clock, no printing.
+#include <places.hpp>
 #include "layers/source_tree.hpp"
 
 #include <gtest/gtest.h>

@@ -1,6 +1,7 @@
 // The CoE conversations that a real drive had with another master (soem-sdinfo-akd.pcapng), held again with our client:
 // it asks the same questions octet by octet, gets the drive's answers octet by octet, and finds the values that tshark
 // prints.
+#include <places.hpp>
 #include "mailbox/mailbox_bus.hpp"
 #include "oshw/pcap/capture_file.hpp"
 #include "wire/datagram.hpp"

@@ -1,4 +1,5 @@
 // eepromtool as it is used: the program itself, on simulated slaves and on files.
+#include <places.hpp>
 #include "wire/sii_writer.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,6 @@
 // segment_monitor and simple_io, whole, on a simulated segment in virtual time.
+#include <places.hpp>
+
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>

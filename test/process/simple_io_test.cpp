@@ -1,4 +1,5 @@
 // simple_io, whole, over a cable to a second process that serves a simulated segment; and that segment loses its power.
+#include <places.hpp>
 #include "netns.hpp"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,6 @@
 // slaveinfo, whole: over a cable to a second process that serves a simulated segment, against the same
 // segment without the cable, against the recording of it, and when there is nothing to find.
+#include <places.hpp>
 #include "netns.hpp"
 #include "osal/linux/linux_osal.hpp"
 #include "oshw/linux/packet_nic.hpp"

@@ -1,5 +1,6 @@
 // virtual_segment, whole: over a cable to a master in another namespace it is spoken to while it runs, by commands on
 // its standard input and by signals; it tells who talks and what happens, records, and serves a TAP device.
+#include <places.hpp>
 #include "netns.hpp"
 
 #include <fcntl.h>

@@ -1,6 +1,7 @@
 // The CoE server against replies of real devices: a dictionary with their values must give, octet by octet, the replies
 // that they gave to the same requests.
 #include "subdevice/coe_server.hpp"
+#include <places.hpp>
 #include "oshw/pcap/capture_file.hpp"
 #include "wire/datagram.hpp"
 

@@ -1,5 +1,6 @@
 // Beside another master: the recording of a segment that ethercrab brought to OP, and the same segment brought to OP by
 // us. What both write to the slaves must be the same, and our cycle must take what the hardware answered to theirs.
+#include <places.hpp>
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filter_nic.hpp"
 #include "oshw/pcap/capture_file.hpp"

@@ -1,5 +1,6 @@
 // Replays against recordings made by hand, and against recordings of real segments, in virtual time.
 #include "oshw/pcap/replay.hpp"
+#include <places.hpp>
 #include "files.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filters/chance.hpp"

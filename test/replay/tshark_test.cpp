@@ -1,5 +1,6 @@
 // Our reader of datagrams against Wireshark's, on recordings of real segments: both must see the same in
 // every field.
+#include <places.hpp>
 #include "files.hpp"
 #include "wire/datagram.hpp"
 

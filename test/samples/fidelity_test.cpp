@@ -2,6 +2,7 @@
 // of the same devices, and every answer is compared. Differences that remain are named here, one by one, with
 // their reason.
 #include "common/fidelity.hpp"
+#include <places.hpp>
 #include "common/capture_slaves.hpp"
 
 #include <gtest/gtest.h>

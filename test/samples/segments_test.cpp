@@ -1,5 +1,6 @@
 // The ready-made segments of samples/segments: each is read, brought to OP by the master, and exchanges process data
 // both ways that changes, in virtual time.
+#include <places.hpp>
 #include "common/segment_console.hpp"
 #include "common/segment_file.hpp"
 #include "osal/virtual/virtual_osal.hpp"

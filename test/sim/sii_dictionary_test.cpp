@@ -1,5 +1,6 @@
 // The objects of devices of which only the SII is known.
 #include "sim/sii_dictionary.hpp"
+#include <places.hpp>
 #include "sim/sii_mailbox.hpp"
 #include "wire/sii_image.hpp"
 

@@ -1,5 +1,6 @@
 // The SII as it went over the wire when other masters read real slaves: put together from what tshark prints,
 // read by us, and compared with what those masters then wrote into the slaves' SyncManagers.
+#include <places.hpp>
 #include "sii_image.hpp"
 #include "wire/sii_category.hpp"
 

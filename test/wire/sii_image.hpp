@@ -1,6 +1,7 @@
 // What the tests of the SII share: images of real devices, and one of a device that we made up.
 #pragma once
 
+#include <places.hpp>
 #include "wire/sii_writer.hpp"
 
 #include <filesystem>

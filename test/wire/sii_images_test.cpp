@@ -1,6 +1,7 @@
 // Images read from real devices. What is expected was written down by hand: names, currents, ports and
 // objects are those that the vendors' catalogues, manuals and device descriptions tell, addresses were looked
 // up in a dump.
+#include <places.hpp>
 #include "sii_image.hpp"
 #include "wire/sii_check.hpp"
 
