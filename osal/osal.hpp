@@ -1,7 +1,7 @@
 // The operating system as Margay needs it: a clock and a way to wait. Only the blocking wrappers and
 // applications use it; nothing in src/ below them reads a clock.
 //
-// To port: derive from Osal and implement the two functions. now() must never go backwards and must count at a
+// To port: derive from Osal and implement the first two functions; with several threads the other four as well. now() must never go backwards and must count at a
 // steady rate (not wall-clock time). wait() returns when `until` has come, or earlier when the NIC behind
 // `nic_handle` has a frame, or earlier for no reason at all: the caller always looks again. A port that cannot wait on
 // a NIC may cap the wait at its tick.
@@ -9,6 +9,7 @@
 
 #include <margay/time.hpp>
 
+#include <atomic>
 #include <cstdint>
 
 namespace margay {
@@ -25,8 +26,19 @@ class Osal {
     virtual void wake() noexcept {}
 
     // Tells threads apart: the same number for the same thread, never 0 for one of several. A port with one thread
-    // leaves it.
+    // leaves it. Called in each cycle: a few instructions, no system call.
     [[nodiscard]] virtual std::uintptr_t calling_thread() noexcept { return 0; }
+
+    // For a thread that does not own the context and waits for a request: sleeps while `word` holds `value`, at most
+    // until `until`, and may end earlier for no reason: the caller looks again. wake_sleepers() ends it, of all threads
+    // that sleep on the word at this address; the word itself may be gone by then. As they are here, the two work with
+    // any wait(): the sleeper looks again every millisecond.
+    virtual void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept {
+        if (word.load(std::memory_order_acquire) != value) return;
+        const Time again = now() + std::chrono::milliseconds(1);
+        wait(until < again ? until : again, -1);
+    }
+    virtual void wake_sleepers(const void* word) noexcept { static_cast<void>(word); }
 
   protected:
     ~Osal() = default;

@@ -1,8 +1,6 @@
 // The context: lays the parts of a master into the caller's memory.
-#include "context_access.hpp"
+#include "api/master.hpp"
 #include "network/expectation.hpp"
-#include "network/network.hpp"
-#include "request_queue.hpp"
 
 #include <margay/margay.hpp>
 
@@ -12,7 +10,7 @@
 
 namespace margay {
 
-static_assert(sizeof(Network) <= 16384, "context_bytes(): kFixedBytes");
+static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
@@ -75,32 +73,29 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
 
 }  // namespace
 
-std::span<Slave> Context::slaves() { return network_ == nullptr ? std::span<Slave>() : network_->slaves(); }
+std::span<Slave> Context::slaves() { return master_ == nullptr ? std::span<Slave>() : master_->network.slaves(); }
 
 Slave& Context::slave(std::size_t position) {
-    if (network_ == nullptr || position < 1 || position > network_->count) return none_;
-    return network_->slave(position);
+    if (master_ == nullptr || position < 1 || position > master_->network.count) return none_;
+    return master_->network.slave(position);
 }
 
 Group& Context::group(std::size_t number) {
-    if (network_ == nullptr || number >= network_->process.groups.size()) return no_group_;
-    return network_->process.groups[number];
+    if (master_ == nullptr || number >= master_->network.process.groups.size()) return no_group_;
+    return master_->network.process.groups[number];
 }
 
-ErrorLog& Context::errors() { return network_->errors; }
-EventQueue& Context::events() { return network_->events; }
-const LinkStatistics& Context::statistics() const { return network_->engine.link().statistics(); }
-std::size_t Context::arena_peak_bytes() const { return network_->engine.arena().peak_bytes(); }
-std::size_t Context::arena_bytes() const { return network_->engine.arena().capacity_bytes(); }
+ErrorLog& Context::errors() { return master_->network.errors; }
+EventQueue& Context::events() { return master_->network.events; }
+const LinkStatistics& Context::statistics() const { return master_->network.engine.link().statistics(); }
+std::size_t Context::arena_peak_bytes() const { return master_->network.engine.arena().peak_bytes(); }
+std::size_t Context::arena_bytes() const { return master_->network.engine.arena().capacity_bytes(); }
 
 void Context::close() {
-    if (network_ != nullptr) cancel_queued(*network_);
-    if (network_ != nullptr) std::destroy_at(network_);
-    network_ = nullptr;
-}
-
-void Request::cancel() {
-    if (coroutine_ != nullptr) std::coroutine_handle<>::from_address(coroutine_).destroy();
+    if (master_ == nullptr) return;
+    cancel_queued(*master_);
+    std::destroy_at(master_);
+    master_ = nullptr;
 }
 
 Result<> init(Context& ctx, Nic& nic, Osal& osal) {
@@ -108,9 +103,9 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     if (limits.slaves == 0 || limits.frames == 0 || limits.frames > FrameTable::kMostSlots ||
         limits.groups > kMostGroups)
         return Error{.code = Errc::invalid_argument, .step = Step::open_nic};
-    if (ContextAccess::network(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
+    if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     Carver carver(ContextAccess::memory(ctx));
-    void* place = carver.raw(sizeof(Network), alignof(Network));
+    void* place = carver.raw(sizeof(Master), alignof(Master));
     const auto slaves = carver.take<Slave>(limits.slaves);
     const auto frames = carver.take<FrameSlot>(limits.frames);
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
@@ -120,26 +115,18 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
-    ContextAccess::network(ctx) =
-        ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
-    ContextAccess::network(ctx)->process = process;
-    ContextAccess::network(ctx)->context = &ctx;
-    ContextAccess::osal(ctx) = &osal;
+    Master* master =
+        ::new (place) Master(osal, nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
+    master->network.process = process;
+    ContextAccess::master(ctx) = master;
     return Result<>();
 }
 
 Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves) {
-    if (ContextAccess::network(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = Step::identify};
+    if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
-    ContextAccess::network(ctx)->expected_next = slaves;
+    ContextAccess::master(ctx)->network.expected_next = slaves;
     return Result<>();
-}
-
-Time poll(Context& ctx, Time now) {
-    Network* network = ContextAccess::network(ctx);
-    if (network == nullptr) return kNever;
-    start_queued(ctx, now);
-    return network->engine.poll(now);
 }
 
 }  // namespace margay

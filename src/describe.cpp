@@ -182,6 +182,9 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
             break;
+        case Errc::busy:
+            if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";
+            break;
         case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";

@@ -1,8 +1,5 @@
-// Process data by the public API: mapping, and the cycle.
-#include "context_access.hpp"
-#include "network/network.hpp"
-#include "osal/osal.hpp"
-#include "request_queue.hpp"
+// Process data by the public API: the cycle.
+#include "api/master.hpp"
 
 #include <margay/margay.hpp>
 
@@ -17,30 +14,11 @@ Error refused(Errc code, std::uint8_t group) {
             .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
-// A hook finds its slave in PREOP, also when the group was mapped before.
-void go_back(Context& ctx, const Slave& slave) {
-    StateRequest request;
-    request.slave = slave.position;
-    request.state = AlState::preop;
-    (void)submit_and_wait(ctx, request);  // the slave's own mapping tells what is wrong with it
-}
-
-void call_hooks(Context& ctx, std::uint8_t group) {
-    Network& network = *ContextAccess::network(ctx);
-    for (Slave& slave : network.slaves()) {
-        if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr || !slave.seen) continue;
-        if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) go_back(ctx, slave);
-        const auto done = slave.hooks.preop_to_safeop(ctx, slave.position, slave.hooks.user);
-        slave.hook_failed = !done.ok();
-        if (!done) network.note(slave, done.error());
-    }
-}
-
 // Not all frames of the cycle are here yet.
-[[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Context& ctx, ProcessGroup& group, Duration timeout) {
+[[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Master& master, ProcessGroup& group, Duration timeout) {
     group.cycle_received = group.cycles_sent;
-    Engine& engine = ContextAccess::network(ctx)->engine;
-    Osal& osal = *ContextAccess::osal(ctx);
+    Engine& engine = master.network.engine;
+    Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
     Time now = osal.now();
     const Time give_up = now + timeout;
@@ -54,17 +32,15 @@ void call_hooks(Context& ctx, std::uint8_t group) {
 
 // The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts
 // from when it was sent.
-[[gnu::noinline]] Result<std::uint32_t> receive_overlapped(Context& ctx, ProcessGroup& group, Duration timeout) {
-    Network& network = *ContextAccess::network(ctx);
-    Engine& engine = network.engine;
-    Osal& osal = *ContextAccess::osal(ctx);
+[[gnu::noinline]] Result<std::uint32_t> receive_overlapped(Master& master, ProcessGroup& group, Duration timeout) {
+    Engine& engine = master.network.engine;
+    Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
     if (!group.mapped) return refused(Errc::unknown_group, group.number);
     Time now = osal.now();
     const Time start = now;
     Time from = start;
     bool none = false;
-    note_cycle(network.queue, osal, now);
     for (;;) {
         const auto frames = oldest_cycle(group);
         // The other thread has sent it meanwhile, however long ago it has read its clock for that.
@@ -81,34 +57,20 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     }
 }
 
-}  // namespace
-
-Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group) {
-    if (ContextAccess::network(ctx) == nullptr) return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
-    call_hooks(ctx, group);
-    MapRequest request;
-    request.group = group;
-    request.image = image;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.bytes;
-}
-
-namespace {
-
 // `now` is called when it is known that there is something to be sent.
 template <class Now>
 [[gnu::always_inline]] inline Result<> send_group(Context& ctx, std::uint8_t group, Now now) {
-    Network* network = ContextAccess::network(ctx);
-    if (network == nullptr) return refused(Errc::wrong_state, group);
-    if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
-    Osal& osal = *ContextAccess::osal(ctx);
-    const Time at = now(osal);
-    ProcessGroup& wanted = network->process.groups[group];
+    Master* master = master_of(ctx);
+    if (master == nullptr) return refused(Errc::wrong_state, group);
+    Network& network = master->network;
+    if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
+    const Time at = now(master->osal);
+    ProcessGroup& wanted = network.process.groups[group];
     if (wanted.overlap.sets > 1) [[unlikely]]
-        return send_overlapped(wanted, network->engine.link(), at);
-    note_cycle(network->queue, osal, at);
-    return send_cycle(wanted, network->engine.link(), at);
+        return send_overlapped(wanted, network.engine.link(), at);
+    if (!master->owned_by_caller()) [[unlikely]]
+        return refused(Errc::not_owner, group);
+    return send_cycle(wanted, network.engine.link(), at);
 }
 
 }  // namespace
@@ -122,17 +84,20 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group) {
 }
 
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group) {
-    Network* network = ContextAccess::network(ctx);
-    if (network == nullptr) return refused(Errc::wrong_state, group);
-    if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
-    ProcessGroup& wanted = network->process.groups[group];
+    Master* master = master_of(ctx);
+    if (master == nullptr) return refused(Errc::wrong_state, group);
+    if (!master->owned_by_caller()) [[unlikely]]
+        return refused(Errc::not_owner, group);
+    Network& network = master->network;
+    if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
+    ProcessGroup& wanted = network.process.groups[group];
     if (wanted.overlap.sets > 1) [[unlikely]]
-        return receive_overlapped(ctx, wanted, timeout);
-    Engine& engine = network->engine;
+        return receive_overlapped(*master, wanted, timeout);
+    Engine& engine = network.engine;
     const Time sent = engine.link().last_cycle();
     const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);
     if (end == CycleEnd::missing) [[unlikely]]
-        return wait_for_cycle(ctx, wanted, timeout);
+        return wait_for_cycle(*master, wanted, timeout);
     return end_cycle(wanted, engine.link(), end, sent);
 }
 

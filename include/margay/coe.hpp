@@ -35,6 +35,7 @@ class Context;
 // way is read subindex by subindex, and laid out as a complete access is: subindex 0 in two octets, the others one
 // behind the other.
 struct SdoUpload : MailRequest {
+    SdoUpload();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     bool complete_access = false;
@@ -44,6 +45,7 @@ struct SdoUpload : MailRequest {
 
 // Writes an object. Where a slave refuses complete access it is written subindex by subindex.
 struct SdoDownload : MailRequest {
+    SdoDownload();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     bool complete_access = false;
@@ -56,6 +58,7 @@ enum class ObjectList : std::uint16_t { lengths, all, rx_mappable, tx_mappable, 
 
 // Lists objects. They are handed over as they come, a few at a time: a dictionary may be of any size.
 struct ObjectListRequest : MailRequest {
+    ObjectListRequest();
     ObjectList list = ObjectList::all;
     // Called by poll() on the thread that polls; must neither wait nor call the library.
     void (*found)(std::span<const std::uint16_t> indices, void* user) = nullptr;
@@ -75,6 +78,7 @@ struct ObjectDescription {
 };
 
 struct ObjectDescriptionRequest : MailRequest {
+    ObjectDescriptionRequest();
     std::uint16_t index = 0;
     ObjectDescription description;  // result
 };
@@ -104,6 +108,7 @@ struct EntryDescription {
 };
 
 struct EntryDescriptionRequest : MailRequest {
+    EntryDescriptionRequest();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     bool with_values = false;      // unit, default, minimum and maximum are asked for too
@@ -112,32 +117,22 @@ struct EntryDescriptionRequest : MailRequest {
 
 // Sends an RxPDO by mailbox (CoE service RxPDO); a slave does not answer it. For slaves that offer it.
 struct MailPdoSend : MailRequest {
+    MailPdoSend();
     std::uint16_t number = 0;  // of the PDO, 9 bits
     std::span<const std::byte> data;
 };
 
 // Asks for a TxPDO by mailbox (CoE service TxPDO remote request).
 struct MailPdoFetch : MailRequest {
+    MailPdoFetch();
     std::uint16_t number = 0;
     std::span<std::byte> data;
     std::size_t bytes = 0;  // result
 };
 
-// Starts a request; from any thread, without a lock. It begins at the next poll(). Errc::busy when it runs already;
-// Errc::wrong_state before init(). What else is wrong with it (no such slave, no mailbox …) is its error().
-Result<> submit(Context& ctx, SdoUpload& request);
-Result<> submit(Context& ctx, SdoDownload& request);
-Result<> submit(Context& ctx, ObjectListRequest& request);
-Result<> submit(Context& ctx, ObjectDescriptionRequest& request);
-Result<> submit(Context& ctx, EntryDescriptionRequest& request);
-Result<> submit(Context& ctx, MailPdoSend& request);
-Result<> submit(Context& ctx, MailPdoFetch& request);
-
 // ------------------------------------------------------------------ calls that wait
 //
-// Each submits the request of its kind and waits for it. From another thread than the one that runs a cycle it waits
-// for that one to get it done; from the thread of a running cycle it is refused with Errc::cycle_running, as it would
-// stop the cycle.
+// Each submits the request of its kind and waits for it: see wait() for what that means in which thread.
 
 // Reads an object, returns the octets of its value. Errors: sdo_abort (detail: the abort code, which describe() puts in
 // words), capacity (expected: the octets of the value), timeout, mailbox_error, protocol, unsupported, unknown_slave …

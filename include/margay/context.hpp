@@ -17,11 +17,11 @@ namespace margay {
 
 class Nic;
 class Osal;
-struct Network;
+struct Master;
 
 // Octets of memory that a context with these limits needs.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    constexpr std::size_t kFixedBytes = 16384;  // the engine, errors and events, one frame buffer
+    constexpr std::size_t kFixedBytes = 16384;  // the engine, the queue of requests, errors and events, one frame buffer
     constexpr std::size_t kFrameBytes = 64;     // a frame in flight
     // The coroutine frames of one slave being worked on, and a mailbox of 1 KiB; half of it where pointers are half as
     // long.
@@ -72,8 +72,7 @@ class Context {
     friend struct ContextAccess;
     std::span<std::byte> memory_;
     Limits limits_;
-    Network* network_ = nullptr;  // in memory_, once init() was called
-    Osal* osal_ = nullptr;
+    Master* master_ = nullptr;  // in memory_, once init() was called
     Slave none_;
     EmergencyRing no_emergencies_;
     Group no_group_;

@@ -21,7 +21,7 @@ enum class Errc : std::uint8_t {
     unknown_slave,     // no slave at this position
     invalid_argument,  // a parameter outside its range
     wrong_state,       // the call does not fit the state of the context or of the slave (expected, actual)
-    busy,              // already being done by somebody else
+    busy,              // another operation is in the way (detail: the Operation, 0: the request itself)
     canceled,          // given up by the caller
     al_status,         // the slave refused a state change (expected state, actual state, code: AL status code)
     sii_busy,          // the SII interface stayed busy
@@ -63,8 +63,10 @@ enum class Errc : std::uint8_t {
                       // SyncManager (index: its register)
     above_highest,    // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
     check_failed,     // a register is not as a command wants it (expected, actual: the lowest 32 bits)
-    cycle_running,    // a call that waits, from the thread of a running cycle: submit the request of the same name
-                      // instead
+    not_owner,        // a call that is for the thread that owns the context, from another thread
+    not_polled,       // the owner of the context has not called poll()
+    waiting_forbidden,  // a call that waits, in the thread of the owner, after allow_waiting(ctx, false)
+    in_callback,        // a call that waits or polls, from a callback or hook of the library
 };
 
 // What was being done.
@@ -114,6 +116,31 @@ enum class Step : std::uint8_t {
     command_bi,
 };
 
+// What a request does: so that an error can name the operation that is in the way.
+enum class Operation : std::uint8_t {
+    none,
+    scan,
+    map,
+    supervise,
+    reconfigure,
+    recover,
+    change_state,
+    read_states,
+    write_states,
+    check_states,
+    read_sii,
+    write_sii,
+    read_register,
+    write_register,
+    sdo_upload,
+    sdo_download,
+    sdo_information,
+    mail_pdo,
+    soe_read,
+    soe_write,
+    soe_command,
+};
+
 struct Error {
     Errc code = Errc::none;
     Step step = Step::none;
@@ -142,6 +169,7 @@ enum class IdentityField : std::uint8_t { product, vendor, revision, serial, ali
 // The kind and the step in words. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(Errc code);
 [[nodiscard]] std::string_view to_text(Step step);
+[[nodiscard]] std::string_view to_text(Operation operation);
 
 // Writes one sentence naming slave, step and cause into `out` (cut where it does not fit, never terminated by
 // a zero) and returns the part that was written. No allocation; callable from the cycle.

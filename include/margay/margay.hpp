@@ -4,6 +4,7 @@
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
 #include <margay/expected.hpp>
+#include <margay/hooked_slave.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
 #include <margay/shared_image.hpp>
@@ -20,24 +21,6 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal);
 // at which it wants to be called again at the latest (kNever: only for a new frame or request). Never waits; callable
 // from the cycle. `now` is the time of the osal and never goes backwards.
 Time poll(Context& ctx, Time now);
-
-// Starts a request. Errc::busy when it runs already, Errc::capacity when there is no room for another one (nothing has
-// happened then), Errc::wrong_state before init(). Callable from the cycle.
-Result<> submit(Context& ctx, ScanRequest& request);
-Result<> submit(Context& ctx, SiiReadRequest& request);
-Result<> submit(Context& ctx, SiiWriteRequest& request);
-Result<> submit(Context& ctx, StateRequest& request);
-Result<> submit(Context& ctx, MapRequest& request);
-Result<> submit(Context& ctx, ReadStateRequest& request);
-Result<> submit(Context& ctx, WriteStateRequest& request);
-Result<> submit(Context& ctx, StateCheckRequest& request);
-Result<> submit(Context& ctx, SuperviseRequest& request);
-Result<> submit(Context& ctx, ReconfigRequest& request);
-Result<> submit(Context& ctx, RecoverRequest& request);
-
-// Polls until a submitted request is not busy any more, and returns its error if it has one. While another thread runs
-// a cycle that one polls, and this one only looks. Waits.
-Result<> wait(Context& ctx, Request& request);
 
 // Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say,
 // finds the topology, configures the mailboxes and brings all slaves to PREOP, all at once. Returns how many slaves

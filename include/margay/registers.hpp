@@ -16,25 +16,21 @@
 namespace margay {
 
 // Reads `data.size()` octets from `address` on, in one datagram: 1 to 1486, and not beyond 0xFFFF.
-struct RegisterReadRequest : Request {
-    std::uint16_t slave = 0;
+struct RegisterReadRequest : SlaveRequest {
+    RegisterReadRequest();
     std::uint16_t address = 0;
     std::span<std::byte> data;
 };
 
 // Writes them. A frame that is lost is sent again: what has an effect each time it is written may have it twice.
-struct RegisterWriteRequest : Request {
-    std::uint16_t slave = 0;
+struct RegisterWriteRequest : SlaveRequest {
+    RegisterWriteRequest();
     std::uint16_t address = 0;
     std::span<const std::byte> data;
 };
 
-// From the thread that polls; callable from the cycle. Errors: unknown_slave, invalid_argument (no octet, or too many).
-Result<> submit(Context& ctx, RegisterReadRequest& request);
-Result<> submit(Context& ctx, RegisterWriteRequest& request);
-
-// The same, waiting. Errors besides: working_counter (the slave does not answer, or has no such register), no_frame.
-// Not callable from the cycle.
+// The same, waiting; see wait(). Errors: unknown_slave, invalid_argument (no octet, or too many), working_counter (the
+// slave does not answer, or has no such register), no_frame.
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data);
 Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data);
 

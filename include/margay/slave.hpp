@@ -6,6 +6,7 @@
 #include <margay/al_state.hpp>
 #include <margay/configuration.hpp>
 #include <margay/error.hpp>
+#include <margay/hook.hpp>
 #include <margay/idn.hpp>
 #include <margay/process_data.hpp>
 #include <margay/result.hpp>
@@ -107,17 +108,17 @@ struct SoeNotification {
     std::span<const std::byte> data;
 };
 
-// Functions of the application that are called on the way of one slave. `user` is what stands in the same place.
+// Functions of the application that poll() calls on the way of one slave. `user` is handed to them.
 struct SlaveHooks {
-    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. Called
-    // by config_map() itself, never by poll(), so it may wait. An error keeps the slave in PREOP.
-    Result<> (*preop_to_safeop)(Context& ctx, std::uint16_t slave, void* user) = nullptr;
+    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. An
+    // error keeps the slave in PREOP.
+    Hook<> preop_to_safeop;
     void* user = nullptr;
-    // Around the changes of state that the library makes: before the state is requested, behind the commands of
-    // SlaveSetup::startup for it, and after the slave is known to be there. Called by poll(), so it must not wait, but
-    // may return Errc::busy to be asked again. On the way up an error keeps the slave where it is; on the way down it
-    // is told in errors(), and the slave goes all the same. What has failed afterwards is an error of the slave.
-    Result<> (*transition)(Context& ctx, std::uint16_t slave, Transition which, Moment moment, void* user) = nullptr;
+    // Around the changes of state that the library makes: before the state is requested, after the commands of
+    // SlaveSetup::startup for it, and after the slave has reached the state. On the way up, an error keeps the slave in
+    // the state that it has; on the way down, the error is added to errors() and the slave goes all the same. What has
+    // failed after the change is an error of the slave.
+    Hook<Transition, Moment> transition;
 
     // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait
     // nor call the library. `data` is valid until it returns.
@@ -199,6 +200,6 @@ struct Slave {
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};
 };
-static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 512);  // many of them fit a small memory
+static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 528);  // many of them fit a small memory
 
 }  // namespace margay

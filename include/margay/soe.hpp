@@ -25,6 +25,7 @@ namespace margay {
 // unit and the value of a list begin with two octets of present and two of largest length. Any size; Errc::capacity
 // (expected: the octets there are) when `data` is too small.
 struct SoeRead : MailRequest {
+    SoeRead();
     std::uint8_t drive = 0;  // of the slave, 0 to 7
     Idn idn;
     std::uint8_t elements = soe_element::kValue;
@@ -34,6 +35,7 @@ struct SoeRead : MailRequest {
 
 // Writes an element, in nearly every case the value.
 struct SoeWrite : MailRequest {
+    SoeWrite();
     std::uint8_t drive = 0;
     Idn idn;
     std::uint8_t elements = soe_element::kValue;
@@ -44,19 +46,14 @@ struct SoeWrite : MailRequest {
 // Cancelled, or with `timeout` over, the command is taken back too. Without a timeout it waits for as long as the drive
 // works on it.
 struct SoeCommand : MailRequest {
+    SoeCommand();
     std::uint8_t drive = 0;
     Idn idn;
 };
 
-// Starts a request; see submit() in coe.hpp. From any thread, without a lock.
-Result<> submit(Context& ctx, SoeRead& request);
-Result<> submit(Context& ctx, SoeWrite& request);
-Result<> submit(Context& ctx, SoeCommand& request);
-
 // ------------------------------------------------------------------ calls that wait
 //
-// Each submits the request of its kind and waits for it, as the calls of coe.hpp do; in the thread of a running cycle
-// it is refused with Errc::cycle_running.
+// Each submits the request of its kind and waits for it: see wait() for what that means in which thread.
 
 // Reads elements, returns their octets. Errors: soe_error (detail: its code, which describe() puts in words), capacity
 // (expected: octets there are), timeout, mailbox_error, protocol, unsupported, unknown_slave …

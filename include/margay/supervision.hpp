@@ -40,6 +40,7 @@ struct LineErrors {
 // Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of
 // slaves are called from poll() here: they must not wait, but may return Errc::busy to be asked again.
 struct SuperviseRequest : Request {
+    SuperviseRequest();
     AlState target = AlState::op;                       // OP, or SAFEOP
     Duration interval = std::chrono::milliseconds(10);  // between rolls while there are no cycles
     Duration retry = std::chrono::milliseconds(500);    // after an attempt to bring a slave back has failed
@@ -50,12 +51,13 @@ struct SuperviseRequest : Request {
 };
 
 // Goes through the whole start-up of one slave again. See reconfig_slave().
-struct ReconfigRequest : Request {
-    std::uint16_t slave = 0;
+struct ReconfigRequest : SlaveRequest {
+    ReconfigRequest();
 };
 
 // Looks for slaves that are back without their station address. See recover_slave().
 struct RecoverRequest : Request {
+    RecoverRequest();
     std::uint16_t found = 0;  // result: how many
 };
 

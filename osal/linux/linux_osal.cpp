@@ -2,10 +2,14 @@
 
 #include "osal/linux/monotonic_clock.hpp"
 
+#include <linux/futex.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <climits>
 #include <cstdint>
 
 namespace margay {
@@ -49,6 +53,24 @@ void LinuxOsal::wake() noexcept {
     const std::uint64_t one = 1;
     // Fails only when the counter is full, and then the wait ends anyway.
     [[maybe_unused]] const auto written = ::write(event_, &one, sizeof one);
+}
+
+void LinuxOsal::sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept {
+    static_assert(sizeof word == sizeof(std::uint32_t));
+    timespec timeout{};
+    if (until != kNever) {
+        const auto since = std::max(until.time_since_epoch(), Duration{0});
+        const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since);
+        timeout.tv_sec = static_cast<time_t>(seconds.count());
+        timeout.tv_nsec = static_cast<long>((since - seconds).count());
+    }
+    // The bitset form takes an absolute time of CLOCK_MONOTONIC.
+    (void)::syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, value, until == kNever ? nullptr : &timeout, nullptr,
+                    FUTEX_BITSET_MATCH_ANY);
+}
+
+void LinuxOsal::wake_sleepers(const void* word) noexcept {
+    (void)::syscall(SYS_futex, word, FUTEX_WAKE_PRIVATE, INT_MAX, nullptr, nullptr, 0);
 }
 
 }  // namespace margay

@@ -22,6 +22,9 @@ class LinuxOsal final : public Osal {
     // wait().
     void wake() noexcept override;
     [[nodiscard]] std::uintptr_t calling_thread() noexcept override;
+    // A futex.
+    void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override;
+    void wake_sleepers(const void* word) noexcept override;
 
   private:
     int event_ = -1;

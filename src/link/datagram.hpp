@@ -7,7 +7,7 @@
 // destroyed in flight is forgotten; its reply is dropped when it comes.
 #pragma once
 
-#include "util/list.hpp"
+#include <margay/detail/list.hpp>
 #include "wire/datagram.hpp"
 
 #include <margay/error.hpp>

@@ -1,6 +1,7 @@
 #include "network/groups.hpp"
 
 #include "network/configure.hpp"
+#include "network/hooks.hpp"
 #include "network/members.hpp"
 #include "network/pdos.hpp"
 #include "network/transition.hpp"
@@ -69,10 +70,26 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     return prepare(tables, group, *count, network.engine.link());
 }
 
+// Calls the hook of a slave, which finds the slave in PREOP, also when the group was mapped before.
+Task<Result<>> prepare_slave(Network& network, Slave& slave) {
+    slave.hook_failed = false;
+    if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Result<>();
+    if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
+        auto back = co_await change_state(network, slave, AlState::preop);
+        (void)back;  // the configuration of the slave finds out what is wrong
+    }
+    auto done = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
+    slave.hook_failed = !done.ok();
+    if (!done) network.note(slave, done.error());
+    co_return done;
+}
+
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
     if (slave.config.group != number || slave.config.highest < AlState::safeop ||
         (slave.al.state == AlState::none && !slave.seen))
         co_return Result<>();
+    auto hook = co_await prepare_slave(network, slave);
+    if (!hook) co_return Result<>();
     auto found = co_await discover_pdos(network, slave);
     slave.pdos_failed = !found && !slave.config.pdos().empty();
     if (!found) network.note(slave, found.error());

@@ -14,7 +14,6 @@
 #include <margay/slave.hpp>
 
 #include <algorithm>
-#include <atomic>
 #include <span>
 
 namespace margay {
@@ -23,21 +22,6 @@ struct ScanSettings {
     Duration link_timeout = std::chrono::seconds(5);
     Duration init_timeout = std::chrono::seconds(2);  // for all slaves to reach INIT
     std::uint16_t first_station_address = 0x1001;
-};
-
-class MailRequest;
-
-// Requests that come from any thread, and who runs the cycle.
-struct RequestQueue {
-    std::atomic<MailRequest*> submitted{nullptr};  // newest first
-    std::atomic<bool> cancel_asked{false};
-    MailRequest* waiting = nullptr;  // until there is room in the arena; oldest first
-    MailRequest* running = nullptr;
-    // When the last cycle began, in milliseconds and one more (0: there was none), how far cycles are apart, and whose
-    // thread it was.
-    std::atomic<std::uint32_t> cycle_ms{0};
-    std::atomic<std::uint32_t> cycle_gap_ms{0};
-    std::atomic<std::uintptr_t> cycle_thread{0};
 };
 
 struct Network {
@@ -63,13 +47,11 @@ struct Network {
     ProcessTables process;
     ErrorLog errors;
     Mailboxes mailboxes;
-    RequestQueue queue;
     EventQueue events;
     std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
     std::span<const ExpectedSlave> expected;
     Slave guest;                 // a newcomer while it is found out who it is
     bool searching = false;      // somebody is at that
-    Context* context = nullptr;  // for hooks
     bool supervised = false;
     Crew requests;  // those that are busy; last, so that they end first
 

@@ -124,7 +124,7 @@ void compare_with_application(Network& network, const Slave& slave, const Findin
 // The dictionary counts; the SII has what the maker has meant by default. Where the application chooses, by a list or a
 // hook, it is no longer that.
 void compare_with_sii(Network& network, const Slave& slave, const Findings& found) {
-    if (slave.hooks.preop_to_safeop != nullptr || found.source != ConfigurationSource::coe) return;
+    if (slave.hooks.preop_to_safeop || found.source != ConfigurationSource::coe) return;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
         if (find_list(slave, n) == nullptr)
             tell_difference(network, slave, n, found.source, found.counts[n].bits, ConfigurationSource::sii,

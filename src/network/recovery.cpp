@@ -2,6 +2,7 @@
 
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
+#include "network/hooks.hpp"
 #include "network/members.hpp"
 #include "network/pdos.hpp"
 #include "network/scan.hpp"
@@ -56,19 +57,6 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     const Error error = judge(station, write.reply(), Step::recover, reg::kSyncManagerBase);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
-}
-
-// The hook is called from poll() here: as long as it says busy it is asked again.
-Task<Result<>> call_hook(Network& network, Slave& slave) {
-    if (slave.hooks.preop_to_safeop == nullptr) co_return Result<>();
-    for (;;) {
-        const auto done = slave.hooks.preop_to_safeop(*network.context, slave.position, slave.hooks.user);
-        if (done.error().code != Errc::busy) {
-            slave.hook_failed = !done.ok();
-            co_return done;
-        }
-        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    }
 }
 
 // One that was not there when the segment was scanned.
@@ -130,7 +118,8 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
     slave.al = before;
     note_state(network, slave, after);
     if (!preop || !mapped(network, slave)) co_return preop;
-    auto hook = co_await call_hook(network, slave);
+    auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
+    slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (new_here) {
         auto taken_in = co_await take_in(network, slave);

@@ -1,5 +1,6 @@
 #include "network/transition.hpp"
 
+#include "network/hooks.hpp"
 #include "network/startup.hpp"
 #include "station/al_state.hpp"
 
@@ -41,16 +42,7 @@ bool goes_up(Transition which) {
 }
 
 bool concerns(const Slave& slave, Transition which, Moment moment) {
-    return which != Transition::none && (slave.hooks.transition != nullptr || has_commands(slave, which, moment));
-}
-
-// Asked again as long as it says busy.
-Task<Result<>> call_hook(Network& network, Slave& slave, Transition which, Moment moment) {
-    for (;;) {
-        const auto done = slave.hooks.transition(*network.context, slave.position, which, moment, slave.hooks.user);
-        if (done.error().code != Errc::busy) co_return done;
-        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    }
+    return which != Transition::none && (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
 }
 
 }  // namespace
@@ -70,8 +62,8 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
     const bool up = goes_up(which);
     auto done = co_await run_commands(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
-    if (slave.hooks.transition != nullptr && (done || !up)) {
-        done = co_await call_hook(network, slave, which, moment);
+    if (slave.hooks.transition && (done || !up)) {
+        done = co_await call_hook(network, slave, slave.hooks.transition, slave.hooks.user, which, moment);
         if (!done && !up) network.note(slave, done.error());
     }
     co_return up ? done : Result<>();

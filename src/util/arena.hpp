@@ -3,7 +3,7 @@
 // given back joins its neighbour again, so no pattern of use wears the arena out.
 #pragma once
 
-#include "util/list.hpp"
+#include <margay/detail/list.hpp>
 
 #include <cstddef>
 #include <cstdint>

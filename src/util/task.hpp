@@ -1,115 +1,16 @@
-// Task<T>: a protocol sequence as a coroutine whose frame lives in an Arena.
-//
-//     Task<Result<std::uint16_t>> read_something(Engine& engine, …) { auto reply = co_await …; …; co_return
-//     value; }
-//
-// The first parameter of the coroutine (for a member function: the object) names the arena by a member
-// arena(). When the arena is full the call returns an empty task; awaiting it yields Errc::capacity and
-// nothing has happened. T is always a Result. A task starts when it is awaited or given to a Crew, and ends
-// with whoever owns it: destroying a Task destroys what it was waiting for.
+// Crew: tasks that run beside each other. Task itself is public: <margay/task.hpp>.
 #pragma once
 
 #include "util/arena.hpp"
-#include "util/list.hpp"
 
-#include <margay/result.hpp>
+#include <margay/task.hpp>
 
 #include <coroutine>
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 
 namespace margay {
-
-class Crew;
-
-namespace detail {
-
-struct PromiseBase : ListNode {
-    std::coroutine_handle<> continuation;  // whoever awaits the task,
-    Crew* crew = nullptr;                  // or the crew it belongs to:
-    std::coroutine_handle<> self;          // then the list node is in the crew's list
-
-    PromiseBase() = default;
-    ~PromiseBase();
-
-    // The frame lies behind a word that says which arena it is from.
-    static constexpr std::size_t kHeaderBytes = alignof(std::max_align_t);
-
-    template <class First, class... Rest>
-    static void* operator new(std::size_t bytes, First& first, Rest&...) noexcept {
-        Arena& arena = first.arena();
-        auto* memory = static_cast<std::byte*>(arena.allocate(bytes + kHeaderBytes));
-        if (memory == nullptr) return nullptr;
-        *reinterpret_cast<Arena**>(memory) = &arena;
-        return memory + kHeaderBytes;
-    }
-    static void operator delete(void* frame) noexcept {
-        auto* memory = static_cast<std::byte*>(frame) - kHeaderBytes;
-        (*reinterpret_cast<Arena**>(memory))->release(memory);
-    }
-
-    std::suspend_always initial_suspend() noexcept { return {}; }
-    void unhandled_exception() noexcept {}
-};
-
-}  // namespace detail
-
-template <class T>
-class [[nodiscard]] Task {
-  public:
-    struct promise_type : detail::PromiseBase {
-        T value{};
-
-        static Task get_return_object_on_allocation_failure() noexcept { return Task(); }
-        Task get_return_object() noexcept { return Task(std::coroutine_handle<promise_type>::from_promise(*this)); }
-        void return_value(T result) noexcept { value = std::move(result); }
-
-        struct Final {
-            bool await_ready() noexcept { return false; }
-            std::coroutine_handle<> await_suspend(std::coroutine_handle<promise_type> self) noexcept;
-            void await_resume() noexcept {}
-        };
-        Final final_suspend() noexcept { return {}; }
-    };
-
-    Task() = default;
-    Task(Task&& other) noexcept : handle_(std::exchange(other.handle_, {})) {}
-    Task& operator=(Task&& other) noexcept {
-        if (this != &other) {
-            reset();
-            handle_ = std::exchange(other.handle_, {});
-        }
-        return *this;
-    }
-    ~Task() { reset(); }
-
-    // False when the arena had no room for it.
-    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
-    [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
-    // The value of a task that is done.
-    [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
-    // The coroutine's address, by which it can be destroyed wherever it is kept.
-    [[nodiscard]] void* address() const { return handle_.address(); }
-    // Starts a task that nobody awaits; its owner asks done().
-    void start() {
-        if (handle_) handle_.resume();
-    }
-    void reset() {
-        if (handle_) std::exchange(handle_, {}).destroy();
-    }
-
-    bool await_ready() const noexcept { return !handle_; }
-    std::coroutine_handle<> await_suspend(std::coroutine_handle<> waiting) noexcept {
-        handle_.promise().continuation = waiting;
-        return handle_;
-    }
-    T await_resume() noexcept { return result(); }
-
-  private:
-    friend class Crew;
-    explicit Task(std::coroutine_handle<promise_type> handle) : handle_(handle) {}
-    std::coroutine_handle<promise_type> handle_;
-};
 
 // Tasks that run beside each other on behalf of one parent, which waits for one or for all of them.
 // Destroying the crew ends them.
@@ -175,21 +76,5 @@ class Crew {
     bool wait_all_ = false;
     Error first_error_;
 };
-
-inline detail::PromiseBase::~PromiseBase() {
-    if (crew != nullptr) crew->member_gone();
-}
-
-template <class T>
-std::coroutine_handle<> Task<T>::promise_type::Final::await_suspend(std::coroutine_handle<promise_type> self) noexcept {
-    auto& promise = self.promise();
-    if (promise.crew != nullptr) {
-        Crew& crew = *promise.crew;
-        const Error error = promise.value.error();
-        self.destroy();
-        return crew.member_ended(error);
-    }
-    return promise.continuation ? promise.continuation : std::noop_coroutine();
-}
 
 }  // namespace margay

@@ -57,10 +57,16 @@ std::string_view to_text(Errc code) {
         case Errc::types_differ: return "object 0x1C00 and the SII differ";
         case Errc::above_highest: return "the slave's configuration allows no such state";
         case Errc::check_failed: return "not as wanted";
-        case Errc::cycle_running:
-            return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or "
-                   "the other request "
-                   "for it, and look at its state() between cycles";
+        case Errc::not_owner:
+            return "another thread owns the context: submit a request, or call take_ownership() at a time that both "
+                   "threads know";
+        case Errc::not_polled: return "the thread that owns the context does not call poll()";
+        case Errc::waiting_forbidden:
+            return "this call waits, and allow_waiting() forbids that in the thread that owns the context: submit() the "
+                   "request of the same name and look at its state() between cycles";
+        case Errc::in_callback:
+            return "this call waits, and a callback or hook of the library must not: submit() a request, or write the "
+                   "hook as a sequence";
     }
     return "unknown error";
 }
@@ -109,6 +115,33 @@ std::string_view to_text(Step step) {
         case Step::recover: return "bringing it back";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
+    }
+    return "";
+}
+
+std::string_view to_text(Operation operation) {
+    switch (operation) {
+        case Operation::none: return "";
+        case Operation::scan: return "a scan";
+        case Operation::map: return "a mapping of process data";
+        case Operation::supervise: return "a supervision";
+        case Operation::reconfigure: return "a reconfiguration";
+        case Operation::recover: return "a search for lost slaves";
+        case Operation::change_state: return "a change of state";
+        case Operation::read_states: return "a reading of states";
+        case Operation::write_states: return "a request of states";
+        case Operation::check_states: return "a wait for states";
+        case Operation::read_sii: return "a reading of the SII";
+        case Operation::write_sii: return "a writing of the SII";
+        case Operation::read_register: return "a reading of registers";
+        case Operation::write_register: return "a writing of registers";
+        case Operation::sdo_upload: return "an SDO upload";
+        case Operation::sdo_download: return "an SDO download";
+        case Operation::sdo_information: return "an SDO information request";
+        case Operation::mail_pdo: return "a PDO by mailbox";
+        case Operation::soe_read: return "a SoE read";
+        case Operation::soe_write: return "a SoE write";
+        case Operation::soe_command: return "a SoE command";
     }
     return "";
 }

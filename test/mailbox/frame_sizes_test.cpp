@@ -1,5 +1,5 @@
 // How much of the arena the sequences of a mailbox take; see test/engine/frame_sizes_test.cpp.
-#include "context_access.hpp"
+#include "api/master.hpp"
 #include "mailbox/coe_complete.hpp"
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_mail_pdo.hpp"
@@ -7,7 +7,6 @@
 #include "mailbox/coe_pdo_write.hpp"
 #include "mailbox/mailbox_bus.hpp"
 #include "mailbox/soe_pdo.hpp"
-#include "network/network.hpp"
 
 namespace margay {
 namespace {
@@ -19,7 +18,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     MailboxBus bus;
     bus.add_stack(128);
     bus.start();
-    Network& network = *ContextAccess::network(*bus.ctx);
+    Network& network = master_of(*bus.ctx)->network;
     MailboxChannel& channel = network.mailboxes.channel(1);
     const auto expect = [&](const char* name, std::size_t bytes, auto task) {
         EXPECT_TRUE(static_cast<bool>(task));

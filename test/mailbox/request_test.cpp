@@ -49,8 +49,8 @@ TEST_F(RequestTest, IsReusableWithAnotherIndex) {
 
 TEST_F(RequestTest, WhatIsWrongWithItIsItsError) {
     const auto error_of = [&](auto& request) {
-        EXPECT_TRUE(submit(*bus.ctx, request).ok());
-        bus.run(request);
+        const auto refused = submit(*bus.ctx, request);  // the owner is told at once
+        EXPECT_EQ(refused.error(), request.error());
         return request.error();
     };
     SdoUpload request;
@@ -87,7 +87,7 @@ TEST_F(RequestTest, DestroyedOrCanceledAtAnyTime) {
     request.data = memory;
     ASSERT_TRUE(submit(*bus.ctx, request).ok());
     bus.step();
-    request.ask_cancel();
+    request.cancel();
     bus.step();
     EXPECT_EQ(request.error().code, Errc::canceled);
     EXPECT_LE(bus.ctx->arena_peak_bytes(), quiet);
@@ -95,21 +95,20 @@ TEST_F(RequestTest, DestroyedOrCanceledAtAnyTime) {
 
 TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     std::vector<SdoUpload> requests(40);
-    const auto submit_all = [&] {
-        for (auto& request : requests) {
+    const auto submit_all = [&](std::size_t count) {
+        for (auto& request : std::span(requests).first(count)) {
             request.slave = 1;
             request.index = 0x1008;
             request.data = memory;
             ASSERT_TRUE(submit(*bus.ctx, request).ok());
         }
     };
-    submit_all();
+    submit_all(1);
     bus.step();
-    // A scan starts all over: what was under way is canceled, the rest goes on with the slave that is found.
+    // A scan starts all over: it closes the mailbox under the request.
     ASSERT_TRUE(config_init(*bus.ctx).ok());
-    for (const auto& request : requests) bus.run(request);
     EXPECT_EQ(requests.front().error().code, Errc::canceled);
-    submit_all();
+    submit_all(requests.size());
     SdoUpload never_seen;
     never_seen.slave = 1;
     never_seen.data = memory;
@@ -146,23 +145,22 @@ TEST_F(RequestTest, DozensToOneSlaveWaitInTurnInLittleMemory) {
     EXPECT_EQ(late.error().code, Errc::timeout);
 }
 
-TEST_F(RequestTest, CallsThatWaitAreRefusedInTheThreadOfARunningCycle) {
+TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     std::vector<std::byte> image(64);
     ASSERT_TRUE(config_map(*bus.ctx, image).ok());
-    ASSERT_TRUE(SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0).ok());
-    for (int n = 0; n < 5; ++n) {
-        bus.osal.advance(1ms);
-        ASSERT_TRUE(send_processdata(*bus.ctx).ok());
-        (void)receive_processdata(*bus.ctx, 500us);
-        (void)poll(*bus.ctx, bus.osal.now());
-    }
+    ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+    ASSERT_TRUE(SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0).ok()) << "the owner polls, and the cycle stands still";
+    allow_waiting(*bus.ctx, false);
     const auto refused = SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0);
-    EXPECT_EQ(refused.error().code, Errc::cycle_running);
-    EXPECT_NE(bus.words(refused.error()).find("submit() an SdoUpload"), std::string::npos)
+    EXPECT_EQ(refused.error().code, Errc::waiting_forbidden);
+    EXPECT_NE(bus.words(refused.error()).find("submit() the request of the same name"), std::string::npos)
         << bus.words(refused.error());
-    EXPECT_EQ(SDOwrite(*bus.ctx, 1, 0x2000, 0, std::int16_t{1}).error().code, Errc::cycle_running);
-    EXPECT_EQ(object_description(*bus.ctx, 1, 0x2000).error().code, Errc::cycle_running);
-    bus.osal.advance(20ms);  // no cycle any more
+    EXPECT_EQ(SDOwrite(*bus.ctx, 1, 0x2000, 0, std::int16_t{1}).error().code, Errc::waiting_forbidden);
+    EXPECT_EQ(object_description(*bus.ctx, 1, 0x2000).error().code, Errc::waiting_forbidden);
+    EXPECT_EQ(config_init(*bus.ctx).error().code, Errc::waiting_forbidden);
+    EXPECT_EQ(config_map(*bus.ctx, image).error().code, Errc::waiting_forbidden);
+    EXPECT_EQ(readstate(*bus.ctx).error().code, Errc::waiting_forbidden);
+    allow_waiting(*bus.ctx, true);
     EXPECT_EQ(*SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0), 100);
 }
 
@@ -187,6 +185,7 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     std::atomic<bool> done{false};
     std::atomic<bool> cycling{false};
     std::thread owner([&] {
+        ASSERT_TRUE(take_ownership(ctx));
         while (!done.load()) {
             (void)send_processdata(ctx);
             cycling.store(true);
@@ -212,7 +211,7 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
             if (submit(ctx, request) && wait(ctx, request) && request.bytes == 26)
                 ++good;  // leaves polling to the owner
             if (!submit(ctx, request)) continue;
-            request.ask_cancel();
+            request.cancel();
             while (request.busy()) std::this_thread::yield();
         }
     };

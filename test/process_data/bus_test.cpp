@@ -250,23 +250,26 @@ TEST_F(BusTest, HookIsCalledInPreopAndCanHoldTheSlaveBack) {
     bus.add(8, 8);
     bus.start();
     struct Seen {
+        Context& ctx;
         int calls = 0;
         AlState state = AlState::none;
-    } seen;
-    ctx().slave(1).hooks = {[](Context& c, std::uint16_t slave, void* user) -> Result<> {
-                                auto& s = *static_cast<Seen*>(user);
-                                ++s.calls;
-                                (void)readstate(c);  // it may wait
-                                s.state = c.slave(slave).al.state;
-                                return Result<>();
-                            },
-                            &seen};
-    ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void*) -> Result<> {
-        return Error{.code = Errc::unsupported, .step = Step::sdo_download, .slave = slave};
+        Errc waiting = Errc::none;
+    } seen{ctx()};
+    ctx().slave(1).hooks.user = &seen;
+    ctx().slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Result<> {
+        auto& s = *static_cast<Seen*>(user);
+        ++s.calls;
+        s.waiting = readstate(s.ctx).error().code;
+        s.state = slave.slave().al.state;
+        return Result<>();
+    };
+    ctx().slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void*) -> Result<> {
+        return Error{.code = Errc::unsupported, .step = Step::sdo_download, .slave = slave.number()};
     };
     ASSERT_TRUE(config_map(ctx(), image).ok());
     EXPECT_EQ(seen.calls, 1);
     EXPECT_EQ(seen.state, AlState::preop);
+    EXPECT_EQ(seen.waiting, Errc::in_callback);
     ASSERT_TRUE(readstate(ctx()).ok());
     EXPECT_EQ(ctx().slave(1).al.state, AlState::safeop);
     EXPECT_EQ(ctx().slave(2).al.state, AlState::preop);

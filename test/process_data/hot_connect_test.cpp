@@ -112,10 +112,10 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     EXPECT_EQ(bring_up(expected), Words());
     int calls = 0;
     ctx->slave(4).hooks.user = &calls;
-    ctx->slave(4).hooks.preop_to_safeop = [](Context& c, std::uint16_t slave, void* user) -> Result<> {
-        EXPECT_EQ(slave, 4);
-        EXPECT_EQ(c.slave(slave).al.state, AlState::preop);
-        return ++*static_cast<int*>(user) < 5 ? Result<>(Error{.code = Errc::busy, .slave = slave}) : Result<>();
+    ctx->slave(4).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Result<> {
+        EXPECT_EQ(slave.number(), 4);
+        EXPECT_EQ(slave.slave().al.state, AlState::preop);
+        return ++*static_cast<int*>(user) < 5 ? Result<>(Error{.code = Errc::busy}) : Result<>();
     };
     run();
     EXPECT_EQ(calls, 0) << "nobody is there to be asked about";

@@ -216,8 +216,8 @@ TEST_F(SupervisionTest, StartupListsAndTheHookAreReplayed) {
     ctx().slave(2).config.setup = &kSetup;
     int calls = 0;
     ctx().slave(2).hooks.user = &calls;
-    ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void* user) -> Result<> {
-        if (++*static_cast<int*>(user) % 2 == 0) return Error{.code = Errc::busy, .slave = slave};
+    ctx().slave(2).hooks.preop_to_safeop = [](HookedSlave, void* user) -> Result<> {
+        if (++*static_cast<int*>(user) % 2 == 0) return Error{.code = Errc::busy};
         return Result<>();
     };
     to_op();
@@ -302,11 +302,11 @@ TEST_F(SupervisionTest, AFailedRecoveryIsToldOnceAndTriedAgain) {
     start(2);
     bool refuses = false;
     ctx().slave(2).hooks.user = &refuses;
-    ctx().slave(2).hooks.preop_to_safeop = [](Context&, std::uint16_t slave, void* user) -> Result<> {
+    ctx().slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Result<> {
         if (*static_cast<bool*>(user))
             return Error{.code = Errc::sdo_abort,
                          .step = Step::sdo_download,
-                         .slave = slave,
+                         .slave = slave.number(),
                          .index = 0x8000,
                          .detail = 0x08000000};
         return Result<>();
@@ -430,8 +430,11 @@ TEST_F(SupervisionTest, WrongCallsAreRefused) {
     supervision.target = AlState::op;
     ASSERT_TRUE(submit(ctx(), supervision).ok());
     SuperviseRequest second;
+    ASSERT_TRUE(submit(ctx(), second).ok());
+    EXPECT_EQ(wait(ctx(), second).error().code, Errc::busy);
+    std::array<char, 256> text{};
+    EXPECT_EQ(describe(config_init(ctx()).error(), text), "counting slaves: already in progress (a supervision is busy)");
     EXPECT_EQ(submit(ctx(), second).error().code, Errc::busy);
-    EXPECT_EQ(config_init(ctx()).error().code, Errc::busy);
     supervision.cancel();
     EXPECT_EQ(*config_init(ctx()), 2U);
 }

@@ -245,31 +245,15 @@ TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
     plug_odd({});
     start();
     struct Choice {
-        SdoDownload request;
-        std::array<std::byte, 6> assignment{std::byte{1}, std::byte{0}, std::byte{1}, std::byte{0x16}};
+        std::array<std::byte, 4> assignment{std::byte{1}, std::byte{0}, std::byte{1}, std::byte{0x16}};
         int done = 0;
-        bool under_way = false;
     } choice;
-    choice.request.slave = 2;
-    choice.request.index = 0x1C12;
-    choice.request.complete_access = true;
-    choice.request.data = std::span(choice.assignment).first(4);
     ctx.slave(2).hooks.user = &choice;
-    ctx.slave(2).hooks.preop_to_safeop = [](Context& c, std::uint16_t slave, void* user) -> Result<> {
+    ctx.slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
         auto& my = *static_cast<Choice*>(user);
-        if (my.done == 0) {  // called by config_map(): it may wait
-            ++my.done;
-            return SDOwrite(c, slave, 0x1C12, 0, true, my.request.data);
-        }
-        if (!my.under_way) {
-            my.under_way = true;
-            const auto submitted = submit(c, my.request);
-            if (!submitted) return submitted;
-        }
-        if (my.request.busy()) return Error{.code = Errc::busy, .slave = slave};
-        my.under_way = false;
+        auto written = co_await slave.sdo_write(0x1C12, 0, my.assignment, true);
         ++my.done;
-        return my.request.state() == RequestState::success ? Result<>() : Result<>(my.request.error());
+        co_return written;
     };
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(2);
     ASSERT_EQ(ctx.slave(2).image.outputs.bits, 128U) << "0x1601 has eight words";

@@ -66,7 +66,7 @@ TEST_F(Scan, SecondScanOfARunningSegmentStartsFromNothing) {
     segment.slave(1).registers().set<std::uint8_t>(wire::reg::kFmmuBase + 12, 1);
     StateRequest wrong;
     wrong.slave = 2;
-    wrong.state = AlState::op;
+    wrong.wanted = AlState::op;
     ASSERT_TRUE(submit(ctx, wrong));
     EXPECT_FALSE(wait(ctx, wrong)) << "PREOP to OP is not allowed";
     EXPECT_TRUE(ctx.slave(2).al.error);
@@ -84,7 +84,7 @@ TEST_F(Scan, RefusedStateNamesSlaveStatesAndCode) {
     ASSERT_TRUE(bring_up());
     StateRequest request;
     request.slave = 2;
-    request.state = AlState::op;
+    request.wanted = AlState::op;
     ASSERT_TRUE(submit(ctx, request));
     const auto done = wait(ctx, request);
     ASSERT_FALSE(done);
@@ -93,7 +93,7 @@ TEST_F(Scan, RefusedStateNamesSlaveStatesAndCode) {
     EXPECT_EQ(words(done.error()).find("slave 2: requesting a state: the slave refused (wanted OP, is in PREOP"), 0U)
         << words(done.error());
     // The next request acknowledges the error.
-    request.state = AlState::preop;
+    request.wanted = AlState::preop;
     ASSERT_TRUE(submit(ctx, request));
     EXPECT_TRUE(wait(ctx, request));
     EXPECT_FALSE(ctx.slave(2).al.error);

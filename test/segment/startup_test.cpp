@@ -164,7 +164,7 @@ TEST_F(Startup, ARegisterIsLookedAtUntilItIsRightOrTheTimeIsOver) {
     EXPECT_LE(osal.now() - before, 60ms);
     // Right after a while: the hook of the other slave's transition makes it so.
     ctx.slave(2).hooks.user = &segment;
-    ctx.slave(2).hooks.transition = [](Context&, std::uint16_t, Transition, Moment moment, void* user) -> Result<> {
+    ctx.slave(2).hooks.transition = [](HookedSlave, Transition, Moment moment, void* user) -> Result<> {
         auto& all = *static_cast<sim::Segment*>(user);
         if (moment == Moment::after) all.slave(0).write(0x0F88, std::array{std::byte{1}});
         return Result<>();
@@ -179,15 +179,15 @@ struct Record {
     std::vector<std::string> calls{};
     std::string fail_at{};
     int busy = 0;
-    static Result<> hook(Context& c, std::uint16_t slave, Transition which, Moment moment, void* user) {
+    static Result<> hook(HookedSlave slave, Transition which, Moment moment, void* user) {
         auto& my = *static_cast<Record*>(user);
         if (my.busy > 0) {
             --my.busy;
-            return Error{.code = Errc::busy, .slave = slave};
+            return Error{.code = Errc::busy};
         }
         const std::string call = (moment == Moment::before ? "before " : "after ") + std::string(initials(which));
-        my.calls.push_back(call + " in " + std::string(to_text(c.slave(slave).al.state)));
-        if (call == my.fail_at) return Error{.code = Errc::unsupported, .slave = slave};
+        my.calls.push_back(call + " in " + std::string(to_text(slave.slave().al.state)));
+        if (call == my.fail_at) return Error{.code = Errc::unsupported, .slave = slave.number()};
         return Result<>();
     }
 };
@@ -212,7 +212,7 @@ TEST_F(Startup, HooksAreCalledAroundEveryTransition) {
     record.calls.clear();
     StateRequest state;
     state.slave = 1;
-    state.state = AlState::init;
+    state.wanted = AlState::init;
     ASSERT_TRUE(submit(ctx, state));
     ASSERT_TRUE(wait(ctx, state));
     EXPECT_EQ(record.calls, (std::vector<std::string>{"before PI in PREOP", "after PI in INIT"}));
@@ -271,10 +271,12 @@ TEST_F(Startup, TheHookBeforeMappingFindsItsSlaveInPreop) {
     start();
     std::vector<AlState> states;
     ctx.slave(1).hooks.user = &states;
-    ctx.slave(1).hooks.preop_to_safeop = [](Context& c, std::uint16_t slave, void* user) -> Result<> {
-        (void)readstate(c);
-        static_cast<std::vector<AlState>*>(user)->push_back(c.slave(slave).al.state);
-        return Result<>();
+    ctx.slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        std::array<std::byte, 2> status{};
+        auto read = co_await slave.register_read(0x0130, status);
+        if (!read) co_return read;
+        static_cast<std::vector<AlState>*>(user)->push_back(static_cast<AlState>(status[0]));
+        co_return Result<>();
     };
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
@@ -300,7 +302,7 @@ TEST_F(Startup, TimesAndWatchdogsAreTheSlavesOwn) {
     cycles(5);
     StateRequest state;
     state.slave = 1;
-    state.state = AlState::op;
+    state.wanted = AlState::op;
     const Time before = osal.now();
     ASSERT_TRUE(submit(ctx, state));
     EXPECT_EQ(wait(ctx, state).error().code, Errc::timeout) << words(state.error());
@@ -322,7 +324,7 @@ TEST_F(Startup, ASlaveGoesNoHigherThanItIsAllowed) {
               "slave 2: requesting a state: the slave's configuration allows no such state (OP is above SAFEOP)");
     StateRequest state;
     state.slave = 1;
-    state.state = AlState::safeop;
+    state.wanted = AlState::safeop;
     ASSERT_TRUE(submit(ctx, state));
     EXPECT_EQ(wait(ctx, state).error().code, Errc::above_highest);
     SuperviseRequest supervision;
@@ -428,7 +430,7 @@ TEST_F(SourcesDiffer, TypesOfSyncManagersAreCompared) {
 TEST_F(SourcesDiffer, AnApplicationThatChoosesByAHookIsNotTold) {
     plug_odd({"coe_disagrees"});
     start();
-    ctx.slave(1).hooks.preop_to_safeop = [](Context&, std::uint16_t, void*) -> Result<> { return Result<>(); };
+    ctx.slave(1).hooks.preop_to_safeop = [](HookedSlave, void*) -> Result<> { return Result<>(); };
     map();
     EXPECT_EQ(errors(), std::vector<std::string>());
 }

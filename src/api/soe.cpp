@@ -1,6 +1,7 @@
-// SoE by the public API: requests and the calls that wait for them.
+// SoE: parameters of drives.
 #include "mailbox/soe.hpp"
-#include "mail_requests.hpp"
+
+#include "api/mail.hpp"
 
 #include <margay/margay.hpp>
 
@@ -48,9 +49,17 @@ static Task<Result<>> run(Network& network, SoeCommand& r) {
     co_return co_await soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience);
 }
 
-Result<> submit(Context& ctx, SoeRead& request) { return submit_queued(ctx, request); }
-Result<> submit(Context& ctx, SoeWrite& request) { return submit_queued(ctx, request); }
-Result<> submit(Context& ctx, SoeCommand& request) { return submit_queued(ctx, request); }
+static constexpr OperationDescription kRead =
+    describe_operation<SoeRead, check, run>(Operation::soe_read, Step::soe_read);
+SoeRead::SoeRead() : SlaveRequest(kRead) {}
+
+static constexpr OperationDescription kWrite =
+    describe_operation<SoeWrite, check, run>(Operation::soe_write, Step::soe_write);
+SoeWrite::SoeWrite() : SlaveRequest(kWrite) {}
+
+static constexpr OperationDescription kCommand =
+    describe_operation<SoeCommand, check, run>(Operation::soe_command, Step::soe_command);
+SoeCommand::SoeCommand() : SlaveRequest(kCommand) {}
 
 // ------------------------------------------------------------------ calls that wait
 
@@ -63,7 +72,7 @@ Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t driv
     request.idn = idn;
     request.elements = elements;
     request.data = into;
-    const auto done = do_and_wait(ctx, request, Step::soe_read, idn.value, drive);
+    const auto done = submit_and_wait(ctx, request);
     if (!done) return done.error();
     return request.bytes;
 }
@@ -77,7 +86,7 @@ Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn
     request.idn = idn;
     request.elements = elements;
     request.data = value;
-    return do_and_wait(ctx, request, Step::soe_write, idn.value, drive);
+    return submit_and_wait(ctx, request);
 }
 
 Result<> SoEcommand(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout) {
@@ -86,7 +95,7 @@ Result<> SoEcommand(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn i
     request.timeout = timeout;
     request.drive = drive;
     request.idn = idn;
-    return do_and_wait(ctx, request, Step::soe_command, idn.value, drive);
+    return submit_and_wait(ctx, request);
 }
 
 Result<SoeAttribute> SoEattribute(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout) {

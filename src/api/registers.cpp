@@ -1,6 +1,6 @@
-// Registers by the public API.
-#include "requests.hpp"
-
+// Registers of an ESC.
+#include "api/master.hpp"
+#include "api/operation.hpp"
 #include "station/register_access.hpp"
 
 #include <margay/margay.hpp>
@@ -9,10 +9,8 @@ namespace margay {
 namespace {
 
 template <class R>
-Error check_registers(Context& ctx, const R& r, Step step) {
-    Error refused = check_init(ctx);
-    if (refused.code != Errc::none) return refused;
-    refused = check_slave(*ContextAccess::network(ctx), r.slave, step);
+Error check_registers(Network& network, const R& r, Step step) {
+    Error refused = check_slave(network, r.slave, step);
     refused.index = r.address;
     if (refused.code != Errc::none) return refused;
     const bool fits =
@@ -28,6 +26,13 @@ Result<> judged(const Station& station, const Datagram& datagram, Step step, std
 
 }  // namespace
 
+static Error check(Network& network, const RegisterReadRequest& request) {
+    return check_registers(network, request, Step::read_register);
+}
+static Error check(Network& network, const RegisterWriteRequest& request) {
+    return check_registers(network, request, Step::write_register);
+}
+
 static Task<Result<>> run(Network& network, RegisterReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     Datagram datagram(station.engine.link(), wire::Command::FPRD, {station.address, request.address}, request.data);
@@ -42,13 +47,12 @@ static Task<Result<>> run(Network& network, RegisterWriteRequest& request) {
     co_return judged(station, datagram, Step::write_register, request.address);
 }
 
-Result<> submit(Context& ctx, RegisterReadRequest& request) {
-    return start(ctx, request, check_registers(ctx, request, Step::read_register));
-}
-
-Result<> submit(Context& ctx, RegisterWriteRequest& request) {
-    return start(ctx, request, check_registers(ctx, request, Step::write_register));
-}
+static constexpr OperationDescription kRead =
+    describe_operation<RegisterReadRequest, check, run>(Operation::read_register, Step::read_register);
+static constexpr OperationDescription kWrite =
+    describe_operation<RegisterWriteRequest, check, run>(Operation::write_register, Step::write_register);
+RegisterReadRequest::RegisterReadRequest() : SlaveRequest(kRead) {}
+RegisterWriteRequest::RegisterWriteRequest() : SlaveRequest(kWrite) {}
 
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data) {
     RegisterReadRequest request;

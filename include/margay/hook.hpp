@@ -1,0 +1,54 @@
+// A function of the application that the library calls on the way of one slave, in one of two forms.
+//
+// A plain function does its work at once and returns a Result: it may fill data, for example the configuration of the
+// slave. It must not wait: functions that wait are refused with Errc::in_callback. It may return Errc::busy: then it is
+// called again after a millisecond.
+//
+// A sequence is a coroutine that returns a Task. It may await all that HookedSlave offers: mailbox and registers of its
+// slave. It blocks nobody: other slaves go on, and so does the cycle.
+//
+//     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
+//     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {
+//         co_return co_await slave.sdo_write(0x6060, 0, std::int8_t{8});
+//     }
+//     ctx.slave(1).hooks.preop_to_safeop = choose_mode;
+//
+// Both forms mean the same at the first start-up and when a slave comes back: poll() calls them in either case. An
+// exception that leaves a hook ends the program.
+#pragma once
+
+#include <margay/result.hpp>
+#include <margay/task.hpp>
+
+#include <concepts>
+#include <cstddef>
+
+namespace margay {
+
+class HookedSlave;
+
+template <class... Args>
+class Hook {
+  public:
+    using Plain = Result<> (*)(HookedSlave slave, Args... args, void* user);
+    using Sequence = Task<> (*)(HookedSlave slave, Args... args, void* user);
+
+    constexpr Hook() = default;
+    constexpr Hook(std::nullptr_t) {}
+    template <class F>
+    requires std::convertible_to<F, Plain>
+    constexpr Hook(F function) : plain_(function) {}
+    template <class F>
+    requires std::convertible_to<F, Sequence>
+    constexpr Hook(F function) : sequence_(function) {}
+
+    [[nodiscard]] constexpr explicit operator bool() const { return plain_ != nullptr || sequence_ != nullptr; }
+    [[nodiscard]] constexpr Plain plain() const { return plain_; }
+    [[nodiscard]] constexpr Sequence sequence() const { return sequence_; }
+
+  private:
+    Plain plain_ = nullptr;
+    Sequence sequence_ = nullptr;
+};
+
+}  // namespace margay

@@ -1,0 +1,81 @@
+// What a hook may do with its slave: see hook.hpp. All functions that return a Task are to be awaited by the hook; what
+// they point to must live until then.
+#pragma once
+
+#include <margay/coe.hpp>
+#include <margay/idn.hpp>
+#include <margay/slave.hpp>
+#include <margay/task.hpp>
+
+#include <cstdint>
+#include <span>
+
+namespace margay {
+
+struct Network;
+
+class HookedSlave {
+  public:
+    [[nodiscard]] std::uint16_t number() const { return number_; }
+    // What is known of the slave, and its configuration, which a hook may change.
+    [[nodiscard]] Slave& slave() const;
+    // Of the context: the memory of sequences.
+    [[nodiscard]] Arena& arena() const;
+
+    // Objects of the dictionary; results and errors as of SDOread() and SDOwrite().
+    [[nodiscard]] Task<Result<std::size_t>> sdo_read(std::uint16_t index, std::uint8_t subindex,
+                                                     std::span<std::byte> into, bool complete_access = false) const;
+    [[nodiscard]] Task<> sdo_write(std::uint16_t index, std::uint8_t subindex, std::span<const std::byte> value,
+                                   bool complete_access = false) const;
+    template <SdoValue T>
+    [[nodiscard]] Task<Result<T>> sdo_read(std::uint16_t index, std::uint8_t subindex) const {
+        return read_value<T>(*this, index, subindex);
+    }
+    template <SdoValue T>
+    [[nodiscard]] Task<> sdo_write(std::uint16_t index, std::uint8_t subindex, T value) const {
+        return write_value(*this, index, subindex, octets_of(value));
+    }
+
+    // Parameters of drives; results and errors as of SoEread(), SoEwrite() and SoEcommand(). `drive`: 0 to 7.
+    [[nodiscard]] Task<Result<std::size_t>> soe_read(std::uint8_t drive, Idn idn, std::span<std::byte> into) const;
+    [[nodiscard]] Task<> soe_write(std::uint8_t drive, Idn idn, std::span<const std::byte> value) const;
+    [[nodiscard]] Task<> soe_command(std::uint8_t drive, Idn idn) const;
+
+    // Registers of the ESC; errors as of read_register() and write_register().
+    [[nodiscard]] Task<> register_read(std::uint16_t address, std::span<std::byte> into) const;
+    [[nodiscard]] Task<> register_write(std::uint16_t address, std::span<const std::byte> value) const;
+
+    // Lets time pass.
+    [[nodiscard]] Task<> sleep(Duration duration) const;
+
+  private:
+    friend struct HookAccess;
+    HookedSlave(Network& network, std::uint16_t number) : network_(&network), number_(number) {}
+
+    template <SdoValue T>
+    static Task<Result<T>> read_value(HookedSlave self, std::uint16_t index, std::uint8_t subindex) {
+        std::array<std::byte, sizeof(T)> octets{};
+        auto read = co_await self.sdo_read(index, subindex, std::span<std::byte>(octets));
+        if (!read) co_return read.error();
+        if (*read == sizeof(T)) co_return value_from_octets<T>(octets);
+        Error error{.code = Errc::wrong_size,
+                    .step = Step::sdo_upload,
+                    .slave = self.number_,
+                    .index = index,
+                    .subindex = subindex};
+        error.expected = static_cast<std::uint32_t>(sizeof(T));
+        error.actual = static_cast<std::uint32_t>(*read);
+        co_return error;
+    }
+    template <std::size_t N>
+    static Task<> write_value(HookedSlave self, std::uint16_t index, std::uint8_t subindex,
+                              std::array<std::byte, N> octets) {
+        auto written = co_await self.sdo_write(index, subindex, std::span<const std::byte>(octets));
+        co_return written;
+    }
+
+    Network* network_;
+    std::uint16_t number_;
+};
+
+}  // namespace margay

@@ -1,0 +1,128 @@
+// What a hook may do with its slave.
+#include "api/operation.hpp"
+#include "mailbox/coe_sdo.hpp"
+#include "mailbox/soe.hpp"
+#include "network/hooks.hpp"
+#include "network/pdos.hpp"
+#include "station/register_access.hpp"
+
+namespace margay {
+namespace {
+
+Network& network_of(const HookedSlave& slave) { return HookAccess::network(slave); }
+
+// What forbids a message of this protocol to the slave.
+Error check_mailbox(const HookedSlave& hooked, std::uint16_t protocol, Error where) {
+    Network& network = network_of(hooked);
+    const Slave& slave = hooked.slave();
+    where.slave = hooked.number();
+    if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
+        where.code = Errc::unsupported;
+    else if (!network.mailbox(slave).is_open())
+        where.code = Errc::wrong_state;
+    return where.code == Errc::none ? Error{} : where;
+}
+
+Task<Result<std::size_t>> read_object(HookedSlave hooked, SdoObject object, MutableBytes into) {
+    const Error refused = check_mailbox(hooked, mailbox_protocol::kCoE,
+                                        {.step = Step::sdo_upload, .index = object.index, .subindex = object.subindex});
+    if (refused.code != Errc::none) co_return refused;
+    auto read =
+        co_await sdo_upload(network_of(hooked).mailbox(hooked.slave()), object, into, startup_patience(hooked.slave()));
+    co_return read;
+}
+
+Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
+    const Error refused =
+        check_mailbox(hooked, mailbox_protocol::kCoE,
+                      {.step = Step::sdo_download, .index = object.index, .subindex = object.subindex});
+    if (refused.code != Errc::none) co_return refused;
+    auto written = co_await sdo_download(network_of(hooked).mailbox(hooked.slave()), object, value,
+                                         startup_patience(hooked.slave()));
+    co_return written;
+}
+
+Error check_drive(const HookedSlave& hooked, Step step, std::uint8_t drive, Idn idn) {
+    Error refused =
+        check_mailbox(hooked, mailbox_protocol::kSoE, {.step = step, .index = idn.value, .subindex = drive});
+    if (refused.code != Errc::none || drive < wire::soe::kDrives) return refused;
+    return {
+        .code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive};
+}
+
+SoeTarget target(std::uint8_t drive, Idn idn) { return {.idn = idn, .drive = drive, .elements = soe_element::kValue}; }
+
+Task<Result<std::size_t>> read_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, MutableBytes into) {
+    const Error refused = check_drive(hooked, Step::soe_read, drive, idn);
+    if (refused.code != Errc::none) co_return refused;
+    auto read = co_await soe_read(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), into,
+                                  startup_patience(hooked.slave()));
+    co_return read;
+}
+
+Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes value) {
+    const Error refused = check_drive(hooked, Step::soe_write, drive, idn);
+    if (refused.code != Errc::none) co_return refused;
+    auto written = co_await soe_write(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), value,
+                                      startup_patience(hooked.slave()));
+    co_return written;
+}
+
+Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
+    const Error refused = check_drive(hooked, Step::soe_command, drive, idn);
+    if (refused.code != Errc::none) co_return refused;
+    auto done = co_await soe_execute(network_of(hooked).mailbox(hooked.slave()), target(drive, idn),
+                                     startup_patience(hooked.slave()));
+    co_return done;
+}
+
+bool fits(std::uint16_t address, std::size_t bytes) {
+    return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
+}
+
+// Data of a datagram: what is read goes to, what is written comes from it.
+template <class Data>
+Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
+    if (!fits(address, data.size()))
+        co_return Error{.code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = address};
+    const Station station = network_of(hooked).station(hooked.slave());
+    Datagram datagram(station.engine.link(), command, {station.address, address}, data);
+    auto reply = co_await datagram;
+    const Error error = judge(station, reply, step, address);
+    co_return error.code == Errc::none ? Result<>() : Result<>(error);
+}
+
+Task<> sleep_for(HookedSlave hooked, Duration duration) {
+    co_await network_of(hooked).engine.sleep_for(duration);
+    co_return Result<>();
+}
+
+}  // namespace
+
+Slave& HookedSlave::slave() const { return network_->slave(number_); }
+Arena& HookedSlave::arena() const { return network_->arena(); }
+
+Task<Result<std::size_t>> HookedSlave::sdo_read(std::uint16_t index, std::uint8_t subindex, std::span<std::byte> into,
+                                                bool complete_access) const {
+    return read_object(*this, {index, subindex, complete_access}, into);
+}
+Task<> HookedSlave::sdo_write(std::uint16_t index, std::uint8_t subindex, std::span<const std::byte> value,
+                              bool complete_access) const {
+    return write_object(*this, {index, subindex, complete_access}, value);
+}
+Task<Result<std::size_t>> HookedSlave::soe_read(std::uint8_t drive, Idn idn, std::span<std::byte> into) const {
+    return read_parameter(*this, drive, idn, into);
+}
+Task<> HookedSlave::soe_write(std::uint8_t drive, Idn idn, std::span<const std::byte> value) const {
+    return write_parameter(*this, drive, idn, value);
+}
+Task<> HookedSlave::soe_command(std::uint8_t drive, Idn idn) const { return execute(*this, drive, idn); }
+Task<> HookedSlave::register_read(std::uint16_t address, std::span<std::byte> into) const {
+    return access_register(*this, wire::Command::FPRD, address, into, Step::read_register);
+}
+Task<> HookedSlave::register_write(std::uint16_t address, std::span<const std::byte> value) const {
+    return access_register(*this, wire::Command::FPWR, address, value, Step::write_register);
+}
+Task<> HookedSlave::sleep(Duration duration) const { return sleep_for(*this, duration); }
+
+}  // namespace margay

@@ -1,0 +1,36 @@
+#include "api/mail.hpp"
+
+namespace margay {
+
+Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
+    const Error refused = check_slave(network, where.slave, where.step);
+    where.code = refused.code;
+    where.expected = refused.expected;
+    if (refused.code != Errc::none) return where;
+    const Slave& slave = network.slave(where.slave);
+    if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
+        where.code = Errc::unsupported;
+    else if (!network.mailbox(slave).is_open())
+        where.code = Errc::wrong_state;  // never reached PREOP
+    return where.code == Errc::none ? Error{} : where;
+}
+
+// ------------------------------------------------------------------ what slaves report on their own
+
+EmergencyRing& emergencies(Context& ctx, std::uint16_t slave) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || slave < 1 || slave > master->network.count) return ContextAccess::no_emergencies(ctx);
+    return master->network.mailboxes.channel(slave).emergencies();
+}
+
+void watch_mailboxes(Context& ctx, Duration every) {
+    if (Master* master = master_of(ctx); master != nullptr) master->network.mailboxes.watch(every);
+}
+
+MailboxStatistics mailbox_statistics(Context& ctx, std::uint16_t slave) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || slave < 1 || slave > master->network.count) return {};
+    return master->network.mailboxes.channel(slave).statistics();
+}
+
+}  // namespace margay

@@ -1,0 +1,28 @@
+// What the requests to mailboxes have in common, whatever their protocol.
+#pragma once
+
+#include "api/master.hpp"
+#include "api/operation.hpp"
+#include "mailbox/exchange.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay {
+
+[[nodiscard]] inline MailPatience patience_of(Request& request) {
+    MailPatience patience{.give_up = RequestAccess::deadline(request),
+                          .priority = std::min<std::uint8_t>(request.priority, 3)};
+    if (request.timeout > Duration{0}) patience.each = request.timeout;
+    return patience;
+}
+
+[[nodiscard]] inline MailboxChannel& channel_of(Network& network, const MailRequest& request) {
+    return network.mailboxes.channel(request.slave);
+}
+
+// Whether the slave that `where` names can be asked by this protocol; otherwise `where` with the reason.
+[[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);
+
+}  // namespace margay

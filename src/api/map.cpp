@@ -1,0 +1,36 @@
+// Mapping of process data.
+#include "network/groups.hpp"
+
+#include "api/master.hpp"
+#include "api/operation.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay {
+
+static Error check(Network& network, const MapRequest& request) {
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::map_process_data};
+    if (request.group < network.process.groups.size()) return {};
+    return {.code = Errc::unknown_group, .step = Step::map_process_data, .index = request.group};
+}
+
+static Task<Result<>> run(Network& network, MapRequest& request) {
+    auto mapped = co_await map_group(network, request.group, request.image);
+    request.bytes = mapped ? *mapped : std::size_t{0};
+    co_return mapped ? Result<>() : Result<>(mapped.error());
+}
+
+static constexpr OperationDescription kMap =
+    describe_operation<MapRequest, check, run>(Operation::map, Step::map_process_data, Needs::segment);
+MapRequest::MapRequest() : Request(kMap) {}
+
+Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group) {
+    MapRequest request;
+    request.group = group;
+    request.image = image;
+    const auto done = submit_and_wait(ctx, request);
+    if (!done) return done.error();
+    return request.bytes;
+}
+
+}  // namespace margay

@@ -1,0 +1,48 @@
+// What lies in the memory of a context: the network, the requests, and the thread that owns the context.
+#pragma once
+
+#include "api/queue.hpp"
+#include "network/network.hpp"
+#include "osal/osal.hpp"
+
+#include <margay/context.hpp>
+
+#include <atomic>
+
+namespace margay {
+
+struct Master {
+    template <class... Args>
+    Master(Osal& system, Args&&... args) : osal(system), owner(system.calling_thread()), network(args...) {}
+
+    Osal& osal;
+    std::atomic<std::uintptr_t> owner;
+    std::atomic<std::uint32_t> polls{0};    // of the owner
+    std::atomic<bool> foreign_poll{false};  // another thread has called poll()
+    bool owner_may_wait = true;
+    bool in_poll = false;
+    RequestQueue queue;
+    Network network;  // its requests end before the queue does
+
+    [[nodiscard]] bool owned_by_caller() const {
+        return owner.load(std::memory_order_relaxed) == osal.calling_thread();
+    }
+    [[nodiscard]] Arena& arena() { return network.arena(); }
+};
+
+struct ContextAccess {
+    static Master*& master(Context& ctx) { return ctx.master_; }
+    static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
+    static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
+};
+
+// nullptr before init().
+[[nodiscard]] inline Master* master_of(Context& ctx) { return ContextAccess::master(ctx); }
+
+// What forbids a call that only the owner may make: wrong_state before init(), not_owner.
+[[nodiscard]] Error check_owner(Context& ctx, Step step);
+
+// For functions that wait: refuses where waiting is not allowed, submits the request and waits for its end.
+Result<> submit_and_wait(Context& ctx, Request& request);
+
+}  // namespace margay

@@ -1,0 +1,89 @@
+// AL states of slaves.
+#include "network/states.hpp"
+
+#include "api/master.hpp"
+#include "api/operation.hpp"
+#include "network/transition.hpp"
+#include "station/al_state.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay {
+
+static Error check(Network& network, const StateRequest& request) {
+    return check_slave(network, request.slave, Step::request_state);
+}
+static Error check(Network& network, const WriteStateRequest& request) {
+    return check_slave_or_all(network, request.slave, Step::request_state);
+}
+static Error check(Network& network, const StateCheckRequest& request) {
+    return check_slave_or_all(network, request.slave, Step::read_state);
+}
+
+static Task<Result<>> run(Network& network, StateRequest& request) {
+    Slave& slave = network.slave(request.slave);
+    auto seen = co_await read_al_status(network.station(slave));
+    if (!seen) {
+        if (seen.error().code == Errc::working_counter) slave.al = {};  // the slave does not answer
+        co_return seen.error();
+    }
+    slave.al = *seen;
+    auto changed = co_await change_state(network, slave, request.wanted, request.timeout);
+    co_return changed ? Result<>() : Result<>(changed.error());
+}
+
+static Task<Result<>> run(Network& network, ReadStateRequest& request) {
+    auto read = co_await read_states(network);
+    request.lowest = *read;
+    co_return read ? Result<>() : Result<>(read.error());
+}
+
+static Task<Result<>> run(Network& network, WriteStateRequest& request) {
+    co_return co_await write_states(network, request.slave, request.wanted);
+}
+
+static Task<Result<>> run(Network& network, StateCheckRequest& request) {
+    auto reached = co_await wait_for_state(network, request.slave, request.wanted, request.timeout);
+    request.reached = *reached;
+    co_return reached ? Result<>() : Result<>(reached.error());
+}
+
+static constexpr OperationDescription kChange =
+    describe_operation<StateRequest, check, run>(Operation::change_state, Step::request_state, Needs::its_slave);
+static constexpr OperationDescription kRead =
+    describe_operation<ReadStateRequest, check_nothing<ReadStateRequest>, run>(Operation::read_states,
+                                                                               Step::read_state);
+static constexpr OperationDescription kWrite =
+    describe_operation<WriteStateRequest, check, run>(Operation::write_states, Step::request_state);
+static constexpr OperationDescription kCheck =
+    describe_operation<StateCheckRequest, check, run>(Operation::check_states, Step::read_state);
+StateRequest::StateRequest() : SlaveRequest(kChange) {}
+ReadStateRequest::ReadStateRequest() : Request(kRead) {}
+WriteStateRequest::WriteStateRequest() : SlaveRequest(kWrite) {}
+StateCheckRequest::StateCheckRequest() : SlaveRequest(kCheck) {}
+
+Result<AlStatus> readstate(Context& ctx) {
+    ReadStateRequest request;
+    const auto done = submit_and_wait(ctx, request);
+    if (!done) return done.error();
+    return request.lowest;
+}
+
+Result<> writestate(Context& ctx, std::uint16_t slave, AlState state) {
+    WriteStateRequest request;
+    request.slave = slave;
+    request.wanted = state;
+    return submit_and_wait(ctx, request);
+}
+
+Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout) {
+    StateCheckRequest request;
+    request.slave = slave;
+    request.wanted = state;
+    request.timeout = timeout;
+    const auto done = submit_and_wait(ctx, request);
+    if (!done) return done.error();
+    return request.reached;
+}
+
+}  // namespace margay

@@ -1,0 +1,113 @@
+// Waiting for requests, and the thread that owns a context.
+#include "api/master.hpp"
+#include "api/operation.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+// How long another thread waits for the owner to begin a request.
+constexpr Duration kOwnerSilent = std::chrono::seconds(3);
+
+// What forbids the calling thread to wait.
+Error check_may_wait(const Master& master, Step step) {
+    if (!master.owned_by_caller()) return {};
+    if (master.in_poll) return {.code = Errc::in_callback, .step = step};
+    if (!master.owner_may_wait) return {.code = Errc::waiting_forbidden, .step = step};
+    return {};
+}
+
+void poll_until_over(Context& ctx, Master& master, Request& request) {
+    const int handle = master.network.engine.link().nic().wait_handle();
+    while (request.busy()) {
+        const Time next = poll(ctx, master.osal.now());
+        if (request.busy()) master.osal.wait(next, handle);
+    }
+}
+
+// Of a request that another thread has submitted. Says false when the owner does not poll.
+bool sleep_until_over(Master& master, Request& request) {
+    const std::uint32_t polls = master.polls.load(std::memory_order_relaxed);
+    const Time patience = master.osal.now() + kOwnerSilent;
+    while (request.busy()) {
+        const bool polled = master.polls.load(std::memory_order_relaxed) != polls;
+        RequestAccess::sleep(request, master.osal, polled ? kNever : patience);
+        if (polled || master.osal.now() < patience || master.polls.load(std::memory_order_relaxed) != polls) continue;
+        if (withdraw_submitted(master.queue, request)) return false;
+    }
+    return true;
+}
+
+}  // namespace
+
+Error check_owner(Context& ctx, Step step) {
+    const Master* master = master_of(ctx);
+    if (master == nullptr) return {.code = Errc::wrong_state, .step = step};
+    return master->owned_by_caller() ? Error{} : Error{.code = Errc::not_owner, .step = step};
+}
+
+Result<> wait(Context& ctx, Request& request) {
+    Master* master = master_of(ctx);
+    const Step step = RequestAccess::operation(request).step;
+    if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
+    if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
+    if (master->owned_by_caller())
+        poll_until_over(ctx, *master, request);
+    else if (!sleep_until_over(*master, request))
+        RequestAccess::end(request, {.code = Errc::not_polled, .step = step}, master->osal);
+    return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
+}
+
+Result<> submit_and_wait(Context& ctx, Request& request) {
+    Master* master = master_of(ctx);
+    const Step step = RequestAccess::operation(request).step;
+    if (master == nullptr) return Error{.code = Errc::wrong_state, .step = step};
+    if (const Error refused = check_may_wait(*master, step); refused.code != Errc::none) return refused;
+    const auto submitted = submit(ctx, request);
+    return submitted ? wait(ctx, request) : submitted;
+}
+
+void allow_waiting(Context& ctx, bool allowed) {
+    if (Master* master = master_of(ctx); master != nullptr) master->owner_may_wait = allowed;
+}
+
+Result<> take_ownership(Context& ctx) {
+    Master* master = master_of(ctx);
+    if (master == nullptr) return Error{.code = Errc::wrong_state};
+    master->owner.store(master->osal.calling_thread(), std::memory_order_relaxed);
+    return Result<>();
+}
+
+Time poll(Context& ctx, Time now) {
+    Master* master = master_of(ctx);
+    if (master == nullptr) return kNever;
+    if (!master->owned_by_caller()) {
+        master->foreign_poll.store(true, std::memory_order_relaxed);
+        return kNever;
+    }
+    Network& network = master->network;
+    if (master->in_poll) {
+        network.errors.add({.code = Errc::in_callback});
+        return kNever;
+    }
+    if (master->foreign_poll.exchange(false, std::memory_order_relaxed)) network.errors.add({.code = Errc::not_owner});
+    master->in_poll = true;
+    network.engine.set_now(now);
+    // What ends in this poll() may make room for requests that wait.
+    Time queued = serve_queue(*master, now);
+    Time next = network.engine.poll(now);
+    const RequestQueue& queue = master->queue;
+    if (queue.waiting != nullptr || queue.submitted.load(std::memory_order_relaxed) != nullptr ||
+        queue.cancel_asked.load(std::memory_order_relaxed)) {
+        queued = serve_queue(*master, now);
+        next = network.engine.poll(now);
+    }
+    master->in_poll = false;
+    master->polls.store(master->polls.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    return std::min(next, queued);
+}
+
+}  // namespace margay

@@ -1,0 +1,34 @@
+// Calls of the application's hooks.
+#pragma once
+
+#include "network/network.hpp"
+
+#include <margay/hooked_slave.hpp>
+
+namespace margay {
+
+struct HookAccess {
+    [[nodiscard]] static HookedSlave slave(Network& network, std::uint16_t number) { return {network, number}; }
+    [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
+};
+
+// Calls a hook and waits until it is done: a plain function is called again as long as it returns Errc::busy. `args`
+// are values. Without a hook: success.
+template <class... Args>
+Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void* user, Args... args) {
+    const HookedSlave hooked = HookAccess::slave(network, slave.position);
+    if (hook.sequence() != nullptr) {
+        auto done = co_await hook.sequence()(hooked, args..., user);
+        co_return done;
+    }
+    while (hook.plain() != nullptr) {
+        // An exception must not pass through the library: noexcept ends the program instead.
+        const auto call = [&]() noexcept { return hook.plain()(hooked, args..., user); };
+        const Result<> done = call();
+        if (done.error().code != Errc::busy) co_return done;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+    co_return Result<>();
+}
+
+}  // namespace margay

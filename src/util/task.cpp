@@ -1,0 +1,37 @@
+#include "util/task.hpp"
+
+namespace margay::detail {
+namespace {
+
+// The frame lies behind a word that says which arena it is from.
+constexpr std::size_t kHeaderBytes = alignof(std::max_align_t);
+
+}  // namespace
+
+void* allocate_frame(Arena& arena, std::size_t bytes) noexcept {
+    auto* memory = static_cast<std::byte*>(arena.allocate(bytes + kHeaderBytes));
+    if (memory == nullptr) return nullptr;
+    *reinterpret_cast<Arena**>(memory) = &arena;
+    return memory + kHeaderBytes;
+}
+
+void release_frame(void* frame) noexcept {
+    auto* memory = static_cast<std::byte*>(frame) - kHeaderBytes;
+    (*reinterpret_cast<Arena**>(memory))->release(memory);
+}
+
+void exception_left_sequence() noexcept { __builtin_trap(); }
+
+PromiseBase::~PromiseBase() {
+    if (crew != nullptr) crew->member_gone();
+}
+
+std::coroutine_handle<> PromiseBase::ended(std::coroutine_handle<> own, const Error& error) noexcept {
+    if (crew == nullptr) return continuation ? continuation : std::noop_coroutine();
+    Crew& ours = *crew;
+    const Error kept = error;  // lies in the frame
+    own.destroy();
+    return ours.member_ended(kept);
+}
+
+}  // namespace margay::detail
