@@ -122,7 +122,7 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     return Result<>();
 }
 
-Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves) {
+Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
     ContextAccess::master(ctx)->network.expected_next = slaves;

@@ -66,9 +66,9 @@ struct SlaveSetup {
     // The PDOs of SyncManagers, written into the slave's dictionary before its process data is looked at, and again
     // when it comes back; what is there already is not written. SyncManagers that are not listed keep theirs. Without
     // CoE they only tell what the slave has.
-    std::span<const SmPdos> pdos{};
+    Borrowed<SmPdos> pdos{};
     // Commands for transitions.
-    std::span<const StartupCommand> startup{};
+    Borrowed<StartupCommand> startup{};
     SlaveTimes times{};
 };
 
@@ -96,11 +96,11 @@ struct SlaveConfiguration {
     std::optional<Watchdog> process_data_watchdog{};
     const SlaveSetup* setup = nullptr;
 
-    [[nodiscard]] constexpr std::span<const SmPdos> pdos() const {
-        return setup == nullptr ? std::span<const SmPdos>() : setup->pdos;
+    [[nodiscard]] constexpr Borrowed<SmPdos> pdos() const {
+        return setup == nullptr ? Borrowed<SmPdos>() : setup->pdos;
     }
-    [[nodiscard]] constexpr std::span<const StartupCommand> startup() const {
-        return setup == nullptr ? std::span<const StartupCommand>() : setup->startup;
+    [[nodiscard]] constexpr Borrowed<StartupCommand> startup() const {
+        return setup == nullptr ? Borrowed<StartupCommand>() : setup->startup;
     }
     [[nodiscard]] constexpr SlaveTimes times() const { return setup == nullptr ? SlaveTimes{} : setup->times; }
     // Appends a SyncManager. False when there are kProcessSms already.
@@ -153,8 +153,8 @@ struct GroupConfiguration {
     // them.
     std::uint8_t cycles_in_flight = 1;
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
-    std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
-    SharedImage* shared = nullptr;           // for another thread: see shared_image.hpp
+    Borrowed<SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
+    SharedImage* shared = nullptr;    // for another thread: see shared_image.hpp
 };
 
 }  // namespace margay

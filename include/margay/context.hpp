@@ -21,8 +21,9 @@ struct Master;
 
 // Octets of memory that a context with these limits needs.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    constexpr std::size_t kFixedBytes = 16384;  // the engine, the queue of requests, errors and events, one frame buffer
-    constexpr std::size_t kFrameBytes = 64;     // a frame in flight
+    constexpr std::size_t kFixedBytes =
+        16384;                               // the engine, the queue of requests, errors and events, one frame buffer
+    constexpr std::size_t kFrameBytes = 64;  // a frame in flight
     // The coroutine frames of one slave being worked on, and a mailbox of 1 KiB; half of it where pointers are half as
     // long.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);

@@ -37,7 +37,7 @@ Result<std::uint16_t> config_init(Context& ctx);
 // on. `slaves` is the caller's memory and must live until the config_init() after the next expect(). Errors:
 // wrong_state before init(), invalid_argument (known by nothing, two at one position, a group torn apart; actual:
 // which).
-Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
+Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
 // Calls the slaves' hooks, makes the slaves' PDOs what their configuration wants, finds out what process data each
 // slave of the group exchanges (slave(n).config: by the application, else a file, else its object dictionary, else the

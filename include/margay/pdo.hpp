@@ -9,8 +9,9 @@
 //     ctx.slave(1).config.setup = &kSetup;                                        // before config_map()
 #pragma once
 
+#include <margay/borrowed.hpp>
+
 #include <cstdint>
-#include <span>
 
 namespace margay {
 
@@ -26,13 +27,13 @@ struct PdoEntry {
 // in it.
 struct Pdo {
     std::uint16_t index = 0;
-    std::span<const PdoEntry> entries{};
+    Borrowed<PdoEntry> entries{};
 };
 
 // What a SyncManager carries, in this order. Without PDOs: nothing.
 struct SmPdos {
     std::uint8_t sync_manager = 0;
-    std::span<const Pdo> pdos{};
+    Borrowed<Pdo> pdos{};
 };
 
 }  // namespace margay

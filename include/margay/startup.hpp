@@ -16,6 +16,7 @@
 #pragma once
 
 #include <margay/al_state.hpp>
+#include <margay/borrowed.hpp>
 #include <margay/idn.hpp>
 #include <margay/time.hpp>
 
@@ -75,11 +76,11 @@ struct StartupCommand {
     Transition transitions = Transition::none;
     std::uint16_t index = 0;  // of the object, the IDN, or the address of the register
     std::uint8_t subindex = 0;
-    std::uint8_t length = 0;            // octets of `value`
-    std::array<std::byte, 8> value{};   // as they go onto the wire, little-endian
-    std::array<std::byte, 8> mask{};    // of check_register: which bits of the value count
-    std::span<const std::byte> data{};  // in place of `value`, for what is longer. The caller's memory
-    Duration timeout{0};                // zero: SlaveTimes::mailbox for an object, one look for a register
+    std::uint8_t length = 0;           // octets of `value`
+    std::array<std::byte, 8> value{};  // as they go onto the wire, little-endian
+    std::array<std::byte, 8> mask{};   // of check_register: which bits of the value count
+    Borrowed<std::byte> data{};        // in place of `value`, for what is longer. The caller's memory
+    Duration timeout{0};               // zero: SlaveTimes::mailbox for an object, one look for a register
 
     // The same, after the state is reached; the same, allowed to fail; the same, with another timeout.
     [[nodiscard]] constexpr StartupCommand afterwards() const {
@@ -98,7 +99,8 @@ struct StartupCommand {
         return c;
     }
     [[nodiscard]] constexpr std::span<const std::byte> octets() const {
-        return data.empty() ? std::span(value).first(length <= value.size() ? length : value.size()) : data;
+        if (!data.empty()) return data;
+        return std::span(value).first(length <= value.size() ? length : value.size());
     }
 };
 
@@ -122,7 +124,7 @@ template <std::integral T>
             .value = detail::little_endian(value)};
 }
 [[nodiscard]] constexpr StartupCommand write_register(Transition when, std::uint16_t address,
-                                                      std::span<const std::byte> data) {
+                                                      Borrowed<std::byte> data) {
     return {.kind = StartupCommand::Kind::write_register, .transitions = when, .index = address, .data = data};
 }
 template <std::integral T>
@@ -147,7 +149,7 @@ template <std::integral T>
             .value = detail::little_endian(value)};
 }
 [[nodiscard]] constexpr StartupCommand write_object(Transition when, std::uint16_t index, std::uint8_t subindex,
-                                                    std::span<const std::byte> data) {
+                                                    Borrowed<std::byte> data) {
     return {.kind = StartupCommand::Kind::write_object,
             .transitions = when,
             .index = index,
@@ -157,7 +159,7 @@ template <std::integral T>
 // By complete access: subindex 0 in two octets, the others one behind the other. Made up of single ones where the slave
 // refuses it.
 [[nodiscard]] constexpr StartupCommand write_whole_object(Transition when, std::uint16_t index,
-                                                          std::span<const std::byte> data) {
+                                                          Borrowed<std::byte> data) {
     return {.kind = StartupCommand::Kind::write_object,
             .complete_access = true,
             .transitions = when,
@@ -175,7 +177,7 @@ template <std::integral T>
             .value = detail::little_endian(value)};
 }
 [[nodiscard]] constexpr StartupCommand write_parameter(Transition when, std::uint8_t drive, Idn idn,
-                                                       std::span<const std::byte> data) {
+                                                       Borrowed<std::byte> data) {
     return {.kind = StartupCommand::Kind::write_parameter,
             .transitions = when,
             .index = idn.value,

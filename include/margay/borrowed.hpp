@@ -1,0 +1,38 @@
+// A list in the memory of the caller.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <ranges>
+#include <span>
+#include <type_traits>
+
+namespace margay {
+
+// Points at a list that the caller keeps: a constant array, a std::array, a std::vector. The list must live as long as
+// the library may use it; the user of this type says how long that is. A temporary list is refused by the compiler.
+template <class T>
+class Borrowed : public std::span<const T> {
+  public:
+    using Base = std::span<const T>;
+
+    constexpr Borrowed() = default;
+    constexpr Borrowed(Base list) : Base(list) {}
+    template <std::size_t N>
+    constexpr Borrowed(const T (&list)[N]) : Base(list) {}
+    template <std::size_t N>
+    constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would be gone at the end of the statement
+    template <std::ranges::contiguous_range R>
+    requires std::convertible_to<R&, Base>
+    constexpr Borrowed(R& list) : Base(list) {}
+    template <std::ranges::contiguous_range R>
+    requires(!std::is_lvalue_reference_v<R> && !std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) =
+        delete;  // the list would be gone at the end of the statement
+};
+
+}  // namespace margay
+
+template <class T>
+inline constexpr bool std::ranges::enable_borrowed_range<margay::Borrowed<T>> = true;
+template <class T>
+inline constexpr bool std::ranges::enable_view<margay::Borrowed<T>> = true;

@@ -1,0 +1,86 @@
+// For systems with a heap: a configuration that owns all that it points at, for programs that build it at run time.
+// Nothing of the library includes this.
+#pragma once
+
+#include <margay/expected.hpp>
+
+#include <cstddef>
+#include <deque>
+#include <span>
+#include <vector>
+
+namespace margay {
+
+// A list of expected slaves with deep copies of all that belongs to them: configurations, setups, PDOs, entries, start-up
+// commands and their data. What was handed to add() may go away at once.
+//
+//     margay::HostConfiguration plan;
+//     plan.add({.position = 1, .product = 0x07D43052}, config);
+//     margay::expect(ctx, plan.expected());       // `plan` lives at least as long as the context
+//
+// An expected slave, once added, stays where it is: add() of further slaves moves nothing that a context uses, but
+// expected() is to be given to expect() again after that.
+class HostConfiguration {
+  public:
+    HostConfiguration() = default;
+    HostConfiguration(const HostConfiguration&) = delete;  // contexts point into it
+    HostConfiguration& operator=(const HostConfiguration&) = delete;
+
+    // Adds a slave; `slave.config` is copied where it is set.
+    void add(const ExpectedSlave& slave) {
+        expected_.push_back(slave);
+        if (slave.config != nullptr) expected_.back().config = keep(*slave.config);
+    }
+    void add(const ExpectedSlave& slave, const SlaveConfiguration& config) {
+        expected_.push_back(slave);
+        expected_.back().config = keep(config);
+    }
+
+    [[nodiscard]] Borrowed<ExpectedSlave> expected() const { return expected_; }
+
+    // Copies a configuration with all that it points at; the copy lives as long as this object.
+    [[nodiscard]] const SlaveConfiguration* keep(const SlaveConfiguration& config) {
+        SlaveConfiguration copy = config;
+        if (config.setup != nullptr) copy.setup = keep(*config.setup);
+        return &configurations_.emplace_back(copy);
+    }
+    [[nodiscard]] const SlaveSetup* keep(const SlaveSetup& setup) {
+        SlaveSetup copy = setup;
+        copy.pdos = keep(setup.pdos);
+        copy.startup = keep(setup.startup);
+        return &setups_.emplace_back(copy);
+    }
+
+  private:
+    template <class T>
+    static std::vector<T>& copied(std::deque<std::vector<T>>& lists, std::span<const T> list) {
+        return lists.emplace_back(list.begin(), list.end());
+    }
+    std::span<const SmPdos> keep(std::span<const SmPdos> list) {
+        std::vector<SmPdos>& copy = copied(sm_pdos_, list);
+        for (SmPdos& sm : copy) {
+            std::vector<Pdo>& pdos = copied<Pdo>(pdos_, sm.pdos);
+            for (Pdo& pdo : pdos) pdo.entries = copied<PdoEntry>(entries_, pdo.entries);
+            sm.pdos = pdos;
+        }
+        return copy;
+    }
+    std::span<const StartupCommand> keep(std::span<const StartupCommand> list) {
+        std::vector<StartupCommand>& copy = copied(commands_, list);
+        for (StartupCommand& command : copy)
+            if (!command.data.empty()) command.data = copied<std::byte>(data_, command.data);
+        return copy;
+    }
+
+    std::vector<ExpectedSlave> expected_;
+    // Lists of lists that grow at their end only: no element moves.
+    std::deque<SlaveConfiguration> configurations_;
+    std::deque<SlaveSetup> setups_;
+    std::deque<std::vector<SmPdos>> sm_pdos_;
+    std::deque<std::vector<Pdo>> pdos_;
+    std::deque<std::vector<PdoEntry>> entries_;
+    std::deque<std::vector<StartupCommand>> commands_;
+    std::deque<std::vector<std::byte>> data_;
+};
+
+}  // namespace margay

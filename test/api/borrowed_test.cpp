@@ -1,0 +1,70 @@
+// Configuration is borrowed: temporaries do not compile, and a hosted helper owns a copy.
+#include "segment/bench.hpp"
+
+#include <margay/host_configuration.hpp>
+
+#include <type_traits>
+
+namespace margay {
+namespace {
+
+template <class List>
+concept SetupFrom = requires(List&& list) {
+    SlaveSetup{.pdos = std::forward<List>(list)};
+};
+template <class List>
+concept ExpectedFrom = requires(Context& ctx, List&& list) {
+    expect(ctx, std::forward<List>(list));
+};
+
+TEST(Borrowed, ATemporaryListIsRefusedByTheCompiler) {
+    EXPECT_TRUE((SetupFrom<const std::array<SmPdos, 2>&>));
+    EXPECT_TRUE((SetupFrom<std::vector<SmPdos>&>));
+    EXPECT_TRUE((SetupFrom<std::span<const SmPdos>>));
+    EXPECT_TRUE((SetupFrom<const SmPdos(&)[2]>));
+    EXPECT_FALSE((SetupFrom<std::array<SmPdos, 2>>));
+    EXPECT_FALSE((SetupFrom<std::vector<SmPdos>>));
+    EXPECT_FALSE((SetupFrom<SmPdos[2]>));
+    EXPECT_TRUE((ExpectedFrom<std::vector<ExpectedSlave>&>));
+    EXPECT_FALSE((ExpectedFrom<std::vector<ExpectedSlave>>));
+    EXPECT_FALSE((std::is_constructible_v<Borrowed<std::byte>, std::vector<std::byte>>));
+}
+
+class HostConfigurationTest : public SegmentTest {};
+
+TEST_F(HostConfigurationTest, OwnsAllThatItPointsAt) {
+    HostConfiguration plan;
+    for (std::uint16_t position = 1; position <= 3; ++position) {
+        std::vector<PdoEntry> entries{{0x7000, 1, 16}, {0x7000, 2, static_cast<std::uint8_t>(8 * position)}};
+        std::vector<Pdo> outputs{{0x1600, entries}};
+        std::vector<SmPdos> pdos{{2, outputs}};
+        std::vector<std::byte> data(12, static_cast<std::byte>(position));
+        std::vector<StartupCommand> commands{write_register(Transition::init_to_preop, 0x0F80, data)};
+        SlaveSetup setup{.pdos = pdos, .startup = commands};
+        SlaveConfiguration config;
+        config.setup = &setup;
+        plan.add({.position = position}, config);
+        // All of it is spoilt before it goes away.
+        std::ranges::fill(data, std::byte{0xEE});
+        entries.assign(2, PdoEntry{});
+        setup = {};
+    }
+    ASSERT_EQ(plan.expected().size(), 3U);
+    for (std::uint16_t position = 1; position <= 3; ++position) {
+        const SlaveSetup& setup = *plan.expected()[position - 1U].config->setup;
+        ASSERT_EQ(setup.pdos.size(), 1U);
+        ASSERT_EQ(setup.pdos[0].pdos.size(), 1U);
+        EXPECT_EQ(setup.pdos[0].pdos[0].entries[1], (PdoEntry{0x7000, 2, static_cast<std::uint8_t>(8 * position)}));
+        ASSERT_EQ(setup.startup[0].octets().size(), 12U);
+        EXPECT_EQ(setup.startup[0].octets()[11], static_cast<std::byte>(position));
+    }
+    for (int n = 0; n < 3; ++n) plug("coupler");
+    switch_on();
+    ASSERT_TRUE(init(ctx, wire, osal));
+    ASSERT_TRUE(expect(ctx, plan.expected()));
+    ASSERT_TRUE(config_init(ctx));
+    EXPECT_EQ(ctx.slave(2).config.setup, plan.expected()[1].config->setup);
+}
+
+}  // namespace
+}  // namespace margay
