@@ -50,7 +50,7 @@ class SimpleIo {
                   group.expected_wkc);
         tell_errors();
         if (!reach_op()) {
-            tell_states();
+            if (!stop_asked()) tell_states();
             leave();
             return 1;
         }
