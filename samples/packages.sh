@@ -53,10 +53,10 @@ want_packages() {
     echo "Install them with: sudo apt-get install --no-install-recommends$missing" >&2
 }
 
-# A compiler of this project takes up to 1 GiB.
+# A compiler of this project takes up to 1 GiB. `meminfo` is another file in the place of /proc/meminfo, for tests.
 compilers() {
     processors=$(nproc 2>/dev/null) || processors=1
-    gibibytes=$(awk '/^MemAvailable:/ { print int($2 / 1048576) }' "${1:-/proc/meminfo}" 2>/dev/null) || gibibytes=
+    gibibytes=$(awk '/^MemAvailable:/ { print int($2 / 1048576) }' "${meminfo:-/proc/meminfo}" 2>/dev/null) || gibibytes=
     if [ -n "$gibibytes" ] && [ "$gibibytes" -lt "$processors" ]; then
         processors=$gibibytes
         [ "$processors" -ge 1 ] || processors=1

@@ -52,7 +52,7 @@ void add_source_arguments(Arguments& arguments, SourceArguments& values, const s
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
     arguments.flag("--take-over", values.take_over,
                    "scan even where slaves are in SAFEOP or OP, as under another master; they go to INIT");
-    arguments.without_arguments(list_of_sources);
+    arguments.without_arguments([] { return list_of_interfaces() + list_of_segments("sim:"); });
 }
 
 std::string list_of_interfaces() {
@@ -67,9 +67,9 @@ std::string list_of_interfaces() {
     return "Ethernet interfaces:\n" + (lines.empty() ? std::string("  none\n") : lines);
 }
 
-std::string list_of_sources() {
-    auto lines = list_of_interfaces() + "Ready-made simulated segments:\n";
-    for (const auto& [name, title] : ready_made_segments()) lines += fmt::format("  sim:{:<16} {}\n", name, title);
+std::string list_of_segments(const std::string& prefix) {
+    std::string lines = "Ready-made simulated segments:\n";
+    for (const auto& [name, title] : ready_made_segments()) lines += fmt::format("  {:<20} {}\n", prefix + name, title);
     return lines;
 }
 

@@ -18,10 +18,9 @@ struct SourceArguments {
 // SOURCE, --record, --trace and --take-over. `more` is what else this program takes as a SOURCE.
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more = {});
 
-// The network interfaces of this system and the ready-made segments, a line each.
-[[nodiscard]] std::string list_of_sources();
-// The network interfaces alone.
+// The network interfaces of this system, and the ready-made segments behind `prefix` ("sim:"), a line each.
 [[nodiscard]] std::string list_of_interfaces();
+[[nodiscard]] std::string list_of_segments(const std::string& prefix);
 
 // Opens the source, runs `body`, closes the source and returns the exit code. What is wrong with the source is told on
 // standard error. A segment on an interface with slaves in SAFEOP or OP is refused, unless --take-over is given:

@@ -67,7 +67,7 @@ TEST_F(Checkout, AnUnknownNeededPackageEndsTheRun) {
 TEST_F(Checkout, CompilersFitIntoTheMemory) {
     const auto compilers = [&](const std::string& meminfo) {
         folder.write("meminfo", meminfo);
-        return script(". samples/packages.sh; compilers '" + file("meminfo") + "'").out;
+        return script(". samples/packages.sh; meminfo='" + file("meminfo") + "'; compilers").out;
     };
     folder.write_script("bin/nproc", "echo 8\n");
     EXPECT_EQ(compilers("MemTotal: 99999999 kB\nMemAvailable:    33554432 kB\n"), "8\n");
@@ -75,7 +75,7 @@ TEST_F(Checkout, CompilersFitIntoTheMemory) {
     EXPECT_EQ(compilers("MemAvailable:      400000 kB\n"), "1\n");
     EXPECT_EQ(compilers("nothing that is known\n"), "8\n");
     fs::remove(file("meminfo"));
-    EXPECT_EQ(script(". samples/packages.sh; compilers '" + file("meminfo") + "'").out, "8\n");
+    EXPECT_EQ(script(". samples/packages.sh; meminfo='" + file("meminfo") + "'; compilers").out, "8\n");
 }
 
 // CMake writes its cache also where it fails.
@@ -84,7 +84,8 @@ TEST_F(Checkout, QuickstartConfiguresAgainAfterAFailure) {
                         "echo \"cmake $*\" >>'" + file("log") +
                             "'\n"
                             "case $1 in -S) mkdir -p build; : >build/CMakeCache.txt; [ -e works ] || exit 1\n"
-                            ": >build/Makefile;; *) mkdir -p build/bin; echo 'echo seen' >build/bin/slaveinfo\n"
+                            ": >build/Makefile;; *) [ -e build/Makefile ] || exit 1; mkdir -p build/bin; echo 'echo "
+                            "seen' >build/bin/slaveinfo\n"
                             "chmod +x build/bin/slaveinfo;; esac\n");
     EXPECT_NE(script("sh samples/quickstart.sh").status, 0);
     folder.write("works", "");
