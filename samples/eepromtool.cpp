@@ -1,18 +1,17 @@
 // eepromtool: reads, writes and shows the EEPROM (SII) of a slave, or of a file as if it were one.
 #include "common/eeprom.hpp"
+#include "common/program.hpp"
 #include "common/sii_text.hpp"
 #include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
-#include "common/source.hpp"
+#include "common/source_arguments.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
 #include <fmt/format.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>
 
-#include <csignal>
 #include <optional>
 
 namespace {
@@ -23,26 +22,20 @@ using namespace margay::samples;
 enum class Action { read, write, dump, alias };
 
 struct Options {
-    std::string source;
-    std::uint16_t position = 0;
+    SourceArguments source;
+    std::uint16_t position = 0;  // 0: not given
     Action action = Action::dump;
     std::string file = "-";
     std::optional<ImageFormat> format{};
     std::optional<std::uint16_t> alias{};
     std::size_t size = 0;
     bool force = false;
-    std::string record;
-    bool trace = false;
 };
 
 constexpr std::string_view kFileSource = "file:";
 
-volatile std::sig_atomic_t interrupted = 0;
-
-int print_error(const std::string& text) {
-    fmt::print(stderr, "eepromtool: {}\n", text);
-    return 1;
-}
+int print_error(const std::string& text) { return fail(text); }
+int print_system_error(const std::string& text) { return fail(text, exit_code::kSystem); }
 
 void print_note(const std::string& text) { fmt::print(stderr, "{}\n", text); }
 
@@ -62,7 +55,7 @@ class ProgressLine {
                 (void)std::fflush(stderr);
                 shown_ = true;
             }
-            return interrupted == 0;
+            return !stop_asked();
         };
     }
     void clear() {
@@ -89,17 +82,17 @@ int read(Eeprom& eeprom, const Options& options) {
     const auto content = read_all(eeprom, options);
     if (!content.error.empty()) return print_error(content.error);
     const auto error = save_image(options.file, options.format.value_or(usual), content.octets);
-    if (!error.empty()) return print_error(error);
+    if (!error.empty()) return print_system_error(error);
     for (const auto& finding : sii_findings(content.octets)) print_note("warning: " + finding_text(finding));
     if (options.file != "-")
-        fmt::print("{}: {} octets read into {}\n", eeprom.name(), content.octets.size(), options.file);
+        print_out("{}: {} octets read into {}\n", eeprom.name(), content.octets.size(), options.file);
     return 0;
 }
 
 int dump(Eeprom& eeprom, const Options& options) {
     const auto content = read_all(eeprom, options);
     if (!content.error.empty()) return print_error(content.error);
-    fmt::print("{}", sii_text(content.octets));
+    write_out(sii_text(content.octets));
     return 0;
 }
 
@@ -119,7 +112,7 @@ std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
 
 int write(Eeprom& eeprom, const Options& options) {
     const auto file = load_image(options.file);
-    if (!file.error.empty()) return print_error(file.error);
+    if (!file.error.empty()) return print_system_error(file.error);
     const auto refused = why_not_there(eeprom, file.octets, options);
     if (!refused.empty()) return print_error(refused);
     for (const auto& finding : sii_findings(file.octets))
@@ -132,8 +125,8 @@ int write(Eeprom& eeprom, const Options& options) {
                                        report.error, report.written, report.different,
                                        report.written == 0 ? "nothing has changed but perhaps the word above"
                                                            : "do not use the slave before it is written again"));
-    fmt::print("{}: {} of {} words were different and are written, all verified\n", eeprom.name(), report.different,
-               report.words);
+    print_out("{}: {} of {} words were different and are written, all verified\n", eeprom.name(), report.different,
+              report.words);
     return 0;
 }
 
@@ -141,10 +134,10 @@ int alias(Eeprom& eeprom, const Options& options) {
     const auto report = options.alias ? write_alias(eeprom, *options.alias, options.force) : read_alias(eeprom);
     if (!report.error.empty()) return print_error(fmt::format("{}: {}", eeprom.name(), report.error));
     if (!options.alias)
-        fmt::print("0x{:04x}\n", report.after);
+        print_out("0x{:04x}\n", report.after);
     else
-        fmt::print("{}: alias 0x{:04x}, before 0x{:04x}; a slave uses it from its next power-up on\n", eeprom.name(),
-                   report.after, report.before);
+        print_out("{}: alias 0x{:04x}, before 0x{:04x}; a slave uses it from its next power-up on\n", eeprom.name(),
+                  report.after, report.before);
     return 0;
 }
 
@@ -159,10 +152,10 @@ int act(Eeprom& eeprom, const Options& options) {
 }
 
 int run_on_file(const Options& options) {
-    if (options.position > 1) return print_error("a file holds one image: POSITION is 1, or left out");
-    const auto path = options.source.substr(kFileSource.size());
+    if (options.position > 1) return fail("a file holds one image: POSITION is 1, or left out", exit_code::kUsage);
+    const auto path = options.source.source.substr(kFileSource.size());
     auto file = load_image(path);
-    if (!file.error.empty()) return print_error(file.error);
+    if (!file.error.empty()) return print_system_error(file.error);
     FileEeprom eeprom(path, std::move(file));
     return act(eeprom, options);
 }
@@ -178,79 +171,58 @@ int run_on_slave(Source& source, const Options& options) {
     SlaveEeprom eeprom(ctx, options.position);
     const int status = act(eeprom, options);
     const bool writes = options.action == Action::write || options.alias.has_value();
-    if (writes && status == 0 && options.source.starts_with("sim:"))
+    if (writes && status == 0 && options.source.source.starts_with("sim:"))
         print_note("note: a simulated slave forgets this when the program ends; file:NAME changes an image file");
     return status;
 }
 
 int run(const Options& options) {
-    if (options.source.starts_with(kFileSource)) return run_on_file(options);
-    if (options.position == 0) return print_error("say the POSITION of the slave; 1 is the first");
-    auto source = open_source(options.source, {.record = options.record, .trace = options.trace});
-    if (!source) return print_error(source.error());
-    const int status = run_on_slave(*source, options);
-    const std::string remark = source->finish();
-    return remark.empty() ? status : print_error(remark);
+    if (options.size % 2 != 0) return fail("--size: an EEPROM has a whole number of words", exit_code::kUsage);
+    stop_at_signals();  // between two words
+    if (options.source.source.starts_with(kFileSource)) return run_on_file(options);
+    if (options.position == 0) return fail("say the POSITION of the slave; 1 is the first", exit_code::kUsage);
+    return run_on_source(options.source, [&](Source& source) { return run_on_slave(source, options); });
 }
 
-// Between two words is a good place to stop; in the midst of one is none.
-void stop_at_signals() {
-    struct sigaction action {};
-    action.sa_handler = [](int) { interrupted = 1; };
-    (void)::sigaction(SIGINT, &action, nullptr);
-    (void)::sigaction(SIGTERM, &action, nullptr);
+void add_commands(Arguments& arguments, Options& options) {
+    const auto command = [&](const char* name, const char* text, Action action) -> Arguments& {
+        return arguments.command(name, text, [&options, action] { options.action = action; });
+    };
+    const auto add_size = [&](Arguments& to) {
+        to.option("--size", options.size, "octets of the EEPROM, where its own word 0x3e does not tell them",
+                  Bounds{2, std::int64_t{8} * 1024 * 1024});
+    };
+
+    auto& read = command("read", "read the whole EEPROM into a file", Action::read);
+    read.positional("FILE", options.file, "the file; - is standard output", Arguments::Presence::optional);
+    read.choice<ImageFormat>("--format", options.format, "bin or hex (Intel HEX); without it the file's name tells",
+                             {{"bin", ImageFormat::binary}, {"hex", ImageFormat::intel_hex}});
+    add_size(read);
+
+    auto& write =
+        command("write", "write a file (binary or Intel HEX, seen by its content) and verify it", Action::write);
+    write.positional("FILE", options.file, "the file; - is standard input");
+    add_size(write);
+    write.flag("--force", options.force, "write an image that no slave should have");
+
+    add_size(command("dump", "show what is in it, category by category", Action::dump));
+
+    auto& alias =
+        command("alias", "show the station alias, or write it with its checksum and verify it", Action::alias);
+    alias.positional("VALUE", options.alias, "the alias, decimal, or hexadecimal with 0x");
+    alias.flag("--force", options.force, "write it even where the checksum is wrong before");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
     Options options;
-    CLI::App app{
+    Arguments arguments(
+        "eepromtool",
         "Reads, writes and shows the EEPROM (SII) of a slave. Brings the segment to PREOP: not beside a "
-        "running master."};
-    app.add_option("source", options.source,
-                   "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin), recording "
-                   "(pcap:FILE), or an image "
-                   "file to be used like an EEPROM (file:NAME)")
-        ->required();
-    app.add_option("position", options.position, "the slave, 1 is the first; not needed with file:");
-    app.add_option("--record", options.record, "write every frame sent and received to this file, as pcap");
-    app.add_flag("--trace", options.trace, "print a line for every datagram to standard error");
-    app.require_subcommand(1);
-
-    const std::map<std::string, ImageFormat> formats{{"bin", ImageFormat::binary}, {"hex", ImageFormat::intel_hex}};
-    const auto command = [&](const char* name, const char* text, Action action) {
-        auto* added = app.add_subcommand(name, text);
-        added->callback([&options, action] { options.action = action; });
-        return added;
-    };
-    const auto add_size = [&](CLI::App* to) {
-        to->add_option("--size", options.size, "octets of the EEPROM, where its own word 0x3e does not tell them")
-            ->check(CLI::Range(std::size_t{2}, std::size_t{8} * 1024 * 1024));
-    };
-    const auto add_force = [&](CLI::App* to, const char* text) { to->add_flag("--force", options.force, text); };
-
-    auto* read = command("read", "read the whole EEPROM into a file", Action::read);
-    read->add_option("file", options.file, "the file; - or none is standard output");
-    read->add_option("--format", options.format, "bin or hex (Intel HEX); without it the file's name tells")
-        ->transform(CLI::CheckedTransformer(formats));
-    add_size(read);
-
-    auto* write =
-        command("write", "write a file (binary or Intel HEX, seen by its content) and verify it", Action::write);
-    write->add_option("file", options.file, "the file; - is standard input")->required();
-    add_size(write);
-    add_force(write, "write an image that no slave should have");
-
-    add_size(command("dump", "show what is in it, category by category", Action::dump));
-
-    auto* alias =
-        command("alias", "show the station alias, or write it with its checksum and verify it", Action::alias);
-    alias->add_option("value", options.alias, "the alias (0x for hexadecimal)")->check(CLI::Range(0, 0xFFFF));
-    add_force(alias, "write it even where the checksum is wrong before");
-
-    CLI11_PARSE(app, argc, argv);
-    if (options.size % 2 != 0) return print_error("--size: an EEPROM has a whole number of words");
-    stop_at_signals();
-    return run(options);
+        "running master.");
+    add_source_arguments(arguments, options.source, ", or an image file to be used like an EEPROM (file:NAME)");
+    arguments.positional("POSITION", options.position, "the slave, 1 is the first; not needed with file:");
+    add_commands(arguments, options);
+    return arguments.run(argc, argv, [&] { return run(options); });
 }

@@ -2,6 +2,11 @@
 #
 # With root and apt it installs what is missing. Elsewhere it names what is missing, says how to install it and returns
 # 1. Where there is no dpkg to ask it names all of them and leaves it to the build to find out.
+#
+# want_packages NAME … installs each of these packages by itself where it can, names those that are still missing, and
+# returns 0: they are useful, not needed.
+#
+# compilers prints how many compilers to run at once: one for each processor, but not more than fit into the memory.
 
 missing_packages() {
     command -v dpkg-query >/dev/null 2>&1 || return 0
@@ -20,10 +25,10 @@ need_packages() {
     fi
     missing=$(missing_packages "$@")
     [ -n "$missing" ] || return 0
-    if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null 2>&1; then
+    if can_install; then
         echo "Installing$missing"
         # shellcheck disable=SC2086  # a list of words
-        if apt_quietly update && apt_quietly install --yes --no-install-recommends $missing; then
+        if apt_update_once && apt_quietly install --yes --no-install-recommends $missing; then
             return 0
         fi
         echo "apt-get could not install all of it; the output above says why." >&2
@@ -31,6 +36,40 @@ need_packages() {
     echo "Missing packages:$missing" >&2
     echo "Install them with: sudo apt-get install --no-install-recommends$missing" >&2
     return 1
+}
+
+want_packages() {
+    command -v dpkg-query >/dev/null 2>&1 || return 0
+    if can_install && [ -n "$(missing_packages "$@")" ] && apt_update_once; then
+        for wanted in $(missing_packages "$@"); do
+            echo "Installing $wanted"
+            apt_quietly install --yes --no-install-recommends "$wanted" ||
+                echo "apt-get could not install $wanted; the output above says why." >&2
+        done
+    fi
+    missing=$(missing_packages "$@")
+    [ -n "$missing" ] || return 0
+    echo "Going on without:$missing" >&2
+    echo "Install them with: sudo apt-get install --no-install-recommends$missing" >&2
+}
+
+# A compiler of this project takes up to 1 GiB. `meminfo` is another file in the place of /proc/meminfo, for tests.
+compilers() {
+    processors=$(nproc 2>/dev/null) || processors=1
+    gibibytes=$(awk '/^MemAvailable:/ { print int($2 / 1048576) }' "${meminfo:-/proc/meminfo}" 2>/dev/null) || gibibytes=
+    if [ -n "$gibibytes" ] && [ "$gibibytes" -lt "$processors" ]; then
+        processors=$gibibytes
+        [ "$processors" -ge 1 ] || processors=1
+    fi
+    echo "$processors"
+}
+
+can_install() { [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null 2>&1; }
+
+apt_updated=no
+apt_update_once() {
+    [ $apt_updated = no ] || return 0
+    apt_quietly update && apt_updated=yes
 }
 
 # Says nothing unless it fails.

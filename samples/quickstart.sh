@@ -8,9 +8,9 @@ cd "$(dirname "$0")/.."
 need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
     libncurses-dev || exit 1
 
-# A build folder that is there keeps its settings.
-[ -e build/CMakeCache.txt ] || cmake -S . -B build -DMARGAY_TESTS=OFF
-cmake --build build --parallel "$(nproc)"
+# A build folder that has been configured keeps its settings. A cache alone is what a failed attempt leaves.
+[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF
+cmake --build build --parallel "$(compilers)"
 
 echo
 echo '$ build/bin/slaveinfo sim:demo'
@@ -20,8 +20,9 @@ cat <<'END'
 
 That was a simulated segment. What to try next:
   build/bin/slaveinfo sim:demo --json                 the same for programs
-  build/bin/slaveinfo sim:demo --record demo.pcap     keep every frame, for Wireshark or for
-  build/bin/slaveinfo pcap:demo.pcap                  … looking at it again without a segment
+  build/bin/slaveinfo sim:demo --record /tmp/demo.pcap  keep every frame, for Wireshark or for
+  build/bin/slaveinfo pcap:/tmp/demo.pcap             … looking at it again without a segment
+  build/bin/slaveinfo                                 which interfaces and simulated segments there are
   build/bin/simple_io sim:demo                        to OP, outputs that count, inputs printed
   build/bin/segment_monitor sim:demo                  a live view; q ends it
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave

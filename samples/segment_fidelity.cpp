@@ -1,31 +1,36 @@
 // Puts the master's half of a recording to a simulated segment and tells how its answers differ from the
 // hardware's.
+#include "common/arguments.hpp"
 #include "common/fidelity.hpp"
+#include "common/program.hpp"
 
-#include <fmt/format.h>
-#include <CLI/CLI.hpp>
+namespace {
+
+using namespace margay::samples;
+
+int compare(const std::string& recording, const std::string& description) {
+    const auto capture = load_capture(recording);
+    if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
+    auto segment = load_segment(description);
+    if (!segment) return fail(segment.error(), exit_code::kSystem);
+    const auto report = measure_fidelity(capture, *segment);
+    write_out(to_text(report));
+    const bool equal = report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets;
+    return equal ? exit_code::kWell : exit_code::kSegment;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("Compares the answers of a simulated segment with those that real hardware gave in a recording.");
+    Arguments arguments(
+        "segment_fidelity",
+        "Compares the answers of a simulated segment with those that real hardware gave in a recording. "
+        "Ends with 1 where they differ.");
     std::string recording;
     std::string description;
-    app.add_option("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic")->required();
-    app.add_option("SEGMENT", description, "segment description, \"demo\", or SII images separated by commas")
-        ->required();
-    CLI11_PARSE(app, argc, argv);
-
-    using namespace margay::samples;
-    const auto capture = load_capture(recording);
-    if (!capture.error.empty()) {
-        fmt::print(stderr, "{}\n", capture.error);
-        return 1;
-    }
-    auto segment = load_segment(description);
-    if (!segment) {
-        fmt::print(stderr, "{}\n", segment.error());
-        return 1;
-    }
-    const auto report = measure_fidelity(capture, *segment);
-    fmt::print("{}", to_text(report));
-    return report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets ? 0 : 2;
+    arguments.positional("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic");
+    arguments.positional("SEGMENT", description,
+                         "ready-made segment (demo, drives), segment description (FILE.toml), or SII images separated "
+                         "by commas");
+    return arguments.run(argc, argv, [&] { return compare(recording, description); });
 }

@@ -3,19 +3,18 @@
 // ends.
 #include "common/cycle_pace.hpp"
 #include "common/monitor_view.hpp"
+#include "common/program.hpp"
 #include "common/slave_report.hpp"
-#include "common/source.hpp"
+#include "common/source_arguments.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
 #include <fmt/format.h>
 #include <ncurses.h>
-#include <CLI/CLI.hpp>
 
 #include <array>
 #include <clocale>
-#include <csignal>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -25,7 +24,7 @@ namespace {
 using namespace margay;
 
 struct Options {
-    std::string source;
+    samples::SourceArguments source;
     unsigned cycles = 0;
     bool plain = false;
     samples::PaceOptions pace;
@@ -34,8 +33,6 @@ struct Options {
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 constexpr Duration kRefresh = std::chrono::milliseconds(100);
 constexpr std::size_t kEventsKept = 100;
-
-volatile std::sig_atomic_t stop_asked = 0;
 
 // Where the lines go.
 class Screen {
@@ -72,8 +69,8 @@ class Plain final : public Screen {
   public:
     void show(const samples::MonitorModel& model, std::size_t scroll) override {
         for (const auto& line : samples::monitor_lines(model, 200, 11 + model.slaves.size(), scroll))
-            fmt::print("{}\n", line);
-        std::fflush(stdout);
+            samples::print_out("{}\n", line);
+        samples::flush_out();
     }
 };
 
@@ -92,11 +89,11 @@ class Monitor {
     }
 
     void run(Screen& screen) {
-        model_.source = options_.source;
+        model_.source = options_.source.source;
         model_.line_errors = line_errors_;
         pace_.start();
         Time next_show = source_.osal().now();
-        while (stop_asked == 0 && (options_.cycles == 0 || pace_.figures().cycles < options_.cycles)) {
+        while (!samples::stop_asked() && (options_.cycles == 0 || pace_.figures().cycles < options_.cycles)) {
             cycle();
             if (source_.osal().now() < next_show) continue;
             next_show = source_.osal().now() + kRefresh;
@@ -109,7 +106,31 @@ class Monitor {
         (void)writestate(ctx_, 0, AlState::init);
     }
 
-    [[nodiscard]] std::string report() const { return pace_.report(); }
+    // After the screen is gone: prints the errors, and the figures where asked for. Returns the exit code.
+    [[nodiscard]] int report() {
+        take_errors();
+        for (const auto& error : errors_) samples::warn(error);
+        if (errors_dropped_ + ctx_.errors().dropped() != 0)
+            samples::warn(fmt::format("{} more errors are not shown", errors_dropped_ + ctx_.errors().dropped()));
+        if (bad_cycles_ != 0)
+            samples::warn(fmt::format("{} cycles without all frames or with a wrong working counter", bad_cycles_));
+        if (const auto failed = pace_.report(); !failed.empty())
+            return samples::fail(failed, samples::exit_code::kSystem);
+        return bad_cycles_ != 0 || failed_ ? samples::exit_code::kSegment : samples::exit_code::kWell;
+    }
+
+    // Keeps what errors() holds, as lines for the screen and for the end.
+    void take_errors() {
+        while (const auto error = ctx_.errors().take()) {
+            if (!is_warning(error->code)) failed_ = true;
+            const auto text = (is_warning(error->code) ? "warning: " : "error: ") + samples::sentence(*error);
+            add_line(text);
+            if (errors_.size() < kEventsKept)
+                errors_.push_back(text);
+            else
+                ++errors_dropped_;
+        }
+    }
 
   private:
     void cycle() {
@@ -117,12 +138,18 @@ class Monitor {
         const auto sent = send_processdata(ctx_);
         model_.last = sent ? receive_processdata(ctx_, kReplyTimeout) : Result<std::uint32_t>(sent.error());
         pace_.count(source_.osal().now() - start, model_.last);
+        if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {
             std::array<char, 400> buffer{};
-            model_.events.push_back(fmt::format("cycle {}: {}", pace_.figures().cycles, describe(*event, buffer)));
-            if (model_.events.size() > kEventsKept) model_.events.pop_front();
+            add_line(std::string(describe(*event, buffer)));
         }
+        take_errors();
+    }
+
+    void add_line(const std::string& text) {
+        model_.events.push_back(fmt::format("cycle {}: {}", pace_.figures().cycles, text));
+        if (model_.events.size() > kEventsKept) model_.events.pop_front();
     }
 
     void show(Screen& screen) {
@@ -149,32 +176,20 @@ class Monitor {
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     samples::MonitorModel model_;
     std::size_t scroll_ = 0;
+    std::uint64_t bad_cycles_ = 0;  // since the start, whatever the key r has cleared
+    std::vector<std::string> errors_;
+    std::uint64_t errors_dropped_ = 0;
+    bool failed_ = false;
 };
 
-int fail(const std::string& sentence) {
-    fmt::print(stderr, "segment_monitor: {}\n", sentence);
-    return 1;
-}
-
-}  // namespace
-
-int main(int argc, char** argv) {
-    Options options;
-    CLI::App app{
-        "Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, r (figures anew), q (end)."};
-    app.add_option("source", options.source,
-                   "interface (eth0), simulated segment (sim:demo, sim:FILE, sim:a.bin,b.bin) or recording (pcap:FILE)")
-        ->required();
-    app.add_option("--cycles", options.cycles, "end after so many cycles; 0: when told to");
-    app.add_flag("--plain", options.plain, "print the last view as text at the end, in place of a live screen");
-    samples::add_pace_options(app, options.pace);
-    CLI11_PARSE(app, argc, argv);
-    auto source = samples::open_source(options.source, {});
-    if (!source) return fail(source.error());
-    const auto monitor = std::make_unique<Monitor>(*source, options);
-    if (const auto ready = monitor->bring_up(); !ready) return fail(samples::sentence(ready.error()));
-    (void)std::signal(SIGINT, [](int) { stop_asked = 1; });
-    (void)std::signal(SIGTERM, [](int) { stop_asked = 1; });
+int run(samples::Source& source, const Options& options) {
+    const auto monitor = std::make_unique<Monitor>(source, options);
+    if (const auto ready = monitor->bring_up(); !ready) {
+        const int code = samples::fail(samples::sentence(ready.error()));
+        (void)monitor->report();
+        return code;
+    }
+    samples::stop_at_signals();
     {
         std::unique_ptr<Screen> screen;
         if (options.plain)
@@ -183,7 +198,22 @@ int main(int argc, char** argv) {
             screen = std::make_unique<Terminal>();
         monitor->run(*screen);
     }
-    if (const auto failed = monitor->report(); !failed.empty()) return fail(failed);
-    const std::string remark = source->finish();
-    return remark.empty() ? 0 : fail(remark);
+    return monitor->report();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    samples::Arguments arguments("segment_monitor",
+                                 "Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, "
+                                 "r (figures anew), q (end). Ends with 1 after lost frames, wrong working counters or "
+                                 "errors.");
+    add_source_arguments(arguments, options.source);
+    arguments.option("--cycles", options.cycles, "end after so many cycles; 0: when told to");
+    arguments.flag("--plain", options.plain, "print the last view as text at the end, in place of a live screen");
+    samples::add_pace_options(arguments, options.pace);
+    return arguments.run(argc, argv, [&] {
+        return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });
+    });
 }

@@ -1,14 +1,17 @@
 // Rebuilds the SII images of the slaves in a recording from what the master read of them, and a segment
 // description to go with them.
+#include "common/arguments.hpp"
 #include "common/capture_slaves.hpp"
+#include "common/program.hpp"
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <filesystem>
 #include <fstream>
 
 namespace {
+
+using namespace margay::samples;
 
 bool write_file(const std::filesystem::path& path, const char* data, std::size_t size) {
     std::ofstream out(path, std::ios::binary);
@@ -17,48 +20,38 @@ bool write_file(const std::filesystem::path& path, const char* data, std::size_t
     return static_cast<bool>(out);
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-    CLI::App app("Rebuilds SII images (slaveN.bin) and a segment description (segment.toml) from a recording.");
-    std::string recording;
-    std::string folder;
-    app.add_option("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic")->required();
-    app.add_option("FOLDER", folder, "where the files go; made when it is not there")->required();
-    CLI11_PARSE(app, argc, argv);
-
-    using namespace margay::samples;
+int rebuild(const std::string& recording, const std::string& folder) {
     const auto capture = load_capture(recording);
-    if (!capture.error.empty()) {
-        fmt::print(stderr, "{}\n", capture.error);
-        return 1;
-    }
+    if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
     const auto slaves = slaves_of(capture);
-    if (slaves.empty()) {
-        fmt::print(stderr, "{}: no slave answers in it\n", recording);
-        return 1;
-    }
+    if (slaves.empty()) return fail(fmt::format("{}: no slave answers in it", recording));
     std::error_code problem;
     std::filesystem::create_directories(folder, problem);
-    if (problem) {
-        fmt::print(stderr, "cannot make the folder {}: {}\n", folder, problem.message());
-        return 1;
-    }
+    if (problem)
+        return fail(fmt::format("cannot make the folder {}: {}", folder, problem.message()), exit_code::kSystem);
     for (const auto& slave : slaves) {
         const auto path = std::filesystem::path(folder) / fmt::format("slave{}.bin", slave.position + 1);
-        if (!write_file(path, reinterpret_cast<const char*>(slave.sii.data()), slave.sii.size())) {
-            fmt::print(stderr, "cannot write {}\n", path.string());
-            return 1;
-        }
-        fmt::print("{}: {} octets, {} of them read in the recording\n", path.string(), slave.sii.size(),
-                   slave.sii_octets_read);
+        if (!write_file(path, reinterpret_cast<const char*>(slave.sii.data()), slave.sii.size()))
+            return fail(fmt::format("cannot write {}", path.string()), exit_code::kSystem);
+        print_out("{}: {} octets, {} of them read in the recording\n", path.string(), slave.sii.size(),
+                  slave.sii_octets_read);
     }
     const auto text = describe_segment(slaves, std::filesystem::path(recording).filename().string());
     const auto path = std::filesystem::path(folder) / "segment.toml";
-    if (!write_file(path, text.data(), text.size())) {
-        fmt::print(stderr, "cannot write {}\n", path.string());
-        return 1;
-    }
-    fmt::print("{}\n", path.string());
-    return 0;
+    if (!write_file(path, text.data(), text.size()))
+        return fail(fmt::format("cannot write {}", path.string()), exit_code::kSystem);
+    print_out("{}\n", path.string());
+    return exit_code::kWell;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Arguments arguments("sii_from_capture",
+                        "Rebuilds SII images (slaveN.bin) and a segment description (segment.toml) from a recording.");
+    std::string recording;
+    std::string folder;
+    arguments.positional("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic");
+    arguments.positional("FOLDER", folder, "where the files go; made when it is not there");
+    return arguments.run(argc, argv, [&] { return rebuild(recording, folder); });
 }

@@ -1,30 +1,35 @@
 // Serves a simulated segment on a network interface, in real time, to any master.
+#include "common/program.hpp"
 #include "common/segment_console.hpp"
 #include "common/segment_server.hpp"
+#include "common/source_arguments.hpp"
 
-#include <fmt/format.h>
-#include <CLI/CLI.hpp>
+namespace {
+
+using namespace margay::samples;
+
+int serve(const std::string& description, const ServerOptions& options) {
+    SegmentServer server;
+    if (const auto problem = server.open(description, options); !problem.empty())
+        return fail(problem, exit_code::kSystem);
+    return server.run() ? exit_code::kWell : exit_code::kSystem;
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app(
-        "Serves a simulated EtherCAT segment on a network interface. Commands on standard input while it "
-        "runs; \"help\" lists "
-        "them. SIGUSR1 breaks the last cable, SIGUSR2 heals all.");
-    margay::samples::ServerOptions options;
+    Arguments arguments("virtual_segment",
+                        "Serves a simulated EtherCAT segment on a network interface. Commands on standard input while "
+                        "it runs; \"help\" lists them. SIGUSR1 breaks the last cable, SIGUSR2 heals all.");
+    ServerOptions options;
     std::string description;
-    app.add_option("IFNAME", options.interface, "network interface, or the name of the TAP device with --tap")
-        ->required();
-    app.add_option("SEGMENT", description, "segment description, \"demo\", or SII images separated by commas")
-        ->required();
-    app.add_flag("--tap", options.tap, "make a TAP device of that name");
-    app.add_option("--record", options.record, "write all frames to this pcap file");
-    app.add_flag("--quiet", options.quiet, "do not print who talks and which states change");
-    CLI11_PARSE(app, argc, argv);
-
-    margay::samples::SegmentServer server;
-    if (const auto problem = server.open(description, options); !problem.empty()) {
-        fmt::print(stderr, "{}\n", problem);
-        return 1;
-    }
-    return server.run() ? 0 : 1;
+    arguments.positional("IFNAME", options.interface, "network interface, or the name of the TAP device with --tap");
+    arguments.positional("SEGMENT", description,
+                         "ready-made segment (demo, drives), segment description (FILE.toml), or SII images separated "
+                         "by commas");
+    arguments.flag("--tap", options.tap, "make a TAP device of that name");
+    arguments.option("--record", options.record, "write all frames to this pcap file");
+    arguments.flag("--quiet", options.quiet, "do not print who talks and which states change");
+    arguments.without_arguments([] { return list_of_interfaces() + list_of_segments(""); });
+    return arguments.run(argc, argv, [&] { return serve(description, options); });
 }

@@ -1,9 +1,10 @@
 #include "common/cycle_pace.hpp"
 
+#include "common/program.hpp"
+
 #include <margay/margay.hpp>
 
 #include <fmt/format.h>
-#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cerrno>
@@ -28,17 +29,15 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
 
 }  // namespace
 
-void add_pace_options(CLI::App& app, PaceOptions& options) {
-    app.add_option("--period", options.period_us, "of a cycle, in µs")->check(CLI::Range(50U, 1'000'000U));
-    app.add_option("--spin", options.spin_us,
-                   "watch the clock this long before each cycle, in µs, in place of sleeping")
-        ->check(CLI::Range(0U, 1'000'000U));
-    app.add_option("--priority", options.priority,
-                   "real-time priority (SCHED_FIFO), with memory locked and no deep sleep")
-        ->check(CLI::Range(0, 99));
-    app.add_option("--cpu", options.cpu, "the processor to stay on")->check(CLI::Range(0, 1023));
-    app.add_option("--histogram", options.histogram,
-                   "print how punctual the cycles were, and draw it into this SVG file");
+void add_pace_options(Arguments& arguments, PaceOptions& options) {
+    arguments.option("--period", options.period_us, "of a cycle, in µs", Bounds{50, 1'000'000});
+    arguments.option("--spin", options.spin_us,
+                     "watch the clock this long before each cycle, in µs, in place of sleeping", Bounds{0, 1'000'000});
+    arguments.option("--priority", options.priority,
+                     "real-time priority (SCHED_FIFO), with memory locked and no deep sleep; 0: none", Bounds{0, 99});
+    arguments.option("--cpu", options.cpu, "the processor to stay on; without it any", Bounds{0, 1023});
+    arguments.option("--histogram", options.histogram,
+                     "print how punctual the cycles were, and draw it into this SVG file");
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
@@ -50,11 +49,15 @@ CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
 
 void CyclePace::start() {
     if (source_.virtual_time()) {
+        for (const auto& [given, name] :
+             {std::pair{options_.spin_us != 0, "--spin"}, std::pair{options_.priority != 0, "--priority"},
+              std::pair{options_.cpu >= 0, "--cpu"}})
+            if (given) warn(fmt::format("{} has no effect: time is virtual on this SOURCE", name));
         virtual_.start(source_.osal().now());
         return;
     }
     for (const auto& refusal : runner_.prepare())
-        fmt::print(stderr, "not granted: {}: {}\n", refusal.what, std::strerror(refusal.error));
+        warn(fmt::format("not granted: {}: {}", refusal.what, std::strerror(refusal.error)));
     runner_.start();
 }
 
@@ -80,7 +83,7 @@ void CyclePace::count(Duration round_trip, const Result<std::uint32_t>& received
 
 std::string CyclePace::report() const {
     if (options_.histogram.empty()) return {};
-    fmt::print("{}", cycle_text(figures_));
+    write_out(cycle_text(figures_));
     std::ofstream out(options_.histogram);
     out << cycle_svg(figures_) << std::flush;
     return out ? std::string() : fmt::format("{}: cannot be written: {}", options_.histogram, std::strerror(errno));

@@ -2,6 +2,7 @@
 // kept by CyclicRunner, in virtual time by the clock that moves with the waiting.
 #pragma once
 
+#include "common/arguments.hpp"
 #include "common/cycle_report.hpp"
 #include "common/source.hpp"
 #include "osal/linux/cyclic_runner.hpp"
@@ -9,10 +10,6 @@
 #include <margay/context.hpp>
 
 #include <string>
-
-namespace CLI {
-class App;
-}
 
 namespace margay::samples {
 
@@ -25,14 +22,15 @@ struct PaceOptions {
 };
 
 // --period, --spin, --priority, --cpu, --histogram.
-void add_pace_options(CLI::App& app, PaceOptions& options);
+void add_pace_options(Arguments& arguments, PaceOptions& options);
 
 class CyclePace {
   public:
     // All outlive the pace.
     CyclePace(Source& source, Context& ctx, const PaceOptions& options);
 
-    // In the thread that will wait(). Tells on standard error what the system did not grant.
+    // In the thread that will wait(). Tells on standard error what the system did not grant, and which options have no
+    // effect in virtual time.
     void start();
     // Lets poll() do its work until the deadline has come, and counts how late that was.
     void wait();

@@ -4,7 +4,8 @@
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 #include <vector>
 

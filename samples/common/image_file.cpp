@@ -1,6 +1,7 @@
 // Image files: see eeprom.hpp.
 #include "common/eeprom.hpp"
 #include "common/intel_hex.hpp"
+#include "common/program.hpp"
 
 #include <fmt/format.h>
 
@@ -90,7 +91,10 @@ std::string save_image(const std::string& path, ImageFormat format, Bytes image)
         content = to_intel_hex(image);
     else
         std::ranges::transform(image, std::back_inserter(content), [](std::byte b) { return static_cast<char>(b); });
-    if (path == "-") return save_to(stdout, "standard output", content);
+    if (path == "-") {
+        write_out(content);  // run_program() tells of a failure
+        return {};
+    }
     std::error_code error;
     const auto kind = fs::status(path, error).type();
     const bool in_place = kind == fs::file_type::regular || kind == fs::file_type::not_found;

@@ -8,6 +8,7 @@
 #include <margay/margay.hpp>
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>

@@ -1,5 +1,6 @@
 #include "common/segment_file.hpp"
 
+#include "common/ready_made.hpp"
 #include "common/segment_chip.hpp"
 
 #include "sim/devices.hpp"
@@ -410,16 +411,20 @@ LoadedSegment parse_segment(const std::string& text, const std::string& origin, 
 
 LoadedSegment load_segment(const std::string& what, Time now) {
     if (what == "demo") return parse_segment(kDemo, "demo", ".", now);
-    const std::filesystem::path path(what);
+    const auto ready_made = ready_made_file(what);
+    const std::filesystem::path path(ready_made.empty() ? what : ready_made);
     if (path.extension() == ".toml") {
         const auto bytes = read_file(path);
-        if (!bytes) return LoadedSegment(fmt::format("cannot read the segment description '{}'", what));
-        return parse_segment({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, what,
+        if (!bytes) return LoadedSegment(fmt::format("cannot read the segment description '{}'", path.string()));
+        return parse_segment({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, path.string(),
                              path.has_parent_path() ? path.parent_path().string() : ".", now);
     }
     if (what.empty())
         return LoadedSegment(
             std::string("no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
+    if (is_plain_name(what) && !std::filesystem::exists(what))
+        return LoadedSegment(fmt::format("'{}' is no file and no ready-made segment; ready-made are: {}", what,
+                                         fmt::join(ready_made_names(), ", ")));
     return load_line_of_images(what, now);
 }
 

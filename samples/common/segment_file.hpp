@@ -34,8 +34,8 @@ class LoadedSegment {
     std::string error_;
 };
 
-// `what` is "demo", the path of a description (*.toml), or paths of SII images separated by commas, in a
-// line. `now` is when the segment is switched on.
+// `what` is "demo" or the name of another ready-made segment, the path of a description (*.toml), or paths of SII
+// images separated by commas, in a line. `now` is when the segment is switched on.
 [[nodiscard]] LoadedSegment load_segment(const std::string& what, Time now = Time{});
 
 // The same from the text of a description; `origin` is what errors call it, `folder` where its relative paths

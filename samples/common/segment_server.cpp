@@ -1,5 +1,6 @@
 #include "common/segment_server.hpp"
 
+#include "common/program.hpp"
 #include "common/segment_console.hpp"
 #include "wire/ethernet.hpp"
 
@@ -30,8 +31,8 @@ SegmentServer::~SegmentServer() {
 }
 
 void SegmentServer::say(const std::string& text) {
-    fmt::print("{:12.6f}  {}\n", std::chrono::duration<double>(osal_.now().time_since_epoch()).count(), text);
-    std::fflush(stdout);
+    print_out("{:12.6f}  {}\n", std::chrono::duration<double>(osal_.now().time_since_epoch()).count(), text);
+    flush_out();
 }
 
 std::string SegmentServer::open(const std::string& description, const ServerOptions& options) {
@@ -65,11 +66,11 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
 }
 
 bool SegmentServer::run() {
-    Time next_look = osal_.now();
-    for (;;) {
+    Time next_look = quiet_ ? kNever : osal_.now();
+    while (!output_lost()) {
         const Time now = osal_.now();
         simulated_->segment.advance(now);
-        if (!quiet_ && now >= next_look) {
+        if (now >= next_look) {
             print_states();
             next_look = now + kStateLook;
         }

@@ -3,6 +3,7 @@
 #include "wire/al_status_code.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <array>
 #include <iterator>
@@ -162,15 +163,23 @@ nlohmann::ordered_json slave_json(const Slave& s) {
          s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
-void add_branch(Context& ctx, const Slave& slave, const std::string& indent, std::string& text) {
-    std::vector<const Slave*> children;
-    for (const Slave& other : ctx.slaves())
-        if (other.parent == slave.position && other.position != slave.position) children.push_back(&other);
-    for (const Slave* child : children) {
-        const bool last = child == children.back();
-        text += fmt::format("{}{} {} {} (port {})\n", indent, last ? "└─" : "├─", child->position, title(*child),
-                            child->parent_port);
-        add_branch(ctx, *child, indent + (last ? "   " : "│  "), text);
+// The slave and all behind it. A slave with one child stands above this child, in the same column; the children of a
+// slave with several are indented. `first` begins the line of the slave, `indent` the lines behind it.
+void add_line(Context& ctx, const Slave& slave, const std::string& first, const std::string& indent,
+              std::string& text) {
+    const Slave* at = &slave;
+    for (const auto* begin = &first; at != nullptr; begin = &indent) {
+        text += fmt::format("{}{} {}{}\n", *begin, at->position, title(*at),
+                            at->parent == 0 ? std::string() : fmt::format(" (port {})", at->parent_port));
+        std::vector<const Slave*> children;
+        for (const Slave& other : ctx.slaves())
+            if (other.parent == at->position && other.position != at->position) children.push_back(&other);
+        at = children.size() == 1 ? children.front() : nullptr;
+        if (at != nullptr) continue;
+        for (const Slave* child : children) {
+            const bool last = child == children.back();
+            add_line(ctx, *child, indent + (last ? "└─ " : "├─ "), indent + (last ? "   " : "│  "), text);
+        }
     }
 }
 
@@ -214,8 +223,7 @@ std::string topology_text(Context& ctx) {
     std::string text = "Topology\n  master\n";
     for (const Slave& slave : ctx.slaves()) {
         if (slave.parent != 0) continue;
-        text += fmt::format("  └─ {} {}\n", slave.position, title(slave));
-        add_branch(ctx, slave, "     ", text);
+        add_line(ctx, slave, "  └─ ", "     ", text);
     }
     return text;
 }

@@ -3,7 +3,7 @@
 
 #include <margay/context.hpp>
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 namespace margay::samples {
@@ -17,7 +17,7 @@ namespace margay::samples {
 // One slave, several lines.
 [[nodiscard]] std::string slave_text(const Slave& slave);
 
-// The segment as a tree, a line a slave.
+// The segment as a tree, a line a slave: slaves one behind the other share a column, branches are indented.
 [[nodiscard]] std::string topology_text(Context& ctx);
 
 [[nodiscard]] nlohmann::ordered_json segment_json(Context& ctx);

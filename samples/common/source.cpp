@@ -16,8 +16,14 @@ std::string Source::finish() {
     const auto say = [&](std::string_view text) {
         if (!text.empty()) said.append(said.empty() ? "" : "; ").append(text);
     };
-    if (recorder_ && !recorder_->close()) say(recorder_->problem());
-    if (replay_) say(replay_->problem());
+    if (recorder_ && !recorder_->close()) {
+        recording_lost_ = true;
+        say(recorder_->problem());
+    }
+    if (replay_ && !replay_->problem().empty())
+        say(replay_->problem() +
+            " (a recording answers only what the recorded master asked: replay one that this program made itself by "
+            "--record with the same arguments)");
     return said;
 }
 

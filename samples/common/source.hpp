@@ -1,11 +1,13 @@
-// SOURCE, the argument that all samples share: where the segment is.
+// SOURCE, the argument of all programs with a master: where the segment is.
 //
 //     eth0            a network interface
-//     sim:demo        a simulated segment; also sim:FILE (a segment description) and sim:a.bin,b.bin (SII
-//     images in a line) pcap:FILE       a recording
+//     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or SII
+//                     images in a line (sim:a.bin,b.bin)
+//     pcap:FILE       a recording
 //
 // Simulated segments and recordings live in virtual time: they run as fast as the machine allows and give the
-// same output every time.
+// same output every time. A recording answers only what the recorded master asked: one that the same program made with
+// the same arguments can be replayed, one of another master cannot.
 #pragma once
 
 #include "common/segment_file.hpp"
@@ -42,6 +44,8 @@ class Source {
     // there is to say about the source itself, for people: the recording is not complete; the first request
     // that a replay had no answer for. Empty when all is well.
     [[nodiscard]] std::string finish();
+    // After finish(): whether the recording is not complete.
+    [[nodiscard]] bool recording_lost() const noexcept { return recording_lost_; }
 
   private:
     friend class SourceOpener;
@@ -62,6 +66,7 @@ class Source {
     StandardError standard_error_;
     std::optional<TraceNic> trace_;
     Nic* outermost_ = nullptr;
+    bool recording_lost_ = false;
 };
 
 // A source, or a sentence that says why there is none.

@@ -55,7 +55,7 @@ TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
 
 TEST(SegmentMonitor, NamesWhatItCannotOpen) {
     const auto ran = run(kBin + "/segment_monitor no-such-if --plain");
-    EXPECT_EQ(ran.status, 1);
+    EXPECT_EQ(ran.status, 3);
     EXPECT_TRUE(contains(ran.output, "segment_monitor: there is no interface \"no-such-if\"")) << ran.output;
 }
 

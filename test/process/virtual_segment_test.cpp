@@ -161,6 +161,34 @@ TEST_F(VirtualSegmentTest, RecordsRequestsAndAnswers) {
     }
 }
 
+// Real time: a second passes.
+TEST_F(VirtualSegmentTest, WaitsQuietlyForAMaster) {
+    Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " demo --quiet"));
+    ASSERT_TRUE(segment.says("serving 5 slaves on", 20s)) << segment.errors();
+    const auto ticks = [&] {
+        pid_t id = 0;
+        std::ifstream(file("pid")) >> id;
+        std::ifstream in("/proc/" + std::to_string(id) + "/stat");
+        std::string word;
+        long total = 0;
+        for (int field = 1; field <= 15 && in >> word; ++field)
+            if (field >= 14) total += std::stol(word);  // processor time as user and as system
+        return total;
+    };
+    const auto before = ticks();
+    EXPECT_FALSE(segment.says("something that it never says", 1s));
+    EXPECT_LT(ticks() - before, ::sysconf(_SC_CLK_TCK) / 10);
+    command("quit");
+    EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
+}
+
+TEST_F(VirtualSegmentTest, EndsWhenNobodyReadsItsOutput) {
+    const auto to_full = serve(std::string(Cable::kSegment) + " demo > /dev/full");
+    Child segment(cable.segment_namespace(), to_full);
+    EXPECT_EQ(segment.wait(20s), 3);
+    EXPECT_NE(segment.errors().find("standard output cannot be written"), std::string::npos) << segment.errors();
+}
+
 TEST_F(VirtualSegmentTest, ServesATapDevice) {
     if (!std::filesystem::exists("/dev/net/tun")) GTEST_SKIP() << "there is no /dev/net/tun";
     Child segment(cable.master_namespace(), serve("ecat-tap demo --tap"));
@@ -174,7 +202,7 @@ TEST_F(VirtualSegmentTest, ServesATapDevice) {
 TEST_F(VirtualSegmentTest, WhatIsWrongIsTold) {
     const auto told = [&](const std::string& arguments) {
         Child child(cable.segment_namespace(), serve(arguments));
-        EXPECT_EQ(child.wait(20s), 1) << child.output();
+        EXPECT_EQ(child.wait(20s), 3) << child.output();
         return child.errors();
     };
     EXPECT_NE(told("no-such-if demo").find("no-such-if"), std::string::npos);

@@ -2,6 +2,8 @@
 #include "common/dictionary_report.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
+#include <nlohmann/json.hpp>
+
 namespace margay::samples {
 namespace {
 

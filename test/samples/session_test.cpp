@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
+#include <nlohmann/json.hpp>
 
 #include <filesystem>
 #include <fstream>

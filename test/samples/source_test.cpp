@@ -102,7 +102,10 @@ TEST_F(SourceTest, ARequestThatWasNotRecordedIsToldAtTheEnd) {
     auto other = brd();
     other[wire::kFramePrefixBytes] = std::byte{4};  // FPRD
     ASSERT_EQ(source->nic().send(other), SendStatus::sent);
-    EXPECT_NE(source->finish().find("the recording has no FPRD"), std::string::npos);
+    const auto said = source->finish();
+    EXPECT_NE(said.find("the recording has no FPRD"), std::string::npos) << said;
+    EXPECT_NE(said.find("answers only what the recorded master asked"), std::string::npos) << said;
+    EXPECT_FALSE(source->recording_lost());
 }
 
 TEST_F(SourceTest, RecordingARecordingGivesTheSameFile) {
@@ -145,6 +148,7 @@ TEST_F(SourceTest, AnIncompleteRecordingIsToldAtTheEnd) {
     ASSERT_TRUE(source) << source.error();
     for (int i = 0; i < 500; ++i) (void)source->nic().send(brd());
     EXPECT_NE(source->finish().find("not complete"), std::string::npos);
+    EXPECT_TRUE(source->recording_lost());
 }
 
 TEST_F(SourceTest, TraceGoesToStandardError) {

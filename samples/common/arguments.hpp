@@ -1,0 +1,114 @@
+// The arguments of a program: options, flags, positional arguments and commands, each bound to a variable. The value
+// that a variable has before parsing is the default, and --help shows it.
+//
+//     Arguments arguments("blink", "Switches an output on and off.");
+//     arguments.positional("SOURCE", source, "the segment");
+//     arguments.option("--period", period_us, "of a cycle, in µs", {50, 1'000'000});
+//     return arguments.run(argc, argv, [&] { return blink(source, period_us); });
+//
+// This header includes no library for arguments: CLI11 costs each file that includes it 12 s of processor time.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace margay::samples {
+
+// The numbers that an option takes.
+struct Bounds {
+    std::int64_t least = 0;
+    std::int64_t most = 0;
+};
+
+// A whole number, decimal ("010" is ten) or hexadecimal with 0x; nothing when `text` is neither.
+[[nodiscard]] std::optional<std::int64_t> parse_number(std::string_view text);
+
+template <class T>
+concept WholeNumber = std::integral<T> && !std::same_as<T, bool>;
+
+class Arguments {
+  public:
+    enum class Presence : std::uint8_t { required, optional };
+
+    Arguments(std::string name, const std::string& description);
+    ~Arguments();
+    Arguments(const Arguments&) = delete;
+    Arguments& operator=(const Arguments&) = delete;
+
+    // Variables outlive the parsing. Names of options and flags begin with "--".
+    void positional(const std::string& name, std::string& value, const std::string& text,
+                    Presence presence = Presence::required);
+    void option(const std::string& name, std::string& value, const std::string& text);
+    // `needs`: another option without which this flag makes no sense.
+    void flag(const std::string& name, bool& value, const std::string& text, const std::string& needs = {});
+
+    // A number is a positional argument that may be left out.
+    template <WholeNumber T>
+    void positional(const std::string& name, T& value, const std::string& text) {
+        number(name, {limits<T>(), false, {}}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
+    }
+    template <WholeNumber T>
+    void positional(const std::string& name, std::optional<T>& value, const std::string& text) {
+        number(name, {limits<T>(), false, {}}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
+    }
+    // A default outside `bounds` stands for "not given" and is not shown.
+    template <WholeNumber T>
+    void option(const std::string& name, T& value, const std::string& text, std::optional<Bounds> bounds = {}) {
+        number(name, {bounds.value_or(limits<T>()), bounds.has_value(), static_cast<std::int64_t>(value)}, text,
+               [&value](std::int64_t n) { value = static_cast<T>(n); });
+    }
+    // One word of a list.
+    template <class T>
+    void choice(const std::string& name, std::optional<T>& value, const std::string& text,
+                std::vector<std::pair<std::string, T>> words) {
+        std::vector<std::string> names;
+        for (const auto& word : words) names.push_back(word.first);
+        one_of(name, std::move(names), text, [&value, words](std::size_t n) { value = words[n].second; });
+    }
+
+    // A command with arguments of its own. Where a program has commands, one must be given. `chosen` is called when it
+    // is this one. The reference is valid as long as the program's Arguments.
+    Arguments& command(const std::string& name, const std::string& text, const std::function<void()>& chosen);
+
+    // What to show besides a hint when the program is called without any argument.
+    void without_arguments(std::function<std::string()> text);
+
+    // Parses, runs `body` by run_program() and returns the exit code. --help and --version print and end with 0,
+    // arguments that make no sense end with exit_code::kUsage.
+    int run(int argc, char** argv, const std::function<int()>& body);
+
+  private:
+    struct Command;
+    struct NumberRule {
+        Bounds bounds;
+        bool show_bounds = false;
+        std::optional<std::int64_t> default_value{};
+    };
+
+    explicit Arguments(std::unique_ptr<Command> command);
+    template <class T>
+    static constexpr Bounds limits() {
+        const auto most = std::numeric_limits<T>::max();
+        return {static_cast<std::int64_t>(std::numeric_limits<T>::min()),
+                std::cmp_less(most, INT64_MAX) ? static_cast<std::int64_t>(most) : INT64_MAX};
+    }
+    void number(const std::string& name, const NumberRule& rule, const std::string& text,
+                std::function<void(std::int64_t)> set);
+    void one_of(const std::string& name, std::vector<std::string> words, const std::string& text,
+                std::function<void(std::size_t)> set);
+    [[nodiscard]] std::optional<int> parse(int argc, char** argv);
+
+    std::unique_ptr<Command> command_;
+    std::function<std::string()> without_arguments_;
+};
+
+}  // namespace margay::samples

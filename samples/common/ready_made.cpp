@@ -1,0 +1,57 @@
+#include "common/ready_made.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+namespace margay::samples {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Beside the program where it is installed, else the folder that it was built from.
+fs::path folder() {
+    std::error_code error;
+    const auto program = fs::read_symlink("/proc/self/exe", error);
+    const auto installed = program.parent_path() / ".." / "share" / "margay" / "segments";
+    return !error && fs::is_directory(installed, error) ? installed : fs::path(MARGAY_SEGMENTS_FOLDER);
+}
+
+// The line `title = "…"` of a description.
+std::string title_in(const fs::path& file) {
+    constexpr std::string_view kBegin = "title = \"";
+    std::ifstream in(file);
+    for (std::string line; std::getline(in, line);)
+        if (line.starts_with(kBegin)) return line.substr(kBegin.size(), line.rfind('"') - kBegin.size());
+    return {};
+}
+
+}  // namespace
+
+std::vector<ReadyMadeSegment> ready_made_segments() {
+    std::vector<ReadyMadeSegment> all;
+    std::error_code error;
+    for (fs::directory_iterator entry(folder(), error), end; !error && entry != end; entry.increment(error))
+        if (entry->path().extension() == ".toml")
+            all.push_back({entry->path().stem().string(), title_in(entry->path())});
+    std::ranges::sort(all, {}, &ReadyMadeSegment::name);
+    all.insert(all.begin(), {"demo", "A coupler with digital and analogue terminals"});
+    return all;
+}
+
+std::vector<std::string> ready_made_names() {
+    std::vector<std::string> names;
+    for (const auto& segment : ready_made_segments()) names.push_back(segment.name);
+    return names;
+}
+
+bool is_plain_name(const std::string& text) { return !text.empty() && text.find_first_of("./,") == std::string::npos; }
+
+std::string ready_made_file(const std::string& name) {
+    if (!is_plain_name(name)) return {};
+    const auto file = folder() / (name + ".toml");
+    std::error_code error;
+    return fs::is_regular_file(file, error) ? file.string() : std::string();
+}
+
+}  // namespace margay::samples

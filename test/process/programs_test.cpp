@@ -1,0 +1,193 @@
+// What all programs do alike: help, usage, exit codes, and output that is lost.
+#include <places.hpp>
+#include "process/shell.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+namespace margay::process {
+namespace {
+
+const std::string kBin = std::string(MARGAY_BIN_DIR) + "/";
+
+class EachProgram : public testing::TestWithParam<const char*> {
+  protected:
+    ShellFolder folder;
+    std::string name = GetParam();
+    std::string program = kBin + name;
+};
+
+INSTANTIATE_TEST_SUITE_P(Programs, EachProgram,
+                         testing::Values("slaveinfo", "eepromtool", "simple_io", "segment_monitor", "virtual_segment",
+                                         "segment_fidelity", "sii_from_capture"),
+                         [](const auto& each) { return std::string(each.param); });
+
+TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {
+    const auto help = folder.run(program + " --help");
+    EXPECT_EQ(help.status, 0) << help.err;
+    EXPECT_TRUE(contains(help.out, "Exit codes: 0 well; 1 the segment or a device; 2 usage; 3 the system")) << help.out;
+    const auto version = folder.run(program + " --version");
+    EXPECT_EQ(version.status, 0) << version.err;
+    EXPECT_TRUE(version.out.starts_with(name + " (Margay) ")) << version.out;
+    EXPECT_TRUE(contains(version.out, ".")) << version.out;
+}
+
+TEST_P(EachProgram, NamesAnOptionThatItDoesNotHave) {
+    for (const auto* arguments : {" --nope", " a b --nope", " --nope a b"}) {
+        const auto ran = folder.run(program + arguments);
+        EXPECT_EQ(ran.status, 2) << arguments;
+        EXPECT_EQ(ran.err, name + ": there is no option '--nope'; " + name + " --help tells all\n") << arguments;
+        EXPECT_EQ(ran.out, "");
+    }
+}
+
+TEST_P(EachProgram, NoticesThatItsHelpIsLost) {
+    for (const auto* option : {" --help", " --version"}) {
+        const auto ran = folder.run(program + option + " >/dev/full");
+        EXPECT_EQ(ran.status, 3) << option;
+        EXPECT_EQ(ran.err, name + ": standard output cannot be written: No space left on device\n");
+    }
+}
+
+TEST(Programs, ListInterfacesAndSegmentsWithoutArguments) {
+    const ShellFolder folder;
+    for (const auto* name : {"slaveinfo", "eepromtool", "simple_io", "segment_monitor", "virtual_segment"}) {
+        const auto ran = folder.run(kBin + name);
+        EXPECT_EQ(ran.status, 2) << name;
+        EXPECT_TRUE(contains(ran.err, "Ethernet interfaces:\n  ")) << ran.err;
+        const bool serves = name == std::string("virtual_segment");
+        EXPECT_TRUE(contains(ran.err, serves ? "\n  demo      " : "\n  sim:demo  ")) << ran.err;
+        EXPECT_TRUE(contains(ran.err, serves ? "\n  drives               Line of drives\n"
+                                             : "\n  sim:drives           Line of drives\n"))
+            << ran.err;
+    }
+}
+
+// All that the programs print, on a disk that is full and into a pipe that nobody reads.
+TEST(Programs, NoticeOutputThatIsLost) {
+    const ShellFolder folder;
+    ASSERT_EQ(folder.run(kBin + "slaveinfo sim:demo --record r.pcap").status, 0);
+    // A pipe has a reader while its writer opens it; then the reader goes.
+    const std::string closed = "mkfifo p && exec 3<>p && exec 4>p && exec 3<&- && rm p; ";
+    for (const std::string command :
+         {"slaveinfo sim:demo", "slaveinfo sim:demo --json", "slaveinfo sim:demo --map",
+          "slaveinfo sim:mixed200 --json", "simple_io sim:demo --cycles 10",
+          "segment_monitor sim:demo --plain --cycles 10", "eepromtool sim:demo 1 dump", "eepromtool sim:demo 1 read",
+          "eepromtool sim:demo 1 alias", "segment_fidelity r.pcap demo", "sii_from_capture r.pcap images"}) {
+        const auto name = command.substr(0, command.find(' '));
+        const auto full = folder.run(kBin + command + " >/dev/full");
+        EXPECT_EQ(full.status, 3) << command << full.err;
+        EXPECT_TRUE(full.err.ends_with(name + ": standard output cannot be written: No space left on device\n"))
+            << command << full.err;
+        const auto pipe = folder.run(closed + kBin + command + " >&4");
+        EXPECT_EQ(pipe.status, 3) << command << pipe.err;
+        EXPECT_TRUE(pipe.err.ends_with(name + ": standard output cannot be written: Broken pipe\n")) << pipe.err;
+    }
+}
+
+TEST(Programs, ShowDefaultsAndBoundsInHelp) {
+    const ShellFolder folder;
+    const auto help = folder.run(kBin + "simple_io --help").out;
+    EXPECT_TRUE(contains(help, "how many cycles in OP [5000]\n")) << help;
+    EXPECT_TRUE(contains(help, "of a cycle, in µs (50 to 1000000) [1000]\n")) << help;
+    EXPECT_TRUE(contains(folder.run(kBin + "slaveinfo --help").out, "it answers only what the recorded master asked"));
+}
+
+TEST(Programs, TellUsageFromWhatTheSystemLacks) {
+    const ShellFolder folder;
+    for (const auto* usage :
+         {"slaveinfo sim:demo more", "slaveinfo sim:demo --cstruct", "simple_io sim:demo --period 5",
+          "simple_io sim:demo --cycles many", "simple_io sim:demo --cycles -3", "eepromtool sim:demo",
+          "eepromtool sim:demo dump", "virtual_segment eth0"}) {
+        const auto ran = folder.run(kBin + usage);
+        EXPECT_EQ(ran.status, 2) << usage << ran.err;
+        EXPECT_NE(ran.err, "") << usage;
+    }
+    for (const auto* system :
+         {"slaveinfo no-such-if", "slaveinfo sim:nothing.toml", "slaveinfo pcap:nothing", "simple_io no-such-if",
+          "segment_monitor no-such-if", "eepromtool no-such-if 1 dump", "eepromtool file:nothing dump",
+          "virtual_segment no-such-if demo", "segment_fidelity nothing demo", "sii_from_capture nothing x",
+          "slaveinfo sim:demo --record no/such/folder", "slaveinfo sim:demo --record /dev/full"}) {
+        const auto ran = folder.run(kBin + system);
+        EXPECT_EQ(ran.status, 3) << system << ran.err;
+        EXPECT_NE(ran.err, "") << system;
+    }
+}
+
+TEST(Programs, TakeReadyMadeSegmentsByName) {
+    const ShellFolder folder;
+    const auto named = folder.run(kBin + "slaveinfo sim:tree");
+    EXPECT_EQ(named.status, 0) << named.err;
+    EXPECT_EQ(named.out, folder.run(kBin + "slaveinfo 'sim:" MARGAY_SOURCE_DIR "/samples/segments/tree.toml'").out);
+    const auto unknown = folder.run(kBin + "slaveinfo sim:trees");
+    EXPECT_EQ(unknown.status, 3);
+    EXPECT_TRUE(contains(unknown.err, "'trees' is no file and no ready-made segment; ready-made are: demo, coupler, "))
+        << unknown.err;
+}
+
+TEST(Programs, PrintALineOfSlavesAsALine) {
+    const ShellFolder folder;
+    folder.write("line.toml", "[[slave]]\ndevice = \"pulse_axis\"\nname = \"axis\"\ncount = 100\n");
+    const auto line = folder.run(kBin + "slaveinfo sim:line.toml").out;
+    const auto topology = line.substr(line.find("Topology\n"));
+    EXPECT_TRUE(contains(topology, "  master\n  └─ 1 Pulse train axis\n     2 Pulse train axis (port 1)\n     3 "))
+        << topology;
+    EXPECT_TRUE(topology.ends_with("\n     99 Pulse train axis (port 1)\n     100 Pulse train axis (port 1)\n"))
+        << topology;
+
+    const auto tree = folder.run(kBin + "slaveinfo sim:tree").out;
+    EXPECT_EQ(tree.substr(tree.find("Topology\n")),
+              "Topology\n"
+              "  master\n"
+              "  └─ 1 Junction with four ports\n"
+              "     ├─ 2 Junction with four ports (port 3)\n"
+              "     │  ├─ 3 Pulse train axis (port 3)\n"
+              "     │  └─ 4 EtherCAT coupler (port 1)\n"
+              "     │     5 16-channel digital input (port 1)\n"
+              "     │     6 16-channel digital output (port 1)\n"
+              "     ├─ 7 EtherCAT coupler (port 1)\n"
+              "     │  ├─ 8 4-channel analogue input (port 1)\n"
+              "     │  │  9 2-channel analogue output (port 1)\n"
+              "     │  └─ 10 Pulse train axis (port 2)\n"
+              "     │     11 Pulse train axis (port 1)\n"
+              "     └─ 12 Pulse train axis (port 2)\n");
+}
+
+TEST(Programs, SayWhichOptionsHaveNoEffectInVirtualTime) {
+    const ShellFolder folder;
+    const auto cpu = folder.run(kBin + "segment_monitor sim:demo --plain --cycles 10 --cpu 0");
+    EXPECT_EQ(cpu.status, 0) << cpu.err;
+    EXPECT_EQ(cpu.err, "segment_monitor: --cpu has no effect: time is virtual on this SOURCE\n");
+    const auto all = folder.run(kBin + "simple_io sim:demo --cycles 10 --priority 5 --spin 10 --period 2000");
+    EXPECT_EQ(all.err,
+              "simple_io: --spin has no effect: time is virtual on this SOURCE\n"
+              "simple_io: --priority has no effect: time is virtual on this SOURCE\n");
+}
+
+TEST(SegmentMonitor, RecordsAndEndsWithOneAfterLostFrames) {
+    const ShellFolder folder;
+    const auto well = folder.run(kBin + "segment_monitor sim:demo --plain --cycles 50 --record r.pcap");
+    EXPECT_EQ(well.status, 0) << well.err;
+    EXPECT_EQ(well.err, "");
+    EXPECT_EQ(folder.run(kBin + "segment_monitor pcap:r.pcap --plain --cycles 50").status, 0);
+
+    folder.write("noisy.toml", "noise = { lost = 0.05, seed = 3 }\n[[slave]]\ndevice = \"digital_in_8\"\n");
+    const auto lost = folder.run(kBin + "segment_monitor sim:noisy.toml --plain --cycles 400");
+    EXPECT_EQ(lost.status, 1) << lost.err;
+    EXPECT_TRUE(contains(lost.err, "cycles without all frames or with a wrong working counter\n")) << lost.err;
+}
+
+// The errors of the start are seen on the screen and at the end.
+TEST(SegmentMonitor, PrintsTheErrorsOfTheSegment) {
+    const ShellFolder folder;
+    folder.write("blank.bin", std::string(1024, '\xFF'));
+    folder.write("blank.toml", "[[slave]]\ndevice = \"digital_in_8\"\n[[slave]]\nsii = \"blank.bin\"\n");
+    const auto ran = folder.run(kBin + "segment_monitor sim:blank.toml --plain --cycles 50");
+    EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
+    EXPECT_TRUE(contains(ran.err, "segment_monitor: error: slave 2")) << ran.err;
+    EXPECT_TRUE(contains(ran.out, ": error: slave 2")) << ran.out;
+}
+
+}  // namespace
+}  // namespace margay::process

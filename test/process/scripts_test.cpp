@@ -1,0 +1,109 @@
+// The scripts of a first user, with programs of the test in the place of those of the system: nothing is installed and
+// nothing is built.
+#include <places.hpp>
+#include "process/shell.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+namespace margay::process {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A checkout with samples/ and test/run.sh alone, and a system where the user is root and `installed` holds the names
+// of the installed packages.
+struct Checkout : testing::Test {
+    ShellFolder folder;
+
+    void SetUp() override {
+        fs::create_directories(folder.path() / "samples");
+        fs::create_directories(folder.path() / "test");
+        for (const auto* name : {"samples/quickstart.sh", "samples/packages.sh", "test/run.sh"})
+            fs::copy_file(fs::path(MARGAY_SOURCE_DIR) / name, folder.path() / name);
+        folder.write("log", "");
+        folder.write("installed", "");
+        folder.write_script("bin/id", "echo 0\n");
+        folder.write_script("bin/dpkg-query",
+                            "for name; do :; done\n"
+                            "grep -qx -- \"$name\" '" +
+                                file("installed") + "' && echo 'install ok installed'\n");
+        folder.write_script("bin/apt-get", "echo \"apt-get $*\" >>'" + file("log") +
+                                               "'\n"
+                                               "case $* in *clang-16*) echo unknown package; exit 100;; esac\n"
+                                               "case $* in *install*) for name; do echo \"$name\" >>'" +
+                                               file("installed") + "'; done;; esac\n");
+        folder.write_script("bin/nproc", "echo 2\n");
+        folder.write_script("bin/ctest", "echo \"ctest $*\" >>'" + file("log") + "'\n");
+        folder.write_script("bin/cmake", "echo \"cmake $*\" >>'" + file("log") + "'\n");
+    }
+    [[nodiscard]] std::string file(const std::string& name) const { return (folder.path() / name).string(); }
+    [[nodiscard]] Ran script(const std::string& command) const {
+        return folder.run("PATH='" + file("bin") + "':$PATH; " + command);
+    }
+    [[nodiscard]] std::string log() const { return content_of(file("log")); }
+};
+
+TEST_F(Checkout, OneUnknownUsefulPackageLeavesTheOthersInstalled) {
+    const auto ran = script("sh test/run.sh --quick");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    for (const auto* name : {"g++", "libgtest-dev", "valgrind", "tshark", "libclang-rt-16-dev", "gcc-arm-none-eabi"})
+        EXPECT_TRUE(contains("\n" + content_of(file("installed")), "\n" + std::string(name) + "\n")) << name;
+    EXPECT_TRUE(contains(ran.err, "Going on without: clang-16\n")) << ran.err;
+    EXPECT_TRUE(contains(log(), "cmake --build build --parallel ")) << log();
+    const auto all = log();
+    EXPECT_EQ(all.find("apt-get -q update"), all.rfind("apt-get -q update")) << "once is enough";
+}
+
+TEST_F(Checkout, AnUnknownNeededPackageEndsTheRun) {
+    folder.write_script("bin/apt-get", "case $* in *libfmt-dev*) exit 100;; esac\n");
+    const auto ran = script("sh test/run.sh --quick");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_TRUE(contains(ran.err, "Missing packages:")) << ran.err;
+    EXPECT_FALSE(contains(log(), "cmake")) << log();
+}
+
+TEST_F(Checkout, CompilersFitIntoTheMemory) {
+    const auto compilers = [&](const std::string& meminfo) {
+        folder.write("meminfo", meminfo);
+        return script(". samples/packages.sh; meminfo='" + file("meminfo") + "'; compilers").out;
+    };
+    folder.write_script("bin/nproc", "echo 8\n");
+    EXPECT_EQ(compilers("MemTotal: 99999999 kB\nMemAvailable:    33554432 kB\n"), "8\n");
+    EXPECT_EQ(compilers("MemTotal: 99999999 kB\nMemAvailable:     3400000 kB\n"), "3\n");
+    EXPECT_EQ(compilers("MemAvailable:      400000 kB\n"), "1\n");
+    EXPECT_EQ(compilers("nothing that is known\n"), "8\n");
+    fs::remove(file("meminfo"));
+    EXPECT_EQ(script(". samples/packages.sh; meminfo='" + file("meminfo") + "'; compilers").out, "8\n");
+}
+
+// CMake writes its cache also where it fails.
+TEST_F(Checkout, QuickstartConfiguresAgainAfterAFailure) {
+    folder.write_script("bin/cmake",
+                        "echo \"cmake $*\" >>'" + file("log") +
+                            "'\n"
+                            "case $1 in -S) mkdir -p build; : >build/CMakeCache.txt; [ -e works ] || exit 1\n"
+                            ": >build/Makefile;; *) [ -e build/Makefile ] || exit 1; mkdir -p build/bin; echo 'echo "
+                            "seen' >build/bin/slaveinfo\n"
+                            "chmod +x build/bin/slaveinfo;; esac\n");
+    EXPECT_NE(script("sh samples/quickstart.sh").status, 0);
+    folder.write("works", "");
+    const auto second = script("sh samples/quickstart.sh");
+    EXPECT_EQ(second.status, 0) << second.err;
+    EXPECT_TRUE(contains(second.out, "\nseen\n")) << second.out;
+    const auto configured = log().size();
+    EXPECT_EQ(script("sh samples/quickstart.sh").status, 0);
+    EXPECT_FALSE(contains(log().substr(configured), "cmake -S")) << "a configured folder keeps its settings";
+}
+
+// A test of the house allows nothing else at the top level.
+TEST_F(Checkout, QuickstartSuggestsNothingThatLeavesFilesInTheCheckout) {
+    const auto text = content_of(file("samples/quickstart.sh"));
+    ASSERT_TRUE(contains(text, "--record "));
+    for (auto at = text.find("--record "); at != std::string::npos; at = text.find("--record ", at + 1))
+        EXPECT_EQ(text.substr(at + 9, 5), "/tmp/") << text.substr(at, 30);
+}
+
+}  // namespace
+}  // namespace margay::process

@@ -1,0 +1,42 @@
+// Numbers on the command line, and what compile time depends on.
+#include "common/arguments.hpp"
+#include <places.hpp>
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace margay::samples {
+namespace {
+
+TEST(ParseNumber, IsDecimalOrHexadecimalNeverOctal) {
+    EXPECT_EQ(parse_number("0"), 0);
+    EXPECT_EQ(parse_number("010"), 10);
+    EXPECT_EQ(parse_number("0x10"), 16);
+    EXPECT_EQ(parse_number("0XfF"), 255);
+    EXPECT_EQ(parse_number("-3"), -3);
+    EXPECT_EQ(parse_number("9223372036854775807"), INT64_MAX);
+    for (const auto* wrong : {"", "-", "0x", "1x", "ff", "1.5", " 1", "1 ", "--1", "-0x-1", "9223372036854775808"})
+        EXPECT_FALSE(parse_number(wrong)) << wrong;
+}
+
+// Each costs the files that include it seconds of processor time: CLI11 12, the whole of nlohmann-json 3.
+TEST(CompileTime, ExpensiveHeadersStayInTheFilesThatNeedThem) {
+    const auto samples = std::filesystem::path(MARGAY_SOURCE_DIR) / "samples";
+    std::size_t with_arguments = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(samples)) {
+        if (entry.path().extension() != ".cpp" && entry.path().extension() != ".hpp") continue;
+        std::ifstream in(entry.path());
+        const std::string text(std::istreambuf_iterator<char>(in), {});
+        const bool has_arguments = text.find("#include <CLI/") != std::string::npos;
+        with_arguments += has_arguments;
+        EXPECT_EQ(has_arguments, entry.path().filename() == "arguments.cpp") << entry.path();
+        const bool header = entry.path().extension() == ".hpp";
+        EXPECT_FALSE(header && text.find("#include <nlohmann/json.hpp>") != std::string::npos) << entry.path();
+    }
+    EXPECT_EQ(with_arguments, 1u);
+}
+
+}  // namespace
+}  // namespace margay::samples

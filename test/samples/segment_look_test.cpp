@@ -1,0 +1,91 @@
+// The look at a segment before a scan, in virtual time.
+#include "common/segment_look.hpp"
+#include "common/segment_file.hpp"
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+
+#include <gtest/gtest.h>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+namespace margay::samples {
+namespace {
+
+using namespace std::chrono_literals;
+
+// The first frames of a master are lost, and the link may be down for a while.
+struct BadWire final : Nic {
+    explicit BadWire(Nic& under, Osal& clock) : nic(under), osal(clock) {}
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        return ++sent <= lost ? SendStatus::sent : nic.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic.receive(into); }
+    LinkState link_state() noexcept override { return osal.now() < link_from ? LinkState::down : LinkState::up; }
+    Time next_arrival() const noexcept override { return nic.next_arrival(); }
+
+    Nic& nic;
+    Osal& osal;
+    int sent = 0;
+    int lost = 0;
+    Time link_from{};
+};
+
+struct SegmentLookTest : testing::Test {
+    VirtualOsal osal;
+    LoadedSegment loaded = load_segment("demo");
+    SimulatedNic simulated{loaded->segment, osal, SimulatedNic::Options{.round_trip = 100us, .wire_time = true}};
+    BadWire nic{simulated, osal};
+
+    unsigned state(std::uint32_t slave) {
+        return loaded->segment.slave(slave).registers().get<std::uint16_t>(0x0130) & 0x0Fu;
+    }
+};
+
+TEST_F(SegmentLookTest, SlavesInInitAndPreopAreFree) {
+    const auto look = look_at_segment(nic, osal);
+    EXPECT_TRUE(look.link);
+    EXPECT_EQ(look.slaves, 5);
+    EXPECT_EQ(look.al_status, 1);
+    EXPECT_FALSE(look.running());
+    EXPECT_EQ(nic.sent, 1);
+    HostContext ctx(Limits{.slaves = 8});
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ASSERT_TRUE(config_init(ctx));
+    EXPECT_FALSE(look_at_segment(nic, osal).running());
+}
+
+TEST_F(SegmentLookTest, OneSlaveInSafeopIsEnoughAndIsLeftThere) {
+    HostContext ctx(Limits{.slaves = 8});
+    std::array<std::byte, 100> image{};
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ASSERT_TRUE(config_init(ctx));
+    ASSERT_TRUE(config_map(ctx, image));
+    for (std::uint16_t slave = 1; slave <= 4; ++slave) ASSERT_TRUE(writestate(ctx, slave, AlState::init));
+    osal.advance(10ms);
+    loaded->segment.advance(osal.now());
+    ASSERT_EQ(state(0), 1u);
+    ASSERT_EQ(state(4), 4u);
+    const auto look = look_at_segment(nic, osal);
+    EXPECT_EQ(look.slaves, 5);
+    EXPECT_TRUE(look.running());
+    EXPECT_EQ(state(4), 4u);
+}
+
+TEST_F(SegmentLookTest, LostFramesAndALateLinkDoNotHideTheSlaves) {
+    nic.lost = 4;
+    nic.link_from = osal.now() + 3s;
+    EXPECT_EQ(look_at_segment(nic, osal).slaves, 5);
+}
+
+TEST_F(SegmentLookTest, NobodyThereAndNoLinkAreTold) {
+    nic.lost = 1000;
+    const auto nobody = look_at_segment(nic, osal);
+    EXPECT_TRUE(nobody.link);
+    EXPECT_EQ(nobody.slaves, 0);
+    EXPECT_FALSE(nobody.running());
+    nic.link_from = kNever;
+    EXPECT_FALSE(look_at_segment(nic, osal).link);
+}
+
+}  // namespace
+}  // namespace margay::samples
