@@ -30,6 +30,27 @@ TEST_F(ContextTest, BeforeInitEverythingIsRefusedAndNothingCrashes) {
     EXPECT_EQ(ctx.slave(1).position, 0);
 }
 
+TEST_F(ContextTest, BeforeInitThereIsNothingToRead) {
+    EXPECT_FALSE(ctx.errors().take().has_value());
+    EXPECT_EQ(ctx.errors().dropped(), 0U);
+    EXPECT_FALSE(ctx.events().take().has_value());
+    EXPECT_EQ(ctx.statistics().frames_sent, 0U);
+    EXPECT_EQ(ctx.arena_bytes(), 0U);
+    EXPECT_EQ(ctx.arena_peak_bytes(), 0U);
+}
+
+// A scan's first wish is to send: it ends, and says why it could not.
+TEST_F(ContextTest, ScanOverANicThatStaysBusyEnds) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    nic.answer = SendStatus::busy;
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    const Time start = osal.now();
+    Time now = start;
+    while (scan.busy() && now - start < 60s) now = std::max(now + 1us, poll(ctx, now));
+    EXPECT_EQ(scan.state(), RequestState::error);
+}
+
 TEST_F(ContextTest, LimitsOutOfRangeAreNamed) {
     HostContext none(Limits{.slaves = 0});
     EXPECT_EQ(init(none, nic, osal).error().code, Errc::invalid_argument);

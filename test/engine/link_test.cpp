@@ -40,6 +40,13 @@ class LinkTest : public testing::Test {
         asked.done = true;
         co_return Result<>();
     }
+    // One FPWR of all of `data`.
+    static Task<Result<>> exchange(Engine& engine, Asked& asked, std::span<const std::byte> data) {
+        Datagram datagram(engine.link(), Command::FPWR, station(0x1001, 0x1000), Bytes(data), Repeat::no);
+        asked.reply = co_await datagram;
+        asked.done = true;
+        co_return Result<>();
+    }
 };
 
 TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
@@ -293,6 +300,66 @@ TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
     for (const auto& frame : nic.sent) nic.incoming.push_back(reply_to(frame));
     large.poll(now + 2us);
     for (const auto& a : asked) EXPECT_TRUE(a.done);
+}
+
+// A mailbox as large as a wrong SII says it is: no frame carries 1487 octets of data.
+TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
+    for (const std::size_t bytes : {wire::kMaxDatagramData + 1, std::size_t{1487}, std::size_t{2000}}) {
+        nic.sent.clear();
+        Asked large;
+        Asked behind;
+        std::vector<std::byte> data(bytes);
+        auto one = exchange(engine, large, data);
+        auto two = ask(engine, behind, station(2, 0x0130));
+        one.start();
+        two.start();
+        poll();
+        EXPECT_TRUE(large.done);
+        EXPECT_FALSE(large.reply.ok());
+        ASSERT_EQ(nic.sent.size(), 1U);
+        nic.incoming.push_back(reply_to(nic.sent[0]));
+        poll();
+        EXPECT_TRUE(behind.done && behind.reply.ok());
+    }
+}
+
+TEST_F(LinkTest, LargestDatagramIsSent) {
+    Asked asked;
+    std::vector<std::byte> data(wire::kMaxDatagramData);
+    auto task = exchange(engine, asked, data);
+    task.start();
+    poll();
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(asked.done && asked.reply.ok());
+}
+
+TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
+    Asked first;
+    Asked second;
+    auto one = ask(engine, first, station(1, 0x0130));
+    auto two = ask(engine, second, station(2, 0x0130), Repeat::no);
+    one.start();
+    two.start();
+    nic.answer = SendStatus::busy;
+    const Time start = now;
+    while (!first.done && now - start < 60s) now = std::max(now + 1us, poll(0us));
+    ASSERT_TRUE(first.done && second.done);
+    EXPECT_FALSE(first.reply.ok());
+    EXPECT_FALSE(second.reply.ok());
+    // What comes afterwards has its own time.
+    Asked third;
+    auto three = ask(engine, third, station(3, 0x0130));
+    three.start();
+    poll();
+    EXPECT_FALSE(third.done);
+    nic.answer = SendStatus::sent;
+    poll();
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(third.done && third.reply.ok());
 }
 
 TEST_F(LinkTest, TwoEnginesShareNothing) {

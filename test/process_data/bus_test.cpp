@@ -131,6 +131,22 @@ TEST_F(BusTest, LostFrameLeavesInputsAloneAndIsNamed) {
     EXPECT_EQ(ctx().slave(1).image.inputs.bytes[0], std::byte{0x22});
 }
 
+TEST_F(BusTest, ASecondReceiveWithoutASendIsAnError) {
+    bus.add(8, 8);
+    bus.start();
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    EXPECT_FALSE(receive_processdata(ctx(), 500us).ok()) << "nothing was sent yet";
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    ASSERT_TRUE(bus.cycle().ok());
+    for (int n = 0; n < 3; ++n) EXPECT_FALSE(receive_processdata(ctx(), 500us).ok());
+    ASSERT_TRUE(bus.cycle().ok());
+    // A cycle that was lost is over too.
+    bus.segment.lose_next({0, 0});
+    EXPECT_EQ(bus.cycle().error().code, Errc::no_frame);
+    EXPECT_NE(receive_processdata(ctx(), 500us).error().code, Errc::no_frame);
+    ASSERT_TRUE(bus.cycle().ok());
+}
+
 TEST_F(BusTest, ATaskThatKnowsTheTimeTellsIt) {
     bus.add(8, 8);
     bus.start();

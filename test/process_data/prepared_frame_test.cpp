@@ -251,5 +251,24 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     EXPECT_EQ(nic.sent.back().size(), wire::kFramePrefixBytes + 16 + 512);
 }
 
+// The frame of the cycle is taken, the one of the requests never: they end all the same.
+TEST_P(PreparedFrameTest, NicThatTakesOnlyTheCycleLeavesNoRequestWaitingForEver) {
+    Asked asked;
+    std::array<std::byte, wire::kMaxDatagramData> data{};  // does not fit behind the cycle's own
+    auto task = ask(engine, asked, data);
+    task.start();
+    nic.most_frames_at_once = 1;
+    const Time start = now;
+    while (!asked.done && now - start < 60s) {
+        nic.taken = 0;
+        ASSERT_TRUE(send().ok());
+        nic.incoming.push_back(reply(3, 1));
+        ASSERT_TRUE(end().ok());
+        engine.poll(now);
+    }
+    EXPECT_TRUE(asked.done);
+    EXPECT_FALSE(asked.reply.ok());
+}
+
 }  // namespace
 }  // namespace margay
