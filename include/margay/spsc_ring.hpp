@@ -2,6 +2,7 @@
 // are kept in such rings.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -72,8 +73,7 @@ class SpscRing {
             // While the reading thread copies a value, the slot is not free: end_reading() goes on to cleared_to_.
             const std::uint32_t kept = (state & kReading) != 0 ? state & (kReading | kPlace) : end;
             cleared = kept | ((state + kOneClear) & kClears);
-        } while (
-            !taken_.compare_exchange_weak(state, cleared, std::memory_order_acq_rel, std::memory_order_relaxed));
+        } while (!taken_.compare_exchange_weak(state, cleared, std::memory_order_acq_rel, std::memory_order_relaxed));
         came_.store(0, std::memory_order_relaxed);
         dropped_.store(0, std::memory_order_relaxed);
     }
@@ -115,6 +115,17 @@ class SpscRing {
     std::atomic<std::uint32_t> cleared_to_{0};
     std::atomic<std::uint32_t> came_{0};
     std::atomic<std::uint32_t> dropped_{0};
+};
+
+// A ring with memory of its own.
+template <class T, std::uint32_t N>
+class SpscRingOf : public SpscRing<T> {
+  public:
+    static constexpr std::uint32_t kCapacity = N;
+    SpscRingOf() { this->use(values_); }
+
+  private:
+    std::array<T, N> values_{};
 };
 
 }  // namespace margay

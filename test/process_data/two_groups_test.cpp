@@ -92,7 +92,9 @@ TEST_F(TwoGroupsTest, OfOneRateKeepTheirBudgets) {
         cycle_of(1);
         if (n > 1) poll_until(begin + 1ms);  // from the second cycle on the pace is known
         engine.poll(now = begin + 1ms);
-        if (n > 2) EXPECT_EQ(done() - before, 4U) << "two of each group's budget";
+        if (n > 2) {
+            EXPECT_EQ(done() - before, 4U) << "two of each group's budget";
+        }
         before = done();
     }
 }
@@ -108,7 +110,9 @@ TEST_F(TwoGroupsTest, OfDifferentRatesKeepTheirBudgets) {
         }
         if (n > 1) poll_until(begin + 1ms);
         engine.poll(now = begin + 1ms);
-        if (n > 2) EXPECT_EQ(done() - before, n % 4 == 0 ? 4U : 2U) << n;
+        if (n > 2) {
+            EXPECT_EQ(done() - before, n % 4 == 0 ? 4U : 2U) << n;
+        }
         before = done();
     }
 }
