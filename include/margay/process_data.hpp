@@ -28,14 +28,20 @@ class ImageBytes {
     [[nodiscard]] constexpr std::byte* begin() const { return data_; }
     [[nodiscard]] constexpr std::byte* end() const { return data_ + size_; }
     [[nodiscard]] constexpr std::span<std::byte> span() const { return {data_, size_}; }
-    constexpr operator std::span<std::byte>() const { return span(); }
-    constexpr operator std::span<const std::byte>() const { return span(); }
 
   private:
     std::byte* data_ = nullptr;
     std::uint32_t size_ = 0;
     mutable std::byte nowhere_{0};
 };
+
+}  // namespace margay
+
+// Converts to spans as a span does: the octets are the image's.
+template <>
+inline constexpr bool std::ranges::enable_borrowed_range<margay::ImageBytes> = true;
+
+namespace margay {
 
 // The data of one slave in one direction.
 struct ImagePart {

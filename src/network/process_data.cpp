@@ -285,7 +285,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
     }
     group.cycles_lost = 0;
     if (fresh) give_inputs(group);
-    if (right) return got;
+    if (right && fresh) return got;  // as many as are expected, but others than those known to take part: not fresh
     error.detail = fresh ? Error::kOthersFresh : 0;
     error.expected = group.expected_wkc;
     error.actual = got;

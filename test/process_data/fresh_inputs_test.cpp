@@ -135,32 +135,6 @@ TEST_P(LostInputsTest, AreKeptUnlessTheyShallBeZero) {
     }
 }
 
-// The cycle was sent while all took part, and received when one was known to be lost.
-TEST_F(FreshInputsTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
-    start();
-    ASSERT_TRUE(cycle().ok());
-    const std::byte last = ctx().slave(3).image.inputs.bytes[0];
-    lose_the_last();
-    ++counter;
-    bus.device(1).inputs()[0] = std::byte{counter};
-    bus.device(1).poke();
-    ASSERT_TRUE(send_processdata(ctx()).ok());
-    ReadStateRequest states;
-    ASSERT_TRUE(submit(ctx(), states).ok());
-    // The reply to the cycle comes by the poll that tells who is lost, or behind it.
-    bus.osal.advance(90us);
-    while (states.busy()) {
-        (void)poll(ctx(), bus.osal.now());
-        bus.osal.advance(10us);
-    }
-    EXPECT_EQ(ctx().slave(3).al.state, AlState::none);
-    (void)receive_processdata(ctx(), 500us);
-    EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], last);
-    (void)cycle();
-    EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], last);
-    EXPECT_TRUE(has_new_value(1));
-}
-
 TEST_F(FreshInputsTest, SharedImageGetsTheInputsOfTheOthers) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(3, 3));
     SharedImage shared(memory);
@@ -218,6 +192,32 @@ TEST_F(DegradedStatusTest, MailboxStatusBitsComeInWhileDegradedWithOverlappedIma
         EXPECT_EQ(ended.error().detail, Error::kOthersFresh);
         EXPECT_EQ((image[bit / 8] & mask) != std::byte{0}, full);
     }
+}
+
+// The cycle is sent while both take part, and received when the second is known to be lost: where its inputs would be
+// there is what was sent.
+TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
+    prepare_frames();
+    const auto in = [&](std::size_t n) { return slaves[n].image.inputs.bytes[0]; };
+    const auto cycle = [&](std::uint16_t wkc, std::uint8_t first, std::uint8_t second, bool lose) {
+        EXPECT_TRUE(send_cycle(group, engine.link(), now += 1ms).ok());
+        if (lose) degrade();
+        Octets back = reply_to(nic.sent.back(), wkc);
+        back[kDataAt + slaves[0].image.inputs.offset_bits / 8] = std::byte{first};
+        if (second != 0) back[kDataAt + slaves[1].image.inputs.offset_bits / 8] = std::byte{second};
+        nic.incoming.push_back(back);
+        return end_cycle(group, engine.link(), engine.receive_cycle(group.prepared, now), now);
+    };
+    const std::uint16_t all = group.datagrams[0].full;
+    ASSERT_TRUE(cycle(all, 0x11, 0x21, false).ok());
+    EXPECT_EQ(in(1), std::byte{0x21});
+    const auto short_one = cycle(static_cast<std::uint16_t>(all - 3), 0x12, 0, true);
+    EXPECT_EQ(short_one.error().detail, Error::kOthersFresh);
+    EXPECT_EQ(in(0), std::byte{0x12});
+    EXPECT_EQ(in(1), std::byte{0x21});
+    EXPECT_EQ(cycle(group.datagrams[0].accepted, 0x13, 0, false).error().detail, Error::kOthersFresh);
+    EXPECT_EQ(in(0), std::byte{0x13});
+    EXPECT_EQ(in(1), std::byte{0x21});
 }
 
 }  // namespace

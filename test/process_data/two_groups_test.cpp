@@ -18,6 +18,9 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
     }
     void SetUp() override {
         for (std::uint8_t n = 0; n < 2; ++n) prepare_one(n);
+    }
+    // Requests wait; to be called once the pace of the cycles is known.
+    void ask_all() {
         for (auto& a : asked) {
             tasks.push_back(ask(engine, a));
             tasks.back().start();
@@ -84,42 +87,41 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
 };
 
 TEST_F(TwoGroupsTest, OfOneRateKeepTheirBudgets) {
-    std::size_t before = 0;
-    for (int n = 0; n < 10; ++n) {
+    for (int n = 0; n < 12; ++n) {
+        if (n == 2) ask_all();
+        const std::size_t before = done();
         const Time begin = now;
         cycle_of(0);
         now += 1us;
         cycle_of(1);
-        if (n > 1) poll_until(begin + 1ms);  // from the second cycle on the pace is known
-        engine.poll(now = begin + 1ms);
-        if (n > 2) {
+        poll_until(begin + 1ms);
+        if (n >= 2) {
             EXPECT_EQ(done() - before, 4U) << "two of each group's budget";
         }
-        before = done();
     }
 }
 
 TEST_F(TwoGroupsTest, OfDifferentRatesKeepTheirBudgets) {
-    std::size_t before = 0;
-    for (int n = 0; n < 12; ++n) {
+    for (int n = 0; n < 24; ++n) {
+        if (n == 5) ask_all();
+        const std::size_t before = done();
         const Time begin = now;
         cycle_of(0);
         if (n % 4 == 0) {
             now += 1us;
             cycle_of(1);
         }
-        if (n > 1) poll_until(begin + 1ms);
-        engine.poll(now = begin + 1ms);
-        if (n > 2) {
+        poll_until(begin + 1ms);
+        if (n >= 5) {
             EXPECT_EQ(done() - before, n % 4 == 0 ? 4U : 2U) << n;
         }
-        before = done();
     }
 }
 
 // When both groups stop the queue does not wait any longer than the slower one's next cycle could come.
 TEST_F(TwoGroupsTest, ThatStopLeaveTheQueueToPoll) {
     for (int n = 0; n < 4; ++n) {
+        if (n == 2) ask_all();
         cycle_of(0);
         cycle_of(1);
         engine.poll(now);
