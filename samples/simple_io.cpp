@@ -78,6 +78,7 @@ class SimpleIo {
     }
     void tell_errors() {
         while (const auto error = ctx_.errors().take()) warn(sentence(*error));
+        while (const auto odd = ctx_.warnings().take()) warn("warning: " + sentence(*odd));
     }
     void tell_states() {
         for (const Slave& slave : ctx_.slaves())

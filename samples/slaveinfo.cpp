@@ -82,8 +82,9 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
         print_segment(ctx, options, nullptr);
     while (const auto error = ctx.errors().take()) {
         warn(sentence(*error));
-        if (!margay::is_warning(error->code)) status = exit_code::kSegment;
+        status = exit_code::kSegment;
     }
+    while (const auto odd = ctx.warnings().take()) warn("warning: " + sentence(*odd));
     return status;
 }
 

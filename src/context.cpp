@@ -85,11 +85,24 @@ Group& Context::group(std::size_t number) {
     return master_->network.process.groups[number];
 }
 
-ErrorLog& Context::errors() { return master_->network.errors; }
-EventQueue& Context::events() { return master_->network.events; }
-const LinkStatistics& Context::statistics() const { return master_->network.engine.link().statistics(); }
-std::size_t Context::arena_peak_bytes() const { return master_->network.engine.arena().peak_bytes(); }
-std::size_t Context::arena_bytes() const { return master_->network.engine.arena().capacity_bytes(); }
+ErrorLog& Context::errors() { return master_ == nullptr ? no_errors_ : master_->network.errors; }
+ErrorLog& Context::warnings() { return master_ == nullptr ? no_errors_ : master_->network.warnings; }
+EventQueue& Context::events() { return master_ == nullptr ? no_events_ : master_->network.events; }
+
+const LinkStatistics& Context::statistics() const {
+    static constexpr LinkStatistics kNothing;
+    return master_ == nullptr ? kNothing : master_->network.engine.link().statistics();
+}
+
+LinkSettings& Context::link_settings() {
+    return master_ == nullptr ? early_settings_ : master_->network.engine.link().settings;
+}
+
+std::size_t Context::arena_peak_bytes() const {
+    return master_ == nullptr ? 0 : master_->network.engine.arena().peak_bytes();
+}
+
+std::size_t Context::arena_bytes() const { return master_ == nullptr ? 0 : master_->network.engine.arena().capacity_bytes(); }
 
 void Context::close() {
     if (master_ == nullptr) return;
@@ -117,7 +130,11 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
     Master* master =
         ::new (place) Master(osal, nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
-    master->network.process = process;
+    Network& network = master->network;
+    network.process = process;
+    network.engine.link().settings = ContextAccess::early_settings(ctx);
+    network.events.callback = ContextAccess::no_events(ctx).callback;
+    network.events.user = ContextAccess::no_events(ctx).user;
     ContextAccess::master(ctx) = master;
     return Result<>();
 }

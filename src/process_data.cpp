@@ -17,6 +17,7 @@ Error refused(Errc code, std::uint8_t group) {
 // Not all frames of the cycle are here yet.
 [[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Master& master, ProcessGroup& group, Duration timeout) {
     group.cycle_received = group.cycles_sent;
+    group.under_way = false;
     Engine& engine = master.network.engine;
     Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
@@ -57,6 +58,19 @@ Error refused(Errc code, std::uint8_t group) {
     }
 }
 
+// A group without a cycle of its own that is under way.
+[[gnu::noinline]] Result<std::uint32_t> receive_special(Master& master, ProcessGroup& group, Duration timeout) {
+    if (group.overlap.sets > 1) return receive_overlapped(master, group, timeout);
+    return nothing_sent(group);
+}
+
+[[gnu::noinline]] Result<> send_special(Master& master, ProcessGroup& group, Time now) {
+    Link& link = master.network.engine.link();
+    if (group.overlap.sets > 1) return send_overlapped(group, link, now);
+    if (!master.owned_by_caller()) return refused(Errc::not_owner, group.number);
+    return send_cycle(group, link, now);
+}
+
 // `now` is called when it is known that there is something to be sent.
 template <class Now>
 [[gnu::always_inline]] inline Result<> send_group(Context& ctx, std::uint8_t group, Now now) {
@@ -66,11 +80,11 @@ template <class Now>
     if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
     const Time at = now(master->osal);
     ProcessGroup& wanted = network.process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]]
-        return send_overlapped(wanted, network.engine.link(), at);
+    if (wanted.special) [[unlikely]]
+        return send_special(*master, wanted, at);
     if (!master->owned_by_caller()) [[unlikely]]
         return refused(Errc::not_owner, group);
-    return send_cycle(wanted, network.engine.link(), at);
+    return send_frames(wanted, network.engine.link(), at);
 }
 
 }  // namespace
@@ -91,14 +105,22 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     Network& network = master->network;
     if (group >= network.process.groups.size()) return refused(Errc::unknown_group, group);
     ProcessGroup& wanted = network.process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]]
-        return receive_overlapped(*master, wanted, timeout);
+    if (!wanted.under_way) [[unlikely]]
+        return receive_special(*master, wanted, timeout);
     Engine& engine = network.engine;
     const Time sent = engine.link().last_cycle();
     const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);
     if (end == CycleEnd::missing) [[unlikely]]
         return wait_for_cycle(*master, wanted, timeout);
     return end_cycle(wanted, engine.link(), end, sent);
+}
+
+bool inputs_fresh(Context& ctx, std::uint16_t slave) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || slave < 1 || slave > master->network.count) return false;
+    const Slave& asked = master->network.slave(slave);
+    const auto groups = master->network.process.groups;
+    return asked.config.group < groups.size() && is_fresh(groups[asked.config.group], asked);
 }
 
 }  // namespace margay

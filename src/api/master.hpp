@@ -32,6 +32,8 @@ struct Master {
 
 struct ContextAccess {
     static Master*& master(Context& ctx) { return ctx.master_; }
+    static LinkSettings& early_settings(Context& ctx) { return ctx.early_settings_; }
+    static EventQueue& no_events(Context& ctx) { return ctx.no_events_; }
     static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
     static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
 };

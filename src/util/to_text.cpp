@@ -67,6 +67,10 @@ std::string_view to_text(Errc code) {
         case Errc::in_callback:
             return "this call waits, and a callback or hook of the library must not: submit() a request, or write the "
                    "hook as a sequence";
+        case Errc::nic_busy: return "the network interface does not take frames";
+        case Errc::datagram_size: return "more data than a datagram can carry";
+        case Errc::no_cycle:
+            return "no cycle is under way: each receive_processdata() wants a send_processdata() before it";
     }
     return "unknown error";
 }
