@@ -112,10 +112,12 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
     }
     const GroupConfiguration config = group.config;
     const std::uint8_t number = group.number;
+    const std::uint32_t mappings = group.mappings;
     std::destroy_at(&group);
     std::construct_at(&group);
     group.config = config;
     group.number = number;
+    group.mappings = mappings;
 }
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {

@@ -1,6 +1,7 @@
 #include "network/recovery.hpp"
 
 #include "network/configure.hpp"
+#include "network/entries.hpp"
 #include "network/expectation.hpp"
 #include "network/members.hpp"
 #include "network/pdos.hpp"
@@ -95,7 +96,9 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
         network.note(slave, error);
         co_return Result<>();
     }
-    const ProcessGroup& group = network.process.groups[slave.config.group];
+    ProcessGroup& group = network.process.groups[slave.config.group];
+    const Error entries = place_entries(network, group, &slave);
+    (void)entries;  // told in errors(); the slave goes on
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
