@@ -138,7 +138,6 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
-    release_entries(network.process.groups[number]);
     use_status_bits(network, number);
     Mapping mapping(network.process.groups[number]);
     auto discovered =

@@ -253,11 +253,11 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
     const auto mapped = map(entries);
     ASSERT_FALSE(mapped.ok());
     EXPECT_EQ(mapped.error().code, Errc::entry_not_mapped);
-    EXPECT_EQ(bus.errors(), (Words{"slave 1: mapping the process data of 0x7000:9: no PDO that the slave exchanges has "
+    EXPECT_EQ(bus.errors(), (Words{"slave 1: mapping process data of 0x7000:9: no PDO that the slave exchanges has "
                                    "this entry",
-                                   "slave 1: mapping the process data of 0x1C12:3, entry 1: no PDO that the slave "
+                                   "slave 1: mapping process data of 0x1c12:3, entry 1: no PDO that the slave "
                                    "exchanges has this entry",
-                                   "slave 7: mapping the process data: there is no such slave (there are 1)"}));
+                                   "slave 7: mapping process data: there is no such slave (there are 1)"}));
     EXPECT_TRUE(enable.mapped());
     EXPECT_FALSE(missing.mapped());
     // All that can be done was done, and a handle that is not mapped harms nobody.
@@ -286,21 +286,21 @@ TEST_F(EntryTest, WrongTypesAreNamed) {
         std::string says;
     } const cases[] = {
         {narrow,
-         "slave 1: mapping the process data of 0x7000:3: the entry does not have the size of the type (the type "
+         "slave 1: mapping process data of 0x7000:3: the entry does not have the size of the type (the type "
          "has 16 bits, the entry 32)"},
         {wide,
-         "slave 1: mapping the process data of 0x7000:3: the entry does not have the size of the type (the type has "
+         "slave 1: mapping process data of 0x7000:3: the entry does not have the size of the type (the type has "
          "64 bits, the entry 32)"},
         {number, ""},
         {integer,
-         "slave 1: mapping the process data of 0x7020:1: one of entry and type is a floating point number, the "
+         "slave 1: mapping process data of 0x7020:1: one of entry and type is a floating point number, the "
          "other is not"},
-        {input, "slave 1: mapping the process data of 0x7000:3: the entry goes in the other direction"},
+        {input, "slave 1: mapping process data of 0x7000:3: the entry goes in the other direction"},
         {many,
-         "slave 1: mapping the process data of 0x7010:1: the entry does not have the size of the type (the type has "
+         "slave 1: mapping process data of 0x7010:1: the entry does not have the size of the type (the type has "
          "8 bits, the entry 13)"},
         {octets,
-         "slave 1: mapping the process data of 0x7010:2: the entry does not have the size of the type (the type "
+         "slave 1: mapping process data of 0x7010:2: the entry does not have the size of the type (the type "
          "has 40 bits, the entry 48)"},
     };
     for (const auto& c : cases) {
@@ -344,23 +344,13 @@ TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     bus.start();
     EXPECT_EQ(entry(*bus.ctx, 1, 0x7000, 3).error().code, Errc::unknown_group) << "nothing is mapped yet";
     ASSERT_TRUE(map({}).ok());
-    ASSERT_EQ(bus.to_op().state, AlState::op);
     const auto odd = entry(*bus.ctx, EntryAddress::at(1, 0, 2, 1));
     ASSERT_TRUE(odd.ok()) << words(odd.error());
     EXPECT_EQ(odd->index, 0x7010);
     EXPECT_EQ(odd->bits, 13U);
-    EXPECT_TRUE(write_entry<std::int16_t>(*bus.ctx, *odd, -77).ok());
-    EXPECT_EQ(*read_entry<std::int16_t>(*bus.ctx, *odd), -77);
-    EXPECT_EQ(bits_at(outputs(1), 40, 13), static_cast<std::uint64_t>(-77) & 0x1FFF);
-    EXPECT_EQ(read_entry<std::int32_t>(*bus.ctx, *odd).error().code, Errc::entry_size);
     const auto angle = entry(*bus.ctx, 1, 0x6000, 4);
     ASSERT_TRUE(angle.ok()) << words(angle.error());
     EXPECT_EQ(angle->direction, Direction::inputs);
-    EXPECT_EQ(write_entry(*bus.ctx, *angle, 1.0).error().code, Errc::entry_direction);
-    EXPECT_EQ(read_entry<std::uint64_t>(*bus.ctx, *angle).error().code, Errc::entry_type);
-    show(1, 48, 64, std::bit_cast<std::uint64_t>(2.5));
-    EXPECT_EQ(*read_entry<double>(*bus.ctx, *angle), 2.5);
-    EXPECT_EQ(read_entry<bool>(*bus.ctx, EntryPlace{}).error().code, Errc::entry_stale);
     EXPECT_EQ(entry(*bus.ctx, 1, 0x7777, 0).error().code, Errc::entry_not_mapped);
     EXPECT_EQ(entry(*bus.ctx, 9, 0x7000, 1).error().code, Errc::unknown_slave);
     std::array<char, 32> name{};
@@ -369,6 +359,17 @@ TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     EXPECT_EQ(entry_name(*bus.ctx, 1, 0x7010, 77, name).error().code, Errc::unsupported);
     std::array<char, 3> little{};
     EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x6000, 7, little), "Ser");
+
+    ASSERT_EQ(bus.to_op().state, AlState::op);
+    EXPECT_TRUE(write_entry<std::int16_t>(*bus.ctx, *odd, -77).ok());
+    EXPECT_EQ(*read_entry<std::int16_t>(*bus.ctx, *odd), -77);
+    EXPECT_EQ(bits_at(outputs(1), 40, 13), static_cast<std::uint64_t>(-77) & 0x1FFF);
+    EXPECT_EQ(read_entry<std::int32_t>(*bus.ctx, *odd).error().code, Errc::entry_size);
+    EXPECT_EQ(write_entry(*bus.ctx, *angle, 1.0).error().code, Errc::entry_direction);
+    EXPECT_EQ(read_entry<std::uint64_t>(*bus.ctx, *angle).error().code, Errc::entry_type);
+    show(1, 48, 64, std::bit_cast<std::uint64_t>(2.5));
+    EXPECT_EQ(*read_entry<double>(*bus.ctx, *angle), 2.5);
+    EXPECT_EQ(read_entry<bool>(*bus.ctx, EntryPlace{}).error().code, Errc::entry_stale);
 }
 
 // A slave without CoE whose PDOs the application puts into another order: its SII tells what is in those that the list

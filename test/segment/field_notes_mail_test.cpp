@@ -129,6 +129,13 @@ TEST_F(FieldNotesMail, ASlaveThatDoesNotAnswerIsNoSlaveWithoutProcessData) {
     EXPECT_EQ(ctx.slave(3).al.state, AlState::safeop) << told(3);
     EXPECT_EQ(ctx.slave(4).config.source, ConfigurationSource::coe) << told(4);
     EXPECT_EQ(ctx.slave(4).al.state, AlState::safeop) << told(4);
+    // Nor does the supervision bring it to OP without process data.
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(500);
+    EXPECT_EQ(ctx.slave(1).al.state, AlState::preop) << told(1);
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::preop) << told(2);
+    EXPECT_EQ(ctx.slave(4).al.state, AlState::op) << told(4);
 }
 
 // Ten entries into a PDO of which the device takes eight: the ninth is refused, by its index and subindex, in words.
