@@ -133,6 +133,7 @@ enum class LostInputs : std::uint8_t {
     zero,  // they are set to zero as soon as the slave is known to be lost, and stay zero until it is back
 };
 
+class EntryHandle;
 class SharedImage;
 
 // Of one group: slaves that share an image and are exchanged together.
@@ -162,6 +163,9 @@ struct GroupConfiguration {
     LostInputs lost_inputs = LostInputs::keep;
     Borrowed<SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
     SharedImage* shared = nullptr;    // for another thread: see shared_image.hpp
+    // Entries of process data that each config_map() finds: see entry.hpp. The caller's memory, both the list and what
+    // it names.
+    std::span<EntryHandle* const> entries{};
 };
 
 }  // namespace margay

@@ -68,9 +68,18 @@ enum class Errc : std::uint8_t {
     not_polled,       // the owner of the context has not called poll()
     waiting_forbidden,  // a call that waits, in the thread of the owner, after allow_waiting(ctx, false)
     in_callback,        // a call that waits or polls, from a callback or hook of the library
-    nic_busy,         // the NIC did not take the datagram for LinkSettings::queue_timeout
-    datagram_size,    // more data than a datagram can carry: it was not sent
-    no_cycle,         // receive_processdata() without a cycle that was sent and not received yet
+    nic_busy,           // the NIC did not take the datagram for LinkSettings::queue_timeout
+    datagram_size,      // more data than a datagram can carry: it was not sent
+    no_cycle,           // receive_processdata() without a cycle that was sent and not received yet
+    mailbox_closed,     // the mailbox was closed while a message waited: the slave is started or found anew
+    reply_lost,         // the slave's reply was lost on the wire, and the slave does not have it any more
+    entry_not_mapped,   // no PDO of the slave that is exchanged has the entry (index, subindex; by position: index of
+                        // the assignment object, subindex: which PDO in it, detail: which entry of the PDO)
+    entry_direction,    // the entry is an input where an output is wanted, or the reverse (place as above)
+    entry_size,         // the entry does not fit the type (place as above; expected: bits of the type, actual: bits)
+    entry_type,         // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE
+                        // data type)
+    entry_stale,        // the group was mapped again since the entry was found
 };
 
 // What was being done.
@@ -143,6 +152,7 @@ enum class Operation : std::uint8_t {
     soe_read,
     soe_write,
     soe_command,
+    find_entry,
 };
 
 struct Error {

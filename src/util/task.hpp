@@ -12,6 +12,31 @@
 
 namespace margay {
 
+// The right to end a task that a Crew runs. The task's own guard calls release() when the task ends by itself or with
+// its Crew, so that the handle never names a coroutine that is gone.
+class TaskHandle {
+  public:
+    TaskHandle() = default;
+    TaskHandle(const TaskHandle&) = delete;
+    TaskHandle& operator=(const TaskHandle&) = delete;
+    ~TaskHandle() { end(); }
+
+    // Call it before the task is started.
+    template <class T>
+    void take(const Task<T>& task) {
+        handle_ = task.handle();
+    }
+    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
+    void release() { handle_ = {}; }
+    // Ends the task if it still runs. A task must not end itself by this.
+    void end() {
+        if (handle_) std::exchange(handle_, {}).destroy();
+    }
+
+  private:
+    std::coroutine_handle<> handle_;
+};
+
 // Tasks that run beside each other on behalf of one parent, which waits for one or for all of them.
 // Destroying the crew ends them.
 class Crew {

@@ -71,6 +71,14 @@ std::string_view to_text(Errc code) {
         case Errc::datagram_size: return "more data than a datagram can carry";
         case Errc::no_cycle:
             return "no cycle is under way: each receive_processdata() wants a send_processdata() before it";
+        case Errc::mailbox_closed:
+            return "the mailbox was closed while the message waited, because the slave is started or found anew";
+        case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
+        case Errc::entry_not_mapped: return "no PDO that the slave exchanges has this entry";
+        case Errc::entry_direction: return "the entry goes in the other direction";
+        case Errc::entry_size: return "the entry does not have the size of the type";
+        case Errc::entry_stale: return "the group was mapped again since the entry was found: find it again";
+        case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
     }
     return "unknown error";
 }
@@ -146,6 +154,7 @@ std::string_view to_text(Operation operation) {
         case Operation::soe_read: return "a SoE read";
         case Operation::soe_write: return "a SoE write";
         case Operation::soe_command: return "a SoE command";
+        case Operation::find_entry: return "a search for an entry";
     }
     return "";
 }

@@ -105,9 +105,12 @@ TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     };
     submit_all(1);
     bus.step();
-    // A scan starts all over: it closes the mailbox under the request.
+    // A scan starts all over: it closes the mailbox under the request, which says so.
     ASSERT_TRUE(config_init(*bus.ctx).ok());
-    EXPECT_EQ(requests.front().error().code, Errc::canceled);
+    EXPECT_EQ(requests.front().error().code, Errc::mailbox_closed);
+    EXPECT_EQ(bus.words(requests.front().error()),
+              "slave 1: SDO upload of 0x1008:0: the mailbox was closed while the message waited, because the slave is "
+              "started or found anew");
     submit_all(requests.size());
     SdoUpload never_seen;
     never_seen.slave = 1;
