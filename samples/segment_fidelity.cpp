@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
         fmt::print(stderr, "{}\n", capture.error);
         return 1;
     }
+    if (!capture.remark.empty()) fmt::print(stderr, "note: {}\n", capture.remark);
     auto segment = load_segment(description);
     if (!segment) {
         fmt::print(stderr, "{}\n", segment.error());
@@ -27,5 +28,7 @@ int main(int argc, char** argv) {
     }
     const auto report = measure_fidelity(capture, *segment);
     fmt::print("{}", to_text(report));
-    return report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets ? 0 : 2;
+    return report.datagrams != 0 && report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets
+               ? 0
+               : 2;
 }

@@ -33,9 +33,10 @@ int main(int argc, char** argv) {
         fmt::print(stderr, "{}\n", capture.error);
         return 1;
     }
+    if (!capture.remark.empty()) fmt::print(stderr, "note: {}\n", capture.remark);
     const auto slaves = slaves_of(capture);
     if (slaves.empty()) {
-        fmt::print(stderr, "{}: no slave answers in it\n", recording);
+        fmt::print(stderr, "{}: {}\n", recording, why_no_slaves(capture));
         return 1;
     }
     std::error_code problem;
