@@ -5,6 +5,7 @@
 #include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "wire/sii.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
@@ -68,11 +69,19 @@ class ProgressLine {
     bool shown_ = false;
 };
 
-// The whole of it, by --size or by what it says itself.
+// As many octets as --size says; else the whole EEPROM. Where that tells more than any SII has, only what is in use.
 EepromContent read_all(Eeprom& eeprom, const Options& options) {
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
     if (!size.error.empty()) return {{}, size.error};
     ProgressLine line;
+    const bool absurd = size.octets > wire::sii::kMostContentBytes;
+    if (options.size == 0 && eeprom.known_size() == 0 && absurd) {
+        print_note(
+            fmt::format("note: {} tells {} octets (word 0x003e); it is read up to its end mark, --size {} reads all",
+                        eeprom.name(), size.octets, size.octets));
+        return read_described(eeprom, line.progress());
+    }
+    if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
     return read_eeprom(eeprom, size.octets, line.progress());
 }
 
@@ -121,10 +130,9 @@ int write(Eeprom& eeprom, const Options& options) {
     const auto report = write_eeprom(eeprom, file.octets, line.progress());
     line.clear();
     if (!report.error.empty())
-        return print_error(fmt::format("{}: {}\n{} of the {} words that differ are written: {}", eeprom.name(),
-                                       report.error, report.written, report.different,
-                                       report.written == 0 ? "nothing has changed but perhaps the word above"
-                                                           : "do not use the slave before it is written again"));
+        return print_error(fmt::format("{}: {}\n{} of the {} words that differ were written{}{}", eeprom.name(),
+                                       report.error, report.written, report.different, report.left.empty() ? "" : "; ",
+                                       report.left));
     print_out("{}: {} of {} words were different and are written, all verified\n", eeprom.name(), report.different,
               report.words);
     return 0;

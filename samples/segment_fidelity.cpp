@@ -11,11 +11,13 @@ using namespace margay::samples;
 int compare(const std::string& recording, const std::string& description) {
     const auto capture = load_capture(recording);
     if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
+    if (!capture.remark.empty()) warn("note: " + capture.remark);
     auto segment = load_segment(description);
     if (!segment) return fail(segment.error(), exit_code::kSystem);
     const auto report = measure_fidelity(capture, *segment);
     write_out(to_text(report));
-    const bool equal = report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets;
+    const bool equal =
+        report.datagrams != 0 && report.equal_wkc == report.datagrams && report.equal_octets == report.data_octets;
     return equal ? exit_code::kWell : exit_code::kSegment;
 }
 

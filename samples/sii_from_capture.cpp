@@ -23,8 +23,9 @@ bool write_file(const std::filesystem::path& path, const char* data, std::size_t
 int rebuild(const std::string& recording, const std::string& folder) {
     const auto capture = load_capture(recording);
     if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
+    if (!capture.remark.empty()) warn("note: " + capture.remark);
     const auto slaves = slaves_of(capture);
-    if (slaves.empty()) return fail(fmt::format("{}: no slave answers in it", recording));
+    if (slaves.empty()) return fail(fmt::format("{}: {}", recording, why_no_slaves(capture)));
     std::error_code problem;
     std::filesystem::create_directories(folder, problem);
     if (problem)

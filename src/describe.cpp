@@ -4,6 +4,7 @@
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
 #include "wire/mailbox.hpp"
+#include "wire/sii.hpp"
 #include "wire/soe.hpp"
 
 #include <margay/al_state.hpp>
@@ -129,8 +130,24 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
     }
 }
 
+// SII, word of a mailbox size or of the length of a SyncManager: too large for a frame.
+void write_oversized_mailbox(TextWriter& out, const Error& e) {
+    std::string_view which = "mailbox SyncManager";
+    switch (e.index) {
+        case wire::sii::word::kBootMailbox + 1: which = "boot mailbox out"; break;
+        case wire::sii::word::kBootMailbox + 3: which = "boot mailbox in"; break;
+        case wire::sii::word::kMailbox + 1: which = "mailbox out"; break;
+        case wire::sii::word::kMailbox + 3: which = "mailbox in"; break;
+        default: break;
+    }
+    out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
+}
+
 void write_cause(TextWriter& out, const Error& e) {
     switch (e.code) {
+        case Errc::sii_format:
+            if (e.actual > e.expected) write_oversized_mailbox(out, e);
+            break;
         case Errc::al_status:
         case Errc::timeout:
             if (e.step != Step::request_state) break;

@@ -36,8 +36,9 @@ Result<> CaptureFile::fail(const std::string& path, const std::string& what) {
     return Error{.code = Errc::nic, .step = Step::open_nic};
 }
 
-Result<> CaptureFile::load(const std::string& path) {
+Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
     problem_.clear();
+    remark_.clear();
     frames_.clear();
     bytes_.clear();
     skipped_ = 0;
@@ -68,9 +69,14 @@ Result<> CaptureFile::load(const std::string& path) {
         const auto problem = add(at, number, std::as_bytes(std::span(data, header->caplen)), header->len);
         if (!problem.empty()) return fail(path, "packet " + std::to_string(number) + " " + problem);
     }
-    if (got == PCAP_ERROR)
-        return fail(path, "it breaks off or is damaged behind packet " + std::to_string(number) + " (" +
-                              pcap_geterr(file.get()) + ")");
+    if (got == PCAP_ERROR) {
+        const std::string why = pcap_geterr(file.get());
+        const bool cut = why.find("truncated") != why.npos;
+        if (!cut || cut_off == CutOff::refuse)
+            return fail(path, "it breaks off or is damaged behind packet " + std::to_string(number) + " (" + why + ")");
+        remark_ = "recording " + path + ": it ends in the middle of a packet; the " + std::to_string(number) +
+                  " packets before are used";
+    }
     if (frames_.empty()) return fail(path, "it holds no EtherCAT frame");
     return {};
 }

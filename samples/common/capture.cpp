@@ -34,10 +34,11 @@ bool answers(Bytes request, Bytes answer) {
 Capture load_capture(const std::string& path) {
     Capture capture;
     CaptureFile file;
-    if (!file.load(path)) {
+    if (!file.load(path, CaptureFile::CutOff::accept)) {
         capture.error = file.problem();
         return capture;
     }
+    capture.remark = file.remark();
     std::size_t oldest = 0;
     auto& all = capture.exchanges;
     for (const auto& frame : file.frames()) {

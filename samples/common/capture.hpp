@@ -20,7 +20,8 @@ struct Exchange {
 
 struct Capture {
     std::vector<Exchange> exchanges;
-    std::string error;  // empty: all is well
+    std::string error;   // empty: all is well
+    std::string remark;  // about a file that was cut off at its end: what is whole of it is here
 };
 
 // Reads a pcap or pcapng file and finds the answer to each request: the next frame back with the same

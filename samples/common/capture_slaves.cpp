@@ -65,7 +65,47 @@ class Reader {
         }
     }
 
+    // The slave of a datagram for one, where it has answered something before.
+    SeenSlave* known(const DatagramPair& pair) {
+        const auto adp = pair.request.address.adp();
+        switch (pair.request.command) {
+            case Command::APRD:
+            case Command::APWR: {
+                const auto found = by_position_.find(static_cast<std::uint16_t>(-adp));
+                return found != by_position_.end() ? &found->second : nullptr;
+            }
+            case Command::FPRD:
+            case Command::FPWR: {
+                if (const auto found = stations_.find(adp); found != stations_.end())
+                    return &by_position_[found->second];
+                const auto found = strangers_.find(adp);
+                return found != strangers_.end() ? &found->second : nullptr;
+            }
+            default: return nullptr;
+        }
+    }
+
+    // An answer says that there is a register, and none says that there is none.
+    void look_at_clock(const DatagramPair& pair) {
+        const std::uint32_t ado = pair.request.address.ado();
+        const std::uint32_t end = ado + static_cast<std::uint32_t>(pair.sent.size());
+        if (ado < reg::kPortReceiveTime.address || end > 0x0A00) return;
+        auto* const slave = known(pair);
+        if (slave == nullptr) return;
+        const bool answered = pair.wkc != 0;
+        const auto note = [&](std::optional<bool>& fact) { fact = fact.value_or(false) || answered; };
+        if (end <= reg::kSystemTime.address) note(slave->receive_times);
+        if (ado >= reg::kSystemTime.address) note(slave->clock);
+        const bool read = pair.request.command == Command::APRD || pair.request.command == Command::FPRD;
+        const bool time = ado == reg::kSystemTime.address || ado == reg::kProcessingUnitReceiveTime.address;
+        if (answered && read && time && pair.received.size() == 8) {
+            const bool upper = load_le<std::uint32_t>(pair.received, 4) != 0;
+            slave->clock_has_64_bits = slave->clock_has_64_bits.value_or(false) || upper;
+        }
+    }
+
     void look(const DatagramPair& pair) {
+        look_at_clock(pair);
         if (pair.wkc == 0) return;
         if (pair.request.command == Command::BRD) slaves_seen_ = std::max(slaves_seen_, pair.wkc);
         auto* slave = find(pair);
@@ -147,6 +187,34 @@ class Reader {
 
 std::vector<SeenSlave> slaves_of(const Capture& capture) { return Reader().run(capture); }
 
+std::string why_no_slaves(const Capture& capture) {
+    std::uint16_t most = 0;
+    for (const auto& exchange : capture.exchanges)
+        for (const auto& pair : pairs_of(exchange))
+            if (pair.request.command == Command::BRD || pair.request.command == Command::BWR)
+                most = std::max(most, pair.wkc);
+    if (most == 0) return "no slave answers in it";
+    return fmt::format(
+        "{} slave{} in it, by the working counter of broadcasts, but no datagram for a single one was answered: it "
+        "does not "
+        "tell what they are",
+        most, most == 1 ? " answers" : "s answer");
+}
+
+namespace {
+
+// What the recording tells of the clock, as a segment description has it; empty where it tells nothing.
+std::string_view dc_of(const SeenSlave& slave) {
+    if (!slave.clock) return {};
+    if (!*slave.clock) return slave.receive_times.value_or(true) ? "receive_times" : "none";
+    const auto features = slave.registers.find(reg::kFeatures.address);
+    if (features == slave.registers.end()) return slave.clock_has_64_bits.value_or(true) ? "64" : "32";
+    const auto bits = std::to_integer<unsigned>(features->second);
+    return (bits & wire::features::kDistributedClocks64Bit) != 0 ? "64" : "32";
+}
+
+}  // namespace
+
 std::string describe_segment(const std::vector<SeenSlave>& slaves, const std::string& title) {
     std::string text = fmt::format("title = \"{}\"\n", title);
     for (const auto& slave : slaves) {
@@ -168,6 +236,7 @@ std::string describe_segment(const std::vector<SeenSlave>& slaves, const std::st
         number(0x0005, "sync_managers");
         number(0x0006, "ram_kib");
         number(0x0008, "features", 2);
+        if (const auto dc = dc_of(slave); !dc.empty()) text += fmt::format("dc = \"{}\"\n", dc);
         if (const auto ports = slave.registers.find(0x0007); ports != slave.registers.end()) {
             constexpr std::array<std::string_view, 4> kKinds{"none", "unused", "ebus", "mii"};
             const auto bits = std::to_integer<unsigned>(ports->second);

@@ -2,6 +2,7 @@
 
 #include "common/sii_text.hpp"
 #include "wire/sii.hpp"
+#include "wire/sii_area.hpp"
 
 #include <fmt/format.h>
 
@@ -45,6 +46,43 @@ EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& pr
     return out;
 }
 
+EepromContent read_described(Eeprom& eeprom, const Progress& progress) {
+    const auto size = eeprom_size(eeprom);
+    if (!size.error.empty()) return {{}, size.error};
+    const auto told = std::min<std::size_t>(size.octets, UINT32_MAX);
+    const auto end = sii::content_end_word(static_cast<std::uint32_t>(told));
+    EepromContent out;
+    // Reads on, up to `word`.
+    const auto read_to = [&](std::uint32_t word) {
+        while (out.error.empty() && out.octets.size() < word * sii::kWordBytes) {
+            const auto at = out.octets.size();
+            if (!progress("reading", at, word * sii::kWordBytes)) {
+                out.error = "stopped";
+                break;
+            }
+            out.octets.resize(std::min(at + kReadOctets, word * sii::kWordBytes));
+            out.error =
+                eeprom.read(static_cast<std::uint32_t>(at / sii::kWordBytes), MutableBytes(out.octets).subspan(at));
+        }
+        if (!out.error.empty()) out.octets.clear();
+        return out.error.empty();
+    };
+    if (!read_to(std::min(end, sii::word::kCategories))) return out;
+    sii::CategoryChain chain(end);
+    while (chain.more()) {
+        const auto at = chain.header_word();
+        if (!read_to(std::min(end, at + 1))) return out;
+        std::array<std::byte, sii::kCategoryHeaderBytes> header{};
+        const bool end_mark = word_of(out.octets, at) == sii::category::kEnd;
+        if (!end_mark && !read_to(std::min(end, at + 2))) return out;
+        const auto rest = Bytes(out.octets).subspan(at * sii::kWordBytes);
+        std::copy_n(rest.begin(), std::min(rest.size(), header.size()), header.begin());
+        const auto place = chain.step(header);
+        if (place && !read_to(place->word + place->words)) return out;
+    }
+    return out;
+}
+
 std::string why_not_to_write(Bytes image) {
     if (image.size() % sii::kWordBytes != 0)
         return fmt::format("{} octets are not a whole number of words", image.size());
@@ -67,6 +105,8 @@ std::string why_not_to_write(Bytes image) {
 
 namespace {
 
+// Writes an image step by step. What was written is undone when a step fails, so that a slave is left with its old
+// content.
 class ImageWriter {
   public:
     ImageWriter(Eeprom& eeprom, Bytes image, const Progress& progress)
@@ -77,9 +117,11 @@ class ImageWriter {
         auto before = read_eeprom(eeprom_, image_.size(), progress_);
         if (!before.error.empty()) return failed(std::move(before.error));
         before_ = std::move(before.octets);
-        for (std::size_t word = 0; word < report_.words; ++word) report_.different += differs(word);
-        const std::size_t body = std::min<std::size_t>(sii::word::kIdentity, report_.words);
-        if (!write_range(body, report_.words) || !write_range(0, body)) return std::move(report_);
+        plan();
+        if (!write_all()) {
+            restore();
+            return std::move(report_);
+        }
         auto error = report_.different != 0 ? eeprom_.keep() : std::string();
         if (!error.empty()) return failed(std::move(error));
         verify();
@@ -87,37 +129,99 @@ class ImageWriter {
     }
 
   private:
-    [[nodiscard]] bool differs(std::size_t word) const { return word_of(before_, word) != word_of(image_, word); }
+    struct Step {
+        std::uint32_t word = 0;
+        std::uint16_t before = 0;
+        std::uint16_t after = 0;
+    };
 
     WriteReport failed(std::string error) {
         report_.error = std::move(error);
         return std::move(report_);
     }
 
-    // Runs of words that differ, a few at a time.
-    bool write_range(std::size_t from, std::size_t end) {
-        while (from < end) {
-            if (!differs(from)) {
-                ++from;
-                continue;
-            }
-            if (!progress_("writing", report_.written, report_.different)) {
+    // The words that differ: the configuration area last, in an order that is safe at any word (plan_area()).
+    void plan() {
+        const bool has_area = image_.size() >= sii::kConfigurationBytes;
+        for (std::size_t word = has_area ? sii::word::kIdentity : 0; word < report_.words; ++word)
+            if (word_of(before_, word) != word_of(image_, word))
+                steps_.push_back({static_cast<std::uint32_t>(word), word_of(before_, word), word_of(image_, word)});
+        report_.different = steps_.size();
+        if (!has_area) return;
+        for (std::size_t word = 0; word < sii::word::kIdentity; ++word)
+            report_.different += word_of(before_, word) != word_of(image_, word);
+        const auto area = sii::plan_area(before_, image_);
+        for (const auto& write : area.writes()) steps_.push_back({write.word, write.before, write.after});
+    }
+
+    // Runs of neighbours, a few at a time.
+    bool write_all() {
+        while (done_ < steps_.size()) {
+            if (!progress_("writing", done_, steps_.size())) {
                 report_.error = "stopped";
                 return false;
             }
-            std::size_t run_end = from + 1;
-            while (run_end < end && run_end - from < kWriteWords && differs(run_end)) ++run_end;
-            auto written = eeprom_.write(static_cast<std::uint32_t>(from),
-                                         image_.subspan(from * sii::kWordBytes, (run_end - from) * sii::kWordBytes));
-            report_.written += written.words;
+            std::vector<std::byte> run;
+            auto end = done_;
+            do {
+                run.push_back(static_cast<std::byte>(steps_[end].after & 0xFF));
+                run.push_back(static_cast<std::byte>(steps_[end].after >> 8));
+                ++end;
+            } while (end < steps_.size() && end - done_ < kWriteWords && steps_[end].word == steps_[end - 1].word + 1);
+            auto written = eeprom_.write(steps_[done_].word, run);
+            done_ += written.words;
+            report_.written = std::min(done_, report_.different);
             if (!written.error.empty()) {
                 report_.error =
-                    fmt::format("word 0x{:04x} is not written for sure: {}", from + written.words, written.error);
+                    fmt::format("word 0x{:04x} is not written for sure: {}", steps_[done_].word, written.error);
+                ++done_;  // perhaps
                 return false;
             }
-            from = run_end;
         }
         return true;
+    }
+
+    // Undoes the steps, the last one first. A word that fails does not keep the others from it; behind three in a row
+    // the EEPROM is out of reach.
+    void restore() {
+        constexpr int kMostFailures = 3;
+        const auto total = done_;
+        int failures = 0;
+        for (auto n = total; n-- > 0 && failures < kMostFailures;) {
+            (void)progress_("restoring", total - 1 - n, total);
+            const std::array octets{static_cast<std::byte>(steps_[n].before & 0xFF),
+                                    static_cast<std::byte>(steps_[n].before >> 8)};
+            failures = eeprom_.write(steps_[n].word, octets).error.empty() ? 0 : failures + 1;
+        }
+        tell_what_is_left();
+    }
+
+    void tell_what_is_left() {
+        const auto back = read_eeprom(eeprom_, image_.size(), no_progress());
+        if (!back.error.empty()) {
+            report_.left = fmt::format(
+                "what it holds now could not be read: {}; write it again before the slave is used", back.error);
+            return;
+        }
+        std::size_t changed = 0;
+        std::size_t first = 0;
+        for (std::size_t word = report_.words; word-- > 0;) {
+            if (word_of(back.octets, word) == word_of(before_, word)) continue;
+            ++changed;
+            first = word;
+        }
+        report_.restored = changed == 0;
+        if (report_.restored) {
+            report_.left = "it holds what it held before";
+            return;
+        }
+        report_.left =
+            fmt::format("{} words are not what they were before, the first is word 0x{:04x}", changed, first);
+        if (back.octets.size() >= sii::kConfigurationBytes)
+            report_.left += sii::checksum_right(back.octets)
+                                ? "; the checksum of words 0x00 to 0x06 is right"
+                                : "; the checksum of words 0x00 to 0x06 is wrong: the slave does not load them";
+        report_.left += "; write it again before the slave is used";
     }
 
     void verify() {
@@ -127,6 +231,7 @@ class ImageWriter {
         const auto back = read_eeprom(eeprom_, image_.size(), verifying);
         if (!back.error.empty()) {
             report_.error = fmt::format("could not be verified: {}", back.error);
+            report_.left = "each word was read back when it was written";
             return;
         }
         std::size_t wrong = 0;
@@ -140,6 +245,9 @@ class ImageWriter {
             report_.error +=
                 fmt::format(" ({} of {} words are wrong; an EEPROM that is smaller than it should be does that)", wrong,
                             report_.words);
+            restore();
+            const auto kept = eeprom_.keep();
+            if (!kept.empty()) report_.left = kept;
             return;
         }
         report_.verified = true;
@@ -149,6 +257,8 @@ class ImageWriter {
     Bytes image_;
     const Progress& progress_;
     std::vector<std::byte> before_;
+    std::vector<Step> steps_;
+    std::size_t done_ = 0;  // steps that are done, or perhaps
     WriteReport report_;
 };
 
@@ -194,6 +304,7 @@ AliasReport write_alias(Eeprom& eeprom, std::uint16_t alias, bool force) {
     wanted[sii::word::kChecksum * sii::kWordBytes] = static_cast<std::byte>(sii::checksum(wanted));
     const auto written = write_eeprom(eeprom, wanted, no_progress());
     report.error = written.error;
+    if (!written.left.empty()) report.error += "\n" + written.left;
     return report;
 }
 

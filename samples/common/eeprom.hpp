@@ -53,7 +53,11 @@ struct EepromContent {
     std::vector<std::byte> octets{};
     std::string error{};
 };
+// The first `octets` octets.
 [[nodiscard]] EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& progress);
+// Up to the end mark of the categories, the mark included, or up to where the chain of categories is broken; and never
+// more than 64 KiB, whatever the size word says. What lies behind belongs to nobody: read_eeprom() reads that too.
+[[nodiscard]] EepromContent read_described(Eeprom& eeprom, const Progress& progress);
 
 // What is so wrong with an image that no slave should get it; empty when nothing is. What the strict check
 // finds beyond that is for the user to judge.
@@ -62,13 +66,18 @@ struct EepromContent {
 struct WriteReport {
     std::size_t words = 0;      // of the image
     std::size_t different = 0;  // had to be written
-    std::size_t written = 0;    // are written for sure: each was read back
+    std::size_t written = 0;    // were written for sure before it ended: each was read back
     bool verified = false;      // in the end the whole image was read back and is right
+    bool restored = false;      // it failed, and the old content is there again: it was read back
     std::string error{};
+    std::string left{};  // after an error: what the EEPROM holds now, in words; empty where nothing was written
 };
-// Writes the words that differ, the configuration area (words 0x00–0x07) last, so that its checksum vouches
-// for no half-written image; then reads all of it back, which also finds an EEPROM that is smaller than it
-// says, and whose addresses wrap around.
+// Writes the words that differ, the configuration area (words 0x00–0x07) last, so that its checksum vouches for no
+// half-written image (wire/sii_area.hpp); then reads all of it back. When a word fails, when `progress` stops it, and
+// when other words are read back than were written (an EEPROM that is smaller than it says wraps its addresses around),
+// all words that were written get their old content again. Between the first and the last changed word of the
+// configuration area an end of power or of the connection leaves a wrong checksum, which the ESC tells and does not
+// load.
 [[nodiscard]] WriteReport write_eeprom(Eeprom& eeprom, Bytes image, const Progress& progress);
 
 struct AliasReport {

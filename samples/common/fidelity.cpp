@@ -126,16 +126,16 @@ FidelityReport measure_fidelity(const Capture& capture, SimulatedSegment& simula
 }
 
 std::string to_text(const FidelityReport& report) {
-    const auto share = [](std::size_t part, std::size_t whole) {
-        return whole == 0 ? 100.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+    const auto equal = [](std::size_t part, std::size_t whole, std::string_view of) {
+        if (whole == 0) return std::string("nothing to compare");
+        return fmt::format("{} of {} {}equal, {:.3f} %", part, whole, of,
+                           100.0 * static_cast<double>(part) / static_cast<double>(whole));
     };
     std::string text;
     auto out = std::back_inserter(text);
     fmt::format_to(out, "{} frames, {} of them without an answer in the recording\n", report.frames, report.unanswered);
-    fmt::format_to(out, "working counters  {} of {} equal, {:.3f} %\n", report.equal_wkc, report.datagrams,
-                   share(report.equal_wkc, report.datagrams));
-    fmt::format_to(out, "determined data   {} of {} octets equal, {:.3f} %\n", report.equal_octets, report.data_octets,
-                   share(report.equal_octets, report.data_octets));
+    fmt::format_to(out, "working counters  {}\n", equal(report.equal_wkc, report.datagrams, ""));
+    fmt::format_to(out, "determined data   {}\n", equal(report.equal_octets, report.data_octets, "octets "));
     for (const auto& [kind, entry] : report.kinds)
         fmt::format_to(out, "  {:5} × {}; first in frame {}{}{}\n", entry.count, kind, entry.first_frame,
                        entry.example.empty() ? "" : ": ", entry.example);

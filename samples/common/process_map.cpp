@@ -105,15 +105,9 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
 std::vector<std::byte> read_image(Context& ctx, const Slave& slave, ProcessMap& map) {
     if (!slave.sii_read) return {};
     SlaveEeprom eeprom(ctx, slave.position);
-    const auto size = eeprom_size(eeprom);
-    if (size.error.empty()) {
-        auto content = read_eeprom(eeprom, size.octets, no_progress());
-        if (content.error.empty()) return std::move(content.octets);
-        map.remarks.push_back(content.error);
-    } else {
-        map.remarks.push_back(size.error);
-    }
-    return {};
+    auto content = read_described(eeprom, no_progress());
+    if (!content.error.empty()) map.remarks.push_back(content.error);
+    return std::move(content.octets);
 }
 
 std::uint32_t bits_of(const std::vector<NamedEntry>& entries) {

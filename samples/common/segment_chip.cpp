@@ -3,6 +3,7 @@
 #include "sim/devices.hpp"
 #include "wire/sii.hpp"
 
+#include <algorithm>
 #include <map>
 
 namespace margay::samples {
@@ -37,23 +38,34 @@ Fault ports(const DescriptionReader& reader, const toml::table& table, sim::EscD
     return {};
 }
 
+// 'dc' says what clock there is, 'features' what 0x0008 says of it; where one is missing, it follows from the other.
+// Both together may contradict each other, as on a chip whose clock is switched off.
 Fault dc(const DescriptionReader& reader, const toml::table& table, sim::EscDescription& chip) {
+    namespace f = wire::features;
+    using sim::DcUnit;
     const auto* node = table.get("dc");
-    if (node == nullptr) return {};
-    static const std::map<std::string, sim::DcUnit> kUnits{{"none", sim::DcUnit::none},
-                                                           {"receive_times", sim::DcUnit::receive_times},
-                                                           {"32", sim::DcUnit::bits32},
-                                                           {"64", sim::DcUnit::bits64}};
+    const bool told = table.contains("features");
+    if (node == nullptr && !told) return {};
+    if (node == nullptr) {
+        const bool clock = (chip.features & f::kDistributedClocks) != 0;
+        const bool wide = (chip.features & f::kDistributedClocks64Bit) != 0;
+        chip.dc = clock ? (wide ? DcUnit::bits64 : DcUnit::bits32) : std::min(chip.dc, DcUnit::receive_times);
+        return {};
+    }
+    static const std::map<std::string, DcUnit> kUnits{{"none", DcUnit::none},
+                                                      {"receive_times", DcUnit::receive_times},
+                                                      {"32", DcUnit::bits32},
+                                                      {"64", DcUnit::bits64}};
     std::string name;
     if (const auto fault = reader.text(*node, "dc", name)) return fault;
     const auto found = kUnits.find(name);
     if (found == kUnits.end()) return reader.at(*node, "'dc' is \"none\", \"receive_times\", \"32\" or \"64\"");
     chip.dc = found->second;
     chip.dc_needs_enable = false;
-    namespace f = wire::features;
+    if (told) return {};
     chip.features = static_cast<std::uint16_t>((chip.features & ~(f::kDistributedClocks | f::kDistributedClocks64Bit)) |
-                                               (chip.dc >= sim::DcUnit::bits32 ? f::kDistributedClocks : 0) |
-                                               (chip.dc == sim::DcUnit::bits64 ? f::kDistributedClocks64Bit : 0));
+                                               (chip.dc >= DcUnit::bits32 ? f::kDistributedClocks : 0) |
+                                               (chip.dc == DcUnit::bits64 ? f::kDistributedClocks64Bit : 0));
     return {};
 }
 
@@ -98,6 +110,7 @@ Fault adjust_chip(const DescriptionReader& reader, const toml::table& table, sim
     if (const auto fault = reader.optional_integer(table, "sii_status", 0, 0xFFFF, chip.sii.status_bits)) return fault;
     if (const auto fault = reader.microseconds(table, "sii_read_us", chip.sii.read)) return fault;
     if (const auto fault = reader.microseconds(table, "sii_write_us", chip.sii.write)) return fault;
+    if (const auto fault = reader.microseconds(table, "sii_write_busy_us", chip.sii.write_busy)) return fault;
     if (const auto fault = reader.boolean(table, "sii_8_bytes", chip.sii.reads_8_bytes)) return fault;
     if (const auto fault = reader.boolean(table, "emulated_eeprom", chip.sii.emulated)) return fault;
     if (const auto fault = reader.microseconds(table, "firmware_us", chip.firmware_latency)) return fault;

@@ -131,14 +131,40 @@ class Builder : private DescriptionReader {
     }
 
     Fault slave(const toml::table& table) {
-        static constexpr std::string_view kKnown[] = {
-            "name",         "device",          "sii",         "chip",          "parent",
-            "port",         "enter",           "cable_ns",    "serial",        "alias",
-            "drift_ppb",    "clock_start_ns",  "fmmus",       "sync_managers", "ram_kib",
-            "dc",           "features",        "type",        "revision",      "build",
-            "sii_read_us",  "sii_write_us",    "sii_8_bytes", "sii_status",    "power",
-            "cable_broken", "emulated_eeprom", "station",     "preset",        "ports",
-            "firmware_us",  "count",           "quirks"};
+        static constexpr std::string_view kKnown[] = {"name",
+                                                      "device",
+                                                      "sii",
+                                                      "chip",
+                                                      "parent",
+                                                      "port",
+                                                      "enter",
+                                                      "cable_ns",
+                                                      "serial",
+                                                      "alias",
+                                                      "drift_ppb",
+                                                      "clock_start_ns",
+                                                      "fmmus",
+                                                      "sync_managers",
+                                                      "ram_kib",
+                                                      "dc",
+                                                      "features",
+                                                      "type",
+                                                      "revision",
+                                                      "build",
+                                                      "sii_read_us",
+                                                      "sii_write_us",
+                                                      "sii_8_bytes",
+                                                      "sii_status",
+                                                      "power",
+                                                      "cable_broken",
+                                                      "emulated_eeprom",
+                                                      "station",
+                                                      "preset",
+                                                      "ports",
+                                                      "firmware_us",
+                                                      "count",
+                                                      "quirks",
+                                                      "sii_write_busy_us"};
         if (const auto fault = check_keys(table, kKnown, "a slave")) return fault;
         std::int64_t count = 1;
         if (const auto fault = optional_integer(table, "count", 1, 65535, count)) return fault;

@@ -96,7 +96,7 @@ Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlac
 }
 
 Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
-    sii::CategoryChain chain(static_cast<std::uint32_t>(slave.sii_bytes / sii::kWordBytes));
+    sii::CategoryChain chain(sii::content_end_word(slave.sii_bytes));
     for (unsigned n = 0; chain.more(); ++n) {
         if (n == kMostCategories) co_return fault(reader.station(), sii::Fault::no_end, chain.header_word());
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};

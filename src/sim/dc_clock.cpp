@@ -57,9 +57,15 @@ void DcClock::set_rate(double correction, Time at) {
     correction_ = correction;
 }
 
+std::int64_t DcClock::ahead(std::uint64_t copy_time, Time at) const {
+    return bits64_ ? static_cast<std::int64_t>(copy_time - copy(at))
+                   : std::int64_t{static_cast<std::int32_t>(copy_time - copy(at))};
+}
+
+// What is further away than a Duration can tell (the master may write any offset) is as far as it can.
 Time DcClock::moment_of(std::uint64_t copy_time, Time near) const {
-    const auto ahead = bits64_ ? static_cast<std::int64_t>(copy_time - copy(near))
-                               : std::int64_t{static_cast<std::int32_t>(copy_time - copy(near))};
+    constexpr std::int64_t kFar = std::int64_t{1} << 60;
+    const auto ahead = std::clamp(this->ahead(copy_time, near), -kFar, kFar);
     const double rate = 1.0 + drift_ + correction_;
     return near + Duration(static_cast<std::int64_t>(std::ceil(static_cast<double>(ahead) / rate)));
 }

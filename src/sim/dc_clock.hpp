@@ -21,6 +21,8 @@ class DcClock {
     [[nodiscard]] std::uint64_t copy(Time at) const { return cut(local(at) + offset_); }
     // What the master reads at 0x0910: as the copy was when the frame passed the reference clock.
     [[nodiscard]] std::uint64_t system(Time at) const { return cut(copy(at) - delay_); }
+    // How far the copy is from `copy_time` yet; negative where it is past it. Of 32 bits: within half a turn.
+    [[nodiscard]] std::int64_t ahead(std::uint64_t copy_time, Time at) const;
     // The moment at which the copy has got to `time`, at the present rate; in the past where it has already.
     [[nodiscard]] Time moment_of(std::uint64_t copy_time, Time near) const;
 

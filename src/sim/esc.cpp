@@ -11,6 +11,7 @@ namespace reg = wire::reg;
 namespace {
 
 constexpr std::uint8_t kPdiDigitalIo = 0x04;
+constexpr Duration kLeastStep = std::chrono::microseconds(1);  // of a program, whatever it asks for
 
 }  // namespace
 
@@ -40,7 +41,7 @@ void Esc::power_up(Time now) {
     ++loops_written_;
     ++configuration_;
     sync_managers_.power_up(registers_, description_.sync_managers, static_cast<std::uint32_t>(ram_.size()));
-    (void)sii_.power_up(registers_, description_.sii);
+    const bool loaded = sii_.power_up(registers_, description_.sii);
     lay_out();
     mii_.power_up(registers_, description_);
     watchdogs_.power_up(registers_, registers_.get<std::uint8_t>(reg::kPdiControl.address) != 0, now);
@@ -48,11 +49,20 @@ void Esc::power_up(Time now) {
     sync_.power_up(registers_, clock_);
     reload_mappings();
     firmware_due_ = kNever;
-    if (firmware_) {
-        firmware_->start(*this, now);
-        firmware_due_ = firmware_->step(now);
-    }
+    pdi_operational_ = false;
+    if (loaded || description_.sii.emulated) start_pdi(now);
     schedule();
+}
+
+// ESC data sheets, "SII EEPROM" and DL status bit 0: the PDI works once the EEPROM is loaded with a right checksum, at
+// power-up or by a reload command. Until then no program reaches the ESC, PDI control and device emulation are 0, and
+// nobody answers an AL control: the AL status stays INIT, and AL control is full after the first write. Registers and
+// memory work from the EtherCAT side. (With EEPROM emulation the PDI works from power-up on.)
+void Esc::start_pdi(Time now) {
+    pdi_operational_ = true;
+    if (!firmware_) return;
+    firmware_->start(*this, now);
+    firmware_due_ = firmware_->step(now);
 }
 
 void Esc::power_up_registers() {
@@ -65,8 +75,8 @@ void Esc::power_up_registers() {
     registers_.set(reg::kRamSize.address, description_.ram_kib);
     registers_.set(reg::kPortDescriptor.address, description_.port_descriptor());
     registers_.set(reg::kFeatures.address, description_.features);
-    registers_.set<std::uint32_t>(reg::kDlControl.address,
-                                  0x00C70001);  // foreign frames die, loops automatic, FIFO full
+    // Foreign frames die, loops automatic, FIFO full.
+    registers_.set<std::uint32_t>(reg::kDlControl.address, description_.without_ebus() ? 0x00070001u : 0x00C70001u);
     registers_.set<std::uint16_t>(reg::kAlControl.address, 0x0001);
     registers_.set<std::uint16_t>(reg::kAlStatus.address, 0x0001);
     registers_.set<std::uint32_t>(reg::kAlEventMask.address, 0x00FFFF0F);
@@ -123,6 +133,7 @@ void Esc::schedule() {
 
 void Esc::advance(Time now) {
     while (next_event_ <= now) {
+        ++work_;
         now_ = std::max(now_, next_event_);
         if (reset_wanted_) return power_up(now_);
         end_temporary_loops();
@@ -139,7 +150,7 @@ void Esc::advance(Time now) {
             firmware_due_ = kNever;
             const auto wanted = firmware_->step(now_);
             firmware_due_ = std::min(firmware_due_, wanted);
-            if (firmware_due_ <= now_) firmware_due_ = now_ + Duration(1);  // time must pass
+            firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);  // time must pass
         }
         schedule();
     }
@@ -173,7 +184,7 @@ void Esc::set_al_events(std::uint32_t bits, Time at) {
 }
 
 void Esc::wake_firmware(Time at) {
-    if (!firmware_ || halted_) return;
+    if (!firmware_ || halted_ || !pdi_operational_) return;
     firmware_due_ = std::min(firmware_due_, at + description_.firmware_latency);
     next_event_ = std::min(next_event_, firmware_due_);
 }

@@ -42,8 +42,10 @@ class Esc final : public subdevice::EscAccess {
     // Takes the program that runs behind the PDI; nothing: an ESC without a processor. Before power_up().
     void set_firmware(std::unique_ptr<Firmware> firmware) { firmware_ = std::move(firmware); }
     [[nodiscard]] Firmware* firmware() { return firmware_.get(); }
-    // The process data of the firmware; nullptr where there is none.
-    [[nodiscard]] ProcessDataFirmware* process_data() { return firmware_ ? firmware_->process_data() : nullptr; }
+    // The process data of the firmware; nullptr where there is none, and while the PDI does not work (start_pdi()).
+    [[nodiscard]] ProcessDataFirmware* process_data() {
+        return firmware_ && pdi_operational_ ? firmware_->process_data() : nullptr;
+    }
 
     void power_up(Time now);
     [[nodiscard]] const EscDescription& description() const { return description_; }
@@ -112,6 +114,10 @@ class Esc final : public subdevice::EscAccess {
     // When advance() has something to do.
     [[nodiscard]] Time next_event() const { return next_event_; }
     void advance(Time now);
+    // How many events advance() has worked off since the ESC was made. Whatever a master writes, this grows by less
+    // than 1.3 million for each second of simulated time: pulses come in bundles of 10 µs, and a program steps once a
+    // microsecond at most.
+    [[nodiscard]] std::uint64_t work() const { return work_; }
 
     // --- The PDI's side ---
     void read(std::uint16_t address, MutableBytes into) noexcept override;
@@ -192,6 +198,7 @@ class Esc final : public subdevice::EscAccess {
     void change_ecat_events(std::uint16_t set, std::uint16_t clear);
     void count(std::uint32_t address);
     void power_up_registers();
+    void start_pdi(Time now);
     [[nodiscard]] bool dc_on() const { return dc_on_; }
     void settle_sii(Time at);
     void written_dc(std::uint32_t address, std::size_t length, Time at);
@@ -223,6 +230,7 @@ class Esc final : public subdevice::EscAccess {
     bool esc_writes_enabled_ = false;       // by 0x0030 in this frame
     bool protected_ = false;                // 0x0021 or 0x0031
     bool halted_ = false;
+    bool pdi_operational_ = false;
     bool dc_on_ = false;
     bool end_expected_ = false;  // of the frame now passing
     bool exchanges_ = false;     // a logical octet is read and written
@@ -247,7 +255,8 @@ class Esc final : public subdevice::EscAccess {
     std::uint8_t lasting_loops_ = 0;
     std::uint16_t link_bits_ = 0;
     std::uint32_t compare_with_ = 0;  // low half of what was written to the system time
-    Time loops_end_ = kNever;         // of temporary loop settings
+    std::uint64_t work_ = 0;
+    Time loops_end_ = kNever;  // of temporary loop settings
 };
 
 }  // namespace margay::sim

@@ -249,7 +249,11 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
 
 void Esc::settle_sii(Time at) {
     (void)sii_.settle(at);
-    if (sii_.take_reloaded()) lay_out();
+    if (!sii_.take_reloaded()) return;
+    lay_out();
+    if (!pdi_operational_) start_pdi(at);
+    update_dl_status();
+    schedule();
 }
 
 void Esc::written_watchdog(std::uint32_t address, std::size_t length, Time at) {

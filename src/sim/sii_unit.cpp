@@ -11,6 +11,8 @@ namespace {
 
 namespace reg = wire::reg;
 namespace control = wire::sii_control;
+
+constexpr Duration kAddressOctet = std::chrono::microseconds(90);  // on an I²C bus of 100 kHz: until a NACK is known
 }  // namespace
 
 bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
@@ -20,6 +22,8 @@ bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
     word_ = 0;
     busy_ = reloaded_ = false;
     done_ = kNever;
+    stored_ = Time::min();
+    acknowledged_ = true;
     if (timing.nacks != 0) nacks_ = timing.nacks;
     const bool good = load_configuration(true);
     show();
@@ -98,9 +102,13 @@ void SiiUnit::command(std::uint16_t what, bool write_enabled, Time at) {
         done_ = kNever;  // until the PDI says so
         return;
     }
-    done_ = at + (what == control::kCommandRead    ? timing_.read
-                  : what == control::kCommandWrite ? timing_.write
-                                                   : timing_.reload);
+    Duration takes = what == control::kCommandRead    ? timing_.read
+                     : what == control::kCommandWrite ? std::min(timing_.write_busy, timing_.write)
+                                                      : timing_.reload;
+    acknowledged_ = at >= stored_;
+    if (!acknowledged_) takes = std::min(takes, kAddressOctet);
+    done_ = at + takes;
+    if (acknowledged_ && what == control::kCommandWrite) stored_ = at + timing_.write;
 }
 
 Time SiiUnit::settle(Time now) {
@@ -115,8 +123,11 @@ void SiiUnit::finish() {
     busy_ = false;
     done_ = kNever;
     const auto command = std::exchange(command_, std::uint16_t{0});
-    if (nacks_ != 0) {
-        --nacks_;
+    if (!acknowledged_ || nacks_ != 0) {
+        if (acknowledged_) {
+            --nacks_;
+            stored_ = Time::min();
+        }
         errors_ |= control::kMissingAcknowledge;
         return;
     }

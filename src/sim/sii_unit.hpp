@@ -57,6 +57,8 @@ class SiiUnit {
     bool busy_ = false;
     bool reloaded_ = false;
     Time done_ = kNever;
+    Time stored_ = Time::min();  // when the EEPROM has stored the last word written
+    bool acknowledged_ = true;   // the EEPROM was not storing a word when the running command came
     unsigned nacks_ = 0;
 };
 

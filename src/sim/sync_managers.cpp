@@ -34,7 +34,8 @@ void SyncManagers::power_up(RegisterFile& registers, unsigned count, std::uint32
     count_ = count;
     ram_end_ = reg::kProcessRam + ram_bytes;
     channels_.fill({});
-    enabled_ = closing_ = stale_ = 0;
+    enabled_ = closing_ = 0;
+    stale_ = (1u << count_) - 1;
 }
 
 void SyncManagers::reconfigure(unsigned n) {
@@ -178,22 +179,23 @@ std::uint32_t SyncManagers::write_address(std::uint32_t address) const {
     return channel.three ? address + channel.length * channel.write_buffer : address;
 }
 
-// ETG.1000.4 table "Sync manager channel", status octet.
+// ETG.1000.4 table "Sync manager channel", status octet. Bits 6 and 7 tell that a buffer is opened: recorded on a
+// LAN9252 and a drive's FPGA, a mailbox shows 0x80 while the program writes a reply into it. Of a buffered one that is
+// off no buffer was written (0x30).
 std::uint8_t SyncManagers::status(unsigned n) const {
     const auto& channel = channels_[n];
-    unsigned status = 0;
-    if (channel.enabled && !channel.locked_by_pdi) {
-        status = channel.interrupts;
-        if (channel.mailbox()) {
-            if (channel.full) status |= wire::sm_status::kMailboxFull;
-        } else {
-            const unsigned last = !channel.written ? 3u : channel.fresh ? channel.latest : channel.read_buffer;
-            status |= last << 4;
-            const auto writer = static_cast<std::size_t>(channel.ecat_writes() ? Side::ecat : Side::pdi);
-            if (channel.opened[1 - writer]) status |= wire::sm_status::kReadBufferInUse;
-            if (channel.opened[writer]) status |= wire::sm_status::kWriteBufferInUse;
-        }
+    if (!channel.enabled || channel.locked_by_pdi)
+        return channel.mailbox() ? std::uint8_t{0} : wire::sm_status::kLastBufferMask;
+    unsigned status = channel.interrupts;
+    if (channel.mailbox()) {
+        if (channel.full) status |= wire::sm_status::kMailboxFull;
+    } else {
+        const unsigned last = !channel.written ? 3u : channel.fresh ? channel.latest : channel.read_buffer;
+        status |= last << 4;
     }
+    const auto writer = static_cast<std::size_t>(channel.ecat_writes() ? Side::ecat : Side::pdi);
+    if (channel.opened[1 - writer]) status |= wire::sm_status::kReadBufferInUse;
+    if (channel.opened[writer]) status |= wire::sm_status::kWriteBufferInUse;
     return static_cast<std::uint8_t>(status);
 }
 

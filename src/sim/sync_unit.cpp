@@ -19,10 +19,10 @@ constexpr std::uint16_t kLatchStatus[] = {reg::kLatch0Status.address, reg::kLatc
 constexpr wire::Register kEdges[2][2] = {{reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge},
                                          {reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge}};
 
-// Pulses quicker than a microsecond, which no program could serve, come in bundles of about that length: a cycle time
-// of 1 ns must not stop the simulation.
+// Pulses quicker than 10 µs, which no program could serve, come in bundles of about that length: a cycle time of 1 ns
+// must not stop the simulation.
 std::uint32_t bundle_of(std::uint32_t cycle_ns) {
-    constexpr std::uint32_t kLeast = 1000;
+    constexpr std::uint32_t kLeast = 10'000;
     return cycle_ns == 0 || cycle_ns >= kLeast ? 1 : (kLeast + cycle_ns - 1) / cycle_ns;
 }
 
@@ -72,6 +72,15 @@ void SyncUnit::clock_changed(Time now) {
             if (next_[s] != kNever) next_[s] = std::max(now, clock_->moment_of(due_[s], now));
 }
 
+// Where the clock was set ahead while SYNC runs, the pulses in between are lost, and the raster stays. To give them all
+// at once would take for ever after a jump of years.
+void SyncUnit::skip_missed(Time at) {
+    const auto ahead = clock_->ahead(due_[0], at);
+    if (cycle0_ == 0 || ahead > 0) return;
+    const std::uint64_t period = std::uint64_t{cycle0_} * bundle_of(cycle0_);
+    due_[0] += (static_cast<std::uint64_t>(-(ahead + 1)) / period + 1) * period;
+}
+
 std::uint32_t SyncUnit::settle(Time now) {
     std::uint32_t events = 0;
     while (next() <= now) {
@@ -97,6 +106,7 @@ std::uint32_t SyncUnit::settle(Time now) {
             --countdown1_;
         }
         due_[0] += std::uint64_t{cycle0_} * bundle;
+        skip_missed(at);
         next_[0] = cycle0_ == 0 ? kNever : std::max(at + Duration(1), clock_->moment_of(due_[0], at));
     }
     return events;

@@ -38,8 +38,7 @@ class SyncUnit {
 
   private:
     void activate(Time at);
-    void plan(Time now);
-    void pulse(unsigned signal);
+    void skip_missed(Time at);
 
     RegisterFile* registers_ = nullptr;
     const DcClock* clock_ = nullptr;

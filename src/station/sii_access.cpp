@@ -8,9 +8,9 @@ namespace {
 namespace control = wire::sii_control;
 namespace reg = wire::reg;
 
-constexpr Duration kReadTimeout = std::chrono::milliseconds(100);   // for one block
-constexpr Duration kWriteTimeout = std::chrono::milliseconds(100);  // for one word; real parts take up to 10 ms
-constexpr int kNackTries = 3;
+constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block: busy, and not acknowledged
+constexpr Duration kNackPause = std::chrono::microseconds(500);    // after a command that was not acknowledged
+constexpr int kNackTries = 3;  // at least, however much time passes between two polls
 
 constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
     std::array<std::byte, 6> bytes{};
@@ -21,11 +21,13 @@ constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t wor
 
 }  // namespace
 
-// Looks (reads control, address and data in one datagram), or orders a block, or both in this order.
+// Looks (reads control, address and data in one datagram), or orders a block, or both in this order. `word` is for
+// errors: what the visit is for.
 class SiiReader::VisitAwaiter {
   public:
-    VisitAwaiter(const Station& station, bool look, std::uint32_t order)
+    VisitAwaiter(const Station& station, bool look, std::uint32_t order, std::uint32_t word)
         : station_(station),
+          word_(static_cast<std::uint16_t>(word)),
           order_bytes_(command(control::kCommandRead, order)),
           look_(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSiiControl.address},
                 MutableBytes(bytes_)),
@@ -52,10 +54,11 @@ class SiiReader::VisitAwaiter {
 
   private:
     [[nodiscard]] Error judged(const Datagram& datagram) const {
-        return judge(station_, datagram.reply(), Step::read_sii, reg::kSiiControl.address);
+        return judge(station_, datagram.reply(), Step::read_sii, word_);
     }
 
     const Station& station_;
+    std::uint16_t word_;
     std::array<std::byte, 14> bytes_{};
     std::array<std::byte, 6> order_bytes_;
     Datagram look_;
@@ -118,6 +121,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
     Engine& engine = station_.engine;
     const std::uint32_t end = word + static_cast<std::uint32_t>(into.size() / 2);
     Time give_up = engine.now() + kReadTimeout;
+    nacks_ = 0;
     for (std::uint32_t at = word; at < end;) {
         if (cached(at)) {
             const auto count = std::min(end, block_word_ + block_words_) - at;
@@ -132,7 +136,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         const Time sent = engine.now();
         const bool look = waiting || !idle_;
         idle_ = false;
-        auto visit = co_await VisitAwaiter(station_, look, order);
+        auto visit = co_await VisitAwaiter(station_, look, order, at);
         if (!visit) co_return visit.error();
         if (!look) {
             ordered_ = at;
@@ -144,69 +148,16 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
             if (waiting) note_busy(sent);
             if (engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
         } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {
-            if (++nacks_ >= kNackTries) co_return failure(Errc::sii_nack, at);
+            nacks_ = nacks_ < kNackTries ? static_cast<std::uint8_t>(nacks_ + 1) : nacks_;
+            if (nacks_ == kNackTries && engine.now() >= give_up) co_return failure(Errc::sii_nack, at);
             ordered_ = kNone;
+            co_await engine.sleep_for(kNackPause);
         } else if (waiting) {
             if (!accept(*visit, order, sent) && engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
         } else {
             ordered_ = at;
             ordered_at_ = sent;
         }
-    }
-    co_return Result<>();
-}
-
-namespace {
-
-// Waits until the interface is ready and returns its status.
-Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
-    for (;;) {
-        auto status = co_await ::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii);
-        if (!status) co_return status.error();
-        if ((*status & control::kBusy) == 0) co_return *status;
-        if (station.engine.now() >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
-        co_await station.engine.sleep_for(std::chrono::microseconds(500));
-    }
-}
-
-// One word: written, waited for, read back.
-Task<Result<>> write_word(Station station, std::uint32_t word, std::array<std::byte, 2> data) {
-    const auto index = static_cast<std::uint16_t>(word);
-    for (int attempt = 0;; ++attempt) {
-        auto ready = co_await wait_ready(station, station.engine.now() + kWriteTimeout);
-        if (!ready) co_return ready.error();
-        std::array<std::byte, 8>
-            bytes{};  // control, address and data in one datagram: the command is carried out with its data
-        store_le<std::uint16_t>(bytes, 0, control::kCommandWrite | control::kWriteEnable);
-        store_le<std::uint32_t>(bytes, 2, word);
-        bytes[6] = data[0];
-        bytes[7] = data[1];
-        auto written = co_await write_bytes(station, reg::kSiiControl.address, bytes, Step::write_sii);
-        if (!written) co_return written.error();
-        auto status = co_await wait_ready(station, station.engine.now() + kWriteTimeout);
-        if (!status) co_return status.error();
-        if ((*status & control::kWriteEnableError) != 0)
-            co_return station.error(Errc::sii_write_denied, Step::write_sii, index);
-        if ((*status & control::kMissingAcknowledge) == 0) break;
-        if (attempt + 1 >= kNackTries) co_return station.error(Errc::sii_nack, Step::write_sii, index);
-    }
-    SiiReader reader(station);
-    std::array<std::byte, 2> back{};
-    auto read_back = co_await reader.read(word, back);
-    if (!read_back) co_return read_back.error();
-    if (back == data) co_return Result<>();
-    Error error = station.error(Errc::sii_verify, Step::write_sii, index);
-    error.expected = load_le<std::uint16_t>(data);
-    error.actual = load_le<std::uint16_t>(back);
-    co_return error;
-}
-
-}  // namespace
-
-Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
-    for (std::size_t i = 0; i + 2 <= data.size(); i += 2) {
-        auto written = co_await write_word(station, word + static_cast<std::uint32_t>(i / 2), {data[i], data[i + 1]});
-        if (!written) co_return written.error();
     }
     co_return Result<>();
 }

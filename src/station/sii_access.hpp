@@ -22,6 +22,8 @@ class SiiReader {
 
     // Reads from `word` on. `into` holds a whole number of words. `then` is the word that will be asked for
     // next, if that is known: it is ordered ahead. The reader and `into` outlive the task.
+    // An EEPROM that stores a word acknowledges nothing meanwhile: a read that is not acknowledged is repeated every
+    // 0.5 ms until 100 ms are over, and three times at least. error().index is the word that could not be read.
     [[nodiscard]] Task<Result<>> read(std::uint32_t word, MutableBytes into, std::uint32_t then = kNone);
 
     [[nodiscard]] Arena& arena() { return station_.arena(); }
@@ -62,8 +64,19 @@ class SiiReader {
     std::uint8_t nacks_ = 0;
 };
 
-// Writes words, each one read back. Stops at the first that fails: what error() names is the word that is not
-// sure to be written.
+// Writes words, each one waited for and read back. What is not acknowledged is repeated every 0.5 ms, up to 100 ms a
+// word and three times at least: slow parts take 10 ms for a word, and some leave "busy" long before the word is
+// stored.
+//
+// The order of the words protects the slave against an end at any word. Words 0x08 and up go first, in rising order.
+// The configuration area (words 0x00–0x07, which the ESC loads at power-up) goes last: only the words that differ, and
+// in an order in which no mixture of old and new words has a right checksum (wire/sii_area.hpp). When a word of the
+// area fails, the words of the area that are written already, and the failed one, get their old values again. Only an
+// end of power or of the connection between the first and the last changed word of the area leaves a wrong checksum:
+// the ESC tells it (0x0502 bit 11) and does not load the area. No order of words avoids this: the write of a single
+// word to a right area makes its checksum wrong, unless the change has a checksum of zero.
+//
+// On an error, error().index is the word that is not sure to be written, whatever the cause.
 [[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data);
 
 // Takes the SII interface for the master, or offers it to the slave's PDI (which needs it for INIT to PREOP).

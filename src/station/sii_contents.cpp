@@ -71,6 +71,7 @@ class Contents {
   private:
     [[nodiscard]] Error error(sii::Fault fault, std::uint32_t word, std::uint32_t expected = 0,
                               std::uint32_t actual = 0) const;
+    [[nodiscard]] Error mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std::uint32_t first_word) const;
     [[nodiscard]] Result<> take_fixed_part(Bytes head, Bytes mailboxes);
     [[nodiscard]] bool found_all() const {
         return generals_ > 0 && fmmus_ > 0 && sync_managers_ > 0 && strings_.word != 0;
@@ -79,12 +80,14 @@ class Contents {
     [[nodiscard]] static std::size_t wanted_bytes(std::uint16_t type);
     void mark(const sii::CategoryPlace& place);
     void take(const sii::CategoryPlace& place, Bytes content);
+    void take_sync_managers(const sii::CategoryPlace& place, Bytes content);
     void take_general(const sii::CategoryPlace& place, Bytes content);
 
     SiiReader reader_;
     Slave& slave_;
     sii::CategoryPlace strings_;
     sii::StringNumber name_ = 0;
+    Error oversized_;            // the first mailbox SyncManager that is too large
     std::uint8_t generals_ = 0;  // how many of these categories were found
     std::uint8_t fmmus_ = 0;
     std::uint8_t sync_managers_ = 0;
@@ -97,6 +100,13 @@ Error Contents::error(sii::Fault fault, std::uint32_t word, std::uint32_t expect
     return e;
 }
 
+Error Contents::mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std::uint32_t first_word) const {
+    if (fault != sii::Fault::mailbox_too_large) return error(fault, first_word);
+    const auto place = sii::oversized_mailbox(mailbox);
+    return error(fault, first_word + place.word, static_cast<std::uint32_t>(wire::kMaxDatagramData), place.bytes);
+}
+
+// A pair of mailboxes that cannot be is left out: the slave has none then.
 Result<> Contents::take_fixed_part(Bytes head, Bytes mailboxes) {
     slave_.identity = sii::load_identity(head.subspan(sii::kConfigurationBytes));
     const auto boxes = sii::load_mailboxes(mailboxes);
@@ -104,10 +114,12 @@ Result<> Contents::take_fixed_part(Bytes head, Bytes mailboxes) {
     auto boot = boxes.boot;
     boot.protocols = 0;
     if (fault == sii::Fault::none) slave_.mailbox = boxes.standard;
-    if (sii::mailbox_fault(boot) == sii::Fault::none) slave_.boot_mailbox = boxes.boot;
+    const auto boot_fault = sii::mailbox_fault(boot);
+    if (boot_fault == sii::Fault::none) slave_.boot_mailbox = boxes.boot;
     slave_.mailbox.protocols = boxes.standard.protocols;
     slave_.sii_read = true;
-    if (fault != sii::Fault::none) return error(fault, sii::word::kMailbox);
+    if (fault != sii::Fault::none) return mailbox_error(fault, boxes.standard, sii::word::kMailbox);
+    if (boot_fault == sii::Fault::mailbox_too_large) return mailbox_error(boot_fault, boot, sii::word::kBootMailbox);
     if (!sii::checksum_right(head))
         return error(sii::Fault::checksum, sii::word::kChecksum, sii::checksum(head),
                      static_cast<std::uint8_t>(head[sii::kConfigurationBytes - 2]));
@@ -172,13 +184,31 @@ void Contents::take(const sii::CategoryPlace& place, Bytes content) {
         sii::FmmuUses uses(content);
         while (const auto use = uses.next()) slave_.fmmu_use[slave_.fmmu_count++] = *use;
     } else if (type == sii::category::kSyncManager && sync_managers_ == 1) {
-        sii::SyncManagers sms(content);
-        while (const auto sm = sms.next()) slave_.sync_managers[slave_.sm_count++] = *sm;
+        take_sync_managers(place, content);
+    }
+}
+
+// A mailbox SyncManager of a length that no frame carries is told and has no length. (What is written into its
+// registers are the mailbox words.)
+void Contents::take_sync_managers(const sii::CategoryPlace& place, Bytes content) {
+    sii::SyncManagers sms(content);
+    while (const auto read = sms.next()) {
+        SmInfo sm = *read;
+        const bool mailbox = sm.type == SmType::mailbox_out || sm.type == SmType::mailbox_in;
+        if (mailbox && sm.length_bytes > wire::kMaxDatagramData) {
+            const std::uint32_t word =
+                place.word + slave_.sm_count * std::uint32_t{wire::reg::kSyncManagerStride / 2} + 1;
+            constexpr auto kMost = static_cast<std::uint32_t>(wire::kMaxDatagramData);
+            if (oversized_.code == Errc::none)
+                oversized_ = error(sii::Fault::mailbox_too_large, word, kMost, sm.length_bytes);
+            sm.length_bytes = 0;
+        }
+        slave_.sync_managers[slave_.sm_count++] = sm;
     }
 }
 
 Task<Result<>> Contents::categories() {
-    sii::CategoryChain chain(static_cast<std::uint32_t>(slave_.sii_bytes / sii::kWordBytes));
+    sii::CategoryChain chain(sii::content_end_word(slave_.sii_bytes));
     for (unsigned n = 0; chain.more() && !found_all(); ++n) {
         if (n == kMostCategories) co_return error(sii::Fault::no_end, chain.header_word());
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
@@ -198,7 +228,8 @@ Task<Result<>> Contents::categories() {
         if (!read_content) co_return read_content;
         take(*place, wanted);
     }
-    co_return chain.fault() == sii::Fault::none ? Result<>() : Result<>(error(chain.fault(), chain.header_word()));
+    if (chain.fault() != sii::Fault::none) co_return error(chain.fault(), chain.header_word());
+    co_return oversized_.code == Errc::none ? Result<>() : Result<>(oversized_);
 }
 
 Task<Result<>> Contents::name() {

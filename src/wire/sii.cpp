@@ -1,5 +1,6 @@
 #include "wire/sii.hpp"
 
+#include "wire/datagram.hpp"
 #include "wire/esc.hpp"
 
 #include <algorithm>
@@ -22,6 +23,7 @@ std::string_view to_text(Fault fault) {
         case Fault::mailbox_without_size: return "a mailbox protocol is announced, but the mailboxes have no size";
         case Fault::mailbox_one_sided: return "only one of the two mailboxes has a size";
         case Fault::mailbox_too_short: return "a mailbox is too short for its header";
+        case Fault::mailbox_too_large: return "a mailbox is larger than a frame carries (1486 octets)";
         case Fault::mailbox_outside: return "a mailbox is outside of the process RAM";
         case Fault::mailbox_overlap: return "the two mailboxes overlap";
         case Fault::string_past_end: return "a string reaches past the end of its category";
@@ -83,11 +85,17 @@ Fault mailbox_fault(const MailboxInfo& mailbox) {
     if (mailbox.out_bytes == 0 || mailbox.in_bytes == 0) return Fault::mailbox_one_sided;
     if (mailbox.out_bytes < kMailboxHeaderBytes || mailbox.in_bytes < kMailboxHeaderBytes)
         return Fault::mailbox_too_short;
+    if (mailbox.out_bytes > kMaxDatagramData || mailbox.in_bytes > kMaxDatagramData) return Fault::mailbox_too_large;
     if (mailbox.out_start < reg::kProcessRam || mailbox.in_start < reg::kProcessRam || out_end > 0x10000 ||
         in_end > 0x10000)
         return Fault::mailbox_outside;
     if (mailbox.out_start < in_end && mailbox.in_start < out_end) return Fault::mailbox_overlap;
     return Fault::none;
+}
+
+OversizedMailbox oversized_mailbox(const MailboxInfo& mailbox) {
+    if (mailbox.out_bytes > kMaxDatagramData) return {1, mailbox.out_bytes};
+    return {3, mailbox.in_bytes};
 }
 
 Parsed<FixedPart> load_fixed_part(Bytes image) {

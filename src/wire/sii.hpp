@@ -58,6 +58,7 @@ enum class Fault : std::uint8_t {
     mailbox_without_size,  // a protocol is announced, but a mailbox has no size
     mailbox_one_sided,     // only one of the two mailboxes has a size
     mailbox_too_short,     // no room for a mailbox header
+    mailbox_too_large,     // more octets than a frame carries in one datagram
     mailbox_outside,       // not in the process RAM of an ESC
     mailbox_overlap,       // the two mailboxes share memory
     string_past_end,       // a string is longer than its category
@@ -205,12 +206,29 @@ constexpr void store_mailboxes(MutableBytes at, const Mailboxes& m) {
 // all. For the boot mailboxes, which may be absent while a protocol is announced, call it with protocols 0.
 [[nodiscard]] Fault mailbox_fault(const MailboxInfo& mailbox);
 
+// Fault::mailbox_too_large: which of the two it is (the slave's receive mailbox first), as the word of its size,
+// counted from the first word of the pair.
+struct OversizedMailbox {
+    std::uint32_t word = 0;
+    std::uint16_t bytes = 0;
+};
+[[nodiscard]] OversizedMailbox oversized_mailbox(const MailboxInfo& mailbox);
+
 // The size of the EEPROM by word 0x3E, which counts KiBit less one.
 [[nodiscard]] constexpr std::uint32_t eeprom_bytes(std::uint16_t size_word) {
     return (size_word + std::uint32_t{1}) * 128;
 }
 [[nodiscard]] constexpr std::uint16_t size_word(std::uint32_t eeprom_bytes) {
     return static_cast<std::uint16_t>(eeprom_bytes / 128 - 1);
+}
+
+// No content of an SII is followed beyond this size, whatever the size word says: it has 16 bits and may tell 8 MiB,
+// which take minutes to read. The largest EEPROMs of common two-octet addressing have 64 KiB.
+inline constexpr std::uint32_t kMostContentBytes = 0x10000;
+// The words that the chain of categories may have in an EEPROM of this size.
+[[nodiscard]] constexpr std::uint32_t content_end_word(std::uint32_t eeprom_bytes) {
+    return static_cast<std::uint32_t>((eeprom_bytes < kMostContentBytes ? eeprom_bytes : kMostContentBytes) /
+                                      kWordBytes);
 }
 
 // The whole fixed part.

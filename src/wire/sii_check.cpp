@@ -1,5 +1,6 @@
 #include "wire/sii_check.hpp"
 
+#include "wire/datagram.hpp"
 #include "wire/sii_category.hpp"
 
 namespace margay::wire::sii {
@@ -41,9 +42,18 @@ class Checker {
             add(Fault::checksum, word::kChecksum, checksum(image_), configuration.checksum & 0xFF);
         auto boot = mailboxes.boot;
         boot.protocols = 0;  // most slaves have no boot mailbox
-        add(mailbox_fault(boot), word::kBootMailbox);
-        add(mailbox_fault(mailboxes.standard), word::kMailbox);
+        check_mailboxes(boot, word::kBootMailbox);
+        check_mailboxes(mailboxes.standard, word::kMailbox);
         if (size != image_.size()) add(Fault::size_mismatch, word::kSize, image_.size(), size);
+    }
+
+    void check_mailboxes(const MailboxInfo& mailbox, std::uint32_t first_word) {
+        const auto fault = mailbox_fault(mailbox);
+        const auto place = oversized_mailbox(mailbox);
+        if (fault == Fault::mailbox_too_large)
+            add(fault, first_word + place.word, kMaxDatagramData, place.bytes);
+        else
+            add(fault, first_word);
     }
 
     void check_categories() {
@@ -120,9 +130,13 @@ class Checker {
     void check_sync_managers(Bytes content) {
         SyncManagers managers(content);
         if (managers.fault() != Fault::none) add(managers.fault(), word_at(content.size()));
-        for (std::size_t offset = 0; const auto manager = managers.next(); offset += kSyncManagerBytes)
+        for (std::size_t offset = 0; const auto manager = managers.next(); offset += kSyncManagerBytes) {
             if (manager->type > SmType::inputs)
                 add(Fault::unknown_value, word_at(offset), 0, static_cast<std::uint8_t>(manager->type));
+            else if ((manager->type == SmType::mailbox_out || manager->type == SmType::mailbox_in) &&
+                     manager->length_bytes > kMaxDatagramData)
+                add(Fault::mailbox_too_large, word_at(offset), kMaxDatagramData, manager->length_bytes);
+        }
     }
 
     void check_pdos(Bytes content) {

@@ -4,6 +4,7 @@
 #include "station/sii_access.hpp"
 #include "engine/scripted_nic.hpp"
 #include "link/engine.hpp"
+#include "wire/sii.hpp"
 
 #include <gtest/gtest.h>
 
@@ -21,7 +22,11 @@ class SiiSlave final : public Nic {
     Time now{1s};
     Duration round_trip = 100us;
     Duration read_time = 680us;
-    Duration write_time = 3ms;
+    Duration write_busy = 300us;           // as recorded on an EK1100: not busy any more, and
+    Duration write_time = 3800us;          // no command is acknowledged until the word is stored
+    std::uint32_t dead_word = 0xFFFFFFFF;  // writes of it are never acknowledged
+    int lost_after_writes = -1;            // no frame comes back once so many words were written
+    std::vector<std::uint32_t> written;
     bool eight_bytes = true;
     bool refuses_writes = false;
     int missing_acknowledges = 0;
@@ -40,7 +45,8 @@ class SiiSlave final : public Nic {
                     data[i] = read(static_cast<std::uint16_t>(d->header.address.ado() + i));
             if (d->header.command == wire::Command::FPWR && d->header.address.ado() == 0x0502) command(d->data);
         }
-        if (frames++ != lose_frame) flying_.emplace_back(now + round_trip, std::move(frame));
+        const bool lost = lost_after_writes >= 0 && written.size() >= static_cast<std::size_t>(lost_after_writes);
+        if (frames++ != lose_frame && !lost) flying_.emplace_back(now + round_trip, std::move(frame));
         return SendStatus::sent;
     }
     std::size_t receive(std::span<std::byte> into) noexcept override {
@@ -66,6 +72,11 @@ class SiiSlave final : public Nic {
         const auto what = load_le<std::uint16_t>(data) & 0x0700;
         error_ = 0;
         word_ = load_le<std::uint32_t>(data, 2);
+        if (now < stored_) {
+            busy_until_ = now + 90us;
+            error_ = 0x2000;
+            return;
+        }
         if (what == 0x0100) {
             ++reads[word_];
             busy_until_ = now + read_time;
@@ -78,7 +89,14 @@ class SiiSlave final : public Nic {
                 error_ = 0x4000;
                 return;
             }
-            busy_until_ = now + write_time;
+            busy_until_ = now + write_busy;
+            if (word_ == dead_word) {
+                error_ = 0x2000;
+                return;
+            }
+            stored_ = now + write_time;
+            if (lost_after_writes >= 0 && written.size() >= static_cast<std::size_t>(lost_after_writes)) return;
+            written.push_back(word_);
             eeprom[word_ * 2] = data[6];
             eeprom[word_ * 2 + 1] = data[7];
         }
@@ -86,6 +104,7 @@ class SiiSlave final : public Nic {
 
     std::deque<std::pair<Time, Octets>> flying_;
     Time busy_until_ = Time::min();
+    Time stored_ = Time::min();
     std::uint32_t word_ = 0;
     std::uint16_t error_ = 0;
 };
@@ -148,10 +167,11 @@ TEST_F(SiiAccess, FourOctetsAtATime) {
     EXPECT_EQ(slave.reads.size(), 512U);
 }
 
-TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMore) {
-    slave.missing_acknowledges = 2;
+TEST_F(SiiAccess, MissingAcknowledgeIsTriedUntilATimeIsOver) {
+    slave.missing_acknowledges = 30;
     expect_whole_image_is_read();
-    slave.missing_acknowledges = 3;
+    EXPECT_GE(took, 30 * 500us) << "a pause between two tries";
+    slave.missing_acknowledges = 100000;
     SiiReader reader(station);
     std::array<std::byte, 8> block{};
     const auto result = finish(reader.read(0x40, block));
@@ -159,6 +179,24 @@ TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMore) {
     EXPECT_EQ(result.error().code, Errc::sii_nack);
     EXPECT_EQ(result.error().index, 0x40);
     EXPECT_EQ(result.error().slave, 1);
+    EXPECT_GE(took, 100ms);
+    EXPECT_LT(took, 110ms);
+}
+
+// A program that polls rarely still gets two more tries.
+TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMoreHoweverRarelyItIsPolled) {
+    slave.missing_acknowledges = 2;
+    SiiReader reader(station);
+    std::array<std::byte, 8> block{};
+    auto task = reader.read(0x40, block);
+    engine.poll(slave.now);
+    task.start();
+    for (int polls = 0; polls < 100 && !task.done(); ++polls) {
+        engine.poll(slave.now);
+        slave.now += 60ms;
+    }
+    ASSERT_TRUE(task.done());
+    EXPECT_TRUE(task.result());
 }
 
 TEST_F(SiiAccess, BusyForeverEndsInAnError) {
@@ -189,6 +227,109 @@ TEST_F(SiiAccess, WritesWordsAndReadsThemBack) {
     ASSERT_TRUE(finish(sii_write(station, 0x10, data)));
     EXPECT_TRUE(std::equal(data.begin(), data.end(), slave.eeprom.begin() + 0x20));
     EXPECT_EQ(slave.eeprom[0x26], std::byte{0x26}) << "nothing behind it";
+}
+
+TEST_F(SiiAccess, ReadErrorsNameTheWordWhateverTheCause) {
+    slave.lost_after_writes = 0;
+    SiiReader reader(station);
+    std::array<std::byte, 8> block{};
+    const auto result = finish(reader.read(0x40, block));
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, Errc::no_frame);
+    EXPECT_EQ(result.error().index, 0x40);
+}
+
+// ETG.1000.6 "Slave information interface area", words 0–7 of this slave, and others for them.
+class SiiAreaWrite : public SiiAccess {
+  protected:
+    using Area = std::array<std::byte, 16>;
+
+    SiiAreaWrite() { std::copy(old.begin(), old.end(), slave.eeprom.begin()); }
+    static Area area(unsigned seed) {
+        Area words{};
+        for (std::size_t i = 0; i < 14; ++i)
+            words[i] = static_cast<std::byte>((seed = seed * 1103515245 + 12345) >> 16);
+        words[14] = static_cast<std::byte>(wire::sii::checksum(words));
+        return words;
+    }
+    [[nodiscard]] Area now() const {
+        Area words{};
+        std::copy_n(slave.eeprom.begin(), words.size(), words.begin());
+        return words;
+    }
+
+    const Area old = area(1);
+};
+
+TEST_F(SiiAreaWrite, WritesOnlyTheWordsThatDifferAndTheChecksumLast) {
+    auto wanted = old;
+    wanted[8] = std::byte{0x11};
+    wanted[14] = static_cast<std::byte>(wire::sii::checksum(wanted));
+    ASSERT_TRUE(finish(sii_write(station, 0, wanted)));
+    EXPECT_EQ(now(), wanted);
+    EXPECT_EQ(slave.written, (std::vector<std::uint32_t>{4, 7}));
+}
+
+// Whichever word fails: the old content is there again, and the error names the word.
+TEST_F(SiiAreaWrite, AWordThatFailsIsNamedAndTheOldContentComesBack) {
+    std::vector<std::byte> image(64);
+    const Area head = area(2);
+    std::copy(head.begin(), head.end(), image.begin());
+    for (std::uint32_t word = 0; word < 8; ++word) {
+        slave.dead_word = word;
+        const auto result = finish(sii_write(station, 0, image));
+        ASSERT_FALSE(result) << word;
+        EXPECT_EQ(result.error().code, Errc::sii_nack) << word;
+        EXPECT_EQ(result.error().step, Step::write_sii) << word;
+        EXPECT_EQ(result.error().index, word);
+        EXPECT_EQ(now(), old) << word;
+    }
+    slave.dead_word = 0x10;
+    slave.written.clear();
+    const auto result = finish(sii_write(station, 0, image));
+    EXPECT_EQ(result.error().index, 0x10);
+    EXPECT_EQ(now(), old) << "the area comes last";
+}
+
+// The connection or the power ends after any number of words: the old content, the new content, or a checksum that is
+// wrong and says so.
+TEST_F(SiiAreaWrite, AnEndAtAnyWordIsOldOrNewOrSeen) {
+    std::vector<std::byte> image(64);
+    const Area head = area(3);
+    std::copy(head.begin(), head.end(), image.begin());
+    const auto blank = slave.eeprom;
+    bool all_written = false;
+    for (int words = 0; !all_written; ++words) {
+        slave.eeprom = blank;
+        slave.written.clear();
+        slave.lost_after_writes = words;
+        const auto result = finish(sii_write(station, 0, image));
+        all_written = now() == head;
+        ASSERT_FALSE(result) << "the last word is not read back";
+        EXPECT_EQ(result.error().index, words == 0 ? 8 : slave.written.back()) << "written, and not known to be";
+        EXPECT_TRUE(words > 24 || now() == old) << words;
+        EXPECT_TRUE(now() == old || all_written || !wire::sii::checksum_right(now())) << words;
+        ASSERT_LT(words, 64);
+    }
+}
+
+TEST_F(SiiAccess, ATimeoutOfTheWriteNamesTheWord) {
+    slave.write_busy = 10s;
+    const std::array<std::byte, 2> data{};
+    const auto result = finish(sii_write(station, 0x17, data));
+    ASSERT_FALSE(result);
+    EXPECT_EQ(result.error().code, Errc::sii_busy);
+    EXPECT_EQ(result.error().index, 0x17);
+}
+
+// Slow parts: 10 ms a word.
+TEST_F(SiiAccess, WaitsForSlowParts) {
+    slave.write_time = 10ms;
+    const std::array<std::byte, 8> data{std::byte{1}};
+    ASSERT_TRUE(finish(sii_write(station, 0x20, data)));
+    EXPECT_TRUE(std::equal(data.begin(), data.end(), slave.eeprom.begin() + 0x40));
+    EXPECT_GE(took, 4 * 10ms);
+    EXPECT_LT(took, 4 * 12ms);
 }
 
 TEST_F(SiiAccess, RefusedWriteNamesTheWord) {

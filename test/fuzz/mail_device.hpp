@@ -2,7 +2,7 @@
 // each reply is a mailbox message that fits, and afterwards a proper request gets its proper reply.
 #pragma once
 
-#include "subdevice/plain_esc.hpp"
+#include "subdevice/mail_hand.hpp"
 
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
@@ -160,19 +160,10 @@ class Store final : public FoeStore {
     unsigned calls_ = 0;
 };
 
-class Author final : public Application {
+class Author final : public testing::ReportingApplication<2, 3, 2> {
   public:
     const DeviceDescription& description() const override { return kDevice; }
-    Emergencies* emergencies() override { return &emergencies_; }
-    DiagnosisHistory* diagnosis() override { return &diagnosis_; }
     std::array<std::byte, 600> vast{};
-
-  private:
-    std::array<EmergencyMessage, 2> queue_{};
-    std::array<std::byte, 12> history_{};
-    std::array<std::byte, 64> messages_{};
-    Emergencies emergencies_{queue_, history_};
-    DiagnosisHistory diagnosis_{messages_, 2};
 };
 inline HookAnswer slow(const ObjectAccess& access) {
     // Every other moment is the wrong one.
@@ -215,8 +206,7 @@ class MailDevice {
     void bring_up(bool boot) {
         esc.al_control(0x11);
         step();
-        esc.configure(0, {0x1000, bytes_, 0x26, 1});
-        esc.configure(1, {0x1100, bytes_, 0x22, 1});
+        hand_.configure(bytes_);
         step();
         esc.al_control(boot ? 3 : 2);
         step();
@@ -227,24 +217,13 @@ class MailDevice {
         esc.time += 1ms;
     }
     // Into the receive mailbox as is, as far as it goes.
-    bool put(Bytes message) {
-        std::array<std::byte, 256> whole{};
-        std::copy_n(message.begin(), std::min<std::size_t>(message.size(), bytes_), whole.begin());
-        return esc.ecat_write(0x1000, Bytes(whole).first(bytes_));
-    }
-    bool send(wire::MailboxType type, Bytes data) {
-        std::array<std::byte, 256> whole{};
-        const auto bytes = std::min<std::size_t>(data.size(), bytes_ - wire::kMailboxHeaderBytes);
-        counter_ = wire::next_mailbox_counter(counter_);
-        wire::store_mailbox_header(whole,
-                                   {.length = static_cast<std::uint16_t>(bytes), .type = type, .counter = counter_});
-        std::copy_n(data.begin(), bytes, whole.begin() + wire::kMailboxHeaderBytes);
-        return esc.ecat_write(0x1000, Bytes(whole).first(bytes_));
-    }
+    bool put(Bytes message) { return hand_.put({message.begin(), message.end()}); }
+    bool send(wire::MailboxType type, Bytes data) { return hand_.put(hand_.message(type, data)); }
     // What is in the send mailbox, which must make sense; empty: nothing.
     Bytes fetch() {
-        const auto whole = MutableBytes(reply_).first(bytes_);
-        if (!esc.ecat_read(0x1100, whole)) return {};
+        reply_ = hand_.fetch();
+        if (reply_.empty()) return {};
+        const Bytes whole = reply_;
         const auto message = wire::load_mailbox_message(whole);
         require(message.has_value());
         require(message->header.counter >= 1 && message->header.counter <= 7);
@@ -278,13 +257,9 @@ class MailDevice {
             request[2] = std::byte{0x40};
             wire::coe::SdoLayout::index::store(request, 0x1000);
         }
-        counter_ = 0;  // as a master that begins afresh would
-        std::array<std::byte, 256> whole{};
-        const std::size_t bytes = boot ? 6 : 10;
-        wire::store_mailbox_header(whole, {.length = static_cast<std::uint16_t>(bytes),
-                                           .type = boot ? wire::MailboxType::foe : wire::MailboxType::coe});
-        std::copy_n(request.begin(), bytes, whole.begin() + wire::kMailboxHeaderBytes);
-        require(esc.ecat_write(0x1000, Bytes(whole).first(bytes_)));
+        const std::uint8_t no_counter = 0;  // as a master that begins afresh would
+        const auto type = boot ? wire::MailboxType::foe : wire::MailboxType::coe;
+        require(hand_.put(hand_.message(type, Bytes(request).first(boot ? 6 : 10), no_counter)));
         step();
         const auto reply = fetch();
         if (boot) {
@@ -299,6 +274,7 @@ class MailDevice {
 
   private:
     std::uint16_t bytes_;
+    testing::MailHand hand_{esc};
     Author author_;
     std::array<std::byte, Values::bytes> image_{};
     ObjectDictionary dictionary_{kObjects, image_, &author_};
@@ -318,8 +294,7 @@ class MailDevice {
     ProcessData process_data_{esc, author_, dictionary_, process_memory_};
     Mailbox mailbox_{esc, memory_, protocols_};
     Device device_{esc, author_, process_data_, &mailbox_};
-    std::array<std::byte, 256> reply_{};
-    std::uint8_t counter_ = 0;
+    std::vector<std::byte> reply_;
 };
 
 // Messages of one protocol, each behind its length in an octet; bit 7 of it: a reply is fetched first.

@@ -124,6 +124,13 @@ TEST(SiiQuirks, ShowInTheEepromInterface) {
     slow.rig.put<std::uint16_t>(0, reg::kSiiControl.address, 0x0100);
     slow.wait(2ms);
     EXPECT_EQ(slow.rig.get<std::uint16_t>(0, reg::kSiiControl.address) & 0x8000, 0x8000);
+    const auto status_after_write = [](Hand hand) {
+        hand.rig.write(0, reg::kSiiControl.address, bytes({1, 2, 0x40, 0, 0, 0, 0x12, 0x34}));
+        hand.wait(1ms);
+        return hand.rig.get<std::uint16_t>(0, reg::kSiiControl.address);
+    };
+    EXPECT_EQ(status_after_write(Hand(odd({}))) & 0x8000, 0);
+    EXPECT_EQ(status_after_write(Hand(odd({"sii_busy_until_stored"}))) & 0x8000, 0x8000);
     auto et = make_device("odd_device").value();
     et.chip.sii.reads_8_bytes = true;
     ASSERT_TRUE(add_quirk(et, "sii_4_bytes"));

@@ -119,6 +119,25 @@ TEST_F(Eepromtool, DumpsByCategory) {
     EXPECT_EQ(tool("file:b.bin 1 dump").out, slave.out);
 }
 
+// The size word tells 4 MiB, minutes of reading: what is in use is read, and the rest on request.
+TEST_F(Eepromtool, ReadsNoMoreThanIsInUseWhereTheSizeIsAbsurd) {
+    auto big = image(4);
+    big[0x7C] = '\xFF';
+    big[0x7D] = '\x7F';
+    write(file("big.bin"), big);
+    const auto ran = tool("sim:big.bin 1 read out.bin");
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_TRUE(contains(ran.err,
+                         "note: slave 1 tells 4194304 octets (word 0x003e); it is read up to its end mark, "
+                         "--size 4194304 reads all"))
+        << ran.err;
+    const auto read = content(file("out.bin"));
+    EXPECT_LT(read.size(), 300U);
+    EXPECT_EQ(read, big.substr(0, read.size()));
+    EXPECT_EQ(tool("sim:big.bin 1 read out.bin --size 1024").status, 0);
+    EXPECT_EQ(content(file("out.bin")), big);
+}
+
 TEST_F(Eepromtool, ShowsAndWritesTheAlias) {
     EXPECT_EQ(tool("sim:a.bin 1 alias").out, "0x0000\n");
     EXPECT_TRUE(contains(tool("sim:a.bin 1 alias 0x1234").out, "alias 0x1234, before 0x0000"));

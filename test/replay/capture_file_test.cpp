@@ -110,6 +110,24 @@ TEST_F(CaptureFileTest, EveryCutOfAFileIsRefusedOrShorter) {
     }
 }
 
+// A recorder that was killed: what is whole can be had, by those who say so.
+TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedFor) {
+    const auto frame = ethercat_frame();
+    const auto one = pcap_packet(0, 0, frame);
+    const auto whole = pcap_header() + one + pcap_packet(0, 9, frame);
+    const auto path = folder.write("cut.pcap", whole.substr(0, whole.size() - 7));
+    EXPECT_FALSE(capture.load(path).ok());
+    ASSERT_TRUE(capture.load(path, CaptureFile::CutOff::accept).ok());
+    EXPECT_EQ(capture.frames().size(), 1U);
+    EXPECT_NE(capture.remark().find("ends in the middle of a packet; the 1 packets before"), std::string::npos)
+        << capture.remark();
+    ASSERT_TRUE(capture.load(folder.write("whole.pcap", whole), CaptureFile::CutOff::accept).ok());
+    EXPECT_EQ(capture.remark(), "");
+    EXPECT_EQ(capture.frames().size(), 2U);
+    // Nothing whole in it: there is nothing to accept.
+    EXPECT_FALSE(capture.load(folder.write("none.pcap", whole.substr(0, 30)), CaptureFile::CutOff::accept).ok());
+}
+
 TEST_F(CaptureFileTest, SurvivesTurnedBits) {
     const auto frame = ethercat_frame();
     for (const auto& whole : {pcap_header() + pcap_packet(0, 0, frame) + pcap_packet(0, 9, frame),

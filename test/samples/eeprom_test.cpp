@@ -3,6 +3,7 @@
 
 #include "wire/sii_writer.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -33,6 +34,7 @@ struct FaultyEeprom final : Eeprom {
     std::string name() const override { return "it"; }
     std::string read(std::uint32_t word, MutableBytes into) override {
         if (words_written >= lost_after_words) return "no answer";
+        last_read = std::max(last_read, word * 2 + into.size());
         for (std::size_t i = 0; i < into.size(); ++i) into[i] = octets[(word * 2 + i) % octets.size()];
         return {};
     }
@@ -60,6 +62,7 @@ struct FaultyEeprom final : Eeprom {
     std::vector<std::byte> octets;  // its real size: addresses behind it wrap around
     std::vector<std::uint32_t> order;
     std::size_t words_written = 0;
+    std::size_t last_read = 0;  // the octet behind the last one
     std::size_t lost_after_words = kNever;
     std::uint32_t refused_word = kNever;
     std::uint32_t forgotten_word = kNever;
@@ -119,10 +122,12 @@ TEST(EepromWrite, ARefusedWordEndsIt) {
     const auto report = write_eeprom(eeprom, image(2), no_progress());
     EXPECT_EQ(report.error, "word 0x0045 is not written for sure: refused");
     EXPECT_FALSE(report.verified);
-    EXPECT_EQ(report.written, eeprom.words_written);
     EXPECT_LT(report.written, report.different);
+    EXPECT_EQ(eeprom.words_written, 2 * report.written) << "and back";
     EXPECT_EQ(eeprom.kept, 0);
-    EXPECT_TRUE(sii::is_blank(Bytes(eeprom.octets).first(16)));  // nothing vouches for the half that is there
+    EXPECT_TRUE(report.restored);
+    EXPECT_EQ(report.left, "it holds what it held before");
+    EXPECT_TRUE(sii::is_blank(eeprom.octets));
 }
 
 // Wherever it is lost, what counts as written is what was written, and nothing is called verified.
@@ -137,7 +142,41 @@ TEST(EepromWrite, LostHalfwayAnywhere) {
         const auto report = write_eeprom(eeprom, wanted, no_progress());
         EXPECT_NE(report.error.find("no answer"), std::string::npos) << report.error;
         EXPECT_FALSE(report.verified);
+        EXPECT_FALSE(report.restored);
+        EXPECT_EQ(report.left.empty(), words == 0) << words << ": " << report.left;
         EXPECT_EQ(report.written, words);
+        const bool halfway = words > 0 && words < different;
+        EXPECT_EQ(report.left.starts_with("what it holds now could not be read"), halfway) << words;
+    }
+}
+
+// Any word is refused: the old content is there again. Or the connection ends there: the old area, the new one, or a
+// checksum that says that it is neither.
+TEST(EepromWrite, AnAbortAtAnyWordLeavesARightChecksumOrTheOldContent) {
+    const auto old = image(1);
+    auto wanted = image(2000000000);
+    for (std::size_t i = 0; i < 14; ++i) wanted[i] = static_cast<std::byte>(7 * i + 1);
+    wanted[14] = static_cast<std::byte>(sii::checksum(wanted));
+    for (std::uint32_t word = 0; word < 512; ++word) {
+        if (load_le<std::uint16_t>(old, word * 2) == load_le<std::uint16_t>(wanted, word * 2)) continue;
+        FaultyEeprom eeprom(old);
+        eeprom.refused_word = word;
+        const auto report = write_eeprom(eeprom, wanted, no_progress());
+        EXPECT_EQ(report.error, fmt::format("word 0x{:04x} is not written for sure: refused", word));
+        EXPECT_TRUE(report.restored) << word;
+        EXPECT_EQ(eeprom.octets, old) << word;
+    }
+    FaultyEeprom whole(old);
+    const auto different = write_eeprom(whole, wanted, no_progress()).different;
+    for (std::size_t words = 0; words <= different; ++words) {
+        FaultyEeprom eeprom(old);
+        eeprom.lost_after_words = words;
+        (void)write_eeprom(eeprom, wanted, no_progress());
+        const auto area = Bytes(eeprom.octets).first(16);
+        const bool is_old = std::equal(area.begin(), area.end(), old.begin());
+        const bool is_new = std::equal(area.begin(), area.end(), wanted.begin());
+        EXPECT_TRUE(is_old || is_new || !sii::checksum_right(area)) << words;
+        EXPECT_TRUE(words > different - 8 || is_old) << words;
     }
 }
 
@@ -169,9 +208,10 @@ TEST(EepromWrite, StopsBetweenWords) {
     });
     EXPECT_EQ(report.error, "stopped");
     EXPECT_FALSE(report.verified);
-    EXPECT_EQ(report.written, eeprom.words_written);
     EXPECT_GE(report.written, 16U);
     EXPECT_LT(report.written, 24U);
+    EXPECT_TRUE(report.restored);
+    EXPECT_TRUE(sii::is_blank(eeprom.octets));
 }
 
 TEST(EepromWrite, ProgressGoesOnlyForward) {
@@ -238,7 +278,48 @@ TEST(EepromAlias, DoesNotVouchForAnAreaThatIsWrong) {
 TEST(EepromAlias, LostBetweenAliasAndChecksum) {
     FaultyEeprom eeprom(image(1));
     eeprom.lost_after_words = 1;
-    EXPECT_EQ(write_alias(eeprom, 5, false).error, "word 0x0007 is not written for sure: no answer");
+    const auto error = write_alias(eeprom, 5, false).error;
+    EXPECT_TRUE(error.starts_with("word 0x0007 is not written for sure: no answer\nwhat it holds now")) << error;
+}
+
+TEST(EepromAlias, AChecksumThatIsRefusedGivesTheOldAliasBack) {
+    FaultyEeprom eeprom(image(1));
+    eeprom.refused_word = 7;
+    EXPECT_EQ(write_alias(eeprom, 5, false).error,
+              "word 0x0007 is not written for sure: refused\nit holds what it held before");
+    EXPECT_EQ(eeprom.octets, image(1));
+}
+
+// The size word tells 4 MiB: what is described is read, and not one octet more.
+TEST(EepromReadDescribed, StopsAtTheEndMark) {
+    FaultyEeprom eeprom(image(1));
+    const auto content = [&] {
+        store_le<std::uint16_t>(MutableBytes(eeprom.octets), sii::word::kSize * 2, 0x7FFF);
+        return read_described(eeprom, no_progress());
+    }();
+    EXPECT_EQ(content.error, "");
+    ASSERT_GT(content.octets.size(), 130U);
+    EXPECT_LT(content.octets.size(), 300U);
+    EXPECT_EQ(load_le<std::uint16_t>(content.octets, content.octets.size() - 2), 0xFFFF);
+    EXPECT_EQ(eeprom.last_read, content.octets.size());
+    sii::CategoryWalker walker(content.octets);
+    while (walker.next()) continue;
+    EXPECT_EQ(walker.fault(), sii::Fault::none);
+}
+
+// Categories that lead on and on are not followed behind 64 KiB.
+TEST(EepromReadDescribed, HasABoundWhateverTheImageSays) {
+    for (const auto words : {std::uint16_t{0}, std::uint16_t{1}, std::uint16_t{0x7FFF}, std::uint16_t{0xFFFF}}) {
+        FaultyEeprom eeprom(image(1, 256 * 1024));
+        store_le<std::uint16_t>(MutableBytes(eeprom.octets), sii::word::kSize * 2, 0xFFFE);
+        for (std::size_t at = sii::word::kCategories * 2; at + 4 <= eeprom.octets.size();
+             at += 4 + std::size_t{2} * words) {
+            store_le<std::uint16_t>(MutableBytes(eeprom.octets), at, 0x0801);
+            store_le<std::uint16_t>(MutableBytes(eeprom.octets), at + 2, words);
+        }
+        EXPECT_EQ(read_described(eeprom, no_progress()).error, "");
+        EXPECT_LE(eeprom.last_read, sii::kMostContentBytes) << words;
+    }
 }
 
 TEST(WhyNotToWrite, OnlyWhatIsGravelyWrong) {

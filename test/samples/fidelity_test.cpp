@@ -5,6 +5,7 @@
 #include <places.hpp>
 #include "common/capture_slaves.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -129,6 +130,97 @@ struct FidelityOfProcessors : Fidelity {
         }
     }
 };
+
+// What a recording says of a clock: the width by the features, and whether it is on by its answers. The EL2828's and
+// the EL1004's features promise a clock of 64 bits (0x01FC), and nothing answers at 0x0918.
+TEST_F(FidelityOfProcessors, TheClockIsRebuiltAsTheRecordingShowsIt) {
+    const std::map<std::string, std::vector<std::string>> clocks{
+        {"replay-dc", {"64", "receive_times", "64"}},
+        {"soem-sdinfo-ek1100-el1004", {"64", "receive_times"}},
+        {"soem-dual-lan9252", {"64", "64"}},
+        {"soem-sdinfo-akd", {"32"}},  // 0x0008 = 0x0184
+    };
+    for (const auto& [recording, expected] : clocks) {
+        const auto text = describe_segment(slaves_of(capture(recording)), recording);
+        std::vector<std::string> found;
+        for (auto at = text.find("\ndc = \""); at != std::string::npos; at = text.find("\ndc = \"", at + 1))
+            found.push_back(text.substr(at + 7, text.find('"', at + 7) - at - 7));
+        EXPECT_EQ(found, expected) << recording << "\n" << text;
+    }
+    // With it, each register of a clock answers and is silent as the hardware's.
+    for (const auto* recording : {"soem-sdinfo-ek1100-el1004", "replay-dc"}) {
+        const auto report = measure_rebuilt(recording);
+        for (const auto& [kind, entry] : report.kinds) {
+            const auto at = kind.find("(0x09");
+            EXPECT_TRUE(at == std::string::npos || !kind.starts_with("working counter")) << recording << "\n"
+                                                                                         << to_text(report);
+        }
+    }
+}
+
+// 0x0008 of the drive says 32 bits: the upper half of its times is zero, whatever the time is.
+TEST_F(FidelityOfProcessors, TheFeaturesChooseTheWidthOfTheClock) {
+    for (const auto& [features, wide] : {std::pair{0x0184, false}, std::pair{0x018C, true}}) {
+        auto segment = parse_segment("[[slave]]\nsii = \"ek1100.bin\"\nclock_start_ns = 5000000000\nfeatures = " +
+                                         std::to_string(features) + "\n",
+                                     "x", kImages);
+        ASSERT_TRUE(segment) << segment.error();
+        segment->segment.advance(Time{} + std::chrono::seconds(6));
+        std::array<std::byte, 8> time{};
+        segment->segment.slave(0).read(0x0910, time);
+        EXPECT_NE(load_le<std::uint32_t>(time, 0), 0U);
+        EXPECT_EQ(load_le<std::uint32_t>(time, 4) != 0, wide) << features;
+    }
+}
+
+// test/sim SyncManagerTest.AMailboxThatIsBeingWritten… shows the same values in the same order.
+TEST_F(Fidelity, AMailboxInWritingShowsBit7) {
+    std::string states;
+    for (const auto* recording : {"soem-single-lan9252", "soem-sdinfo-akd"})
+        for (const auto& exchange : capture(recording).exchanges)
+            for (const auto& pair : pairs_of(exchange))
+                if (pair.wkc == 1 && pair.request.command == wire::Command::FPRD &&
+                    pair.request.address.ado() == 0x080D) {
+                    const auto state = fmt::format("{:02x} ", std::to_integer<unsigned>(pair.received[0]));
+                    if (!states.ends_with(state)) states += state;
+                }
+    EXPECT_TRUE(states.starts_with("00 09 02 80 09 02 80 09 02 ")) << states;
+    for (const auto* wrong : {"80 00", "80 02", "09 80", "00 80"}) EXPECT_EQ(states.find(wrong), states.npos) << wrong;
+}
+
+// Recorded by TwinCAT of chips with an E-bus: 0xC7.
+TEST_F(Fidelity, DlControlAfterPowerUp) {
+    std::size_t seen = 0;
+    for (const auto& exchange : capture("twincat-scan-boxes").exchanges)
+        for (const auto& pair : pairs_of(exchange))
+            if (pair.wkc == 1 && pair.request.command == wire::Command::APRD && pair.request.address.ado() == 0x0102) {
+                EXPECT_EQ(pair.received[0], std::byte{0xC7});
+                ++seen;
+            }
+    EXPECT_GE(seen, 2U);
+}
+
+TEST_F(Fidelity, ARecordingWithoutAnswersHasNothingToCompare) {
+    const auto recording = capture("soem-sdinfo-no-slaves");
+    EXPECT_EQ(why_no_slaves(recording), "no slave answers in it");
+    auto segment = parse_segment(kEk1100, "x", kImages);
+    ASSERT_TRUE(segment);
+    const auto text = to_text(measure_fidelity(recording, *segment));
+    EXPECT_NE(text.find("working counters  nothing to compare\n"), std::string::npos) << text;
+    EXPECT_EQ(text.find("100"), std::string::npos) << text;
+}
+
+// Only broadcasts: slaves are there, and nothing tells what they are.
+TEST_F(Fidelity, SlavesThatNobodyAddressedAreCounted) {
+    auto recording = capture("soem-sdinfo-ek1100-el1004");
+    std::erase_if(recording.exchanges, [](const Exchange& exchange) {
+        for (const auto& pair : pairs_of(exchange))
+            if (pair.request.command != wire::Command::BRD) return true;
+        return false;
+    });
+    EXPECT_TRUE(slaves_of(recording).empty());
+    EXPECT_EQ(why_no_slaves(recording).substr(0, 44), "2 slaves answer in it, by the working counte");
+}
 
 // The AL status differs while these programs take 2 to 8 ms for a state change, which the simulated ones do at once.
 TEST_F(FidelityOfProcessors, Lan9252) {

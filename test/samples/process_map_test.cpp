@@ -92,6 +92,20 @@ TEST_F(ProcessMapTest, StructHasEveryEntryWhereTheImageHasIt) {
     EXPECT_GE(members, 20) << "the test has seen the members";
 }
 
+// A size word of 0x7FFF says 4 MiB, 187 s of bus time. Reading stops at the end mark.
+TEST_F(ProcessMapTest, AnAbsurdSizeWordIsNotFollowed) {
+    for (int n = 0; n < 3; ++n) bus.add(8, 8);
+    for (std::uint32_t n = 0; n < 3; ++n)
+        store_le<std::uint16_t>(MutableBytes(bus.segment.slave(n).sii().image()), 0x3E * 2, 0x7FFF);
+    bus.start();
+    ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+    const Time before = bus.osal.now();
+    const auto map = read_process_map(*bus.ctx);
+    EXPECT_EQ(map.remarks, std::vector<std::string>());
+    EXPECT_EQ(map.entries.size(), 6U);
+    EXPECT_LT(bus.osal.now() - before, std::chrono::milliseconds(500));
+}
+
 TEST_F(ProcessMapTest, NamesComeFromTheSii) {
     auto source = open_source("sim:demo");
     ASSERT_TRUE(source) << source.error();

@@ -83,6 +83,47 @@ TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
     EXPECT_EQ(report.written, 8U);
 }
 
+// As a recorded EK1100: the EEPROM acknowledges nothing for 3.8 ms behind each word, which is the simulation's default,
+// and here not for 60 ms at one word.
+TEST_F(SlaveEepromTest, AWordThatTakesItsTimeIsWaitedFor) {
+    build(image(1), image(2));
+    SlaveEeprom eeprom(ctx, 2);
+    bool once = true;
+    const auto report = write_eeprom(eeprom, image(3), [&](std::string_view what, std::size_t, std::size_t) {
+        if (what == "writing" && std::exchange(once, false)) segment.slave(second).sii().fail_next(60);
+        return true;
+    });
+    EXPECT_EQ(report.error, "");
+    EXPECT_TRUE(report.verified);
+}
+
+// The alias is written and its checksum is not acknowledged: the old alias is there again, and is told.
+TEST_F(SlaveEepromTest, AnAliasWhoseChecksumFailsIsTakenBack) {
+    build(image(1), image(2));
+    SlaveEeprom eeprom(ctx, 2);
+    struct Failing final : Eeprom {
+        SlaveEeprom& real;
+        sim::SiiUnit& unit;
+        Failing(SlaveEeprom& to, sim::SiiUnit& of) : real(to), unit(of) {}
+        std::string name() const override { return real.name(); }
+        std::string read(std::uint32_t word, MutableBytes into) override { return real.read(word, into); }
+        Written write(std::uint32_t word, Bytes octets) override {
+            unit.fail_next(word == 7 ? 100000 : 0);
+            auto written = real.write(word, octets);
+            unit.fail_next(0);
+            return written;
+        }
+    };
+    Failing failing(eeprom, segment.slave(second).sii());
+    const auto report = write_alias(failing, 77, false);
+    EXPECT_TRUE(
+        report.error.starts_with("word 0x0007 is not written for sure: slave 2: writing the SII at word 0x0007"))
+        << report.error;
+    EXPECT_TRUE(wire::sii::checksum_right(memory(second))) << report.error;
+    EXPECT_TRUE(report.error.ends_with("it holds what it held before")) << report.error;
+    EXPECT_EQ(memory(second), image(2));
+}
+
 // The cable breaks behind the first slave.
 TEST_F(SlaveEepromTest, SlaveLostHalfway) {
     build(image(1), std::vector<std::byte>(1024, std::byte{0xFF}));

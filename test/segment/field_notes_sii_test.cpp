@@ -38,7 +38,7 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     };
     const Case cases[] = {
         {"sii_blank", Errc::sii_blank, false},
-        {"sii_bad_checksum", Errc::sii_checksum, true},
+        {"sii_bad_checksum", Errc::sii_checksum, false},  // its PDI does not work: nobody answers an AL control
         {"sii_no_mailbox_sizes", Errc::sii_format, false},
         {"sii_no_pdos", Errc::none, true},
         {"sii_null_strings", Errc::none, true},
@@ -47,6 +47,7 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
         {"sii_sync_managers_off", Errc::none, true},
         {"sii_4_bytes", Errc::none, true},
         {"sii_slow", Errc::none, true},
+        {"sii_busy_until_stored", Errc::none, true},
         {"sii_nacks", Errc::none, true},
     };
     plug_odd({});
@@ -61,8 +62,11 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     }
     map();
     cycles(5);
-    (void)to(AlState::op, 300);
-    cycles(500);
+    // The one without a PDI does not take it: its AL control is full, as nobody has read the last one.
+    const auto written = writestate(ctx, 0, AlState::op);
+    ASSERT_FALSE(written);
+    EXPECT_EQ(written.error().code, Errc::working_counter) << words(written.error());
+    cycles(800);
     (void)readstate(ctx);
     for (std::size_t n = 1; n <= last; ++n) {
         const bool odd = n > 1 && n < last;
@@ -125,6 +129,135 @@ TEST(FieldNotesWatchdog, ASlaveThatInsistsOnAWatchdogGetsOne) {
     ASSERT_TRUE(config_map(*bus.ctx, image));
     EXPECT_EQ(bus.ctx->slave(1).al, (AlStatus{AlState::safeop, false, 0})) << bus.words(bus.ctx->slave(1).error);
     EXPECT_EQ(bus.segment.slave(0).registers().get<std::uint8_t>(0x0814), 0x64);
+}
+
+// A size that no frame carries does not reach the wire: which mailbox, how large and how large at most is told.
+TEST_F(FieldNotesSii, AMailboxThatNoFrameCarriesIsToldAndNotUsed) {
+    struct Case {
+        std::uint32_t word;
+        std::uint16_t bytes;
+        std::string_view words;
+        bool usable;
+    };
+    const Case cases[] = {
+        {0x19, 1487,
+         "at word 0x0019: the content contradicts itself (the mailbox out has 1487 octets, a frame carries 1486)",
+         false},
+        {0x1B, 1500, "(the mailbox in has 1500 octets, a frame carries 1486)", false},
+        {0x19, 65535, "(the mailbox out has 65535 octets, a frame carries 1486)", false},
+        {0x15, 1487, "(the boot mailbox out has 1487 octets, a frame carries 1486)", true},
+        {0x17, 65535, "(the boot mailbox in has 65535 octets, a frame carries 1486)", true},
+    };
+    plug_odd({});
+    for (const auto& c : cases) {
+        auto device = sim::make_device("odd_device").value();
+        if (c.word < 0x18)  // there is no boot mailbox: a whole one
+            for (const auto& [word, value] : {std::pair{0x14, 0x1000}, {0x15, 0x80}, {0x16, 0x1080}, {0x17, 0x80}})
+                store_le(MutableBytes(device.sii), static_cast<std::size_t>(word) * 2,
+                         static_cast<std::uint16_t>(value));
+        store_le(MutableBytes(device.sii), c.word * 2, c.bytes);
+        plug(std::move(device));
+    }
+    const Time before = osal.now();
+    start();
+    EXPECT_LT(osal.now() - before, 20s);
+    EXPECT_EQ(ctx.slave(1).error.code, Errc::none) << told(1);
+    for (std::size_t n = 0; n < std::size(cases); ++n) {
+        const auto& slave = ctx.slave(n + 2);
+        EXPECT_EQ(slave.mailbox.present(), cases[n].usable);
+        EXPECT_FALSE(slave.boot_mailbox.present()) << n;
+        bool found = told(n + 2).find(cases[n].words) != std::string::npos;
+        while (const auto error = ctx.errors().take())
+            found |= words(*error).find(cases[n].words) != std::string::npos && error->slave == n + 2;
+        EXPECT_TRUE(found) << cases[n].words << " was expected, found: " << told(n + 2);
+    }
+}
+
+// The same of the SyncManager category: its lengths of mailboxes are not used, and a wrong one is told.
+TEST_F(FieldNotesSii, AMailboxSyncManagerThatNoFrameCarriesIsToldAndHasNoLength) {
+    auto device = sim::make_device("odd_device").value();
+    wire::sii::CategoryWalker walker(device.sii);
+    while (const auto category = walker.next())
+        if (category->place.type == wire::sii::category::kSyncManager)
+            store_le<std::uint16_t>(MutableBytes(device.sii), category->place.word * 2 + 2, 65535);
+    plug(std::move(device));
+    start();
+    EXPECT_EQ(ctx.slave(1).error.code, Errc::sii_format);
+    EXPECT_NE(told(1).find("(the mailbox SyncManager has 65535 octets, a frame carries 1486)"), std::string::npos)
+        << told(1);
+    EXPECT_EQ(ctx.slave(1).sync_managers[0].length_bytes, 0);
+    EXPECT_TRUE(ctx.slave(1).mailbox.present());
+    EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
+}
+
+// The size word tells 4 MiB and no category ends: what is read has a bound, for the mapping too.
+TEST_F(FieldNotesSii, ASizeWordOf4MiBIsNotFollowed) {
+    auto device = sim::make_device("analog_in_4").value();
+    device.sii.resize(1024 * 1024);
+    store_le<std::uint16_t>(MutableBytes(device.sii), wire::sii::word::kSize * 2, 0x7FFF);
+    wire::sii::CategoryWalker walker(device.sii);
+    while (walker.next()) continue;
+    auto at = walker.stopped_at() * 2;  // in place of the end mark: PDO heads without entries, without end
+    for (; at + 8 <= device.sii.size(); at += 8)
+        store_le<std::uint64_t>(MutableBytes(device.sii), at, 0x1A00 | std::uint64_t{9} << 24);
+    for (at = walker.stopped_at() * 2; at + 4 <= device.sii.size(); at += 4 + 0x7000 * 2) {
+        store_le<std::uint16_t>(MutableBytes(device.sii), at, wire::sii::category::kTxPdo);
+        store_le<std::uint16_t>(MutableBytes(device.sii), at + 2, 0x7000);
+    }
+    plug(std::move(device));
+    const Time before = osal.now();
+    start();
+    (void)config_map(ctx, image);
+    EXPECT_LT(osal.now() - before, 8s);
+}
+
+// Recorded on an EK1100: a word is stored for 3.8 ms, of which the interface is busy for 0.3 ms only. Alias and
+// checksum are written one behind the other.
+TEST_F(FieldNotesSii, AnEepromThatAcknowledgesNothingWhileItStoresIsWritten) {
+    plug_odd({});
+    start();
+    const auto& memory = segment.slave(0).sii().image();
+    std::array<std::byte, 16> area{};
+    std::copy_n(memory.begin(), area.size(), area.begin());
+    area[8] = std::byte{0x34};
+    area[14] = static_cast<std::byte>(wire::sii::checksum(area));
+    const auto written = eeprom_write(ctx, 1, 0, area);
+    ASSERT_TRUE(written) << words(written.error());
+    EXPECT_TRUE(std::equal(area.begin(), area.end(), memory.begin()));
+}
+
+// The power goes after any number of words of an area: old, new, or a checksum that says that it is neither.
+TEST_F(FieldNotesSii, AnAbortOfAnyWordOfTheAreaIsSafe) {
+    plug_odd({});
+    start();
+    auto& memory = segment.slave(0).sii().image();
+    const std::vector<std::byte> old(memory.begin(), memory.begin() + 16);
+    std::vector<std::byte> wanted(16);
+    for (std::size_t i = 0; i < 14; ++i) wanted[i] = old[i] ^ static_cast<std::byte>(0x11 * (i + 1));
+    wanted[14] = static_cast<std::byte>(wire::sii::checksum(wanted));
+    for (std::size_t words_before = 0;; ++words_before) {
+        std::copy(old.begin(), old.end(), memory.begin());
+        SiiWriteRequest request;
+        request.slave = 1;
+        request.word = 0;
+        request.data = wanted;
+        ASSERT_TRUE(submit(ctx, request));
+        std::size_t changes = 0;
+        auto last = std::vector<std::byte>(memory.begin(), memory.begin() + 16);
+        while (request.busy() && changes < words_before) {
+            (void)poll(ctx, osal.now());
+            osal.advance(20us);
+            const std::vector<std::byte> present(memory.begin(), memory.begin() + 16);
+            changes += present != last;
+            last = present;
+        }
+        const bool done = !request.busy();
+        request.cancel();  // and the power is off
+        const std::vector<std::byte> left(memory.begin(), memory.begin() + 16);
+        EXPECT_TRUE(left == old || left == wanted || !wire::sii::checksum_right(left)) << words_before;
+        if (done || words_before > 10) break;
+    }
+    EXPECT_EQ(std::vector<std::byte>(memory.begin(), memory.begin() + 16), wanted);
 }
 
 // Ten milliseconds a word, and two commands in a row that the EEPROM does not acknowledge.

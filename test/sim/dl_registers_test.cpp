@@ -20,6 +20,18 @@ TEST(DlInformation, TellsWhatTheChipIs) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0007), 0xFC3B) << "a word at an odd address, as TwinCAT reads it";
 }
 
+// Recorded: 0x0102 is C7 on chips with E-bus (samples/Fidelity.DlControlAfterPowerUp), 07 on an IP core.
+TEST(DlInformation, DlControlAfterPowerUpDependsOnTheChip) {
+    Rig rig;
+    rig.add(et1100(), sii_image(kEmulationWithDc));
+    rig.add(ip_core(), sii_image(kProcessor));
+    rig.add(lan9252(), sii_image(kProcessor));
+    rig.on();
+    EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0100), 0x00C70001U);
+    EXPECT_EQ(rig.get<std::uint32_t>(1, 0x0100), 0x00070001U);
+    EXPECT_EQ(rig.get<std::uint32_t>(2, 0x0100), 0x00070001U);
+}
+
 // ETG.1000.4 table "Configured station address", "Configured station alias".
 TEST(StationAddress, IsTheMastersAndTheAliasThePdis) {
     Rig rig;

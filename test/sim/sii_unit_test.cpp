@@ -72,15 +72,36 @@ TEST_F(SiiUnitTest, IsLockedWhileBusy) {
     EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0504), 0x10u);
 }
 
-TEST_F(SiiUnitTest, WritesAWordWithTheEnableInTheSameFrame) {
-    auto chip = et1100();
-    chip.sii.write = 3ms;
-    power(chip);
+// Recorded on an EK1100: not busy any more 0.3 ms after a write command, and each command until 3.8 ms is not
+// acknowledged.
+TEST_F(SiiUnitTest, AcknowledgesNothingWhileTheEepromStoresAWord) {
+    power(et1100());
     command(1, 2, 0x40, 0xBEEF);
     EXPECT_EQ(status() & (control::kBusy | control::kCommandWrite), control::kBusy | control::kCommandWrite);
+    rig.pass(320us);
+    EXPECT_EQ(status(), 0x0040) << "the enable bit has cleared itself";
+    command(0, 1, 0x40);
+    rig.pass(200us);
+    EXPECT_EQ(status(), 0x2040);
+    command(1, 2, 0x41, 0xDEAD);
+    rig.pass(200us);
+    EXPECT_EQ(status(), 0x2040);
+    rig.pass(3ms);
+    command(0, 1, 0x40);
+    EXPECT_EQ(result(), 0x0040);
+    EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0508), 0xBEEF);
+    EXPECT_EQ(load_le<std::uint16_t>(rig.slave(0).sii().image(), 0x82), 0xA041) << "that write was lost";
+}
+
+TEST_F(SiiUnitTest, AnInterfaceMayStayBusyUntilTheWordIsStored) {
+    auto chip = et1100();
+    chip.sii.write = 3ms;
+    chip.sii.write_busy = 3ms;
+    power(chip);
+    command(1, 2, 0x40, 0xBEEF);
     rig.pass(2500us);
     EXPECT_NE(status() & control::kBusy, 0);
-    EXPECT_EQ(result(), 0x0040) << "the enable bit has cleared itself";
+    EXPECT_EQ(result(), 0x0040);
     EXPECT_EQ(load_le<std::uint16_t>(rig.slave(0).sii().image(), 0x80), 0xBEEF);
 }
 
@@ -133,6 +154,33 @@ TEST_F(SiiUnitTest, WrongChecksumLeavesTheConfigurationAlone) {
     command(0, 4, 0);
     EXPECT_EQ(result(), 0x0040);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0140), kProcessor);
+}
+
+// ESC data sheets, DL status bit 0: without a loaded EEPROM the PDI does not work. No program runs, nobody answers an
+// AL control, and nothing is emulated; registers and memory work.
+TEST_F(SiiUnitTest, WithAWrongChecksumThePdiDoesNotWorkAndTheAlStatusStays) {
+    for (const std::uint16_t pdi : {kProcessor, kEmulationWithDc}) {
+        Rig own;
+        auto image = sii_image(pdi);
+        image[14] ^= std::byte{1};
+        own.add_with_processor(et1100(), image);
+        own.on();
+        auto& program = dynamic_cast<IdleFirmware&>(*own.slave(0).firmware());
+        EXPECT_EQ(program.starts, 0U);
+        EXPECT_EQ(own.put<std::uint16_t>(0, 0x0120, 2), 1);
+        own.pass(1s);
+        EXPECT_EQ(own.get<std::uint16_t>(0, 0x0130), 1);
+        EXPECT_EQ(program.steps, 0U);
+        EXPECT_EQ(own.put<std::uint16_t>(0, 0x1000, 0xBEEF), 1);
+        EXPECT_EQ(own.get<std::uint16_t>(0, 0x1000), 0xBEEF);
+        // Repaired and reloaded: the program starts.
+        own.slave(0).sii().image()[14] ^= std::byte{1};
+        EXPECT_EQ(own.put<std::uint16_t>(0, 0x0502, 0x0400), 1);
+        own.pass(10ms);
+        EXPECT_EQ(own.get<std::uint16_t>(0, 0x0502), 0x0040);
+        EXPECT_EQ(program.starts, 1U);
+        EXPECT_EQ(own.get<std::uint16_t>(0, 0x0110) & 1, 1);
+    }
 }
 
 // A reload loads all of the area but the alias, which is taken at power-up only.

@@ -66,6 +66,30 @@ TEST_F(SyncManagerTest, MailboxTowardsTheMaster) {
 
 // "Only the last byte triggers": a buffer is opened by its first octet and handed over by its last one, in as many
 // accesses as it takes.
+// Recorded on a LAN9252 (samples/Fidelity.AMailboxInWritingShowsBit7 reads the recording): 0x02 when the master has
+// fetched the last reply, 0x80 while the program writes the next one, 0x09 when it is there.
+TEST_F(SyncManagerTest, AMailboxThatIsBeingWrittenShowsItsBufferInUse) {
+    EXPECT_EQ(set(1, 0x1100, 4, kMailboxIn), 1);
+    EXPECT_EQ(state(1), 0x00);
+    pdi_write(0x1100, bytes({1, 2, 3, 4}));
+    EXPECT_EQ(state(1), 0x09);
+    EXPECT_EQ(wkc_of_read(0x1100, 4), 1);
+    EXPECT_EQ(state(1), 0x02);
+    pdi_write(0x1100, bytes({5, 6}));
+    EXPECT_EQ(state(1), 0x80);
+    pdi_write(0x1102, bytes({7, 8}));
+    EXPECT_EQ(state(1), 0x09);
+}
+
+TEST_F(SyncManagerTest, ABufferedOneThatIsOffHasNoBufferWritten) {
+    EXPECT_EQ(state(1), 0x30) << "at power-up";
+    EXPECT_EQ(set(1, 0x1100, 4, kInputs), 1);
+    pdi_write(0x1100, bytes({1, 2, 3, 4}));
+    EXPECT_NE(state(1) & 0x30, 0x30);
+    EXPECT_EQ(rig.put<std::uint8_t>(0, 0x080E, 0), 1);
+    EXPECT_EQ(state(1), 0x30);
+}
+
 TEST_F(SyncManagerTest, PartialAccessesHandOverWithTheLastOctet) {
     EXPECT_EQ(set(0, 0x1000, 8, kMailboxOut), 1);
     EXPECT_EQ(rig.write(0, 0x1004, bytes({5, 6, 7, 8})).wkc, 0) << "not opened yet";

@@ -128,6 +128,22 @@ TEST_F(SyncUnitTest, PulsesOfANanosecondAreCountedInBundles) {
     EXPECT_NEAR(static_cast<double>(pulses(0)), 10'000'000.0, 100'000.0);
 }
 
+// The clock is set years ahead while SYNC runs: the pulses in between are lost, the raster stays.
+TEST_F(SyncUnitTest, AJumpOfTheClockIsNotCaughtUp) {
+    start(copy() + 1'000'000, 100'000, 0, 0x03);
+    rig.pass(5ms);
+    const auto before = pulses(0);
+    EXPECT_NEAR(static_cast<double>(before), 40.0, 1.0);
+    const auto work = rig.slave(0).work();
+    EXPECT_EQ(rig.put<std::uint64_t>(0, 0x0920, 500'000'000'000'000'000), 1);
+    rig.pass(10ms);
+    EXPECT_NEAR(static_cast<double>(pulses(0) - before), 100.0, 2.0);
+    EXPECT_LT(rig.slave(0).work() - work, 1000U);
+    const auto next = rig.get<std::uint64_t>(0, 0x0990);
+    EXPECT_GT(next, copy());
+    EXPECT_LE(next, copy() + 100'000);
+}
+
 // SYNC is in system time: offset and control loop move it.
 TEST_F(SyncUnitTest, FollowsTheSystemTime) {
     EXPECT_EQ(rig.put<std::uint64_t>(0, 0x0920, 1'000'000'000'000), 1);

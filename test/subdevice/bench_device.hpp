@@ -6,7 +6,7 @@
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
 
-#include "plain_esc.hpp"
+#include "mail_hand.hpp"
 
 #include <gtest/gtest.h>
 
@@ -155,12 +155,9 @@ static_assert(well_formed(kObjects, Values::bytes));
 
 }  // namespace table
 
-class BenchApplication final : public Application {
+class BenchApplication final : public ReportingApplication<3, 4, 3> {
   public:
-    BenchApplication() : emergencies_(queue_, history_), diagnosis_(diagnosis_memory_, 3) {}
     [[nodiscard]] const DeviceDescription& description() const override { return description_value; }
-    [[nodiscard]] Emergencies* emergencies() override { return &emergencies_; }
-    [[nodiscard]] DiagnosisHistory* diagnosis() override { return &diagnosis_; }
     Verdict before(Transition t, Time now) override {
         return transition_hook ? transition_hook(t, now) : Verdict::go();
     }
@@ -179,13 +176,6 @@ class BenchApplication final : public Application {
     unsigned cycles = 0;
     unsigned safe = 0;
     bool last_valid = false;
-
-  private:
-    std::array<EmergencyMessage, 3> queue_{};
-    std::array<std::byte, 16> history_{};
-    std::array<std::byte, 3 * 32> diagnosis_memory_{};
-    Emergencies emergencies_;
-    DiagnosisHistory diagnosis_;
 };
 
 inline BenchApplication& bench_of(const ObjectAccess& access) {
@@ -224,9 +214,7 @@ class Bench {
     }
 
     void configure(std::uint16_t mailbox_bytes) {
-        bytes_ = mailbox_bytes;
-        esc.configure(0, {0x1000, mailbox_bytes, 0x26, 1});
-        esc.configure(1, {0x1100, mailbox_bytes, 0x22, 1});
+        hand_.configure(mailbox_bytes);
         esc.configure(2, {0x1200, 4, 0x64, 1});
         esc.configure(3, {0x1300, 6, 0x20, 1});
     }
@@ -242,24 +230,16 @@ class Bench {
     }
 
     // A whole message, as is. False: the mailbox was full.
-    bool put(std::vector<std::byte> message) {
+    bool put(const std::vector<std::byte>& message) {
         recording().push_back({false, message});
-        message.resize(bytes_);
-        return esc.ecat_write(0x1000, message);
+        return hand_.put(message);
     }
     // Data behind a header of its own counter.
-    bool send(wire::MailboxType type, const std::vector<std::byte>& data) {
-        counter_ = wire::next_mailbox_counter(counter_);
-        std::vector<std::byte> message(wire::kMailboxHeaderBytes);
-        wire::store_mailbox_header(
-            message, {.length = static_cast<std::uint16_t>(data.size()), .type = type, .counter = counter_});
-        message.insert(message.end(), data.begin(), data.end());
-        return put(message);
-    }
+    bool send(wire::MailboxType type, const std::vector<std::byte>& data) { return put(hand_.message(type, data)); }
     // The message in SM1 with its header; empty when there is none.
     std::vector<std::byte> fetch() {
-        std::vector<std::byte> message(bytes_);
-        if (!esc.ecat_read(0x1100, message)) return {};
+        auto message = hand_.fetch();
+        if (message.empty()) return message;
         message.resize(wire::kMailboxHeaderBytes + wire::load_mailbox_header(message).length);
         recording().push_back({true, message});
         (void)step();
@@ -297,8 +277,7 @@ class Bench {
     std::array<MailboxProtocol, 1> protocols_{{{wire::MailboxType::coe, &coe}}};
     std::array<std::byte, 256> receive_memory_{};
     std::vector<std::byte> send_memory_;
-    std::uint16_t bytes_ = 0;
-    std::uint8_t counter_ = 0;
+    MailHand hand_{esc};
 };
 
 // --- SDO from the client's side ---

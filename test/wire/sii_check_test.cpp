@@ -107,7 +107,10 @@ TEST(SiiCheck, Mailboxes) {
         return findings_after([=](auto& image) { store_le(image, at * 2, value); });
     };
     EXPECT_EQ(change_word(0x1B, 0), (Findings{{Fault::mailbox_one_sided, kNone, 0x18, 0, 0}}));
-    EXPECT_EQ(change_word(0x19, 0xFFFF), (Findings{{Fault::mailbox_outside, kNone, 0x18, 0, 0}}));
+    EXPECT_EQ(change_word(0x18, 0x0100), (Findings{{Fault::mailbox_outside, kNone, 0x18, 0, 0}}));
+    EXPECT_EQ(change_word(0x19, 0xFFFF), (Findings{{Fault::mailbox_too_large, kNone, 0x19, 1486, 0xFFFF}}));
+    EXPECT_EQ(change_word(0x1B, 1487), (Findings{{Fault::mailbox_too_large, kNone, 0x1B, 1486, 1487}}));
+    EXPECT_EQ(change_word(0x15, 1500), (Findings{{Fault::mailbox_too_large, kNone, 0x15, 1486, 1500}}));
     EXPECT_EQ(change_word(0x1A, 0x1040), (Findings{{Fault::mailbox_overlap, kNone, 0x18, 0, 0}}));
     EXPECT_EQ(change_word(0x16, 0x10FF), (Findings{{Fault::mailbox_overlap, kNone, 0x14, 0, 0}}));
     EXPECT_EQ(findings_after([](auto& image) { std::fill_n(image.begin() + 0x30, 8, std::byte{0}); }),

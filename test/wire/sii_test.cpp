@@ -93,7 +93,10 @@ TEST(SiiMailbox, NamesWhatCannotBeUsed) {
     EXPECT_EQ(fault({0x0F80, 128, 0x1080, 128, 4}), Fault::mailbox_outside);  // the registers
     EXPECT_EQ(fault({0x1000, 128, 0xFFC0, 0x40, 4}), Fault::none);
     EXPECT_EQ(fault({0x1000, 128, 0xFFC0, 0x41, 4}), Fault::mailbox_outside);
-    EXPECT_EQ(fault({0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF}), Fault::mailbox_outside);  // a blank EEPROM
+    EXPECT_EQ(fault({0x1000, 1486, 0x2000, 1486, 4}), Fault::none);  // what one datagram carries
+    EXPECT_EQ(fault({0x1000, 1487, 0x2000, 128, 4}), Fault::mailbox_too_large);
+    EXPECT_EQ(fault({0x1000, 128, 0x2000, 1487, 4}), Fault::mailbox_too_large);
+    EXPECT_EQ(fault({0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF}), Fault::mailbox_too_large);  // a blank EEPROM
     EXPECT_EQ(fault({0x1000, 129, 0x1080, 128, 4}), Fault::mailbox_overlap);
     EXPECT_EQ(fault({0x1000, 128, 0x1000, 128, 4}), Fault::mailbox_overlap);
 }

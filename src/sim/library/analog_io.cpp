@@ -1,5 +1,5 @@
 // "analog_io_4_2": four analogue inputs with user scaling and limits, two analogue outputs with user scaling.
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 
 #include <algorithm>
 
@@ -45,21 +45,12 @@ constexpr std::size_t out_at(unsigned n) { return in_at(kInputChannels) + n * Ou
 constexpr std::size_t scale_at(unsigned n) { return out_at(kOutputChannels) + n * Scale::bytes; }
 constexpr std::size_t kImageBytes = scale_at(kInputChannels + kOutputChannels);
 
-constexpr DeviceDescription kDevice{
-    .vendor_id = kVendorId,
-    .product_code = 0x5042,
-    .revision = 1,
-    .name = "Analogue I/O, 4 inputs, 2 outputs",
-    .order_code = "MG5042",
-    .group = "Analogue",
-    .protocols = {.coe = true},
-    .mailbox = {{.start = 0x1000, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256},
-                {.start = 0x1100, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256}},
-    .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 4, .watchdog = true},
-    .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 16},
-    .dc = {.supported = true},
-    .free_run_cycle = 1ms,
-};
+constexpr auto kDevice = io_device({.product_code = 0x5042,
+                                    .name = "Analogue I/O, 4 inputs, 2 outputs",
+                                    .order_code = "MG5042",
+                                    .group = "Analogue",
+                                    .output_bytes = 4,
+                                    .input_bytes = 16});
 using Common = CommonObjects<kDevice, 0x00040191>;
 
 constexpr auto kOneBit = od::kRead | od::kTxMappable;
@@ -115,21 +106,13 @@ constexpr Entry kRxAssignment[] = {entry_count(2), assigned(1, 0x1600), assigned
 constexpr Entry kTxAssignment[] = {entry_count(4), assigned(1, 0x1A00), assigned(2, 0x1A01), assigned(3, 0x1A02),
                                    assigned(4, 0x1A03)};
 
-constexpr Object kObjects[] = {
-    Common::device_type,
-    Common::error_history,
-    Common::device_name,
-    Common::hardware,
-    Common::software,
-    Common::identity,
-    Common::diagnosis,
+constexpr auto kObjects = with_common<Common>({
     record(0x1600, "AO channel 1", Output<0>::kPdo, nullptr, DataType::pdo_mapping),
     record(0x1601, "AO channel 2", Output<1>::kPdo, nullptr, DataType::pdo_mapping),
     record(0x1A00, "AI channel 1", Input<0>::kPdo, nullptr, DataType::pdo_mapping),
     record(0x1A01, "AI channel 2", Input<1>::kPdo, nullptr, DataType::pdo_mapping),
     record(0x1A02, "AI channel 3", Input<2>::kPdo, nullptr, DataType::pdo_mapping),
     record(0x1A03, "AI channel 4", Input<3>::kPdo, nullptr, DataType::pdo_mapping),
-    Common::sync_manager_types,
     array(0x1C12, "RxPDO assignment", kRxAssignment),
     array(0x1C13, "TxPDO assignment", kTxAssignment),
     record(0x6000, "AI inputs channel 1", Input<0>::kValues),
@@ -150,7 +133,7 @@ constexpr Object kObjects[] = {
     record(0x9030, "AI internal data channel 4", Input<3>::kRaw),
     record(0x9040, "AO internal data channel 1", Output<0>::kTerminal),
     record(0x9050, "AO internal data channel 2", Output<1>::kTerminal),
-};
+});
 #ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, kImageBytes));
 #endif
@@ -205,12 +188,6 @@ class AnalogIo final : public Model {
 
 }  // namespace
 
-constexpr Blueprint kAnalogIo{.name = "analog_io_4_2",
-                              .chip = ip_core,
-                              .device = &kDevice,
-                              .board = {.pdi_control = kSpiWithDc},
-                              .objects = kObjects,
-                              .image_bytes = kImageBytes,
-                              .make = [] { return std::unique_ptr<Model>(std::make_unique<AnalogIo>()); }};
+constexpr Blueprint kAnalogIo = blueprint<AnalogIo>("analog_io_4_2", kDevice, kObjects, kImageBytes);
 
 }  // namespace margay::sim

@@ -2,7 +2,7 @@
 // comes with the way back to INIT; until one is there the device refuses PREOP.
 #include "sim/library/bootloader.hpp"
 
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 
 #include <algorithm>
 
@@ -192,12 +192,7 @@ FoeAnswer Bootloader::busy(Time now, Duration all, std::string_view what) const 
     return FoeAnswer::busy(static_cast<std::uint16_t>((all - left) * 100 / all), 100, what);
 }
 
-constexpr Blueprint kBootloader{.name = "bootloader",
-                                .chip = ip_core,
-                                .device = &kDevice,
-                                .board = {.pdi_control = kSpi},
-                                .objects = kObjects,
-                                .image_bytes = Values::bytes,
-                                .make = [] { return std::unique_ptr<Model>(std::make_unique<Bootloader>()); }};
+constexpr Blueprint kBootloader =
+    blueprint<Bootloader>("bootloader", kDevice, kObjects, Values::bytes, {.pdi_control = kSpi});
 
 }  // namespace margay::sim

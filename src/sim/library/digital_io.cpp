@@ -1,5 +1,5 @@
 // "digital_io_16": 16 inputs and 16 outputs behind a processor, with settings by CoE.
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 
 namespace margay::sim {
 
@@ -18,21 +18,12 @@ struct Values {
     static constexpr std::size_t bytes = rx::end;
 };
 
-constexpr DeviceDescription kDevice{
-    .vendor_id = kVendorId,
-    .product_code = 0x5016,
-    .revision = 1,
-    .name = "Digital I/O, 16 inputs, 16 outputs",
-    .order_code = "MG5016",
-    .group = "Digital",
-    .protocols = {.coe = true},
-    .mailbox = {{.start = 0x1000, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256},
-                {.start = 0x1100, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256}},
-    .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 2, .watchdog = true},
-    .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 2},
-    .dc = {.supported = true},
-    .free_run_cycle = 1ms,
-};
+constexpr auto kDevice = io_device({.product_code = 0x5016,
+                                    .name = "Digital I/O, 16 inputs, 16 outputs",
+                                    .order_code = "MG5016",
+                                    .group = "Digital",
+                                    .output_bytes = 2,
+                                    .input_bytes = 2});
 using Common = CommonObjects<kDevice, 0x00030191>;  // digital inputs and outputs of profile 401
 
 constexpr Entry channels(std::string_view name, std::uint16_t access, std::size_t offset) {
@@ -57,28 +48,18 @@ constexpr Entry kOutputs[] = {entry_count(kChannels),
                               channels("Output", od::kReadWrite | od::kRxMappable, Values::outputs)};
 constexpr auto kRxPdo = pdo(0x7000);
 constexpr auto kTxPdo = pdo(0x6000);
-constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
-constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
 constexpr Entry kSettings[] = {entry_count(1),
                                value<Values::invert>(1, "Invert inputs", od::kReadWrite | od::kBackup | od::kSettings)};
 
-constexpr Object kObjects[] = {
-    Common::device_type,
-    Common::error_history,
-    Common::device_name,
-    Common::hardware,
-    Common::software,
-    Common::identity,
-    Common::diagnosis,
+constexpr auto kObjects = with_common<Common>({
     record(0x1600, "Outputs", kRxPdo, nullptr, DataType::pdo_mapping),
     record(0x1A00, "Inputs", kTxPdo, nullptr, DataType::pdo_mapping),
-    Common::sync_manager_types,
-    array(0x1C12, "RxPDO assignment", kRxAssignment),
-    array(0x1C13, "TxPDO assignment", kTxAssignment),
+    array(0x1C12, "RxPDO assignment", kOneRxPdo),
+    array(0x1C13, "TxPDO assignment", kOneTxPdo),
     array(0x6000, "Inputs", kInputs),
     array(0x7000, "Outputs", kOutputs),
     record(0x8000, "Settings", kSettings),
-};
+});
 #ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
 #endif
@@ -101,12 +82,6 @@ class DigitalIo final : public Model {
 
 }  // namespace
 
-constexpr Blueprint kDigitalIo{.name = "digital_io_16",
-                               .chip = ip_core,
-                               .device = &kDevice,
-                               .board = {.pdi_control = kSpiWithDc},
-                               .objects = kObjects,
-                               .image_bytes = Values::bytes,
-                               .make = [] { return std::unique_ptr<Model>(std::make_unique<DigitalIo>()); }};
+constexpr Blueprint kDigitalIo = blueprint<DigitalIo>("digital_io_16", kDevice, kObjects, Values::bytes);
 
 }  // namespace margay::sim

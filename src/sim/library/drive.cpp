@@ -1,7 +1,6 @@
 #include "sim/library/drive.hpp"
 
 #include "sim/library/drive_objects.hpp"
-#include "sim/library/library.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -376,12 +375,7 @@ void Drive::show() {
     Values::digital_inputs::store(image_, (negative ? 1u : 0u) | (positive ? 2u : 0u));
 }
 
-constexpr Blueprint kDrive{.name = "drive",
-                           .chip = ip_core,
-                           .device = &drive::kDevice,
-                           .board = {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000},
-                           .objects = drive::kObjects,
-                           .image_bytes = Values::bytes,
-                           .make = [] { return std::unique_ptr<Model>(std::make_unique<Drive>()); }};
+constexpr Blueprint kDrive = blueprint<Drive>("drive", drive::kDevice, drive::kObjects, Values::bytes,
+                                              {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000});
 
 }  // namespace margay::sim

@@ -2,8 +2,7 @@
 // cst.
 #pragma once
 
-#include "sim/devices.hpp"
-#include "sim/library/model.hpp"
+#include "sim/library/device_tables.hpp"
 #include "sim/library/motor.hpp"
 
 namespace margay::sim::drive {
@@ -61,21 +60,21 @@ struct Values {
     static constexpr std::size_t bytes = tx_assignment + kListBytes<std::uint16_t, 2>;
 };
 
-inline constexpr DeviceDescription kDevice{
-    .vendor_id = kVendorId,
-    .product_code = 0x5402,
-    .revision = 1,
-    .name = "Servo drive",
-    .order_code = "MG5402",
-    .group = "Drives",
-    .protocols = {.coe = true},
-    .mailbox = {{.start = 0x1000, .size_bytes = 256, .min_bytes = 48, .max_bytes = 512},
-                {.start = 0x1200, .size_bytes = 256, .min_bytes = 48, .max_bytes = 512}},
-    .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 48, .watchdog = true},
-    .inputs = {.sync_manager = 3, .start = 0x1600, .max_bytes = 48},
-    .dc = {.supported = true, .min_cycle = 250us},
-    .drive_axes = 1,
-};
+inline constexpr auto kDevice = [] {
+    auto device = io_device({.product_code = 0x5402,
+                             .name = "Servo drive",
+                             .order_code = "MG5402",
+                             .group = "Drives",
+                             .output_bytes = 48,
+                             .input_bytes = 48,
+                             .mailbox_bytes = 256,
+                             .mailbox_room = 512,
+                             .least_mailbox = 48});
+    device.dc.min_cycle = 250us;
+    device.free_run_cycle = {};
+    device.drive_axes = 1;
+    return device;
+}();
 using Common = CommonObjects<kDevice, 0x00020192>;  // servo drive of profile 402
 
 inline constexpr auto kOut = od::kReadWrite | od::kRxMappable;
@@ -160,22 +159,14 @@ inline constexpr auto kRxAssignment =
 inline constexpr auto kTxAssignment =
     changeable_list<std::uint16_t, 2>(Values::tx_assignment, 1, "Assigned PDO", {0x1A00});
 
-inline constexpr Object kObjects[] = {
-    Common::device_type,
+inline constexpr auto kObjects = with_common<Common>({
     variable(0x1001, "Error register", kErrorRegister),
-    Common::error_history,
-    Common::device_name,
-    Common::hardware,
-    Common::software,
-    Common::identity,
-    Common::diagnosis,
     record(0x1600, "RxPDO", kRxPdo, &kPdoMappingHooks, DataType::pdo_mapping),
     record(0x1601, "RxPDO csp", kRxPosition, nullptr, DataType::pdo_mapping),
     record(0x1602, "RxPDO csv", kRxSpeed, nullptr, DataType::pdo_mapping),
     record(0x1603, "RxPDO cst", kRxTorque, nullptr, DataType::pdo_mapping),
     record(0x1A00, "TxPDO", kTxPdo, &kPdoMappingHooks, DataType::pdo_mapping),
     record(0x1A01, "TxPDO position", kTxPosition, nullptr, DataType::pdo_mapping),
-    Common::sync_manager_types,
     array(0x1C12, "RxPDO assignment", kRxAssignment, &kPdoAssignmentHooks),
     array(0x1C13, "TxPDO assignment", kTxAssignment, &kPdoAssignmentHooks),
     record(0x2F00, "Faults on request", kFaults),
@@ -216,7 +207,7 @@ inline constexpr Object kObjects[] = {
     variable(0x60FD, "Digital inputs", kDigitalInputs),
     variable(0x60FF, "Target velocity", kTargetSpeed),
     variable(0x6502, "Supported drive modes", kModes),
-};
+});
 #ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
 #endif

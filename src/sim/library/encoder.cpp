@@ -1,6 +1,6 @@
 // "encoder": an incremental encoder that turns at a speed others set. Its counter is latched by the index pulse of the
 // encoder and, to the nanosecond, by latch input 0 of the ESC, which the master leaves to the device (0x0980 bit 4).
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 
 #include "subdevice/esc_registers.hpp"
 
@@ -29,21 +29,12 @@ struct Values {
     static constexpr std::size_t bytes = 24;
 };
 
-constexpr DeviceDescription kDevice{
-    .vendor_id = kVendorId,
-    .product_code = 0x5101,
-    .revision = 1,
-    .name = "Encoder with latch",
-    .order_code = "MG5101",
-    .group = "Measuring",
-    .protocols = {.coe = true},
-    .mailbox = {{.start = 0x1000, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256},
-                {.start = 0x1100, .size_bytes = 128, .min_bytes = 34, .max_bytes = 256}},
-    .outputs = {.sync_manager = 2, .start = 0x1200, .max_bytes = 6, .watchdog = true},
-    .inputs = {.sync_manager = 3, .start = 0x1300, .max_bytes = 14},
-    .dc = {.supported = true},
-    .free_run_cycle = 1ms,
-};
+constexpr auto kDevice = io_device({.product_code = 0x5101,
+                                    .name = "Encoder with latch",
+                                    .order_code = "MG5101",
+                                    .group = "Measuring",
+                                    .output_bytes = 6,
+                                    .input_bytes = 14});
 using Common = CommonObjects<kDevice, 0x00090196>;  // encoder of profile 406
 
 constexpr auto kIn = od::kRead | od::kTxMappable;
@@ -74,26 +65,16 @@ constexpr Entry kTxPdo[] = {entry_count(8),
                             mapped(6, 0x6000, 0x11, 32),
                             mapped(7, 0x6000, 0x12, 32),
                             mapped(8, 0x6000, 0x13, 32)};
-constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
-constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
 
-constexpr Object kObjects[] = {
-    Common::device_type,
-    Common::error_history,
-    Common::device_name,
-    Common::hardware,
-    Common::software,
-    Common::identity,
-    Common::diagnosis,
+constexpr auto kObjects = with_common<Common>({
     record(0x1600, "Encoder outputs", kRxPdo, nullptr, DataType::pdo_mapping),
     record(0x1A00, "Encoder inputs", kTxPdo, nullptr, DataType::pdo_mapping),
-    Common::sync_manager_types,
-    array(0x1C12, "RxPDO assignment", kRxAssignment),
-    array(0x1C13, "TxPDO assignment", kTxAssignment),
+    array(0x1C12, "RxPDO assignment", kOneRxPdo),
+    array(0x1C13, "TxPDO assignment", kOneTxPdo),
     record(0x6000, "Encoder inputs", kInputs),
     record(0x7000, "Encoder outputs", kOutputs),
     record(0x8000, "Encoder settings", kSettings),
-};
+});
 #ifndef __SANITIZE_ADDRESS__
 static_assert(well_formed(kObjects, Values::bytes));
 #endif
@@ -202,12 +183,6 @@ class Encoder final : public Model {
 
 }  // namespace
 
-constexpr Blueprint kEncoder{.name = "encoder",
-                             .chip = ip_core,
-                             .device = &kDevice,
-                             .board = {.pdi_control = kSpiWithDc},
-                             .objects = kObjects,
-                             .image_bytes = Values::bytes,
-                             .make = [] { return std::unique_ptr<Model>(std::make_unique<Encoder>()); }};
+constexpr Blueprint kEncoder = blueprint<Encoder>("encoder", kDevice, kObjects, Values::bytes);
 
 }  // namespace margay::sim

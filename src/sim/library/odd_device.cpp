@@ -1,6 +1,6 @@
 // "odd_device": 64 KiB of objects, some of them slow, PDOs that can be mapped at will, outputs that come back as
 // inputs. What else is odd about it is switched on by name (quirks.hpp).
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 
 namespace margay::sim {
 
@@ -146,12 +146,6 @@ HookAnswer slow_write(const ObjectAccess& access, Bytes) {
 
 }  // namespace
 
-constexpr Blueprint kOddDevice{.name = "odd_device",
-                               .chip = ip_core,
-                               .device = &kDevice,
-                               .board = {.pdi_control = kSpiWithDc},
-                               .objects = kObjects,
-                               .image_bytes = Values::bytes,
-                               .make = [] { return std::unique_ptr<Model>(std::make_unique<OddDevice>()); }};
+constexpr Blueprint kOddDevice = blueprint<OddDevice>("odd_device", kDevice, kObjects, Values::bytes);
 
 }  // namespace margay::sim

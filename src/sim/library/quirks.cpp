@@ -110,6 +110,10 @@ bool slow_eeprom(Device& device) {
     device.chip.sii.write = std::chrono::milliseconds(10);
     return true;
 }
+bool busy_until_stored(Device& device) {
+    device.chip.sii.write_busy = Duration::max();
+    return true;
+}
 bool eeprom_nacks(Device& device) {
     device.chip.sii.nacks = 2;
     return true;
@@ -155,6 +159,7 @@ constexpr Row kRows[] = {
     {{"sii_sync_managers_off", "its SII has process data SyncManagers of no length, switched off"}, sync_managers_off},
     {{"sii_4_bytes", "its EEPROM interface reads 4 octets at a time"}, reads_4_bytes},
     {{"sii_slow", "its EEPROM takes 3 ms to read and 10 ms to write a word"}, slow_eeprom},
+    {{"sii_busy_until_stored", "its EEPROM interface stays busy until a written word is stored"}, busy_until_stored},
     {{"sii_nacks", "its EEPROM does not acknowledge the first two commands"}, eeprom_nacks},
     {{"no_lrw", "its ESC knows no LRW"}, no_lrw},
     {{"clock_32_bits", "its clock has 32 bits"}, clock_32_bits},

@@ -1,5 +1,5 @@
 // "soe_drive": a servo drive of the servodrive profile with two axes, without CoE.
-#include "sim/library/library.hpp"
+#include "sim/library/device_tables.hpp"
 #include "sim/library/soe_axis.hpp"
 
 namespace margay::sim {
@@ -86,12 +86,7 @@ class ServoDrive final : public Model {
 
 }  // namespace
 
-constexpr Blueprint kSoeDrive{.name = "soe_drive",
-                              .chip = ip_core,
-                              .device = &kDevice,
-                              .board = {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000},
-                              .objects = {},
-                              .image_bytes = 0,
-                              .make = [] { return std::unique_ptr<Model>(std::make_unique<ServoDrive>()); }};
+constexpr Blueprint kSoeDrive =
+    blueprint<ServoDrive>("soe_drive", kDevice, {}, 0, {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000});
 
 }  // namespace margay::sim

@@ -1,0 +1,141 @@
+// Writing the SII EEPROM: see sii_access.hpp.
+#include "station/sii_access.hpp"
+#include "wire/sii_area.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace control = wire::sii_control;
+namespace reg = wire::reg;
+namespace sii = wire::sii;
+
+constexpr Duration kWordTimeout = std::chrono::milliseconds(100);  // real parts take up to 10 ms
+constexpr Duration kPause = std::chrono::microseconds(500);        // between two looks, and after a NACK
+constexpr int kNackTries = 3;  // at least, however much time passes between two polls
+
+using Word = std::array<std::byte, sii::kWordBytes>;
+
+// Waits until the interface is ready and returns its status.
+Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
+    for (;;) {
+        auto status = co_await ::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii);
+        if (!status) co_return status.error();
+        if ((*status & control::kBusy) == 0) co_return *status;
+        if (station.engine.now() >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
+        co_await station.engine.sleep_for(kPause);
+    }
+}
+
+// One write command, from ready to ready. Returns the status behind it.
+Task<Result<std::uint16_t>> order_write(Station station, std::uint32_t word, Word data, Time give_up) {
+    auto ready = co_await wait_ready(station, give_up);
+    if (!ready) co_return ready.error();
+    std::array<std::byte, 8> bytes{};  // control, address and data in one datagram: the command runs with its data
+    store_le<std::uint16_t>(bytes, 0, control::kCommandWrite | control::kWriteEnable);
+    store_le<std::uint32_t>(bytes, 2, word);
+    std::copy(data.begin(), data.end(), bytes.begin() + 6);
+    auto written = co_await write_bytes(station, reg::kSiiControl.address, bytes, Step::write_sii);
+    if (!written) co_return written.error();
+    co_return co_await wait_ready(station, give_up);
+}
+
+// Repeats the command until the EEPROM acknowledges it: it may be storing the word before.
+Task<Result<>> write_until_acknowledged(Station station, std::uint32_t word, Word data) {
+    const Time give_up = station.engine.now() + kWordTimeout;
+    for (int tries = 1;; ++tries) {
+        auto status = co_await order_write(station, word, data, give_up);
+        if (!status) co_return status.error();
+        if ((*status & control::kWriteEnableError) != 0)
+            co_return station.error(Errc::sii_write_denied, Step::write_sii);
+        if ((*status & control::kMissingAcknowledge) == 0) co_return Result<>();
+        if (tries >= kNackTries && station.engine.now() >= give_up)
+            co_return station.error(Errc::sii_nack, Step::write_sii);
+        co_await station.engine.sleep_for(kPause);
+    }
+}
+
+// One word: written, waited for, read back. Each error names the word.
+Task<Result<>> write_word(Station station, std::uint32_t word, Word data) {
+    auto result = co_await write_until_acknowledged(station, word, data);
+    Word back{};
+    if (result) {
+        SiiReader reader(station);
+        auto read_back = co_await reader.read(word, back);
+        result = read_back;
+    }
+    Error error = result.error();
+    if (result && back != data) {
+        error = station.error(Errc::sii_verify, Step::write_sii);
+        error.expected = load_le<std::uint16_t>(data);
+        error.actual = load_le<std::uint16_t>(back);
+    }
+    if (error.code == Errc::none) co_return Result<>();
+    error.step = Step::write_sii;
+    error.index = static_cast<std::uint16_t>(word);
+    co_return error;
+}
+
+Word word_octets(std::uint16_t value) {
+    Word octets{};
+    store_le(MutableBytes(octets), 0, value);
+    return octets;
+}
+
+bool by_eeprom(Errc code) {
+    return code == Errc::sii_nack || code == Errc::sii_busy || code == Errc::sii_verify ||
+           code == Errc::sii_write_denied;
+}
+
+// Undoes the first `count` writes of the plan, the last one first. A word that the EEPROM does not take does not keep
+// the others from it; where the slave itself is out of reach it ends.
+Task<Result<>> undo(Station station, const sii::AreaPlan& plan, std::size_t count) {
+    const auto writes = plan.writes().first(count);
+    for (std::size_t n = count; n-- > 0;) {
+        auto written = co_await write_word(station, writes[n].word, word_octets(writes[n].before));
+        if (!written && !by_eeprom(written.error().code)) co_return written;
+    }
+    co_return Result<>();
+}
+
+// What of `data` (from `word` on) lies in the configuration area.
+Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
+    std::array<std::byte, sii::kConfigurationBytes> old{};
+    SiiReader reader(station);
+    auto read = co_await reader.read(0, old);
+    if (!read) {
+        Error error = read.error();
+        error.step = Step::write_sii;
+        error.index = static_cast<std::uint16_t>(word);
+        co_return error;
+    }
+    auto wanted = old;
+    const std::size_t at = word * sii::kWordBytes;
+    std::copy_n(data.begin(), std::min(data.size(), wanted.size() - at), wanted.begin() + static_cast<int>(at));
+    const auto plan = sii::plan_area(old, wanted);
+    for (std::size_t n = 0; n < plan.writes().size(); ++n) {
+        const auto& write = plan.writes()[n];
+        auto written = co_await write_word(station, write.word, word_octets(write.after));
+        if (written) continue;
+        auto undone = co_await undo(station, plan, n + 1);
+        (void)undone;  // the first error is what the caller wants to know; a read shows what is there
+        co_return written;
+    }
+    co_return Result<>();
+}
+
+}  // namespace
+
+Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
+    const auto end = word + static_cast<std::uint32_t>(data.size() / sii::kWordBytes);
+    for (auto at = std::max(word, sii::word::kIdentity); at < end; ++at) {
+        const std::size_t offset = (at - word) * sii::kWordBytes;
+        auto written = co_await write_word(station, at, {data[offset], data[offset + 1]});
+        if (!written) co_return written;
+    }
+    if (word >= std::min(end, sii::word::kIdentity)) co_return Result<>();
+    co_return co_await write_area(station, word, data);
+}
+
+}  // namespace margay
