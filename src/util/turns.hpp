@@ -2,7 +2,7 @@
 // over often goes first all the same, so that no priority starves another.
 #pragma once
 
-#include "util/list.hpp"
+#include <margay/detail/list.hpp>
 
 #include <cstdint>
 #include <type_traits>
