@@ -1,0 +1,131 @@
+// A ring between two threads: one writes, one reads, and neither ever waits. Errors, warnings, events and emergencies
+// are kept in such rings.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <type_traits>
+
+namespace margay {
+
+// The memory is the owner's and outlives the ring. When the ring is full the oldest values stay; values that come are
+// dropped and counted. A ring without memory is always empty.
+template <class T>
+class SpscRing {
+    static_assert(std::is_trivially_copyable_v<T>);
+
+  public:
+    SpscRing() = default;
+    explicit SpscRing(std::span<T> memory) { use(memory); }
+    SpscRing(const SpscRing&) = delete;
+    SpscRing& operator=(const SpscRing&) = delete;
+
+    // --- The reading thread ---
+
+    // Takes the oldest value out of the ring.
+    std::optional<T> take() {
+        std::uint32_t state = taken_.load(std::memory_order_relaxed);
+        // clear() may move the reader's place until the slot is reserved.
+        do {
+            if ((state & kPlace) == added_.load(std::memory_order_acquire)) return std::nullopt;
+        } while (!taken_.compare_exchange_weak(state, state | kReading, std::memory_order_acquire,
+                                               std::memory_order_relaxed));
+        const T value = memory_[slot(state & kPlace)];
+        end_reading(state);
+        return value;
+    }
+
+    // --- Any thread ---
+
+    // How many values were dropped because the ring was full.
+    [[nodiscard]] std::uint32_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
+    // How many values came, the dropped ones included. Counts modulo 2^32.
+    [[nodiscard]] std::uint32_t count() const { return came_.load(std::memory_order_relaxed); }
+    [[nodiscard]] std::uint32_t capacity() const { return size_; }
+
+    // --- The writing thread: the library ---
+
+    // Adds a value. False: the ring is full, and the value was dropped and counted.
+    bool add(const T& value) {
+        came_.store(count() + 1, std::memory_order_relaxed);
+        const std::uint32_t at = added_.load(std::memory_order_relaxed);
+        if (distance(taken_.load(std::memory_order_acquire) & kPlace, at) >= size_) {
+            dropped_.store(dropped() + 1, std::memory_order_relaxed);
+            return false;
+        }
+        memory_[slot(at)] = value;
+        added_.store(next(at), std::memory_order_release);
+        return true;
+    }
+
+    // Forgets all values, and what was counted. A value that the reading thread takes at this very time is still
+    // delivered.
+    void clear() {
+        const std::uint32_t end = added_.load(std::memory_order_relaxed);
+        cleared_to_.store(end, std::memory_order_relaxed);
+        std::uint32_t state = taken_.load(std::memory_order_relaxed);
+        std::uint32_t cleared = 0;
+        do {
+            // While the reading thread copies a value, the slot is not free: end_reading() goes on to cleared_to_.
+            const std::uint32_t kept = (state & kReading) != 0 ? state & (kReading | kPlace) : end;
+            cleared = kept | ((state + kOneClear) & kClears);
+        } while (!taken_.compare_exchange_weak(state, cleared, std::memory_order_acq_rel, std::memory_order_relaxed));
+        came_.store(0, std::memory_order_relaxed);
+        dropped_.store(0, std::memory_order_relaxed);
+    }
+
+    // Gives the ring its memory, before the first value is added. Of more than kMost values the rest is left unused.
+    void use(std::span<T> memory) {
+        memory_ = memory;
+        size_ = static_cast<std::uint32_t>(memory.size() < kMost ? memory.size() : kMost);
+    }
+
+    static constexpr std::uint32_t kMost = 0x1FFFF;
+
+  private:
+    // The reader's word: its place, how often the ring was cleared, and that the reading thread copies a value. Places
+    // run from 0 to twice the size, so that a full ring differs from an empty one whatever the size is.
+    static constexpr std::uint32_t kPlace = 0x0003FFFF;
+    static constexpr std::uint32_t kOneClear = 0x00040000;
+    static constexpr std::uint32_t kClears = 0x7FFC0000;
+    static constexpr std::uint32_t kReading = 0x80000000;
+
+    [[nodiscard]] std::uint32_t next(std::uint32_t place) const { return place + 1 == 2 * size_ ? 0 : place + 1; }
+    [[nodiscard]] std::uint32_t slot(std::uint32_t place) const { return place < size_ ? place : place - size_; }
+    [[nodiscard]] std::uint32_t distance(std::uint32_t from, std::uint32_t to) const {
+        return to >= from ? to - from : to + 2 * size_ - from;
+    }
+
+    void end_reading(std::uint32_t began) {
+        std::uint32_t state = began | kReading;
+        std::uint32_t to = next(began & kPlace);
+        while (!taken_.compare_exchange_weak(state, (state & kClears) | to, std::memory_order_acq_rel,
+                                             std::memory_order_acquire))
+            if (((state ^ began) & kClears) != 0) to = cleared_to_.load(std::memory_order_relaxed);
+    }
+
+    std::span<T> memory_;
+    std::uint32_t size_ = 0;
+    std::atomic<std::uint32_t> added_{0};
+    std::atomic<std::uint32_t> taken_{0};
+    std::atomic<std::uint32_t> cleared_to_{0};
+    std::atomic<std::uint32_t> came_{0};
+    std::atomic<std::uint32_t> dropped_{0};
+};
+
+// A ring with memory of its own.
+template <class T, std::uint32_t N>
+class SpscRingOf : public SpscRing<T> {
+  public:
+    static constexpr std::uint32_t kCapacity = N;
+    SpscRingOf() { this->use(values_); }
+
+  private:
+    std::array<T, N> values_{};
+};
+
+}  // namespace margay
