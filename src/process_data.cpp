@@ -27,8 +27,11 @@ void go_back(Context& ctx, const Slave& slave) {
 
 void call_hooks(Context& ctx, std::uint8_t group) {
     Network& network = *ContextAccess::network(ctx);
+    if (group >= network.process.groups.size()) return;
+    network.process.groups[group].mapping = true;  // the supervision keeps off; the mapping itself takes that back
     for (Slave& slave : network.slaves()) {
-        if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr || !slave.seen) continue;
+        if (slave.config.group != group || slave.hooks.preop_to_safeop == nullptr || !slave.seen || slave.held)
+            continue;
         if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) go_back(ctx, slave);
         const auto done = slave.hooks.preop_to_safeop(ctx, slave.position, slave.hooks.user);
         slave.hook_failed = !done.ok();

@@ -35,6 +35,7 @@ struct ProcessGroup : Group {
     std::uint8_t number = 0;
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is at it
+    bool complete = false;          // mapped, and its datagrams tell of every slave that is wanted
     bool told_short = false;        // the supervision has told so
     bool unexpected = false;        // a cycle was not usable, or a slave is back: for the supervision
     std::uint16_t cycles_lost = 0;  // of which frames did not come back, in a row
@@ -82,7 +83,7 @@ void give_inputs(ProcessGroup& group);
 [[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end,
                                                                          Time now) {
     group.cycle_received = group.cycles_sent;
-    if (end != CycleEnd::right || !group.mapped) [[unlikely]]
+    if (end != CycleEnd::right || !group.complete) [[unlikely]]
         return judge_cycle(group, group.prepared, link, now);
     group.cycles_lost = 0;
     if (group.extras) [[unlikely]]

@@ -61,6 +61,7 @@ std::string_view to_text(Errc code) {
             return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or "
                    "the other request "
                    "for it, and look at its state() between cycles";
+        case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";
 }
