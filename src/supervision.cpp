@@ -37,9 +37,12 @@ Result<> submit(Context& ctx, SuperviseRequest& request) {
         refused = {.code = Errc::wrong_state, .step = Step::recover};
     if (refused.code == Errc::none && ContextAccess::network(ctx)->supervised)
         refused = {.code = Errc::busy, .step = Step::recover};
-    if (refused.code == Errc::none && request.target != AlState::op && request.target != AlState::safeop)
+    const bool process = request.target == AlState::op || request.target == AlState::safeop;
+    if (refused.code == Errc::none && !process && request.target != AlState::preop && request.target != AlState::init)
         refused = {.code = Errc::invalid_argument, .step = Step::recover};
-    return start(ctx, request, refused);
+    const auto started = start(ctx, request, refused);
+    if (started) ContextAccess::network(ctx)->target = request.target;
+    return started;
 }
 
 Result<> submit(Context& ctx, ReconfigRequest& request) {

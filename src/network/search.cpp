@@ -271,7 +271,12 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     slave.attempts = 0;
     slave.told_missing = false;
     slave.settled = AlState::none;
-    if (slave.other) slave.seen = false;  // the one before was not wanted
+    if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
+        slave.seen = false;
+        slave.other = false;
+        slave.held = false;
+        slave.dl = {.fmmus = 16, .sync_managers = 16};
+    }
     co_return Result<>();
 }
 

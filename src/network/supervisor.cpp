@@ -56,8 +56,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none ||
-            slave.recovering)
+        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || slave.recovering)
             co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
@@ -96,8 +95,8 @@ bool is_well(const Slave& slave) {
 // wanted.target may be changed by the application at any time.
 void take_target(Watch& watch) {
     const AlState target = watch.wanted.target;
-    const bool known = target == AlState::init || target == AlState::preop || target == AlState::safeop ||
-                       target == AlState::op;
+    const bool known =
+        target == AlState::init || target == AlState::preop || target == AlState::safeop || target == AlState::op;
     if (target == watch.target_before || !known) return;
     watch.target_before = target;
     watch.network.target = target;
@@ -296,7 +295,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         slave.attempts = 0;
         slave.settled = AlState::none;
     }
-    take_target(watch);
+    watch.target_before = wanted.target;  // which submit() has taken over
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);

@@ -102,9 +102,10 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 }
 
 Error trouble(Network& network, const Slave& slave) {
+    const AlState wanted = wanted_state(network, slave);
+    if (wanted == AlState::init) return slave.al.state == AlState::none ? Error{} : state_trouble(slave, wanted);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (slave.held) return held_error(slave, Step::identify);
-    const AlState wanted = wanted_state(network, slave);
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
         Error error = fault(slave, Errc::unknown_group, Step::map_process_data);
@@ -129,8 +130,8 @@ Error refusal(const Network& network, const Slave& slave, AlState state) {
         return error;
     }
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
-    const bool mapping = slave.config.group < network.process.groups.size() &&
-                         network.process.groups[slave.config.group].mapping;
+    const bool mapping =
+        slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
     if (!network.supervised || mapping || state == goal(network, slave)) return {};
     error.code = Errc::supervised;
     error.expected = static_cast<std::uint32_t>(goal(network, slave));

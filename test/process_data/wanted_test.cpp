@@ -223,12 +223,242 @@ TEST_F(Wanted, ARequestThatContradictsTheSupervisionIsRefused) {
     cycles(50);
     ASSERT_FALSE(request.busy());
     EXPECT_EQ(words(request.error()),
-              "slave 2: requesting an AL state: the supervision keeps the slave in another state: call set_target() "
+              "slave 2: requesting a state: the supervision keeps the slave in another state: call set_target() "
               "(wanted PREOP, the supervision keeps it in OP)");
     EXPECT_FALSE(writestate(*ctx, 0, AlState::safeop).ok());
     cycles(50);
     EXPECT_TRUE(all_in_op());
     EXPECT_EQ(events(), Words());
+}
+
+// ------------------------------------------------------------------ what is tolerated
+
+TEST_F(Wanted, WhatTheApplicationToleratesOfOneSlaveIsDriven) {
+    const ExpectedSlave expected[] = {{.position = 1, .product = 0x100},
+                                      {.position = 2, .product = 0x1FF, .tolerate = true},
+                                      {.position = 3, .product = 0x102}};
+    ASSERT_TRUE(scan(expected).ok());
+    EXPECT_EQ(errors().size(), 1U) << "it is told all the same";
+    EXPECT_FALSE(ctx->slave(2).held);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
+    const ExpectedSlave expected[] = {{.position = 1, .product = 0x1FF}, {.position = 2, .product = 0x101}};
+    EXPECT_EQ(scan(expected).error().slave, 1);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
+    cycles(300);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::init) << "brought down by the supervision";
+    EXPECT_EQ(*cycle(), 6U) << "nobody wants it";
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::unexpected_slave);
+    // The start-up commands of a held slave were not sent; now they are.
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+}
+
+TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4}};
+    ASSERT_TRUE(tolerate(*ctx, {.missing_slaves = true}));
+    ASSERT_TRUE(scan(expected).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ASSERT_TRUE(tolerate(*ctx, {}));
+    EXPECT_EQ(cycle().error().slave, 4);
+}
+
+// One that is held is not brought further by anybody.
+TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    EXPECT_EQ(scan(expected).error().slave, 2);
+    (void)config_map(*ctx, image);
+    const auto expect_held = [&](const Error& error) {
+        EXPECT_EQ(
+            words(error),
+            "slave 2: requesting a state: another slave than expected (expected product 0x000001ff, got 0x00000101 "
+            "of vendor 0x00004d47)");
+    };
+    expect_held(writestate(*ctx, 2, AlState::safeop).error());
+    expect_held(writestate(*ctx, 0, AlState::op).error());
+    expect_held(set_target(*ctx, 2, AlState::op).error());
+    StateRequest request;
+    request.slave = 2;
+    request.state = AlState::op;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    expect_held(wait(*ctx, request).error());
+    EXPECT_EQ(reconfig_slave(*ctx, 2).ok(), true);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
+}
+
+// The wrong one is taken away and the right one comes.
+TEST_F(Wanted, TheRightSlaveInPlaceOfAHeldOneIsTakenIn) {
+    SlaveConfiguration config;
+    config.setup = &kSetup;
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.position = 2}, {.position = 3, .product = 0x1FF, .config = &config}};
+    EXPECT_EQ(scan(expected).error().slave, 3);
+    (void)config_map(*ctx, image);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(100);
+    pull(line[2]);
+    cycles(50);
+    const auto right = make({.product = 0x1FF});
+    plug({line[1], 1}, right);
+    power(right, true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    expect_exchanged(3, right);
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+// ------------------------------------------------------------------ targets
+
+TEST_F(Wanted, TargetsAreReachedInBothDirectionsUnderSupervision) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    for (const AlState state : {AlState::preop, AlState::op, AlState::init, AlState::safeop, AlState::op}) {
+        ASSERT_TRUE(set_target(*ctx, 2, state).ok());
+        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && !ctx->slave(2).recovering; }))
+            << to_text(state) << "\n"
+            << joined(events());
+        cycles(20);
+        EXPECT_EQ(ctx->slave(2).al, (AlStatus{state, false, 0}));
+        EXPECT_TRUE(in_op(1) && in_op(3)) << "the others stay";
+        EXPECT_EQ(*cycle(), state < AlState::safeop ? 6U : 9U) << "what is wanted is counted";
+        EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+        const auto story = events();
+        EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
+        EXPECT_LE(story.size(), 8U) << joined(story);
+    }
+    expect_exchanged(2, line[1]);
+    for (const AlState state : {AlState::init, AlState::op}) {
+        ASSERT_TRUE(set_target(*ctx, 0, state).ok());
+        ASSERT_TRUE(until([&] {
+            return std::ranges::all_of(ctx->slaves(), [&](const Slave& s) { return s.al.state == state; });
+        })) << to_text(state);
+    }
+    EXPECT_EQ(set_target(*ctx, 1, AlState::boot).error().code, Errc::invalid_argument);
+    EXPECT_EQ(set_target(*ctx, 9, AlState::op).error().code, Errc::unknown_slave);
+}
+
+TEST_F(Wanted, TargetsAreReachedWithoutASupervisionToo) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(set_target(*ctx, 3, AlState::preop).ok());
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::preop);
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::init).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::init);
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::safeop).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop);
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+// ------------------------------------------------------------------ one call each
+
+TEST_F(Wanted, ReachBringsAllSlavesThereWithCyclesBesideIt) {
+    HostContext fresh;
+    EXPECT_EQ(reach(fresh, AlState::op, 1s).error().code, Errc::wrong_state);
+    ASSERT_TRUE(scan({}).ok());
+    EXPECT_EQ(reach(*ctx, AlState::op, 1s).error().code, Errc::unknown_group) << "nothing is mapped";
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_FALSE(all_right(*ctx));
+    const auto done = reach(*ctx, AlState::op, 5s);
+    ASSERT_TRUE(done.ok()) << words(done.error());
+    EXPECT_TRUE(all_in_op());
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ASSERT_TRUE(reach(*ctx, AlState::safeop, 5s).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());  // whose target is OP
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok()) << "beside a supervision";
+    ASSERT_TRUE(reach(*ctx, AlState::init, 5s).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::init);
+    EXPECT_EQ(reach(*ctx, AlState::boot, 5s).error().code, Errc::invalid_argument);
+}
+
+TEST_F(Wanted, ReachNamesTheFirstSlaveThatIsNotThere) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    EXPECT_EQ(scan(expected).error().slave, 2);
+    (void)config_map(*ctx, image);
+    const Time begin = osal.now();
+    const auto held = reach(*ctx, AlState::op, 60s);
+    EXPECT_EQ(held.error().code, Errc::other_slave);
+    EXPECT_EQ(held.error().slave, 2);
+    EXPECT_LT(osal.now() - begin, 5s) << "waiting does not help";
+    EXPECT_TRUE(in_op(1) && in_op(3)) << "what can be done is done";
+    power(line[2], false);
+    const auto lost = reach(*ctx, AlState::op, 2s);
+    EXPECT_EQ(lost.error().slave, 2);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
+    ASSERT_FALSE(config_map(*ctx, image).ok());
+    const auto missing = reach(*ctx, AlState::op, 2s);
+    EXPECT_EQ(words(missing.error()), "slave 3: comparing with what is expected: an expected slave is missing");
+    EXPECT_TRUE(in_op(1) && in_op(2));
+}
+
+TEST_F(Wanted, AllRightIsFalseForEveryThingThatIsNot) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    ASSERT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    segment.set_noise({.lost = 1});
+    (void)cycle();
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::no_frame);
+    segment.set_noise({});
+    cycles(5);
+    ASSERT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    power(line[2], false);
+    (void)cycle();
+    EXPECT_FALSE(all_right(*ctx)) << "in the very cycle";
+    cycles(5);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 3);
+    power(line[2], true);
+    ASSERT_TRUE(until([&] { return all_right(*ctx); })) << words(what_is_wrong(*ctx));
+    EXPECT_TRUE(all_in_op());
+}
+
+TEST_F(Wanted, TheCycleRunsUntilItsWorkHasHadEnough) {
+    ASSERT_TRUE(scan({}).ok());
+    EXPECT_EQ(run_cycle(*ctx, {}, [](const CycleInfo&) { return false; }).error().code, Errc::unknown_group);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    const Time begin = osal.now();
+    std::uint64_t first_right = 0;
+    const auto done = run_cycle(*ctx, {.period = 2ms}, [&](const CycleInfo& cycle) {
+        EXPECT_EQ(cycle.due, begin + static_cast<int>(cycle.number - 1) * 2ms);
+        if (first_right == 0 && all_right(*ctx)) first_right = cycle.number;
+        return cycle.number < 500;
+    });
+    EXPECT_TRUE(done.ok());
+    EXPECT_GT(first_right, 0U);
+    EXPECT_TRUE(all_in_op());
+    EXPECT_EQ(ctx->group(0).cycles_sent, 500U);
+    EXPECT_EQ(run_cycle(*ctx, {.period = Duration{0}}, [](const CycleInfo&) { return false; }).error().code,
+              Errc::invalid_argument);
+}
+
+// The loop that every program wrote by hand did not call poll() then: SAFEOP for ever, and no word of it.
+TEST_F(Wanted, WorkThatIsLongerThanThePeriodLetsEverythingElseGoOn) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    std::uint64_t left_out = 0;
+    const auto done = run_cycle(*ctx, {.period = 1ms}, [&](const CycleInfo& cycle) {
+        osal.advance(3500us);
+        left_out = cycle.left_out;
+        return cycle.number < 1000 && !(all_in_op() && cycle.number > 600);
+    });
+    EXPECT_TRUE(done.ok());
+    EXPECT_TRUE(all_in_op());
+    EXPECT_GE(left_out, 1000U);
+    const auto story = events();
+    EXPECT_GE(told(story, "the work of a cycle takes longer than its period"), 2) << joined(story);
+    EXPECT_LE(told(story, "the work of a cycle takes longer than its period"), 5) << "once a second";
 }
 
 // ------------------------------------------------------------------ what a lost frame does not say
