@@ -61,7 +61,7 @@ int map_and_print(margay::Context& ctx, const Options& options) {
     std::vector<std::byte> image(std::size_t{1} << 20);
     if (options.packed) ctx.group(0).config.packing = margay::Packing::bits;
     const auto mapped = margay::config_map(ctx, image);
-    if (!mapped) return fail(sentence(mapped.error()));
+    if (!mapped && !ctx.group(0).mapped) return fail(sentence(mapped.error()));
     const ProcessMap map = read_process_map(ctx);
     print_segment(ctx, options, &map);
     (void)margay::writestate(ctx, 0, margay::AlState::preop);
@@ -74,7 +74,7 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
     const auto ready = margay::init(ctx, source.nic(), source.osal());
     if (!ready) return fail(sentence(ready.error()));
     const auto found = margay::config_init(ctx);
-    if (!found) return fail(sentence(found.error()));
+    if (!found && found.error().slave == 0) return fail(sentence(found.error()));
     int status = 0;
     if (options.map)
         status = map_and_print(ctx, options);

@@ -116,6 +116,10 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             out << " (" << to_text(static_cast<AlState>(e.actual)) << " is above "
                 << to_text(static_cast<AlState>(e.expected)) << ")";
             break;
+        case Errc::supervised:
+            out << " (wanted " << to_text(static_cast<AlState>(e.actual)) << ", the supervision keeps it in "
+                << to_text(static_cast<AlState>(e.expected)) << ")";
+            break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:

@@ -80,6 +80,8 @@ enum class Errc : std::uint8_t {
     entry_type,         // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE
                         // data type)
     entry_stale,        // the group was mapped again since the entry was found
+    supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
+                 // asked for)
 };
 
 // What was being done.
@@ -138,6 +140,7 @@ enum class Operation : std::uint8_t {
     reconfigure,
     recover,
     change_state,
+    set_target,
     read_states,
     write_states,
     check_states,

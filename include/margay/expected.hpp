@@ -35,6 +35,10 @@ struct ExpectedSlave {
     std::optional<std::uint32_t> serial{};
     // That it is missing is no error, and its group of process data is right without it.
     bool optional = false;
+    // config_init() may find another slave here than the one that is described: that is told in errors(), and the other
+    // slave is configured and driven as the described one would be. Without `tolerate` another slave is held: see
+    // Tolerance.
+    bool tolerate = false;
     // Slaves that come and go together, at any port of the segment: neighbours in the list with the same number, not 0.
     // The first is the head and known by alias or device id; the others have position 0 and follow behind it, in this
     // order. The whole group may be missing; a member that is missing while the head is there is an error, unless it is
@@ -42,6 +46,24 @@ struct ExpectedSlave {
     std::uint8_t hot_connect = 0;
     // Becomes slave(n).config before the slave leaves INIT. nullptr: what the slave says itself. The caller's memory.
     const SlaveConfiguration* config = nullptr;
+};
+
+// What of a segment may differ from what expect() describes. All that is not tolerated makes config_init(),
+// config_map() and the way to OP end with an error, which names the first such slave; what can be done with the slaves
+// that are right is done all the same.
+//
+// A slave that is not the wanted one, or that nobody expects, is held while that is not tolerated: it stays in PREOP,
+// in INIT where it has no mailbox; no start-up command is sent to it, none of its FMMUs is set, it gets no outputs; a
+// request for SAFEOP or OP is refused. A slave that appears later in the place of another one is never taken in,
+// whatever is tolerated.
+struct Tolerance {
+    // Another slave in the place of an expected one: configured and driven as the expected one would be.
+    bool other_slaves = false;
+    // Slaves that the list of expect() does not have.
+    bool unexpected_slaves = false;
+    // Expected slaves that have not been there since config_init(): like optional ones, the group is right without
+    // them.
+    bool missing_slaves = false;
 };
 
 }  // namespace margay

@@ -11,8 +11,8 @@
 
 namespace margay {
 
-// A list of expected slaves with deep copies of all that belongs to them: configurations, setups, PDOs, entries, start-up
-// commands and their data. What was handed to add() may go away at once.
+// A list of expected slaves with deep copies of all that belongs to them: configurations, setups, PDOs, entries,
+// start-up commands and their data. What was handed to add() may go away at once.
 //
 //     margay::HostConfiguration plan;
 //     plan.add({.position = 1, .product = 0x07D43052}, config);

@@ -8,6 +8,7 @@
 #include <margay/hooked_slave.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
+#include <margay/run.hpp>
 #include <margay/shared_image.hpp>
 #include <margay/soe.hpp>
 #include <margay/supervision.hpp>
@@ -25,18 +26,29 @@ Time poll(Context& ctx, Time now);
 
 // Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say,
 // finds the topology, configures the mailboxes and brings all slaves to PREOP, all at once. Returns how many slaves
-// there are. What goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors().
-// Waits. Errors: link_down, no_frame, no_slaves, unstable, capacity (more slaves, with those that are expected, than
-// limits().slaves; expected says how many). Called again it scans anew, whoever is there now, without anything being
+// there are.
+//
+// Success means that every wanted slave is there, is the wanted one, could be asked what it is, and is in PREOP. What
+// goes wrong with a single slave does not stop the others: config_init() does all that can be done, and then returns
+// the error of the first such slave (error().slave is its number, not 0); all of them are in errors() and in
+// slave(n).error. slaves() and all other calls are usable then: going on is the application's decision. Such errors:
+// missing_slave, other_slave, unsupported (a device id is expected and the slave tells none), unexpected_slave
+// (expect() has a list and the slave is not in it), and whatever a slave's start-up has failed with. What is tolerated
+// (tolerate(), ExpectedSlave::tolerate) is told in errors() and is no failure, and so are, for slaves that reach PREOP
+// all the same: SII content that is blank, truncated, contradicts itself or has a wrong checksum, an explicit device id
+// that nobody expects, and a topology that the DL status does not explain.
+//
+// Errors of the segment, with slave 0, after which there are no slaves: link_down, no_frame, no_slaves, unstable,
+// capacity (more slaves, with those that are expected, than limits().slaves; expected says how many). Waits. Called
+// again it scans anew, whoever is there now, without anything being
 // switched off: end a SuperviseRequest before, and map the groups again; numbers, hooks and configurations begin anew
 // too.
 Result<std::uint16_t> config_init(Context& ctx);
 
 // Says which slaves the next config_init() shall find, how they are numbered and with what each shall be configured:
-// see ExpectedSlave. An empty list: whatever is there. What is not as expected is an error of that slave (other_slave,
-// unsupported: it tells no device id, unexpected_slave), what is missing one in errors() (missing_slave); the others go
-// on. `slaves` is the caller's memory and must live until the config_init() after the next expect(). Errors:
-// wrong_state before init(), invalid_argument (known by nothing, two at one position, a group torn apart; actual:
+// see ExpectedSlave. An empty list: whatever is there. Slaves that are not as expected are held, see Tolerance.
+// `slaves` is the caller's memory and must live until the config_init() after the next expect(). Errors: wrong_state
+// before init(), not_owner, invalid_argument (known by nothing, two at one position, a group torn apart; actual:
 // which).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
@@ -45,10 +57,21 @@ Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 // parameters of its drives, else its SII; that these differ is told in warnings()), lays it into `image`
 // (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns how
 // many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is
-// set to zero. What goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors().
-// Entries of GroupConfiguration::entries are found and checked; with one
-// that is not mapped, or not as its type wants it, the call ends with that error (entry_not_mapped, entry_direction,
-// entry_size, entry_type) when all else is done. Waits. Errors: wrong_state (no slaves yet), unknown_group,
+// set to zero. Entries of GroupConfiguration::entries are found and checked. Waits.
+//
+// Success means that every wanted slave of the group is in SAFEOP, or where its configuration and set_target() want it
+// below that. What goes wrong with a single slave does not stop the others: config_map() does all that can be done, and
+// then returns the error of the first such slave; all of them are in errors() and in slave(n).error, and
+// group(n).mapped says that process data can be exchanged without them. Such errors: missing_slave, other_slave and
+// unexpected_slave (those that are held, of this group; a slave that nobody expects is of group 0), what the slave's
+// hook, the discovery of its PDOs or its configuration has failed with, unknown_group (index: the group that
+// slave(n).config names; there is none); and of an entry: entry_not_mapped, entry_direction, entry_size, entry_type.
+//
+// A slave that cannot be asked (it is missing, held, or does not answer) keeps its place in the image if its sizes are
+// known: by slave(n).config.sms, or by SlaveSetup::pdos where these tell all entries. Expected working counters count
+// every slave that is wanted: while one does not take part receive_processdata() says so.
+//
+// Errors of the group, after which nothing of it is mapped: wrong_state (no slaves yet), unknown_group,
 // image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
@@ -60,7 +83,9 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // that are where their configuration lets them go at the highest do not lower it. writestate() executes the commands
 // and the hook before the transition from the state that was read last, requests a state of one slave or of all (slave
 // 0; of each no more than it is allowed), and acknowledges an error that the last reading has found; it does not wait
-// for the state. What comes after the transition is done by whichever of the other two, or the supervision, sees it
+// for the state. For SAFEOP and OP it returns the error of the first slave that is held or missing, the others are
+// written to all the same; a state other than the one that the supervision keeps is refused (supervised: set_target()).
+// What comes after the transition is done by whichever of the other two, or the supervision, sees it
 // first. statecheck() reads all slaves until the one, or all, are in `state` without error, or `timeout` is over, and
 // returns what it read last: that is no error, look at it.
 Result<AlStatus> readstate(Context& ctx);

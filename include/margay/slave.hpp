@@ -161,7 +161,19 @@ struct Slave {
     bool takes_part : 1 = false;     // its process data is configured and, as far as known, exchanged
     bool recovering : 1 = false;     // the supervision is bringing it back
     bool told_missing : 1 = false;   // the supervision has told that its hot connect group is there without it
-    std::uint8_t attempts = 0;       // of the supervision since it was last where it belongs
+    bool other : 1 = false;          // config_init() has found another slave than ExpectedSlave wants here
+    bool unexpected : 1 = false;     // config_init() has found it, and the list of expect() does not have it
+    // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT where it has no mailbox, and
+    // gets no outputs.
+    bool held : 1 = false;
+    bool held_back : 1 = false;   // it was brought to PREOP while it was held: without its start-up commands
+    bool place_kept : 1 = false;  // its place in the image follows from SlaveSetup::pdos; the slave was not asked yet
+    bool unplaced : 1 = false;    // it is wanted in the image, but its sizes were not known when that was laid out
+    bool counted : 1 = false;     // its share is in the expected working counters of its group
+    std::uint8_t attempts = 0;    // of the supervision since it was last where it belongs
+    // What set_target() has said of this slave; NONE: nothing, the target of all slaves counts.
+    AlState target = AlState::none;
+    AlState settled = AlState::none;  // where the supervision has brought it last without an error
 
     // Topology: every slave but the first hangs at a port of another one.
     std::uint16_t parent = 0;  // 0: the master
@@ -200,6 +212,6 @@ struct Slave {
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};
 };
-static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 528);  // many of them fit a small memory
+static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 536);  // many of them fit a small memory
 
 }  // namespace margay

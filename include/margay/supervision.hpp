@@ -37,11 +37,15 @@ struct LineErrors {
 // process data (ExpectedSlave says how they are known). Whoever is nobody's is told as stranger, with where it hangs,
 // once it was found twice, `retry` apart, and left alone until config_init() scans anew.
 //
+// A slave that is held (Tolerance) is kept in PREOP or INIT. Where slaves shall go is said by set_target()
+// (margay/run.hpp) or by a change of `target`, up or down; a StateRequest or writestate() for another state is refused:
+// Errc::supervised. EventKind::recovered tells that a slave is where it is wanted again, never less than that.
+//
 // Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of
 // slaves are called from poll() here: they must not wait, but may return Errc::busy to be asked again.
 struct SuperviseRequest : Request {
     SuperviseRequest();
-    AlState target = AlState::op;                       // OP, or SAFEOP
+    AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; of all slaves without a target of their own
     Duration interval = std::chrono::milliseconds(10);  // between rolls while there are no cycles
     Duration retry = std::chrono::milliseconds(500);    // after an attempt to bring a slave back has failed
     // The error counters of all slaves are read this often; zero: never. Sums go to line_errors, as far as it reaches:

@@ -44,6 +44,9 @@ struct ContextAccess {
 // What forbids a call that only the owner may make: wrong_state before init(), not_owner.
 [[nodiscard]] Error check_owner(Context& ctx, Step step);
 
+// The same, and what forbids the owner to wait: in_callback, waiting_forbidden.
+[[nodiscard]] Error check_waiting_owner(Context& ctx, Step step);
+
 // For functions that wait: refuses where waiting is not allowed, submits the request and waits for its end.
 Result<> submit_and_wait(Context& ctx, Request& request);
 

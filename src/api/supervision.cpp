@@ -5,6 +5,7 @@
 #include "api/operation.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
+#include "network/wanted.hpp"
 
 #include <margay/margay.hpp>
 
@@ -14,7 +15,7 @@ static Error check(Network& network, const SuperviseRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::recover};
     if (network.supervised)
         return {.code = Errc::busy, .step = Step::recover, .detail = static_cast<std::uint32_t>(Operation::supervise)};
-    if (request.target == AlState::op || request.target == AlState::safeop) return {};
+    if (can_be_target(request.target)) return {};
     return {.code = Errc::invalid_argument, .step = Step::recover};
 }
 static Error check(Network& network, const ReconfigRequest& request) {
@@ -35,6 +36,7 @@ class Supervised {
 
 static Task<Result<>> run(Network& network, SuperviseRequest& request) {
     const Supervised supervised(network);
+    network.target = request.target;
     co_return co_await supervise(network, request);
 }
 

@@ -49,6 +49,11 @@ Error check_owner(Context& ctx, Step step) {
     return master->owned_by_caller() ? Error{} : Error{.code = Errc::not_owner, .step = step};
 }
 
+Error check_waiting_owner(Context& ctx, Step step) {
+    const Error refused = check_owner(ctx, step);
+    return refused.code != Errc::none ? refused : check_may_wait(*master_of(ctx), step);
+}
+
 Result<> wait(Context& ctx, Request& request) {
     Master* master = master_of(ctx);
     const Step step = RequestAccess::operation(request).step;

@@ -165,13 +165,10 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
 Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
     const Station station = network.station(slave);
     auto before = co_await read_al_status(station);
-    if (!before) {
-        slave.al = {};
-        co_return before.error();
-    }
-    slave.al = *before;
+    take_al_status(slave.al, before);
+    if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
-        auto back = co_await change_state(network, slave, AlState::preop);
+        auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
     }
     if (running && !slave.config.pdos().empty()) {
@@ -184,7 +181,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
-    slave.al = seen ? *seen : AlStatus{};
+    take_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
         auto mapped = co_await write_fmmus(station, slave, layout, true);

@@ -119,26 +119,6 @@ void make_missing(Network& network, std::size_t number) {
     slave.dl.sync_managers = 16;
 }
 
-bool may_be_missing(Network& network, const Slave& slave) {
-    const ExpectedSlave& wanted = *slave.wanted;
-    if (wanted.optional) return true;
-    if (wanted.hot_connect == 0) return false;
-    // With its whole group.
-    return std::ranges::none_of(network.slaves(), [&](const Slave& s) {
-        return s.ring != 0 && s.wanted != nullptr && s.wanted->hot_connect == wanted.hot_connect &&
-               is_located(network.expected, *s.wanted);
-    });
-}
-
-Error missing(const Network& network, const Slave& slave) {
-    Error error{.code = Errc::missing_slave, .step = Step::identify, .slave = slave.position};
-    const ExpectedSlave& wanted = *slave.wanted;
-    if (!is_located(network.expected, wanted)) return error;
-    error.subindex = static_cast<std::uint8_t>(wanted.alias ? IdentityField::alias : IdentityField::device_id);
-    error.actual = wanted.alias.value_or(wanted.device_id.value_or(0));
-    return error;
-}
-
 }  // namespace
 
 Result<> check_expected(std::span<const ExpectedSlave> expected) {
@@ -233,27 +213,34 @@ Result<bool> number_slaves(Network& network) {
         moved |= slave.position != slave.ring;
         slave.station_address = network.station_address(n);
         if (slave.error.code != Errc::none) slave.error.slave = slave.position;
-        if (slave.ring <= network.ring.size()) network.ring[slave.ring - 1U].slave = slave.position;
+        if (slave.ring != 0 && slave.ring <= network.ring.size()) network.ring[slave.ring - 1U].slave = slave.position;
     }
     return moved;
 }
 
-void compare_with_expected(Network& network) {
+void compare_with_expected(Network& network, FirstFault& faults) {
     if (network.expected.empty()) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr) {
-            if (slave.ring != 0)
-                network.note(slave, {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position});
+            slave.unexpected = slave.ring != 0;
             continue;
         }
-        const Error error = slave.ring != 0 ? difference(slave, *slave.wanted) : Error{};
-        if (error.code != Errc::none) {
-            network.note(slave, error);
-            continue;
-        }
+        slave.other = slave.ring != 0 && difference(slave, *slave.wanted).code != Errc::none;
         if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
         slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
-        if (slave.ring == 0 && !may_be_missing(network, slave)) network.errors.add(missing(network, slave));
+    }
+    hold_back(network);
+    for (Slave& slave : network.slaves()) {
+        if (slave.ring == 0) {
+            const Error error = missing_error(network, slave);
+            if (error.code != Errc::none) network.errors.add(error);
+            faults.keep(error);
+        }
+        Error error;
+        if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position};
+        if (slave.other) error = difference(slave, *slave.wanted);
+        if (error.code != Errc::none) network.note(slave, error);
+        if (slave.held) faults.keep(error);
     }
 }
 

@@ -1,7 +1,7 @@
 // What was found against what was expected.
 #pragma once
 
-#include "network/network.hpp"
+#include "network/wanted.hpp"
 
 #include <margay/expected.hpp>
 
@@ -15,10 +15,10 @@ namespace margay {
 // number now. Errors: capacity.
 [[nodiscard]] Result<bool> number_slaves(Network& network);
 
-// Gives each slave the configuration that is wanted for it and notes what is wrong: other_slave, unsupported (it tells
-// no device id), missing_slave (of one that may not be missing) and, when anything is expected at all,
-// unexpected_slave. One that is not what it should be keeps its own configuration.
-void compare_with_expected(Network& network);
+// Gives each slave the configuration that is wanted in its place and notes what is wrong: other_slave, unsupported (the
+// slave tells no device id), missing_slave (of a slave that may not be missing) and, when anything is expected at all,
+// unexpected_slave. A slave that is not the wanted one, and not tolerated, is held.
+void compare_with_expected(Network& network, FirstFault& faults);
 
 // The first thing about the slave that is not as expected; code none when all is.
 [[nodiscard]] Error difference(const Slave& slave, const ExpectedSlave& wanted);

@@ -4,8 +4,11 @@
 #include "network/entries.hpp"
 #include "network/hooks.hpp"
 #include "network/members.hpp"
+#include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
+#include "network/recovery.hpp"
 #include "network/transition.hpp"
+#include "network/wanted.hpp"
 
 #include <margay/shared_image.hpp>
 
@@ -65,43 +68,71 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
-        if (slave.config.group == number)
-            slave.takes_part = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
+        if (slave.config.group == number) slave.takes_part = exchanges(slave);
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
-    return prepare(tables, group, *count, network.engine.link());
+    const auto prepared = prepare(tables, group, *count, network.engine.link());
+    if (prepared) begin_counting(network, group);
+    return prepared;
 }
 
 // Calls the hook of a slave, which finds the slave in PREOP, also when the group was mapped before.
-Task<Result<>> prepare_slave(Network& network, Slave& slave) {
+Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults) {
     slave.hook_failed = false;
     if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Result<>();
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
-        auto back = co_await change_state(network, slave, AlState::preop);
+        auto back = co_await bring_to_state(network, slave, AlState::preop);
         (void)back;  // the configuration of the slave finds out what is wrong
     }
     auto done = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
     slave.hook_failed = !done.ok();
-    if (!done) network.note(slave, done.error());
+    if (!done) faults.note(network, slave, done.error());
     co_return done;
 }
 
-Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
-    if (slave.config.group != number || slave.config.highest < AlState::safeop ||
-        (slave.al.state == AlState::none && !slave.seen))
+// A slave that was held, or has not come beyond INIT: its start-up is done now.
+Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+    const bool due = slave.held_back || slave.al.state == AlState::init;
+    if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
+        wanted_state(network, slave) == AlState::init)
         co_return Result<>();
-    auto hook = co_await prepare_slave(network, slave);
-    if (!hook) co_return Result<>();
+    auto done = co_await restart(network, slave);
+    if (!done) faults.note(network, slave, done.error());
+    co_return Result<>();
+}
+
+// What the slave exchanges. A place is kept for a slave that cannot be asked, as far as its sizes are known.
+Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+    if (slave.config.group != number) co_return Result<>();
+    slave.unplaced = false;
+    slave.pdos_failed = false;
+    if (slave.config.highest < AlState::safeop) co_return Result<>();
+    const bool by_slave =
+        slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
+    if (slave.held && by_slave) {  // what is there said so, which is not what is wanted
+        slave.config.sm_count = 0;
+        slave.config.source = ConfigurationSource::none;
+    }
+    if (slave.held || slave.al.state == AlState::none) {
+        const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
+        slave.unplaced = !nobodys && !keep_place(slave);
+        co_return Result<>();
+    }
+    forget_kept_place(slave);
+    auto hook = co_await prepare_slave(network, slave, faults);
+    (void)hook;  // a place is kept for the slave all the same
     auto found = co_await discover_pdos(network, slave);
-    slave.pdos_failed = !found;
-    if (!found) network.note(slave, found.error());
+    if (found) co_return Result<>();
+    slave.pdos_failed = true;
+    slave.unplaced = !keep_place(slave);
+    faults.note(network, slave, found.error());
     co_return Result<>();
 }
 
 // Out of the exchange, and in PREOP at the highest: also one that an earlier mapping has brought further.
 Task<Result<>> leave_out(Network& network, Slave& slave) {
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
-        auto back = co_await change_state(network, slave, AlState::preop);
+        auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) network.note(slave, back.error());
     }
     if (slave.al.state != AlState::none) {
@@ -112,18 +143,34 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number) {
+Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.config.group != number) co_return Result<>();
-    if (slave.hook_failed || slave.pdos_failed || slave.config.highest < AlState::safeop ||
-        slave.al.state == AlState::none)
+    if (slave.held || slave.hook_failed || slave.pdos_failed || slave.al.state == AlState::none ||
+        wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
     if (done) co_return Result<>();
-    network.note(slave, done.error());
+    faults.note(network, slave, done.error());
     auto cleared = co_await clear_fmmus(network, slave);
     (void)cleared;  // one that does not answer takes part in nothing
     set_takes_part(network, slave, false);
     co_return Result<>();
+}
+
+// Whatever else keeps slaves from what was wanted of them; most of it was told before.
+void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
+    for (Slave& slave : network.slaves()) {
+        if (slave.config.group >= network.process.groups.size()) {
+            Error error = fault(Errc::unknown_group, slave.config.group);
+            error.slave = slave.position;
+            faults.note(network, slave, error);
+            continue;
+        }
+        if (slave.config.group != number) continue;
+        faults.keep(held_error(slave, Step::identify));
+        if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
+        if (slave.hook_failed) faults.keep(slave.error);
+    }
 }
 
 // Tells the mailbox channels where in the image they see that there is mail; nowhere while the group is not mapped.
@@ -157,8 +204,16 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
     use_status_bits(network, number);
     Mapping mapping(network.process.groups[number]);
-    auto discovered =
-        co_await for_each_slave(network, [&network, number](Slave& s) { return discover(network, s, number); });
+    // The supervision begins nothing any more with these slaves. What it has begun ends first.
+    for (Slave& slave : network.slaves())
+        while (slave.config.group == number && slave.recovering)
+            co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    FirstFault faults;
+    auto started = co_await for_each_slave(
+        network, [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); });
+    if (!started) co_return started.error();
+    auto discovered = co_await for_each_slave(
+        network, [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); });
     if (!discovered) co_return discovered.error();
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
@@ -169,11 +224,13 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
         co_return laid_out.error();
     }
     const Error entries = place_entries(network, network.process.groups[number]);
-    auto configured =
-        co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
+    auto configured = co_await for_each_slave(
+        network, [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); });
     if (!configured) co_return configured.error();
     use_status_bits(network, number);
-    if (entries.code != Errc::none) co_return entries;
+    keep_others(network, number, faults);
+    faults.keep(entries);
+    if (faults.error().code != Errc::none) co_return faults.error();
     co_return network.process.groups[number].image.size();
 }
 

@@ -59,7 +59,11 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
     return any ? e : Extent{};
 }
 
+// What the ESC of the wanted slave has is not known: the slave was not asked yet, or another one is in its place.
+bool not_asked(const Slave& slave) { return slave.place_kept || slave.held; }
+
 Result<> check_sync_managers(const Slave& slave) {
+    if (not_asked(slave)) return Result<>();
     const auto sms = process_sms(slave);
     const std::uint32_t memory_end =
         slave.dl.ram_kib == 0 ? 0x10000U : std::min(0x10000U, 0x1000U + slave.dl.ram_kib * 1024U);
@@ -282,7 +286,8 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
 
 Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
     const FmmuList list = needed_fmmus(slave, layout);
-    const std::size_t available = std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
+    const std::size_t available =
+        not_asked(slave) ? SlaveFmmus::kMost : std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);
     if (list.entries().size() > available) {
         Error error = fault(Errc::fmmu_shortage, slave);
         error.expected = static_cast<std::uint32_t>(list.entries().size());

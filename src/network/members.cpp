@@ -1,10 +1,44 @@
 #include "network/members.hpp"
 
+#include "network/wanted.hpp"
+
 namespace margay {
 namespace {
 
-std::uint16_t changed(std::uint16_t counter, std::uint16_t by, bool more) {
-    return static_cast<std::uint16_t>(more ? counter + by : counter - by);
+ProcessGroup* group_of(Network& network, const Slave& slave) {
+    if (slave.config.group >= network.process.groups.size()) return nullptr;
+    ProcessGroup& group = network.process.groups[slave.config.group];
+    return group.mapped ? &group : nullptr;
+}
+
+void change(std::uint16_t& counter, std::uint16_t by, bool more) {
+    counter = static_cast<std::uint16_t>(more ? counter + by : counter - by);
+}
+
+void settle(ProcessGroup& group) {
+    // Without datagrams nothing else tells that a wanted slave is not there.
+    group.complete = group.mapped && (!group.statuses.empty() || group.expected_wkc == 0);
+    group.special = group.extras || group.overlap.sets > 1 || !group.complete;
+    for (PreparedFrame& frame : group.prepared) frame.settle();
+}
+
+// What the slave adds to the expected working counters. A slave without a place adds to the full one too: nothing that
+// comes back is all that was wanted.
+void count(ProcessGroup& group, const Slave& slave, bool more) {
+    if (slave.unplaced) {
+        group.expected_wkc = more ? group.expected_wkc + 1 : group.expected_wkc - 1;
+        if (group.statuses.empty()) return;
+        change(group.statuses[0].expected, 1, more);
+        change(group.statuses[0].full, 1, more);
+        return;
+    }
+    const auto fmmus = make_fmmus(slave, group.layout);
+    if (!fmmus) return;
+    for (std::size_t n = 0; n < group.statuses.size(); ++n) {
+        const std::uint16_t share = working_counter_of(*fmmus, group.plans[n]);
+        change(group.statuses[n].expected, share, more);
+        group.expected_wkc = more ? group.expected_wkc + share : group.expected_wkc - share;
+    }
 }
 
 }  // namespace
@@ -12,21 +46,43 @@ std::uint16_t changed(std::uint16_t counter, std::uint16_t by, bool more) {
 void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     if (slave.takes_part == takes_part) return;
     slave.takes_part = takes_part;
-    if (slave.config.group >= network.process.groups.size()) return;
-    ProcessGroup& group = network.process.groups[slave.config.group];
-    const auto fmmus = make_fmmus(slave, group.layout);
-    if (!group.mapped || !fmmus) return;
-    for (std::size_t n = 0; n < group.statuses.size(); ++n) {
-        DatagramStatus& status = group.statuses[n];
-        const std::uint16_t share = working_counter_of(*fmmus, group.plans[n]);
-        status.accepted = changed(status.accepted, share, takes_part);
-        if (!slave.config.optional) continue;
-        status.expected = changed(status.expected, share, takes_part);
-        group.expected_wkc = takes_part ? group.expected_wkc + share : group.expected_wkc - share;
-    }
-    for (PreparedFrame& frame : group.prepared) frame.settle();
-    if (takes_part) note_joining(group, slave);
-    settle_lost_inputs(group);
+    ProcessGroup* group = group_of(network, slave);
+    if (group == nullptr) return;
+    const auto fmmus = make_fmmus(slave, group->layout);
+    if (!fmmus) return;
+    for (std::size_t n = 0; n < group->statuses.size(); ++n)
+        change(group->statuses[n].accepted, working_counter_of(*fmmus, group->plans[n]), takes_part);
+    update_counted(network, slave);
+    settle(*group);
+    if (takes_part) note_joining(*group, slave);
+    settle_lost_inputs(*group);
+}
+
+void update_counted(Network& network, Slave& slave) {
+    const bool has_share = exchanges(slave) || slave.unplaced;
+    const bool counted = has_share && (slave.takes_part || is_wanted_in_exchange(network, slave));
+    if (!has_share || counted == slave.counted) return;
+    ProcessGroup* group = group_of(network, slave);
+    if (group == nullptr) return;
+    slave.counted = counted;
+    count(*group, slave, counted);
+    settle(*group);
+}
+
+void begin_counting(Network& network, ProcessGroup& group) {
+    for (Slave& slave : network.slaves())
+        if (slave.config.group == group.number) slave.counted = exchanges(slave);
+    settle(group);
+    for (Slave& slave : network.slaves())
+        if (slave.config.group == group.number) update_counted(network, slave);
+}
+
+void forget_unplaced(Network& network, Slave& slave) {
+    ProcessGroup* group = group_of(network, slave);
+    if (group != nullptr && slave.unplaced && slave.counted) count(*group, slave, false);
+    if (slave.unplaced) slave.counted = false;
+    slave.unplaced = false;
+    if (group != nullptr) settle(*group);
 }
 
 }  // namespace margay

@@ -111,4 +111,45 @@ Error check_pdo_lists(const Slave& slave) {
     return {};
 }
 
+namespace {
+
+// Lists that tell all their entries, and of which nothing has to be known of the slave.
+bool tells_all(const Slave& slave) {
+    const auto lists = slave.config.pdos();
+    return !lists.empty() && std::ranges::all_of(lists, [&](const SmPdos& list) {
+        const bool once = std::ranges::count(lists, list.sync_manager, &SmPdos::sync_manager) == 1;
+        return once && list.sync_manager < Slave::kSyncManagers && listed_bits(list).open == 0 &&
+               std::ranges::all_of(list.pdos, [](const Pdo& p) { return is_output(p.index) || is_input(p.index); });
+    });
+}
+
+}  // namespace
+
+bool keep_place(Slave& slave) {
+    SlaveConfiguration& config = slave.config;
+    forget_kept_place(slave);
+    if (config.sm_count != 0 || config.source == ConfigurationSource::application ||
+        config.source == ConfigurationSource::file)
+        return true;
+    if (!tells_all(slave)) return false;
+    // In the order of the SyncManagers, as what the slave itself says will be.
+    for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
+        const SmPdos* list = find_list(slave, n);
+        if (list == nullptr || list->pdos.empty()) continue;
+        const bool input = is_input(list->pdos.front().index);
+        (void)config.add({.number = n,
+                          .direction = input ? Direction::inputs : Direction::outputs,
+                          .bits = listed_bits(*list).bits});
+    }
+    slave.place_kept = true;
+    return true;
+}
+
+void forget_kept_place(Slave& slave) {
+    if (!slave.place_kept) return;
+    slave.place_kept = false;
+    slave.config.sm_count = 0;
+    slave.config.source = ConfigurationSource::none;
+}
+
 }  // namespace margay

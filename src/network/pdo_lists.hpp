@@ -21,6 +21,13 @@ struct ListedBits {
 };
 [[nodiscard]] ListedBits listed_bits(const SmPdos& list);
 
+// Keeps the place in the image that the application wants for a slave that cannot be asked now: by slave.config.sms
+// where these are set, else by the lists of PDOs, where these tell all entries. Says whether the sizes are known; then
+// slave.config.sms has them, and slave.place_kept that start addresses and control octets are still to come.
+[[nodiscard]] bool keep_place(Slave& slave);
+// Takes back what keep_place() has put into slave.config, before the slave is asked.
+void forget_kept_place(Slave& slave);
+
 // By the PDOs of the list, or by the SII where it has none.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);
 

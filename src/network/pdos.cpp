@@ -190,7 +190,7 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
     if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Result<>();
     // They are written in PREOP only.
     if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
-        auto back = co_await change_state(network, slave, AlState::preop);
+        auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
     }
     for (const SmPdos& list : slave.config.pdos()) {

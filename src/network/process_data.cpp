@@ -32,13 +32,15 @@ std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> g
     return all.size();
 }
 
-// The datagram falls short of what a lost slave would have added.
-std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::span<const Slave> slaves,
-                         const DatagramPlan& datagram) {
-    for (const Slave& slave : slaves) {
-        if (slave.config.group != number || slave.al.state != AlState::none) continue;
+// The first slave that is known not to take part and that datagram `n` falls short of; 0: none is known.
+std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
+    for (const Slave& slave : group.slaves) {
+        const bool absent = slave.al.state == AlState::none || (slave.counted && !slave.takes_part);
+        if (slave.config.group != group.number || !absent) continue;
+        if (slave.unplaced && slave.counted && n == 0) return slave.position;
+        if (n >= group.plans.size()) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
-        if (fmmus && working_counter_of(*fmmus, datagram) > 0) return slave.position;
+        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.position;
     }
     return 0;
 }
@@ -194,6 +196,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     else
         link.add_pace(group.pace);
     group.mapped = true;
+    group.complete = true;
     group.special = group.extras || sets > 1;
     return Result<>();
 }
@@ -272,7 +275,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
         ++missing;
     }
     std::uint32_t got = 0;
-    bool right = true;
+    bool right = group.complete;
     bool fresh = true;
     for (const DatagramStatus& d : group.datagrams) {
         if (d.came) got += d.got;
@@ -293,8 +296,9 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
     error.detail = fresh ? Error::kOthersFresh : 0;
     error.expected = group.expected_wkc;
     error.actual = got;
+    if (!group.complete) error.slave = lost_slave(group, 0);
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
-        if (!group.datagrams[n].right()) error.slave = lost_slave(group, group.number, group.slaves, group.plans[n]);
+        if (!group.datagrams[n].right()) error.slave = lost_slave(group, n);
     return error;
 }
 

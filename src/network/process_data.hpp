@@ -34,11 +34,12 @@ struct ProcessGroup : Group {
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
     std::uint8_t number = 0;
-    // Not mapped, cycles overlap, or there are extras: not the path that nearly every cycle takes.
+    // Not mapped or not complete, cycles overlap, or there are extras: not the path that nearly every cycle takes.
     bool special = true;
     bool under_way = false;   // a cycle was sent that receive_processdata() has not ended; not where cycles overlap
     bool extras = false;      // copies from slave to slave, or a shared image
     bool mapping = false;     // config_map() is at it
+    bool complete = false;    // mapped, and its datagrams tell of every slave that is wanted
     bool told_short = false;  // the supervision has told so
     bool unexpected = false;  // a cycle was not usable, or a slave is back: for the supervision
     std::uint16_t cycles_lost = 0;  // of which frames did not come back, in a row

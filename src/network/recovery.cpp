@@ -5,10 +5,12 @@
 #include "network/expectation.hpp"
 #include "network/hooks.hpp"
 #include "network/members.hpp"
+#include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
-#include "network/scan.hpp"
+#include "network/preop.hpp"
 #include "network/survey.hpp"
 #include "network/transition.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 
@@ -19,22 +21,10 @@ namespace {
 
 namespace reg = wire::reg;
 
-// What it shall exchange, if anything, is in the image.
-bool has_place(const Slave& slave) {
-    if (slave.pdos_failed) return false;  // nobody knows what it exchanges
-    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count),
-                                           [](const ProcessSm& sm) { return sm.bits != 0; });
-    return !wants || slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-}
-
-bool mapped(const Network& network, const Slave& slave) {
-    return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapped;
-}
-
 // With all that belongs to the transition, and told as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     const AlStatus before = slave.al;
-    auto changed = co_await change_state(network, slave, state);
+    auto changed = co_await bring_to_state(network, slave, state);
     const AlStatus after = slave.al;
     slave.al = before;
     note_state(network, slave, after);
@@ -70,28 +60,92 @@ Task<Result<>> get_to_know(Network& network, Slave& slave) {
     if (!surveyed) co_return surveyed;
     if (!slave.seen) co_return slave.error;
     const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
-    if (other.code == Errc::none) co_return Result<>();
+    if (other.code == Errc::none) {
+        slave.other = false;
+        slave.held = false;
+        co_return Result<>();
+    }
     slave.seen = false;
     co_return other;
 }
 
-// Its process data: what was said of it before it came, or what it says itself now; that may not be what the image was
-// laid out for.
-Task<Result<>> take_in(Network& network, Slave& slave) {
-    auto discovered = co_await discover_pdos(network, slave);
-    slave.pdos_failed = !discovered;
-    if (!discovered) co_return discovered;
-    if (!has_place(slave)) {
-        Error error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
-        network.note(slave, error);
-        co_return Result<>();
+// The place that was kept for the slave has the sizes that it has itself.
+Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
+    Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.position};
+    const auto bits_of = [](std::span<const ProcessSm> sms, std::uint8_t number) {
+        std::uint32_t bits = 0;
+        for (const ProcessSm& sm : sms) bits += sm.number == number ? sm.bits : 0;
+        return bits;
+    };
+    const auto own = std::span(slave.config.sms).first(slave.config.sm_count);
+    for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
+        error.index = wire::reg::sync_manager(n).address;
+        error.expected = bits_of(kept, n);
+        error.actual = bits_of(own, n);
+        if (error.expected != error.actual) return error;
     }
+    return {};
+}
+
+// The process data of a slave that could not be asked when the image was laid out: what was said of the slave before it
+// came, or what it says itself now. That may not be what the image was laid out for.
+Task<Result<>> take_in(Network& network, Slave& slave) {
+    const bool kept = slave.place_kept;
+    const auto kept_sms = slave.config.sms;
+    const std::size_t kept_count = kept ? slave.config.sm_count : 0U;
+    forget_kept_place(slave);
+    auto discovered = co_await discover_pdos(network, slave);
+    Error error = discovered.error();
+    if (discovered && kept) error = compare_with_place(slave, std::span(kept_sms).first(kept_count));
+    slave.pdos_failed = error.code != Errc::none;
+    if (slave.pdos_failed) {
+        if (kept) slave.config.sm_count = 0;
+        if (kept) slave.config.source = ConfigurationSource::none;
+        if (kept) (void)keep_place(slave);
+        co_return error;
+    }
+    const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
+    if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
+    if (!has_place(slave))
+        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
     ProcessGroup& group = network.process.groups[slave.config.group];
     const Error entries = place_entries(network, group, &slave);
-    (void)entries;  // told in errors(); the slave goes on
+    (void)entries;  // it is in errors(); the slave goes on
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
+}
+
+// With the hook, and the process data of a slave that was not asked yet: from PREOP to SAFEOP.
+Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
+    auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
+    slave.hook_failed = !hook.ok();
+    if (!hook) co_return hook;
+    if (slave.pdos_failed || slave.place_kept || slave.unplaced) {
+        auto taken_in = co_await take_in(network, slave);
+        if (!taken_in) co_return taken_in;
+    }
+    if (!is_mapped(network, slave)) co_return Result<>();
+    const AlStatus before = slave.al;
+    auto configured =
+        co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
+    const AlStatus reached = slave.al;
+    slave.al = before;
+    note_state(network, slave, reached);
+    co_return configured;
+}
+
+// To PREOP or INIT, out of the exchange.
+Task<Result<>> lower(Network& network, Slave& slave, AlState state) {
+    auto cleared = co_await clear_fmmus(network, slave);
+    if (!cleared) co_return cleared;
+    auto changed = co_await change(network, slave, state);
+    co_return changed ? Result<>() : Result<>(changed.error());
+}
+
+bool is_configured(const Slave& slave) {
+    return (slave.al.state == AlState::safeop || slave.al.state == AlState::op) &&
+           (slave.takes_part || !exchanges(slave)) && slave.seen;
 }
 
 }  // namespace
@@ -103,16 +157,7 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     slave.al = now;
 }
 
-AlState goal(const Network& network, const Slave& slave, AlState target) {
-    return mapped(network, slave) && has_place(slave) ? limited(slave, target) : AlState::preop;
-}
-
-Task<Result<>> reconfigure(Network& network, Slave& slave) {
-    const bool new_here = !slave.seen;
-    if (new_here) {
-        auto known = co_await get_to_know(network, slave);
-        if (!known) co_return known;
-    }
+Task<Result<>> restart(Network& network, Slave& slave) {
     auto init = co_await back_to_init(network, slave);
     if (!init) co_return init;
     const AlStatus before = slave.al;
@@ -122,40 +167,46 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
     const AlStatus after = slave.al;
     slave.al = before;
     note_state(network, slave, after);
-    if (!preop || !mapped(network, slave)) co_return preop;
-    auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
-    slave.hook_failed = !hook.ok();
-    if (!hook) co_return hook;
-    if (new_here || slave.pdos_failed) {
-        auto taken_in = co_await take_in(network, slave);
-        if (!taken_in || !has_place(slave)) co_return taken_in;
-    }
-    auto configured =
-        co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
-    const AlStatus reached = slave.al;
-    slave.al = after;
-    note_state(network, slave, reached);
-    co_return configured;
+    co_return preop;
 }
 
-Task<Result<>> bring_back(Network& network, Slave& slave, AlState target) {
+Task<Result<>> reconfigure(Network& network, Slave& slave) {
+    if (!slave.seen) {
+        auto known = co_await get_to_know(network, slave);
+        if (!known) co_return known;
+        if (!is_mapped(network, slave)) slave.pdos_failed = false;
+    }
+    if (slave.held && !slave.mailbox.present()) co_return co_await back_to_init(network, slave);
+    auto preop = co_await restart(network, slave);
+    if (!preop || slave.held || !is_mapped(network, slave) || wanted_state(network, slave) < AlState::safeop)
+        co_return preop;
+    co_return co_await back_to_safeop(network, slave);
+}
+
+Task<Result<>> bring_back(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) co_return seen.error();
     note_state(network, slave, *seen);
-    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-    bool configured = (slave.al.state == AlState::safeop || slave.al.state == AlState::op) &&
-                      (slave.takes_part || !exchanges) && slave.seen;
+    const AlState to = goal(network, slave);
+    const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
+    if (to == AlState::init || (to == AlState::preop && process)) co_return co_await lower(network, slave, to);
+    bool configured = is_configured(slave);
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
         configured = acknowledged.ok();
     }
-    if (configured && goal(network, slave, target) == AlState::op && slave.al.state != AlState::op) {
-        auto op = co_await change(network, slave, AlState::op);
-        configured = op.ok();
+    if (configured && slave.al.state != to) {
+        auto changed = co_await change(network, slave, to);
+        configured = changed.ok();
     }
     if (configured) co_return Result<>();
-    auto again = co_await reconfigure(network, slave);
-    if (!again || goal(network, slave, target) != AlState::op) co_return again;
+    // It was brought to PREOP and has been there since: there is nothing to begin anew with.
+    const bool waits = slave.al.state == AlState::preop && !slave.al.error && slave.settled == AlState::preop &&
+                       slave.seen && !slave.held && to >= AlState::safeop;
+    Result<> again;
+    if (waits) again = co_await back_to_safeop(network, slave);
+    if (!waits || !again) again = co_await reconfigure(network, slave);
+    if (!again || goal(network, slave) != AlState::op) co_return again;
     auto op = co_await change(network, slave, AlState::op);
     co_return op ? Result<>() : Result<>(op.error());
 }

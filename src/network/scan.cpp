@@ -1,12 +1,11 @@
 #include "network/scan.hpp"
 
 #include "network/expectation.hpp"
+#include "network/preop.hpp"
 #include "network/survey.hpp"
 #include "network/topology.hpp"
-#include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
-#include "wire/sync_manager.hpp"
 
 #include <algorithm>
 
@@ -87,25 +86,12 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-Task<Result<>> start_mailbox(Network& network, Slave& slave) {
-    if (slave.ring == 0) co_return Result<>();
+// A slave that is held stays in INIT where it has no mailbox.
+Task<Result<>> start_mailbox(Network& network, Slave& slave, FirstFault& faults) {
+    if (slave.ring == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
     auto done = co_await bring_to_preop(network, slave);
-    if (!done) network.note(slave, done.error());
+    if (!done) faults.note(network, slave, done.error());
     co_return Result<>();
-}
-
-// A mailbox SyncManager: place and size from the SII's mailbox words, manner from its SyncManager category if
-// it has one.
-wire::SyncManager mailbox_sync_manager(const Slave& slave, SmType type) {
-    const bool out = type == SmType::mailbox_out;
-    wire::SyncManager sm{.physical_start = out ? slave.mailbox.out_start : slave.mailbox.in_start,
-                         .length_bytes = out ? slave.mailbox.out_bytes : slave.mailbox.in_bytes,
-                         .control = wire::sm_control::kModeMailbox | wire::sm_control::kPdiInterrupt,
-                         .activate = wire::sm_activate::kEnable};
-    if (out) sm.control |= wire::sm_control::kEcatWrites;
-    const auto& described = slave.sync_managers[out ? 0 : 1];
-    if (described.type == type) sm.control = described.control;
-    return sm;
 }
 
 }  // namespace
@@ -138,37 +124,6 @@ Task<Result<bool>> reset_slaves(Network& network) {
     co_return cleared ? in_init : Result<bool>(cleared.error());
 }
 
-Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
-    const Station station = network.station(slave);
-    const bool mailbox = slave.mailbox.present() && !slave.config.no_mailbox;
-    if (mailbox) {
-        std::array<std::byte, 2 * reg::kSyncManagerStride> sms{};
-        wire::store_sync_manager(sms, mailbox_sync_manager(slave, SmType::mailbox_out));
-        wire::store_sync_manager(MutableBytes(sms).subspan(reg::kSyncManagerStride),
-                                 mailbox_sync_manager(slave, SmType::mailbox_in));
-        auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
-        if (!written) co_return written.error();
-    }
-    auto before = co_await around_transition(network, slave, Transition::init_to_preop, Moment::before);
-    if (!before) co_return before;
-    if (slave.al.state == AlState::none) {
-        auto now = co_await read_al_status(station);
-        if (!now) co_return now.error();
-        slave.al = *now;
-    }
-    auto state = co_await change_al_state_from(station, slave.al, AlState::preop, slave.device_emulation,
-                                               al_timeout(slave, AlState::preop));
-    if (state) {
-        slave.al = *state;
-        if (mailbox && network.has_mailbox(slave))
-            network.mailbox(slave).open(network.mailboxes, station, slave, slave.mailbox);
-        co_return co_await around_transition(network, slave, Transition::init_to_preop, Moment::after);
-    }
-    auto seen = co_await read_al_status(station);
-    slave.al = seen ? *seen : AlStatus{};
-    co_return state.error();
-}
-
 namespace {
 
 // The table as far as counting tells: each slave is where it is in the ring.
@@ -187,7 +142,8 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
 // Which slaves are expected where, once all are known: numbers them anew if that is not as they are in the ring.
 Task<Result<>> arrange(Network& network) {
     for (Slave& slave : network.slaves()) {
-        if (slave.ring > network.ring.size()) break;
+        // Somebody else who goes through the ring may have found the slave to be away.
+        if (slave.ring == 0 || slave.ring > network.ring.size()) continue;
         network.ring[slave.ring - 1U] = {.slave = slave.position, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
@@ -200,12 +156,39 @@ Task<Result<>> arrange(Network& network) {
     co_return co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
 }
 
+// The table is of use once the scan has come to its end.
+class Scanning {
+  public:
+    explicit Scanning(Network& network) : network_(network) { begin(); }
+    Scanning(const Scanning&) = delete;
+    Scanning& operator=(const Scanning&) = delete;
+    ~Scanning() {
+        if (!done_) begin();
+    }
+    void done() { done_ = true; }
+
+  private:
+    void begin() {
+        ++network_.scans;
+        network_.mailboxes.forget_all();
+        network_.count = 0;
+        network_.ring_count = 0;
+        network_.target = AlState::op;
+    }
+    Network& network_;
+    bool done_ = false;
+};
+
+// A slave that could not be asked what it is.
+void keep_unasked(Network& network, FirstFault& faults) {
+    for (const Slave& slave : network.slaves())
+        if (slave.ring != 0 && !slave.seen) faults.keep(slave.error);
+}
+
 }  // namespace
 
 Task<Result<std::uint16_t>> scan(Network& network) {
-    network.mailboxes.forget_all();
-    network.count = 0;
-    network.ring_count = 0;
+    Scanning scanning(network);
     network.expected = network.expected_next;
     for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
     auto link = co_await wait_for_link(network);
@@ -230,9 +213,14 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);
     auto arranged = co_await arrange(network);
     if (!arranged) co_return arranged.error();
-    compare_with_expected(network);
-    auto started = co_await for_each_slave(network, [&network](Slave& s) { return start_mailbox(network, s); });
+    FirstFault faults;
+    keep_unasked(network, faults);
+    compare_with_expected(network, faults);
+    auto started =
+        co_await for_each_slave(network, [&network, &faults](Slave& s) { return start_mailbox(network, s, faults); });
     if (!started) co_return started.error();
+    scanning.done();
+    if (faults.error().code != Errc::none) co_return faults.error();
     co_return *count;
 }
 

@@ -5,7 +5,8 @@
 
 namespace margay {
 
-// The whole of config_init(); returns the number of slaves.
+// The whole of config_init(); returns the number of slaves. An error that names a slave is of that slave, and the scan
+// has come to its end all the same; after any other error there are no slaves.
 [[nodiscard]] Task<Result<std::uint16_t>> scan(Network& network);
 
 // The parts of it.
@@ -13,9 +14,5 @@ namespace margay {
 // All slaves to INIT, and what a master before has left taken away. The value says whether all were seen in
 // INIT.
 [[nodiscard]] Task<Result<bool>> reset_slaves(Network& network);
-
-// Configures the mailbox SyncManagers of one slave and brings it to PREOP. Its EEPROM must have been offered to the
-// PDI: some slaves refuse without.
-[[nodiscard]] Task<Result<>> bring_to_preop(Network& network, Slave& slave);
 
 }  // namespace margay

@@ -5,6 +5,7 @@
 #include "network/members.hpp"
 #include "network/recovery.hpp"
 #include "network/survey.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 #include "wire/sii.hpp"
@@ -26,7 +27,7 @@ bool fits(const Slave& slave, const Slave& guest) {
     const bool same = slave.identity.vendor == guest.identity.vendor &&
                       slave.identity.product == guest.identity.product &&
                       slave.identity.revision == guest.identity.revision;
-    if (slave.seen && !same) return false;
+    if (slave.seen && !slave.other && !same) return false;
     return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
 }
 
@@ -37,6 +38,21 @@ std::uint8_t group_of(const Slave& slave) {
     return slave.wanted != nullptr ? slave.wanted->hot_connect : std::uint8_t{0};
 }
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
+
+// Marks a search for as long as it lives.
+class Searching {
+  public:
+    explicit Searching(Network& network) : network_(network), scans_(network.scans) { network_.searching = true; }
+    Searching(const Searching&) = delete;
+    Searching& operator=(const Searching&) = delete;
+    ~Searching() { network_.searching = false; }
+    // A scan has begun meanwhile: the ring and the slaves are not those that the search has looked at.
+    [[nodiscard]] bool overtaken() const { return network_.scans != scans_; }
+
+  private:
+    Network& network_;
+    std::uint32_t scans_;
+};
 
 // ------------------------------------------------------------------ who is where
 
@@ -71,7 +87,9 @@ void recognise(Network& network) {
     store_topology(network.seen_ring(), network.slaves());
 }
 
-Task<Result<>> read_ring(Network& network) {
+constexpr Error kOvertaken{.code = Errc::unstable, .step = Step::recover};
+
+Task<Result<>> read_ring(Network& network, const Searching& searching) {
     auto roll = co_await call_roll(network);
     for (int more = 5; !roll && more > 0; --more) roll = co_await call_roll(network);
     if (!roll) co_return roll.error();
@@ -86,6 +104,7 @@ Task<Result<>> read_ring(Network& network) {
         }
     }
     co_await crew.all();
+    if (searching.overtaken()) co_return kOvertaken;
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
     network.ring_count = roll->count;
     recognise(network);
@@ -97,8 +116,7 @@ Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
         if (slave.ring != 0 || slave.recovering || slave.al.state == AlState::none) continue;
         auto there = co_await read_al_status(network.station(slave));
-        const bool answers = there || there.error().code != Errc::working_counter;
-        if (!answers && !slave.recovering && slave.al.state != AlState::none) note_lost(network, slave);
+        if (says_gone(there.error()) && !slave.recovering && slave.al.state != AlState::none) note_lost(network, slave);
     }
     co_return Result<>();
 }
@@ -245,12 +263,20 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     slave.device_id = network.guest.device_id;
     auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
     if (!named) co_return named;
+    if (n >= network.ring_count) co_return kOvertaken;
     network.ring[n].slave = slave.position;
     store_topology(network.seen_ring(), network.slaves());
     network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
     slave.attempts = 0;
     slave.told_missing = false;
+    slave.settled = AlState::none;
+    if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
+        slave.seen = false;
+        slave.other = false;
+        slave.held = false;
+        slave.dl = {.fmmus = 16, .sync_managers = 16};
+    }
     co_return Result<>();
 }
 
@@ -276,6 +302,7 @@ void tell_other(Network& network, Slave& slave) {
 
 void tell_stranger(Network& network, std::uint16_t n) {
     const auto ring = network.seen_ring();
+    if (n >= ring.size()) return;
     Event event{.kind = EventKind::stranger, .port = ring[n].parent_port};
     std::uint16_t parent = ring[n].parent;
     for (; parent != 0 && ring[parent - 1U].slave == 0; parent = ring[parent - 1U].parent)
@@ -316,10 +343,12 @@ bool below_unasked(Network& network, std::size_t n) {
 }
 
 // Says whether it is one of ours.
-Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
+Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Searching& searching) {
     auto named = co_await name_guest(network, n);
+    if (searching.overtaken()) co_return kOvertaken;
     if (!named) co_return named.error();
     auto asked = co_await ask_guest(network);
+    if (searching.overtaken()) co_return kOvertaken;
     if (!asked) {
         auto undone = co_await rename(network, guest_address(network), network.ring[n].address);
         (void)undone;  // it is gone, or it is asked again
@@ -333,18 +362,6 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     auto admitted = co_await admit(network, n, *verdict.slave);
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
-
-// Marks a search for as long as it lives.
-class Searching {
-  public:
-    explicit Searching(Network& network) : network_(network) { network_.searching = true; }
-    Searching(const Searching&) = delete;
-    Searching& operator=(const Searching&) = delete;
-    ~Searching() { network_.searching = false; }
-
-  private:
-    Network& network_;
-};
 
 Task<Result<bool>> is_the_same(Network& network, Slave& slave) {
     const Station station = network.station(slave);
@@ -369,17 +386,20 @@ Task<Result<Roll>> call_roll(Network& network) {
 Task<Result<std::uint16_t>> find_lost(Network& network) {
     if (network.searching) co_return Error{.code = Errc::busy, .step = Step::recover};
     const Searching searching(network);
-    auto read = co_await read_ring(network);
+    auto read = co_await read_ring(network, searching);
     if (!read) co_return read.error();
     auto forgotten = co_await forget_guests(network);
+    if (searching.overtaken()) co_return kOvertaken;
     if (!forgotten) co_return forgotten.error();
     auto missed = co_await miss_absent(network);
+    if (searching.overtaken()) co_return kOvertaken;
     if (!missed) co_return missed.error();
     std::uint16_t found = 0;
     Error error;
     for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
         if (network.ring[n].slave != 0 || below_unasked(network, n)) continue;
-        auto ours = co_await receive_newcomer(network, n);
+        auto ours = co_await receive_newcomer(network, n, searching);
+        if (searching.overtaken()) co_return kOvertaken;
         network.ring[n].unasked = !ours;
         if (!ours) error = ours.error();  // of this one: those behind may be well
         if (ours && *ours) ++found;
@@ -391,14 +411,14 @@ void note_lost(Network& network, Slave& slave) {
     network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
     slave.al = {};
     slave.ring = 0;
+    slave.settled = AlState::none;
     set_takes_part(network, slave, false);
 }
 
 // FMMUs that are as we have written them are proof enough, and the cycle waits for them. Else the SII is asked.
 Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
-    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
     bool mapped = false;
-    if (exchanges) {
+    if (exchanges(slave) && is_mapped(network, slave) && !slave.held) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
         mapped = same && *same;
     }

@@ -2,6 +2,7 @@
 
 #include "network/members.hpp"
 #include "network/transition.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -15,8 +16,9 @@ constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 Task<Result<>> read_state(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none && !slave.seen) co_return Result<>();  // it has not come yet
     auto seen = co_await read_al_status(network.station(slave));
-    slave.al = seen ? *seen : AlStatus{};
-    if (!seen && seen.error().code == Errc::working_counter) set_takes_part(network, slave, false);
+    take_al_status(slave.al, seen);
+    if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
+    if (!seen && !says_gone(seen.error())) co_return seen.error();
     if (request_is_met(slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
 }
@@ -39,8 +41,20 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
 }
 
 Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state) {
-    if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen)) co_return Result<>();
+    const bool process = state == AlState::safeop || state == AlState::op;
+    if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
+        co_return process ? Result<>(missing_error(network, slave)) : Result<>();
+    if (process && slave.held) co_return held_error(slave, Step::request_state);
+    // Its target is another one, by set_target().
+    if (network.supervised && slave.target != AlState::none) co_return Result<>();
     co_return co_await write_state(network, slave, limited(slave, state));
+}
+
+// With the error of the slave with the lowest number.
+Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, FirstFault& faults) {
+    auto written = co_await write_state_of_all(network, slave, state);
+    faults.keep(written.error());
+    co_return Result<>();
 }
 
 // Those that may be missing do not count where they are; nor those that go no higher, unless there are no others.
@@ -67,22 +81,31 @@ AlStatus lowest(std::span<const Slave> slaves) {
 }  // namespace
 
 Task<Result<AlStatus>> read_states(Network& network) {
-    auto all = co_await for_each_slave(network, [&network](Slave& s) { return read_state(network, s); });
+    Error first;
+    auto all = co_await for_each_slave(
+        network, [&network](Slave& s) { return read_state(network, s); }, &first);
     if (!all) co_return all.error();
+    if (first.code != Errc::none) co_return first;
     co_return lowest(network.slaves());
 }
 
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0) {
         Slave& one = network.slave(slave);
-        if (limited(one, state) == state) co_return co_await write_state(network, one, state);
-        co_return above_highest(network.station(one), one, state);
+        const Error refused = refusal(network, one, state);
+        if (refused.code != Errc::none) co_return refused;
+        co_return co_await write_state(network, one, state);
     }
-    Error first;
+    if (network.supervised && state != network.target)
+        co_return Error{.code = Errc::supervised,
+                        .step = Step::request_state,
+                        .expected = static_cast<std::uint32_t>(network.target),
+                        .actual = static_cast<std::uint32_t>(state)};
+    FirstFault faults;
     auto all = co_await for_each_slave(
-        network, [&network, state](Slave& s) { return write_state_of_all(network, s, state); }, &first);
+        network, [&network, state, &faults](Slave& s) { return write_and_keep(network, s, state, faults); });
     if (!all) co_return all;
-    if (first.code != Errc::none) co_return first;
+    if (faults.error().code != Errc::none) co_return faults.error();
     co_return Result<>();
 }
 
@@ -91,9 +114,11 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
     Duration pause = kFirstPause;
     for (;;) {
         auto all = co_await read_states(network);
-        if (!all) co_return all;
+        // Frames may be lost: as long as there is time the slaves are read again.
+        const bool over = network.engine.now() >= give_up;
+        if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
-        if ((now.state == state && !now.error) || network.engine.now() >= give_up) co_return now;
+        if (all && ((now.state == state && !now.error) || over)) co_return now;
         co_await network.engine.sleep_until(std::min(give_up, network.engine.now() + pause));
         pause = std::min(pause * 2, kLongestPause);
     }

@@ -7,6 +7,7 @@
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -22,6 +23,7 @@ constexpr std::uint32_t kNotWalked = 0xFFFF'FFFF;
 struct Watch {
     Network& network;
     const SuperviseRequest& wanted;
+    AlState target_before{};  // wanted.target, as it was taken over last
     Roll last{};
     std::uint16_t told_count = 0;   // of slaves that answer, as it was told last
     unsigned looks = 0;             // in a row that have not explained a short working counter
@@ -54,8 +56,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (seen.error().code != Errc::working_counter || !was_there || slave.al.state == AlState::none ||
-            slave.recovering)
+        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || slave.recovering)
             co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
@@ -69,18 +70,36 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
 
 // All answer and claim to be well, and still the working counter is short: who has lost his configuration?
 Task<Result<>> doubt(Network& network, Slave& slave) {
-    if (slave.recovering || !slave.takes_part || left_alone(network, slave)) co_return Result<>();
+    if (slave.recovering || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
+        co_return Result<>();
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
     if (!same || *same) co_return Result<>();
     set_takes_part(network, slave, false);
     co_return Result<>();
 }
 
-bool needs_help(const Network& network, const Slave& slave, AlState target) {
+bool needs_help(const Network& network, const Slave& slave) {
     if (slave.recovering || slave.al.state == AlState::none || left_alone(network, slave)) return false;
-    if (slave.al.error || slave.al.state != goal(network, slave, target)) return true;
-    return goal(network, slave, target) != AlState::preop && !slave.takes_part &&
-           (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
+    const AlState to = goal(network, slave);
+    if (slave.al.error || slave.al.state != to) return true;
+    return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
+}
+
+// The slave is as the supervision has left it, or on its way up for the first time: no recovery.
+bool is_well(const Slave& slave) {
+    if (slave.al.error || slave.attempts != 0) return false;
+    if (slave.settled != AlState::none) return slave.al.state == slave.settled;
+    return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
+}
+
+// wanted.target may be changed by the application at any time.
+void take_target(Watch& watch) {
+    const AlState target = watch.wanted.target;
+    const bool known =
+        target == AlState::init || target == AlState::preop || target == AlState::safeop || target == AlState::op;
+    if (target == watch.target_before || !known) return;
+    watch.target_before = target;
+    watch.network.target = target;
 }
 
 // Marks a slave as being worked on for as long as it lives.
@@ -98,18 +117,17 @@ class Recovering {
 Task<Result<>> help(Watch& watch, Slave& slave) {
     Network& network = watch.network;
     const Recovering recovering(slave);
-    // On its way up for the first time, not back.
-    const bool exchanges = slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
-    const bool well =
-        slave.al.state == AlState::safeop && !slave.al.error && (slave.takes_part || !exchanges) && slave.attempts == 0;
-    auto done = co_await bring_back(network, slave, watch.wanted.target);
+    const bool well = is_well(slave);
+    auto done = co_await bring_back(network, slave);
     if (done) {
         slave.attempts = 0;
-        if (!well) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        slave.settled = slave.al.state;
+        const bool there = slave.al.state == goal(network, slave) && !slave.al.error && !slave.held;
+        if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
     }
     // That it is gone again the next look will tell.
-    if (done.error().code != Errc::working_counter) {
+    if (!says_gone(done.error())) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
         event.error = done.error();
         if (slave.attempts == 0) {
@@ -204,8 +222,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     const Time now = watch.network.engine.now();
     const bool again = now >= watch.retry_at;
     for (Slave& slave : watch.network.slaves()) {
-        if (crew.full()) return;
-        if (!needs_help(watch.network, slave, watch.wanted.target) || (slave.attempts > 0 && !again)) continue;
+        update_counted(watch.network, slave);
+        if (crew.full() || !needs_help(watch.network, slave) || (slave.attempts > 0 && !again)) continue;
         if (!crew.start(help(watch, slave))) return;
     }
 }
@@ -246,6 +264,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         network.tell({.kind = EventKind::found});
         watch.last = {};
     }
+    take_target(watch);
     const bool unexpected = judge_groups(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
@@ -272,7 +291,11 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     watch.walked = network.ring_count;
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
-    for (Slave& slave : network.slaves()) slave.attempts = 0;
+    for (Slave& slave : network.slaves()) {
+        slave.attempts = 0;
+        slave.settled = AlState::none;
+    }
+    watch.target_before = wanted.target;  // which submit() has taken over
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);

@@ -2,6 +2,7 @@
 
 #include "network/hooks.hpp"
 #include "network/startup.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 
 #include <algorithm>
@@ -42,7 +43,8 @@ bool goes_up(Transition which) {
 }
 
 bool concerns(const Slave& slave, Transition which, Moment moment) {
-    return which != Transition::none && (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
+    return which != Transition::none &&
+           (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
 }
 
 }  // namespace
@@ -70,6 +72,12 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
 }
 
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Duration timeout) {
+    const Error refused = refusal(network, slave, state);
+    if (refused.code != Errc::none) co_return refused;
+    co_return co_await bring_to_state(network, slave, state, timeout);
+}
+
+Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Duration timeout) {
     const Station station = network.station(slave);
     if (limited(slave, state) != state) co_return above_highest(station, slave, state);
     if (slave.al.state == AlState::none) {
@@ -87,7 +95,7 @@ Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState stat
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
     if (!changed) {
         auto seen = co_await read_al_status(station);
-        slave.al = seen ? *seen : AlStatus{};
+        take_al_status(slave.al, seen);
         co_return changed;
     }
     slave.al = *changed;

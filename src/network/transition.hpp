@@ -12,6 +12,10 @@ namespace margay {
 
 // Requests `state` and waits for it, from slave.al, which is kept up. Errors: above_highest, those of
 // around_transition() and of change_al_state(). What fails after the state is reached is an error too; slave.al tells.
+[[nodiscard]] Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state,
+                                                    Duration timeout = Duration{0});
+
+// The same for a request of the application. Errors besides: those of refusal().
 [[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state,
                                                   Duration timeout = Duration{0});
 

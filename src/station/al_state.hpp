@@ -10,6 +10,11 @@ namespace margay {
 
 // Reads AL status and AL status code.
 [[nodiscard]] Task<Result<AlStatus>> read_al_status(Station station);
+// Takes over what was read: NONE when the slave does not answer, nothing when that is not known.
+inline void take_al_status(AlStatus& known, const Result<AlStatus>& seen) {
+    if (seen) known = *seen;
+    if (says_gone(seen.error())) known = AlStatus{};
+}
 
 // Requests `state` and waits until the slave is there, refuses, or `timeout` is over. An error indication
 // that stands before is acknowledged with the request, unless the slave mirrors AL control

@@ -79,6 +79,7 @@ std::string_view to_text(Errc code) {
         case Errc::entry_size: return "the entry does not have the size of the type";
         case Errc::entry_stale: return "the group was mapped again since the entry was found: find it again";
         case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
+        case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";
 }
@@ -140,6 +141,7 @@ std::string_view to_text(Operation operation) {
         case Operation::reconfigure: return "a reconfiguration";
         case Operation::recover: return "a search for lost slaves";
         case Operation::change_state: return "a change of state";
+        case Operation::set_target: return "a change of targets";
         case Operation::read_states: return "a reading of states";
         case Operation::write_states: return "a request of states";
         case Operation::check_states: return "a wait for states";

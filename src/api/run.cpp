@@ -1,0 +1,273 @@
+// Bringing a segment to where it is wanted, and its cycle, by the public API.
+#include "api/master.hpp"
+#include "api/operation.hpp"
+#include "network/members.hpp"
+#include "network/recovery.hpp"
+#include "network/wanted.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+Error check_target(Network& network, std::uint16_t slave, AlState state) {
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::request_state};
+    if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
+        return error;
+    if (!can_be_target(state)) return {.code = Errc::invalid_argument, .step = Step::request_state, .slave = slave};
+    if (slave == 0) return {};
+    const Error refused = refusal(network, network.slave(slave), state);
+    return refused.code == Errc::supervised ? Error{} : refused;
+}
+
+Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
+    if (slave.al.state == AlState::none) co_return Result<>();
+    auto done = co_await bring_back(network, slave);
+    if (!done) faults.note(network, slave, done.error());
+    co_return Result<>();
+}
+
+// The first slave that is not where it is wanted, and whether waiting can help.
+struct Standing {
+    Error first;
+    bool can_change = false;
+};
+
+bool can_change(const Network& network, const Slave& slave) {
+    if (slave.al.state == AlState::none) return true;
+    if (slave.held) return false;
+    return wanted_state(network, slave) < AlState::safeop || (is_mapped(network, slave) && has_place(slave));
+}
+
+Standing standing(Network& network) {
+    Standing now;
+    for (const Slave& slave : network.slaves()) {
+        const Error error = trouble(network, slave);
+        if (error.code == Errc::none) continue;
+        if (now.first.code == Errc::none) now.first = error;
+        now.can_change |= can_change(network, slave);
+    }
+    return now;
+}
+
+// What is wrong with the last cycle of a group.
+Error cycle_trouble(const ProcessGroup& group) {
+    Error error{.code = Errc::working_counter, .step = Step::exchange_process_data, .expected = group.expected_wkc};
+    bool right = group.complete;
+    for (const DatagramStatus& d : group.statuses) {
+        right &= d.right();
+        error.actual += d.got;
+        if (!d.came) error.code = Errc::no_frame;
+    }
+    return right ? Error{} : error;
+}
+
+Error cycles_trouble(Network& network) {
+    for (const ProcessGroup& group : network.process.groups) {
+        if (!group.mapped) continue;
+        const Error error = cycle_trouble(group);
+        if (error.code != Errc::none) return error;
+    }
+    return {};
+}
+
+bool ends_the_cycle(Errc code) {
+    return code == Errc::wrong_state || code == Errc::unknown_group || code == Errc::not_owner;
+}
+
+// One cycle of all mapped groups. Returns its first error.
+Error exchange(Context& ctx, const CycleSettings& settings) {
+    const auto groups = master_of(ctx)->network.process.groups;
+    const Duration timeout = settings.reply_timeout > Duration{0} ? settings.reply_timeout : settings.period / 2;
+    Error first;
+    const auto keep = [&first](const Error& error) {
+        if (first.code == Errc::none || ends_the_cycle(error.code)) first = error;
+    };
+    for (const ProcessGroup& group : groups) {
+        if (!group.mapped || !settings.send) continue;
+        if (const auto sent = send_processdata(ctx, group.number); !sent) keep(sent.error());
+    }
+    for (const ProcessGroup& group : groups) {
+        if (!group.mapped) continue;
+        if (const auto received = receive_processdata(ctx, timeout, group.number); !received) keep(received.error());
+    }
+    return first;
+}
+
+bool any_mapped(const Network& network) {
+    return std::ranges::any_of(network.process.groups, [](const ProcessGroup& group) { return group.mapped; });
+}
+
+// When cycles are due, and which were left out.
+class Schedule {
+  public:
+    Schedule(Time first, Duration period) : due_(first), period_(period) {}
+    [[nodiscard]] Time due() const { return due_; }
+    // The next cycle; returns how many could not begin in their period.
+    std::uint64_t next(Time now) {
+        due_ += period_;
+        if (now - due_ < period_) return 0;
+        const auto late = static_cast<std::uint64_t>((now - due_) / period_);
+        due_ += static_cast<Duration::rep>(late) * period_;
+        return late;
+    }
+
+  private:
+    Time due_;
+    Duration period_;
+};
+
+// Tells an overrun at once, and then once a second at most.
+class OverrunNews {
+  public:
+    explicit OverrunNews(Network& network) : network_(network) {}
+    void add(std::uint64_t left_out, std::uint64_t in_all, Time now) {
+        untold_ += left_out;
+        if (untold_ == 0 || now < next_) return;
+        next_ = now + std::chrono::seconds(1);
+        network_.tell({.kind = EventKind::overrun,
+                       .expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(in_all, 0xFFFF'FFFF)),
+                       .actual = static_cast<std::uint32_t>(std::min<std::uint64_t>(untold_, 0xFFFF'FFFF))});
+        untold_ = 0;
+    }
+
+  private:
+    Network& network_;
+    std::uint64_t untold_ = 0;
+    Time next_ = Time::min();
+};
+
+// Lets everything else go on until `due`, and once in any case.
+void poll_until(Context& ctx, Time due) {
+    Osal& osal = master_of(ctx)->osal;
+    const int handle = master_of(ctx)->network.engine.link().nic().wait_handle();
+    Time now = osal.now();
+    do {
+        const Time wake = poll(ctx, now);
+        if (now < due) osal.wait(std::min(wake, due), handle);
+        now = osal.now();
+    } while (now < due);
+}
+
+}  // namespace
+
+Result<> tolerate(Context& ctx, const Tolerance& tolerance) {
+    if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
+    Network& network = master_of(ctx)->network;
+    network.tolerance = tolerance;
+    hold_back(network);
+    for (Slave& slave : network.slaves()) update_counted(network, slave);
+    return Result<>();
+}
+
+static Error check(Network& network, const TargetRequest& request) {
+    return check_target(network, request.slave, request.wanted);
+}
+
+static Task<Result<>> run(Network& network, TargetRequest& request) {
+    set_targets(network, request.slave, request.wanted);
+    if (network.supervised) co_return Result<>();
+    FirstFault faults;
+    if (request.slave != 0) {
+        auto one = co_await bring_one(network, network.slave(request.slave), faults);
+        if (!one) co_return one;
+        faults.keep(trouble(network, network.slave(request.slave)));
+    } else {
+        auto all = co_await for_each_slave(
+            network, [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); });
+        if (!all) co_return all;
+        for (const Slave& slave : network.slaves()) faults.keep(trouble(network, slave));
+    }
+    co_return faults.error().code == Errc::none ? Result<>() : Result<>(faults.error());
+}
+
+static constexpr OperationDescription kTarget =
+    describe_operation<TargetRequest, check, run>(Operation::set_target, Step::request_state, Needs::segment);
+TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
+
+Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
+    Master* master = master_of(ctx);
+    if (master != nullptr && master->owned_by_caller() && master->network.supervised) {
+        const Error refused = check_target(master->network, slave, state);
+        if (refused.code != Errc::none) return refused;
+        set_targets(master->network, slave, state);
+        return Result<>();
+    }
+    TargetRequest request;
+    request.slave = slave;
+    request.wanted = state;
+    return submit_and_wait(ctx, request);
+}
+
+Error what_is_wrong(Context& ctx) {
+    if (const Error refused = check_owner(ctx, Step::read_state); refused.code != Errc::none) return refused;
+    Network& network = master_of(ctx)->network;
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
+    for (const Slave& slave : network.slaves())
+        if (const Error error = trouble(network, slave); error.code != Errc::none) return error;
+    return cycles_trouble(network);
+}
+
+bool all_right(Context& ctx) { return what_is_wrong(ctx).code == Errc::none; }
+
+Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle) {
+    if (const Error refused = check_waiting_owner(ctx, Step::request_state); refused.code != Errc::none) return refused;
+    Network& network = master_of(ctx)->network;
+    if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
+    if (cycle.period <= Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::request_state};
+    Osal& osal = master_of(ctx)->osal;
+    SuperviseRequest supervision;
+    supervision.target = state;
+    network.target = state;
+    for (Slave& slave : network.slaves()) update_counted(network, slave);
+    if (!network.supervised) {
+        if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
+    }
+    ReadStateRequest look;  // what is known of the states may be old
+    if (const auto looks = submit(ctx, look); !looks) return looks;
+    const Time give_up = osal.now() + timeout;
+    Schedule schedule(osal.now(), cycle.period);
+    for (;;) {
+        const Error exchanged = exchange(ctx, cycle);
+        if (ends_the_cycle(exchanged.code)) return exchanged;
+        (void)schedule.next(osal.now());
+        poll_until(ctx, schedule.due());
+        if (look.busy() && osal.now() < give_up) continue;
+        const Standing now = standing(network);
+        const Error cycles = now.first.code == Errc::none ? cycles_trouble(network) : Error{};
+        if (now.first.code == Errc::none && cycles.code == Errc::none) return Result<>();
+        const bool in_vain = now.first.code != Errc::none && !now.can_change;
+        if (in_vain || osal.now() >= give_up) return now.first.code != Errc::none ? now.first : cycles;
+    }
+}
+
+Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, void* user) {
+    const Error refused = check_waiting_owner(ctx, Step::exchange_process_data);
+    if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
+    Network& network = master_of(ctx)->network;
+    if (!any_mapped(network)) return Error{.code = Errc::unknown_group, .step = Step::exchange_process_data};
+    if (settings.period <= Duration{0} || work == nullptr)
+        return Error{.code = Errc::invalid_argument, .step = Step::exchange_process_data};
+    Osal& osal = master_of(ctx)->osal;
+    Schedule schedule(osal.now(), settings.period);
+    OverrunNews news(network);
+    CycleInfo cycle;
+    for (;;) {
+        ++cycle.number;
+        cycle.due = schedule.due();
+        cycle.lateness = osal.now() - cycle.due;
+        cycle.error = exchange(ctx, settings);
+        if (ends_the_cycle(cycle.error.code)) return cycle.error;
+        if (!work(ctx, cycle, user)) return Result<>();
+        const Time done = osal.now();
+        const std::uint64_t late = schedule.next(done);
+        cycle.left_out += late;
+        poll_until(ctx, schedule.due());
+        news.add(late, cycle.left_out, done);
+        // The work of poll() may be late too; what it has taken is not caught up with.
+    }
+}
+
+}  // namespace margay

@@ -1,0 +1,150 @@
+#include "network/wanted.hpp"
+
+#include "network/expectation.hpp"
+#include "network/members.hpp"
+#include "network/transition.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.position}; }
+
+// A hot connect group may be missing as a whole.
+bool head_is_there(Network& network, std::uint8_t hot_connect) {
+    return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
+        return s.ring != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
+               is_located(network.expected, *s.wanted);
+    });
+}
+
+bool may_be_missing(Network& network, const Slave& slave) {
+    if (slave.wanted == nullptr) return slave.config.optional || !slave.seen;
+    if (!slave.seen && network.tolerance.missing_slaves) return true;
+    if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
+        return !head_is_there(network, slave.wanted->hot_connect);
+    return slave.wanted->optional || slave.config.optional;
+}
+
+// What the start-up of the slave ended with, where that is known.
+Error start_up_error(const Slave& slave, const Error& otherwise) {
+    const bool told = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
+                      slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
+    return told ? slave.error : otherwise;
+}
+
+Error state_trouble(const Slave& slave, AlState wanted) {
+    Error error = fault(slave, slave.al.error ? Errc::al_status : Errc::timeout, Step::request_state);
+    error.expected = static_cast<std::uint32_t>(wanted);
+    error.actual = static_cast<std::uint32_t>(slave.al.state);
+    error.detail = slave.al.code;
+    if (slave.al.error) return error;
+    if (slave.al.state == wanted) return {};
+    const bool failed = slave.hook_failed || slave.pdos_failed || slave.attempts > 0;
+    return failed ? start_up_error(slave, error) : error;
+}
+
+}  // namespace
+
+void hold_back(Network& network) {
+    const Tolerance& tolerated = network.tolerance;
+    for (Slave& slave : network.slaves()) {
+        const bool other = tolerated.other_slaves || (slave.wanted != nullptr && slave.wanted->tolerate);
+        slave.held = (slave.other && !other) || (slave.unexpected && !tolerated.unexpected_slaves);
+    }
+}
+
+Error held_error(const Slave& slave, Step step) {
+    if (!slave.held) return {};
+    if (slave.unexpected) return fault(slave, Errc::unexpected_slave, step);
+    Error error = slave.wanted == nullptr ? Error{} : difference(slave, *slave.wanted);
+    if (error.code == Errc::none) error = fault(slave, Errc::other_slave, step);
+    error.step = step;
+    return error;
+}
+
+Error missing_error(Network& network, const Slave& slave) {
+    if (may_be_missing(network, slave)) return {};
+    Error error = fault(slave, Errc::missing_slave, Step::identify);
+    if (slave.wanted == nullptr || !is_located(network.expected, *slave.wanted)) return error;
+    const ExpectedSlave& wanted = *slave.wanted;
+    error.subindex = static_cast<std::uint8_t>(wanted.alias ? IdentityField::alias : IdentityField::device_id);
+    error.actual = wanted.alias.value_or(wanted.device_id.value_or(0));
+    return error;
+}
+
+bool is_mapped(const Network& network, const Slave& slave) {
+    return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapped;
+}
+
+bool has_place(const Slave& slave) {
+    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count),
+                                           [](const ProcessSm& sm) { return sm.bits != 0; });
+    return !slave.unplaced && (!wants || exchanges(slave));
+}
+
+AlState wanted_state(const Network& network, const Slave& slave) {
+    return limited(slave, slave.target != AlState::none ? slave.target : network.target);
+}
+
+AlState goal(const Network& network, const Slave& slave) {
+    const AlState wanted = wanted_state(network, slave);
+    if (wanted == AlState::init) return wanted;
+    if (slave.held) return slave.mailbox.present() && !slave.config.no_mailbox ? AlState::preop : AlState::init;
+    return is_mapped(network, slave) && has_place(slave) ? wanted : AlState::preop;
+}
+
+bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
+    const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
+    const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
+    return !slave.config.optional && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
+}
+
+Error trouble(Network& network, const Slave& slave) {
+    const AlState wanted = wanted_state(network, slave);
+    if (wanted == AlState::init) return slave.al.state == AlState::none ? Error{} : state_trouble(slave, wanted);
+    if (slave.al.state == AlState::none) return missing_error(network, slave);
+    if (slave.held) return held_error(slave, Step::identify);
+    const bool process = wanted >= AlState::safeop;
+    if (process && !is_mapped(network, slave)) {
+        Error error = fault(slave, Errc::unknown_group, Step::map_process_data);
+        error.index = slave.config.group;
+        return error;
+    }
+    if (process && !has_place(slave)) {
+        const Error no_place = fault(slave, Errc::no_place, Step::map_process_data);
+        return slave.pdos_failed ? start_up_error(slave, no_place) : no_place;
+    }
+    const Error state = state_trouble(slave, wanted);
+    if (state.code != Errc::none || !process || !exchanges(slave) || slave.takes_part) return state;
+    return fault(slave, Errc::working_counter, Step::exchange_process_data);
+}
+
+Error refusal(const Network& network, const Slave& slave, AlState state) {
+    Error error = fault(slave, Errc::none, Step::request_state);
+    error.actual = static_cast<std::uint32_t>(state);
+    if (limited(slave, state) != state) {
+        error.code = Errc::above_highest;
+        error.expected = static_cast<std::uint32_t>(slave.config.highest);
+        return error;
+    }
+    if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
+    const bool mapping =
+        slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
+    if (!network.supervised || mapping || state == goal(network, slave)) return {};
+    error.code = Errc::supervised;
+    error.expected = static_cast<std::uint32_t>(goal(network, slave));
+    return error;
+}
+
+void set_targets(Network& network, std::uint16_t slave, AlState state) {
+    if (slave == 0) network.target = state;
+    for (Slave& one : network.slaves()) {
+        if (slave == 0) one.target = AlState::none;
+        if (one.position == slave) one.target = state;
+        update_counted(network, one);
+    }
+}
+
+}  // namespace margay

@@ -1,0 +1,593 @@
+// The machine that was wanted is the machine that runs: what is wrong, unexpected, missing or not configured gets no
+// outputs, and every call says so.
+#include "process_data/plant.hpp"
+
+#include "sim/devices.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+using Words = std::vector<std::string>;
+
+constexpr PdoEntry kEightOut[] = {{0x7000, 1, 8}};
+constexpr PdoEntry kEightIn[] = {{0x6000, 1, 8}};
+constexpr Pdo kOutputs[] = {{0x1600, kEightOut}};
+constexpr Pdo kInputs[] = {{0x1A00, kEightIn}};
+constexpr SmPdos kPdos[] = {{0, kOutputs}, {1, kInputs}};
+constexpr SlaveSetup kSetup{.pdos = kPdos};
+
+// A line of three: products 0x100, 0x101, 0x102, each with 8 bits out and 8 bits in and without a mailbox.
+class Wanted : public testing::Test, protected Plant {
+  protected:
+    std::array<std::uint32_t, 3> line{};
+    void SetUp() override {
+        for (std::uint32_t n = 0; n < line.size(); ++n) {
+            line[n] = make({.product = 0x100 + n});
+            ASSERT_TRUE(n == 0 ? segment.connect_master({line[n], 0})
+                               : segment.connect({line[n - 1], 1}, {line[n], 0}));
+        }
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+    }
+    static std::string words(const Error& error) {
+        std::array<char, 400> buffer{};
+        return std::string(describe(error, buffer));
+    }
+    Result<std::uint16_t> scan(std::span<const ExpectedSlave> expected) {
+        EXPECT_TRUE(expect(*ctx, expected).ok());
+        return config_init(*ctx);
+    }
+    // Supervises, with outputs set, for a while. Says what every device was told to put out.
+    std::vector<unsigned> drive(int count = 800) {
+        EXPECT_TRUE(submit(*ctx, supervision).ok());
+        for (int n = 0; n < count; ++n) {
+            for (Slave& slave : ctx->slaves())
+                for (auto& octet : slave.image.outputs.bytes) octet = std::byte{0xA5};
+            (void)cycle();
+        }
+        std::vector<unsigned> out;
+        for (const auto number : line) {
+            const auto bytes = program(number).outputs();
+            out.push_back(bytes.empty() ? 0U : std::to_integer<unsigned>(bytes[0]));
+        }
+        return out;
+    }
+};
+
+TEST_F(Wanted, ASlaveOfAnotherProductGetsNoOutputs) {
+    const ExpectedSlave expected[] = {
+        {.position = 1, .product = 0x100}, {.position = 2, .product = 0x1FF}, {.position = 3, .product = 0x102}};
+    const auto found = scan(expected);
+    EXPECT_EQ(words(found.error()),
+              "slave 2: comparing with what is expected: another slave than expected (expected product 0x000001ff, got "
+              "0x00000101 of vendor 0x00004d47)");
+    EXPECT_EQ(ctx->slaves().size(), 3U) << "all that can be done has been done";
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::init) << "it has no mailbox";
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::other_slave);
+    EXPECT_EQ(mapped.error().slave, 2);
+    EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::safeop);
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0U, 0xA5U}));
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
+    const auto wkc = cycle();
+    EXPECT_EQ(wkc.error().code, Errc::working_counter) << "slave 2 is wanted";
+    EXPECT_EQ(wkc.error().slave, 2);
+}
+
+TEST_F(Wanted, ASlaveThatNobodyExpectsGetsNoOutputs) {
+    const ExpectedSlave expected[] = {{.position = 1, .product = 0x100}, {.position = 2, .product = 0x101}};
+    const auto found = scan(expected);
+    EXPECT_EQ(words(found.error()), "slave 3: comparing with what is expected: nobody expects this slave");
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::unexpected_slave);
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0U}));
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::init);
+    EXPECT_EQ(ctx->slave(3).image.outputs.bits, 0U);
+    EXPECT_EQ(*cycle(), 6U) << "nothing of slave 3 is wanted in the image";
+}
+
+TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4}};
+    const auto found = scan(expected);
+    EXPECT_EQ(words(found.error()), "slave 4: comparing with what is expected: an expected slave is missing");
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::missing_slave);
+    EXPECT_EQ(mapped.error().slave, 4);
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    const auto wkc = cycle();
+    EXPECT_EQ(wkc.error().code, Errc::working_counter) << "whatever slave 4 exchanges is not there";
+    EXPECT_EQ(wkc.error().slave, 4);
+}
+
+TEST_F(Wanted, ASlaveThatRefusesItsPdosIsSaidByEveryResult) {
+    static constexpr PdoEntry kOther[] = {{0x7000, 1, 13}};
+    static constexpr Pdo kRefused[] = {{0x1600, kOther}};
+    static constexpr SmPdos kRefusedPdos[] = {{2, kRefused}};
+    const SlaveSetup setup{.pdos = kRefusedPdos};
+    const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
+    ASSERT_TRUE(segment.connect({line[2], 1}, {fourth, 0}));
+    power(fourth, true);
+    ASSERT_TRUE(scan({}).ok());
+    ctx->slave(4).config.setup = &setup;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().slave, 4) << words(mapped.error());
+    EXPECT_EQ(mapped.error().step, Step::configure_pdos) << words(mapped.error());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    const auto wkc = cycle();
+    EXPECT_EQ(wkc.error().code, Errc::working_counter);
+    EXPECT_EQ(wkc.error().slave, 4);
+}
+
+TEST_F(Wanted, PdosOfKnownSizesKeepAPlaceForADriveThatIsOffAtTheStart) {
+    SlaveConfiguration config;
+    config.setup = &kSetup;
+    power(line[2], false);
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    EXPECT_EQ(scan(expected).error().code, Errc::missing_slave);
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::missing_slave);
+    EXPECT_EQ(ctx->slave(3).image.outputs.bits, 8U);
+    EXPECT_EQ(ctx->slave(3).image.inputs.bits, 8U);
+    EXPECT_EQ(ctx->group(0).expected_wkc, 9U);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(300);
+    EXPECT_EQ(cycle().error().slave, 3);
+    power(line[2], true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    expect_exchanged(3, line[2]);
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+// The dictionary or SII of the slave that comes may say something else than the lists it was given a place by.
+TEST_F(Wanted, ASlaveThatComesWithOtherSizesThanItsPlaceHasIsNotSaidToHaveRecovered) {
+    static constexpr SmPdos kOutputsOnly[] = {{0, kOutputs}};
+    const SlaveSetup setup{.pdos = kOutputsOnly};
+    SlaveConfiguration config;
+    config.setup = &setup;
+    power(line[2], false);
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    (void)scan(expected);
+    (void)config_map(*ctx, image);
+    EXPECT_EQ(ctx->slave(3).image.outputs.bits, 8U);
+    EXPECT_EQ(ctx->slave(3).image.inputs.bits, 0U);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    power(line[2], true);
+    cycles(3000);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 3: recovered"), 0) << joined(story);
+    EXPECT_EQ(told(story, "recovery failed: slave 3"), 1) << joined(story);
+    EXPECT_LE(ctx->slave(3).al.state, AlState::preop);
+    EXPECT_EQ(ctx->slave(3).image.inputs.bits, 0U);
+    EXPECT_EQ(cycle().error().slave, 3);
+}
+
+TEST_F(Wanted, AGroupThatDoesNotExistIsSaidWhenMapping) {
+    ASSERT_TRUE(scan({}).ok());
+    ctx->slave(2).config.group = 200;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(words(mapped.error()),
+              "slave 2: mapping process data of group 200: there is no such group, or nothing is mapped in it");
+    EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::safeop);
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0U, 0xA5U}));
+}
+
+TEST_F(Wanted, LoweringTheTargetOfTheSupervisionBringsTheSlavesDownAndUpAgain) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    supervision.target = AlState::safeop;
+    cycles(300);
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    auto story = events();
+    EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
+    EXPECT_EQ(told(story, "OP to SAFEOP"), 3) << joined(story);
+    EXPECT_EQ(story.size(), 3U) << joined(story);
+    EXPECT_EQ(ctx->events().dropped(), 0U);
+    EXPECT_EQ(*cycle(), 9U);
+    supervision.target = AlState::op;
+    ASSERT_TRUE(until([&] { return all_in_op(); }));
+    story = events();
+    EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
+}
+
+TEST_F(Wanted, LoweringTheHighestStateOfASlaveBringsItDown) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    ctx->slave(2).config.highest = AlState::preop;
+    cycles(300);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    EXPECT_EQ(*cycle(), 6U) << "it is not wanted in the exchange any more";
+    ctx->slave(3).config.highest = AlState::safeop;
+    cycles(300);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::safeop);
+    auto story = events();
+    EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
+    EXPECT_LE(story.size(), 6U) << joined(story);
+    ctx->slave(2).config.highest = AlState::op;
+    ctx->slave(3).config.highest = AlState::op;
+    ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+TEST_F(Wanted, ARequestThatContradictsTheSupervisionIsRefused) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    StateRequest request;
+    request.slave = 2;
+    request.state = AlState::preop;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(50);
+    ASSERT_FALSE(request.busy());
+    EXPECT_EQ(words(request.error()),
+              "slave 2: requesting a state: the supervision keeps the slave in another state: call set_target() "
+              "(wanted PREOP, the supervision keeps it in OP)");
+    EXPECT_FALSE(writestate(*ctx, 0, AlState::safeop).ok());
+    cycles(50);
+    EXPECT_TRUE(all_in_op());
+    EXPECT_EQ(events(), Words());
+}
+
+// ------------------------------------------------------------------ what is tolerated
+
+TEST_F(Wanted, WhatTheApplicationToleratesOfOneSlaveIsDriven) {
+    const ExpectedSlave expected[] = {{.position = 1, .product = 0x100},
+                                      {.position = 2, .product = 0x1FF, .tolerate = true},
+                                      {.position = 3, .product = 0x102}};
+    ASSERT_TRUE(scan(expected).ok());
+    EXPECT_EQ(errors().size(), 1U) << "it is told all the same";
+    EXPECT_FALSE(ctx->slave(2).held);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
+    const ExpectedSlave expected[] = {{.position = 1, .product = 0x1FF}, {.position = 2, .product = 0x101}};
+    EXPECT_EQ(scan(expected).error().slave, 1);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
+    cycles(300);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::init) << "brought down by the supervision";
+    EXPECT_EQ(*cycle(), 6U) << "nobody wants it";
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::unexpected_slave);
+    // The start-up commands of a held slave were not sent; now they are.
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+}
+
+TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4}};
+    ASSERT_TRUE(tolerate(*ctx, {.missing_slaves = true}));
+    ASSERT_TRUE(scan(expected).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0xA5U}));
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ASSERT_TRUE(tolerate(*ctx, {}));
+    EXPECT_EQ(cycle().error().slave, 4);
+}
+
+// One that is held is not brought further by anybody.
+TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    EXPECT_EQ(scan(expected).error().slave, 2);
+    (void)config_map(*ctx, image);
+    const auto expect_held = [&](const Error& error) {
+        EXPECT_EQ(
+            words(error),
+            "slave 2: requesting a state: another slave than expected (expected product 0x000001ff, got 0x00000101 "
+            "of vendor 0x00004d47)");
+    };
+    expect_held(writestate(*ctx, 2, AlState::safeop).error());
+    expect_held(writestate(*ctx, 0, AlState::op).error());
+    expect_held(set_target(*ctx, 2, AlState::op).error());
+    StateRequest request;
+    request.slave = 2;
+    request.state = AlState::op;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    expect_held(wait(*ctx, request).error());
+    EXPECT_EQ(reconfig_slave(*ctx, 2).ok(), true);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
+}
+
+// The wrong one is taken away and the right one comes.
+TEST_F(Wanted, TheRightSlaveInPlaceOfAHeldOneIsTakenIn) {
+    SlaveConfiguration config;
+    config.setup = &kSetup;
+    const ExpectedSlave expected[] = {
+        {.position = 1}, {.position = 2}, {.position = 3, .product = 0x1FF, .config = &config}};
+    EXPECT_EQ(scan(expected).error().slave, 3);
+    (void)config_map(*ctx, image);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(100);
+    pull(line[2]);
+    cycles(50);
+    const auto right = make({.product = 0x1FF});
+    plug({line[1], 1}, right);
+    power(right, true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    expect_exchanged(3, right);
+    EXPECT_EQ(*cycle(), 9U);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+// ------------------------------------------------------------------ targets
+
+TEST_F(Wanted, TargetsAreReachedInBothDirectionsUnderSupervision) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    for (const AlState state : {AlState::preop, AlState::op, AlState::init, AlState::safeop, AlState::op}) {
+        ASSERT_TRUE(set_target(*ctx, 2, state).ok());
+        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && !ctx->slave(2).recovering; }))
+            << to_text(state) << "\n"
+            << joined(events());
+        cycles(20);
+        EXPECT_EQ(ctx->slave(2).al, (AlStatus{state, false, 0}));
+        EXPECT_TRUE(in_op(1) && in_op(3)) << "the others stay";
+        EXPECT_EQ(*cycle(), state < AlState::safeop ? 6U : 9U) << "what is wanted is counted";
+        EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+        const auto story = events();
+        EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
+        EXPECT_LE(story.size(), 8U) << joined(story);
+    }
+    expect_exchanged(2, line[1]);
+    for (const AlState state : {AlState::init, AlState::op}) {
+        ASSERT_TRUE(set_target(*ctx, 0, state).ok());
+        ASSERT_TRUE(until([&] {
+            return std::ranges::all_of(ctx->slaves(), [&](const Slave& s) { return s.al.state == state; });
+        })) << to_text(state);
+    }
+    EXPECT_EQ(set_target(*ctx, 1, AlState::boot).error().code, Errc::invalid_argument);
+    EXPECT_EQ(set_target(*ctx, 9, AlState::op).error().code, Errc::unknown_slave);
+}
+
+TEST_F(Wanted, TargetsAreReachedWithoutASupervisionToo) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(set_target(*ctx, 3, AlState::preop).ok());
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::preop);
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::init).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::init);
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::safeop).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop);
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+// ------------------------------------------------------------------ one call each
+
+TEST_F(Wanted, ReachBringsAllSlavesThereWithCyclesBesideIt) {
+    HostContext fresh;
+    EXPECT_EQ(reach(fresh, AlState::op, 1s).error().code, Errc::wrong_state);
+    ASSERT_TRUE(scan({}).ok());
+    EXPECT_EQ(reach(*ctx, AlState::op, 1s).error().code, Errc::unknown_group) << "nothing is mapped";
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_FALSE(all_right(*ctx));
+    const auto done = reach(*ctx, AlState::op, 5s);
+    ASSERT_TRUE(done.ok()) << words(done.error());
+    EXPECT_TRUE(all_in_op());
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    ASSERT_TRUE(reach(*ctx, AlState::safeop, 5s).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());  // whose target is OP
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok()) << "beside a supervision";
+    ASSERT_TRUE(reach(*ctx, AlState::init, 5s).ok());
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::init);
+    EXPECT_EQ(reach(*ctx, AlState::boot, 5s).error().code, Errc::invalid_argument);
+}
+
+TEST_F(Wanted, ReachNamesTheFirstSlaveThatIsNotThere) {
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    EXPECT_EQ(scan(expected).error().slave, 2);
+    (void)config_map(*ctx, image);
+    const Time begin = osal.now();
+    const auto held = reach(*ctx, AlState::op, 60s);
+    EXPECT_EQ(held.error().code, Errc::other_slave);
+    EXPECT_EQ(held.error().slave, 2);
+    EXPECT_LT(osal.now() - begin, 5s) << "waiting does not help";
+    EXPECT_TRUE(in_op(1) && in_op(3)) << "what can be done is done";
+    power(line[2], false);
+    const auto lost = reach(*ctx, AlState::op, 2s);
+    EXPECT_EQ(lost.error().slave, 2);
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
+    ASSERT_FALSE(config_map(*ctx, image).ok());
+    const auto missing = reach(*ctx, AlState::op, 2s);
+    EXPECT_EQ(words(missing.error()), "slave 3: comparing with what is expected: an expected slave is missing");
+    EXPECT_TRUE(in_op(1) && in_op(2));
+}
+
+TEST_F(Wanted, AllRightIsFalseForEveryThingThatIsNot) {
+    ASSERT_TRUE(scan({}).ok());
+    run();
+    ASSERT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    segment.set_noise({.lost = 1});
+    (void)cycle();
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::no_frame);
+    segment.set_noise({});
+    cycles(5);
+    ASSERT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+    power(line[2], false);
+    (void)cycle();
+    EXPECT_FALSE(all_right(*ctx)) << "in the very cycle";
+    cycles(5);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 3);
+    power(line[2], true);
+    ASSERT_TRUE(until([&] { return all_right(*ctx); })) << words(what_is_wrong(*ctx));
+    EXPECT_TRUE(all_in_op());
+}
+
+TEST_F(Wanted, TheCycleRunsUntilItsWorkHasHadEnough) {
+    ASSERT_TRUE(scan({}).ok());
+    EXPECT_EQ(run_cycle(*ctx, {}, [](const CycleInfo&) { return false; }).error().code, Errc::unknown_group);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    const Time begin = osal.now();
+    std::uint64_t first_right = 0;
+    const auto done = run_cycle(*ctx, {.period = 2ms}, [&](const CycleInfo& cycle) {
+        EXPECT_EQ(cycle.due, begin + static_cast<int>(cycle.number - 1) * 2ms);
+        if (first_right == 0 && all_right(*ctx)) first_right = cycle.number;
+        return cycle.number < 500;
+    });
+    EXPECT_TRUE(done.ok());
+    EXPECT_GT(first_right, 0U);
+    EXPECT_TRUE(all_in_op());
+    EXPECT_EQ(ctx->group(0).cycles_sent, 500U);
+    EXPECT_EQ(run_cycle(*ctx, {.period = Duration{0}}, [](const CycleInfo&) { return false; }).error().code,
+              Errc::invalid_argument);
+}
+
+// The loop that every program wrote by hand did not call poll() then: SAFEOP for ever, and no word of it.
+TEST_F(Wanted, WorkThatIsLongerThanThePeriodLetsEverythingElseGoOn) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    std::uint64_t left_out = 0;
+    const auto done = run_cycle(*ctx, {.period = 1ms}, [&](const CycleInfo& cycle) {
+        osal.advance(3500us);
+        left_out = cycle.left_out;
+        return cycle.number < 1000 && !(all_in_op() && cycle.number > 600);
+    });
+    EXPECT_TRUE(done.ok());
+    EXPECT_TRUE(all_in_op());
+    EXPECT_GE(left_out, 1000U);
+    const auto story = events();
+    EXPECT_GE(told(story, "the work of a cycle takes longer than its period"), 2) << joined(story);
+    EXPECT_LE(told(story, "the work of a cycle takes longer than its period"), 5) << "once a second";
+}
+
+// ------------------------------------------------------------------ what a lost frame does not say
+
+// A NIC that loses the next frames on request.
+class LossyNic final : public Nic {
+  public:
+    explicit LossyNic(Nic& inner) : inner_(inner) {}
+    unsigned lose = 0;
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (lose == 0) return inner_.send(frame);
+        --lose;
+        return SendStatus::sent;
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return inner_.receive(into); }
+    LinkState link_state() noexcept override { return inner_.link_state(); }
+    MacAddress source_mac() const noexcept override { return inner_.source_mac(); }
+    Time next_arrival() const noexcept override { return inner_.next_arrival(); }
+
+  private:
+    Nic& inner_;
+};
+
+class LostFramesOf : public Wanted {
+  protected:
+    std::unique_ptr<LossyNic> lossy;
+    void SetUp() override {
+        Wanted::SetUp();
+        lossy = std::make_unique<LossyNic>(*nic);
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *lossy, osal).ok());
+        ASSERT_TRUE(scan({}).ok());
+    }
+    void TearDown() override { ctx.reset(); }
+};
+
+TEST_F(LostFramesOf, AReadingOfStatesDoNotMakeSlavesLost) {
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    lossy->lose = 100;
+    const auto states = readstate(*ctx);
+    EXPECT_EQ(states.error().code, Errc::no_frame) << "that is what is known";
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    lossy->lose = 0;
+    EXPECT_EQ(readstate(*ctx)->state, AlState::safeop);
+}
+
+TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
+    for (unsigned sent = 0; sent < 40; ++sent) {
+        ASSERT_TRUE(config_init(*ctx).ok());
+        (void)errors();
+        ctx->slave(1).error = {};
+        // All is well for a while, then more frames are lost than are tried again.
+        MapRequest request;
+        request.image = image;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        for (unsigned n = 0; n < sent && request.busy(); ++n) {
+            const Time next = poll(*ctx, osal.now());
+            osal.wait(std::min(next, osal.now() + 1ms), lossy->wait_handle());
+        }
+        if (!request.busy()) break;
+        lossy->lose = 30;
+        (void)wait(*ctx, request);
+        lossy->lose = 0;
+        for (const Slave& slave : ctx->slaves()) EXPECT_NE(slave.al.state, AlState::none) << sent;
+        for (const Slave& slave : ctx->slaves()) {
+            if (request.state() != RequestState::success) continue;
+            EXPECT_EQ(slave.al.state, AlState::safeop) << sent << ": the map request says that all is well";
+        }
+    }
+}
+
+// A slave that could not be asked while its group was mapped is asked again.
+TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
+    SlaveConfiguration config;
+    config.setup = &kSetup;
+    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    ASSERT_TRUE(scan(expected).ok());
+    power(line[2], false);
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().slave, 3) << words(mapped.error());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(50);
+    power(line[2], true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    expect_exchanged(3, line[2]);
+}
+
+// ------------------------------------------------------------------ operations beside each other
+
+TEST_F(Wanted, ASupervisionBesideAScanIsNoHarm) {
+    ASSERT_TRUE(scan({}).ok());
+    for (int at = 0; at < 300; at += 3) {
+        ScanRequest again;
+        ASSERT_TRUE(submit(*ctx, again).ok());
+        for (int n = 0; n < at && again.busy(); ++n) {
+            const Time next = poll(*ctx, osal.now());
+            osal.wait(std::min(next, osal.now() + 1ms), nic->wait_handle());
+        }
+        SuperviseRequest beside;
+        (void)submit(*ctx, beside);  // may be refused
+        RecoverRequest recover;
+        (void)submit(*ctx, recover);
+        (void)wait(*ctx, again);
+        beside.cancel();
+        recover.cancel();
+        const auto found = config_init(*ctx);
+        ASSERT_TRUE(found.ok()) << at << words(found.error());
+    }
+}
+
+TEST_F(Wanted, ASearchBesideAScanIsNoHarm) {
+    ASSERT_TRUE(scan({}).ok());
+    const auto stranger = make({.product = 0x777});
+    plug({line[2], 1}, stranger);
+    power(stranger, true);
+    for (int at = 0; at < 300; at += 3) {
+        RecoverRequest recover;
+        ASSERT_TRUE(submit(*ctx, recover).ok());
+        for (int n = 0; n < at && recover.busy(); ++n) {
+            const Time next = poll(*ctx, osal.now());
+            osal.wait(std::min(next, osal.now() + 1ms), nic->wait_handle());
+        }
+        ScanRequest again;
+        (void)submit(*ctx, again);
+        (void)wait(*ctx, recover);
+        (void)wait(*ctx, again);
+    }
+    EXPECT_TRUE(config_init(*ctx).ok());
+}
+
+}  // namespace
+}  // namespace margay
