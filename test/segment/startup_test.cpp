@@ -398,8 +398,9 @@ TEST_F(SourcesDiffer, WarningsTakeNoRoomOfErrors) {
     constexpr std::size_t kSlaves = 40;
     for (std::size_t n = 0; n < kSlaves; ++n) plug_odd({"coe_disagrees"});
     start();
-    ctx.slave(kSlaves).config.source = ConfigurationSource::application;
-    ctx.slave(kSlaves).config.add({99, Direction::inputs, 0x20, 0x1A00, 64});
+    static constexpr StartupCommand kCommands[] = {write_object(preop_to_safeop, 0x5FFF, 0, std::uint8_t{1})};
+    static constexpr SlaveSetup kSetup{.startup = kCommands};
+    ctx.slave(kSlaves).config.setup = &kSetup;
     (void)config_map(ctx, image);
     EXPECT_GT(ctx.warnings().count(), 64U);
     EXPECT_EQ(ctx.errors().dropped(), 0U);
