@@ -15,6 +15,7 @@ class FilterNic : public Nic {
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override { return inner_.send(frame); }
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override { return inner_.receive(into); }
     [[nodiscard]] LinkState link_state() noexcept override { return inner_.link_state(); }
+    [[nodiscard]] bool hides_own_frames() const noexcept override { return inner_.hides_own_frames(); }
     [[nodiscard]] MacAddress source_mac() const noexcept override { return inner_.source_mac(); }
     [[nodiscard]] int wait_handle() const noexcept override { return inner_.wait_handle(); }
     [[nodiscard]] Time next_arrival() const noexcept override { return inner_.next_arrival(); }

@@ -36,13 +36,18 @@ class Nic {
 
     // Moves the oldest frame received into `into` and returns its length, 0 when there is none; never waits.
     // A frame longer than `into` is delivered cut to it. Frames that are surely the echo of own ones may be
-    // left out.
+    // left out: see hides_own_frames().
     [[nodiscard]] virtual std::size_t receive(std::span<std::byte> into) noexcept = 0;
 
     // Carrier. `unknown` is taken for up.
     [[nodiscard]] virtual LinkState link_state() noexcept { return LinkState::unknown; }
 
-    // The source address for frames. Bit 1 of the first octet must be 0: the first ESC sets it, and by this a
+    // True: receive() never returns a frame that this NIC has sent itself, because the system marks such frames and the
+    // NIC leaves them out. Replies are then also taken from slaves that do not mark them in the source address. False:
+    // only the mark tells a reply from an echo, and replies without it are dropped.
+    [[nodiscard]] virtual bool hides_own_frames() const noexcept { return false; }
+
+    // The source address for frames. Bit 1 of the first octet must be 0: the first ESC sets it, and by this mark a
     // reply is told from the echo of a request.
     [[nodiscard]] virtual MacAddress source_mac() const noexcept { return {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59}; }
 

@@ -82,6 +82,7 @@ class SimpleIo {
     }
     void tell_errors() {
         while (const auto error = ctx_.errors().take()) fmt::print(stderr, "simple_io: {}\n", sentence(*error));
+        while (const auto odd = ctx_.warnings().take()) fmt::print(stderr, "simple_io: warning: {}\n", sentence(*odd));
     }
     void tell_states() {
         for (const Slave& slave : ctx_.slaves())

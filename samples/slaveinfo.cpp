@@ -89,6 +89,7 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
     else
         print_segment(ctx, options, nullptr);
     while (const auto error = ctx.errors().take()) (void)print_error(sentence(*error));
+    while (const auto odd = ctx.warnings().take()) (void)print_error("warning: " + sentence(*odd));
     return status;
 }
 

@@ -87,11 +87,24 @@ Group& Context::group(std::size_t number) {
     return network_->process.groups[number];
 }
 
-ErrorLog& Context::errors() { return network_->errors; }
-EventQueue& Context::events() { return network_->events; }
-const LinkStatistics& Context::statistics() const { return network_->engine.link().statistics(); }
-std::size_t Context::arena_peak_bytes() const { return network_->engine.arena().peak_bytes(); }
-std::size_t Context::arena_bytes() const { return network_->engine.arena().capacity_bytes(); }
+ErrorLog& Context::errors() { return network_ == nullptr ? no_errors_ : network_->errors; }
+ErrorLog& Context::warnings() { return network_ == nullptr ? no_errors_ : network_->warnings; }
+EventQueue& Context::events() { return network_ == nullptr ? no_events_ : network_->events; }
+
+const LinkStatistics& Context::statistics() const {
+    static constexpr LinkStatistics kNothing;
+    return network_ == nullptr ? kNothing : network_->engine.link().statistics();
+}
+
+LinkSettings& Context::link_settings() {
+    return network_ == nullptr ? early_settings_ : network_->engine.link().settings;
+}
+
+std::size_t Context::arena_peak_bytes() const {
+    return network_ == nullptr ? 0 : network_->engine.arena().peak_bytes();
+}
+
+std::size_t Context::arena_bytes() const { return network_ == nullptr ? 0 : network_->engine.arena().capacity_bytes(); }
 
 void Context::close() {
     if (network_ != nullptr) cancel_queued(*network_);
@@ -122,8 +135,12 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
     ContextAccess::network(ctx) =
         ::new (place) Network(nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
-    ContextAccess::network(ctx)->process = process;
-    ContextAccess::network(ctx)->context = &ctx;
+    Network& network = *ContextAccess::network(ctx);
+    network.process = process;
+    network.context = &ctx;
+    network.engine.link().settings = ContextAccess::early_settings(ctx);
+    network.events.callback = ContextAccess::no_events(ctx).callback;
+    network.events.user = ContextAccess::no_events(ctx).user;
     ContextAccess::osal(ctx) = &osal;
     return Result<>();
 }

@@ -131,9 +131,16 @@ void write_cause(TextWriter& out, const Error& e) {
                     << ": " << wire::al_status_text(static_cast<std::uint16_t>(e.detail));
             out << ")";
             break;
+        case Errc::no_frame:
+            if (e.detail == Error::kUnmarked)
+                out << " (frames came back unmarked: slaves have counted them up, but bit 1 of the first octet of the "
+                       "source address is not set, and this network interface does not hide own frames)";
+            break;
         case Errc::working_counter:
         case Errc::unstable:
             if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
+            if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
+                out << ", the inputs of the other slaves are fresh";
             break;
         case Errc::image_too_large:
         case Errc::fmmu_shortage:

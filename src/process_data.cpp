@@ -39,6 +39,7 @@ void call_hooks(Context& ctx, std::uint8_t group) {
 // Not all frames of the cycle are here yet.
 [[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Context& ctx, ProcessGroup& group, Duration timeout) {
     group.cycle_received = group.cycles_sent;
+    group.under_way = false;
     Engine& engine = ContextAccess::network(ctx)->engine;
     Osal& osal = *ContextAccess::osal(ctx);
     Nic& nic = engine.link().nic();
@@ -81,6 +82,19 @@ void call_hooks(Context& ctx, std::uint8_t group) {
     }
 }
 
+// A group without a cycle of its own that is under way.
+[[gnu::noinline]] Result<std::uint32_t> receive_special(Context& ctx, ProcessGroup& group, Duration timeout) {
+    if (group.overlap.sets > 1) return receive_overlapped(ctx, group, timeout);
+    return nothing_sent(group);
+}
+
+[[gnu::noinline]] Result<> send_special(Context& ctx, ProcessGroup& group, Time now) {
+    Network& network = *ContextAccess::network(ctx);
+    if (group.overlap.sets > 1) return send_overlapped(group, network.engine.link(), now);
+    note_cycle(network.queue, *ContextAccess::osal(ctx), now);
+    return send_cycle(group, network.engine.link(), now);
+}
+
 }  // namespace
 
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group) {
@@ -105,10 +119,10 @@ template <class Now>
     Osal& osal = *ContextAccess::osal(ctx);
     const Time at = now(osal);
     ProcessGroup& wanted = network->process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]]
-        return send_overlapped(wanted, network->engine.link(), at);
+    if (wanted.special) [[unlikely]]
+        return send_special(ctx, wanted, at);
     note_cycle(network->queue, osal, at);
-    return send_cycle(wanted, network->engine.link(), at);
+    return send_frames(wanted, network->engine.link(), at);
 }
 
 }  // namespace
@@ -126,14 +140,22 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
     if (network == nullptr) return refused(Errc::wrong_state, group);
     if (group >= network->process.groups.size()) return refused(Errc::unknown_group, group);
     ProcessGroup& wanted = network->process.groups[group];
-    if (wanted.overlap.sets > 1) [[unlikely]]
-        return receive_overlapped(ctx, wanted, timeout);
+    if (!wanted.under_way) [[unlikely]]
+        return receive_special(ctx, wanted, timeout);
     Engine& engine = network->engine;
     const Time sent = engine.link().last_cycle();
     const CycleEnd end = engine.receive_cycle(wanted.prepared, sent);
     if (end == CycleEnd::missing) [[unlikely]]
         return wait_for_cycle(ctx, wanted, timeout);
     return end_cycle(wanted, engine.link(), end, sent);
+}
+
+bool inputs_fresh(Context& ctx, std::uint16_t slave) {
+    Network* network = ContextAccess::network(ctx);
+    if (network == nullptr || slave < 1 || slave > network->count) return false;
+    const Slave& asked = network->slave(slave);
+    if (asked.config.group >= network->process.groups.size()) return false;
+    return is_fresh(network->process.groups[asked.config.group], asked);
 }
 
 }  // namespace margay

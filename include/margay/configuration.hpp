@@ -127,6 +127,12 @@ struct SlaveToSlave {
     std::uint32_t bits = 0;
 };
 
+// What the inputs of a slave become in the image when it does not take part in the cycle any more.
+enum class LostInputs : std::uint8_t {
+    keep,  // they stay as the slave has sent them last: inputs_fresh() tells old ones from fresh ones
+    zero,  // they are set to zero as soon as the slave is known to be lost, and stay zero until it is back
+};
+
 class SharedImage;
 
 // Of one group: slaves that share an image and are exchanged together.
@@ -153,6 +159,7 @@ struct GroupConfiguration {
     // them.
     std::uint8_t cycles_in_flight = 1;
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
+    LostInputs lost_inputs = LostInputs::keep;
     std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
     SharedImage* shared = nullptr;           // for another thread: see shared_image.hpp
 };

@@ -6,6 +6,7 @@
 #include <margay/event.hpp>
 #include <margay/group.hpp>
 #include <margay/limits.hpp>
+#include <margay/link_settings.hpp>
 #include <margay/result.hpp>
 #include <margay/slave.hpp>
 #include <margay/statistics.hpp>
@@ -45,18 +46,30 @@ class Context {
 
     // The slaves found by the last config_init(), in the order of the ring.
     [[nodiscard]] std::span<Slave> slaves();
-    // Slave number `position`, 1 the first. For a position where there is none: a slave whose position is 0.
+    // Slave number `position`, 1 the first. For a position where there is none, 0 included: a slave whose position is
+    // 0, and whose image has no bits. Its image octets read as zero, and what is written to them is dropped.
     [[nodiscard]] Slave& slave(std::size_t position);
 
     // A group of process data, from 0. For a number where there is none: one that is never mapped.
     [[nodiscard]] Group& group(std::size_t number);
 
-    // What has gone wrong, oldest first. May be read by one other thread.
+    // Before init() these four are empty and all counters are zero: ask for them again afterwards. Only a callback of
+    // events() that was set before init() stays.
+    //
+    // What has gone wrong, oldest first; the oldest 64 errors stay until they are taken. May be read by one other
+    // thread.
     [[nodiscard]] ErrorLog& errors();
+    // What is odd though nothing has failed (see is_warning()), in a ring of its own as large: warnings take no room of
+    // errors. May be read by one other thread.
+    [[nodiscard]] ErrorLog& warnings();
     // What the supervision has seen, oldest first. May be read by one other thread.
     [[nodiscard]] EventQueue& events();
     [[nodiscard]] const LinkStatistics& statistics() const;
-    // Of the arena that running operations live in: most octets ever used, and how many there are.
+
+    // Times and tries of the link. What is set before init() holds from init() on. For the thread that polls.
+    [[nodiscard]] LinkSettings& link_settings();
+
+    // Of the arena that running operations live in: most octets ever used, and how many there are. Zero before init().
     [[nodiscard]] std::size_t arena_peak_bytes() const;
     [[nodiscard]] std::size_t arena_bytes() const;
 
@@ -75,6 +88,10 @@ class Context {
     Network* network_ = nullptr;  // in memory_, once init() was called
     Osal* osal_ = nullptr;
     Slave none_;
+    // What there is before init().
+    LinkSettings early_settings_;
+    ErrorLog no_errors_;
+    EventQueue no_events_;
     EmergencyRing no_emergencies_;
     Group no_group_;
 };

@@ -11,8 +11,9 @@ namespace margay {
 enum class Errc : std::uint8_t {
     none,
     timeout,           // no final answer within the time allowed
-    no_frame,          // a frame did not come back, retries included
-    working_counter,   // a frame came back but not everyone addressed took part (expected, actual)
+    no_frame,          // a frame did not come back, retries included (detail: 0, or Error::kUnmarked)
+    working_counter,   // a frame came back but not everyone addressed took part (expected, actual; of a cycle detail:
+                       // 0, or Error::kOthersFresh)
     link_down,         // the NIC reports no carrier
     nic,               // the NIC refused to send (actual: the system's error number)
     capacity,          // a buffer or table that the caller sized is full (expected: needed, actual: available)
@@ -57,14 +58,17 @@ enum class Errc : std::uint8_t {
     not_process_sm,   // a list of PDOs for a SyncManager of the mailbox (index: its register)
     wrong_direction,  // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
     pdo_size,         // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
-    sizes_differ,     // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
+    sizes_differ,     // a warning: two sources differ on a SyncManager (index: its register; expected: bits that
                       // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
-    types_differ,     // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
+    types_differ,     // a warning: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
                       // SyncManager (index: its register)
     above_highest,    // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
     check_failed,     // a register is not as a command wants it (expected, actual: the lowest 32 bits)
     cycle_running,    // a call that waits, from the thread of a running cycle: submit the request of the same name
                       // instead
+    nic_busy,         // the NIC did not take the datagram for LinkSettings::queue_timeout
+    datagram_size,    // more data than a datagram can carry: it was not sent
+    no_cycle,         // receive_processdata() without a cycle that was sent and not received yet
 };
 
 // What was being done.
@@ -129,6 +133,12 @@ struct Error {
     static constexpr std::uint32_t kRegisterCommand = 1;
     // The same: `index` is an IDN, `subindex` a drive.
     static constexpr std::uint32_t kParameterCommand = 2;
+    // Detail of Errc::no_frame: frames came back with working counters counted up, but without the mark that the first
+    // ESC sets in the source address. The NIC cannot tell them from echoes of own frames, so they were dropped.
+    static constexpr std::uint32_t kUnmarked = 1;
+    // Detail of Errc::working_counter from receive_processdata(): the slaves that are missing are known to be lost, and
+    // the inputs of all other slaves are fresh.
+    static constexpr std::uint32_t kOthersFresh = 1;
 
     friend constexpr bool operator==(const Error&, const Error&) = default;
 };
@@ -136,7 +146,7 @@ struct Error {
 // Errc::other_slave: what about it is not as expected.
 enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
 
-// What is told in errors() though nothing has failed: the slave goes on.
+// What is told in warnings(): nothing has failed, and the slave goes on.
 [[nodiscard]] constexpr bool is_warning(Errc code) { return code == Errc::sizes_differ || code == Errc::types_differ; }
 
 // The kind and the step in words. Static strings, callable from anywhere.

@@ -4,12 +4,10 @@
 
 #include <margay/al_state.hpp>
 #include <margay/error.hpp>
+#include <margay/spsc_ring.hpp>
 #include <margay/time.hpp>
 
-#include <array>
-#include <atomic>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <string_view>
 
@@ -57,45 +55,22 @@ struct Event {
 // No allocation; callable from the cycle.
 std::string_view describe(const Event& event, std::span<char> out);
 
-// Oldest first: one thread writes (the one that polls), one reads, neither ever waits.
-class EventQueue {
+// Events in the order in which they happened. The thread that polls writes, one other thread may read; when nobody
+// reads, the oldest kCapacity events stay.
+class EventQueue : public SpscRing<Event> {
   public:
     static constexpr std::uint32_t kCapacity = 64;
 
     // Called for each event by the thread that polls, from within poll(): must neither wait nor poll. Set it from that
-    // thread.
+    // thread. An event that the ring drops is given to the callback all the same.
     void (*callback)(const Event& event, void* user) = nullptr;
     void* user = nullptr;
 
-    // The oldest event not taken yet.
-    std::optional<Event> take() {
-        const auto at = taken_.load(std::memory_order_relaxed);
-        if (at == added_.load(std::memory_order_acquire)) return std::nullopt;
-        const Event event = ring_[at % kCapacity];
-        taken_.store(at + 1, std::memory_order_release);
-        return event;
-    }
-
-    // How many were dropped because nobody had taken the older ones. The callback has had them all the same.
-    [[nodiscard]] std::uint32_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
-
-    // For the library: adds one; when the ring is full it is counted and dropped.
+    // For the library: tells the callback, and keeps the event.
     void add(const Event& event) {
         if (callback != nullptr) callback(event, user);
-        const auto at = added_.load(std::memory_order_relaxed);
-        if (at - taken_.load(std::memory_order_acquire) == kCapacity) {
-            dropped_.store(dropped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-            return;
-        }
-        ring_[at % kCapacity] = event;
-        added_.store(at + 1, std::memory_order_release);
+        (void)SpscRing<Event>::add(event);
     }
-
-  private:
-    std::array<Event, kCapacity> ring_{};
-    std::atomic<std::uint32_t> added_{0};
-    std::atomic<std::uint32_t> taken_{0};
-    std::atomic<std::uint32_t> dropped_{0};
 };
 
 }  // namespace margay

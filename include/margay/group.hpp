@@ -9,7 +9,7 @@
 
 namespace margay {
 
-// What came of one datagram of process data in the last cycle.
+// What came of one datagram of process data in the last cycle that was received.
 struct DatagramStatus {
     std::uint16_t expected = 0;  // working counter when every slave takes part, except optional ones that are not there
     std::uint16_t got = 0;
@@ -17,6 +17,7 @@ struct DatagramStatus {
     std::uint16_t accepted = 0;
     std::uint16_t full = 0;  // when every slave takes part, optional ones too
     bool came = false;       // its frame came back; otherwise `got` says nothing
+    bool fresh = false;      // its inputs went into the image: all slaves took part that are not known to be lost
     // All slaves took part.
     [[nodiscard]] constexpr bool right() const { return came && (got == expected || got == full); }
     // All took part that can: its inputs are in the image. Those of the others stay as they were last.

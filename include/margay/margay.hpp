@@ -58,7 +58,7 @@ Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 
 // Calls the slaves' hooks, makes the slaves' PDOs what their configuration wants, finds out what process data each
 // slave of the group exchanges (slave(n).config: by the application, else a file, else its object dictionary, else the
-// parameters of its drives, else its SII; that these differ is told in errors() as a warning), lays it into `image`
+// parameters of its drives, else its SII; that these differ is told in warnings()), lays it into `image`
 // (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns how
 // many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is
 // set to zero. What goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors().
@@ -101,9 +101,14 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // Takes in the frames of the last send_processdata(): returns as soon as all are back, and gives up those that are not
 // back after `timeout`. Inputs go into the image datagram by datagram, each only if its working counter is the expected
 // one; otherwise the old ones stay. Returns the working counter of all datagrams together. group(n).datagrams tells of
-// each. Errors: unknown_group; no_frame (actual: frames that did not come back); working_counter (expected, actual;
-// slave: one that is known to be lost, as soon as readstate() has found it). What else comes in waits for poll(), which
-// is to be called between cycles.
+// each. What else comes in waits for poll(), which is to be called between cycles. Errors:
+//   unknown_group
+//   no_cycle         nothing was sent since the last receive_processdata(); the image is unchanged
+//   no_frame         (actual: frames that did not come back) their inputs are old
+//   working_counter  (expected, actual) some slave did not take part. With detail Error::kOthersFresh every such slave
+//                    is known to be lost (by readstate() or the supervision; slave: one of them), and the inputs of all
+//                    others are fresh: the application may go on without the lost ones. Without it nobody knows yet
+//                    which slave is missing, and the inputs of whole datagrams are old: inputs_fresh() tells whose.
 //
 // Cycles may overlap (GroupConfiguration::cycles_in_flight, 2 or more): the next one is sent while others are on their
 // way, and each receive_processdata() ends the oldest of them, waiting `timeout` for it since it was sent or since the
@@ -122,6 +127,14 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // sending thread's then, inputs the owner's; copies from slave to slave (GroupConfiguration::copies) want one thread.
 // While config_map() runs for such a group, and when the context ends, nobody sends it.
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group = 0);
+
+// Whether the inputs of this slave in the image are those of the last cycle that was received: the slave takes part,
+// and all slaves that take part did so in all datagrams that carry inputs of this slave. A slave with outputs only: the
+// same of its outputs. False for a slave without process data, without place or unknown, before the first cycle, and
+// from the moment on that the slave is known to be lost; what its inputs are then is up to
+// GroupConfiguration::lost_inputs. For the thread that receives; callable from the cycle, takes a few instructions for
+// each datagram of the group.
+[[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Reads and writes the SII EEPROM of a slave by word address; see SiiReadRequest and SiiWriteRequest. Wait.
 Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);

@@ -7,11 +7,47 @@
 
 namespace margay {
 
+// Octets of the image. An index past their end names no octet of the image: zero is read there, and what is written
+// there is dropped. So slaves without data in this direction, slaves that are not mapped and slave(0) may be used as
+// any other. Spans made from it have no such check.
+class ImageBytes {
+  public:
+    constexpr ImageBytes() = default;
+    constexpr ImageBytes(std::span<std::byte> octets)
+        : data_(octets.data()), size_(static_cast<std::uint32_t>(octets.size())) {}
+
+    [[nodiscard]] std::byte& operator[](std::size_t index) const {
+        if (index < size_) [[likely]]
+            return data_[index];
+        nowhere_ = std::byte{0};
+        return nowhere_;
+    }
+    [[nodiscard]] constexpr std::byte* data() const { return data_; }
+    [[nodiscard]] constexpr std::size_t size() const { return size_; }
+    [[nodiscard]] constexpr bool empty() const { return size_ == 0; }
+    [[nodiscard]] constexpr std::byte* begin() const { return data_; }
+    [[nodiscard]] constexpr std::byte* end() const { return data_ + size_; }
+    [[nodiscard]] constexpr std::span<std::byte> span() const { return {data_, size_}; }
+
+  private:
+    std::byte* data_ = nullptr;
+    std::uint32_t size_ = 0;
+    mutable std::byte nowhere_{0};
+};
+
+}  // namespace margay
+
+// Converts to spans as a span does: the octets are the image's.
+template <>
+inline constexpr bool std::ranges::enable_borrowed_range<margay::ImageBytes> = true;
+
+namespace margay {
+
 // The data of one slave in one direction.
 struct ImagePart {
     std::uint32_t offset_bits = 0;  // from the start of the group's image
     std::uint32_t bits = 0;         // to the end of its last SyncManager, gaps included
-    std::span<std::byte> bytes;     // the octets that hold it; its first bit is bit offset_bits % 8 of the first
+    ImageBytes bytes;               // the octets that hold it; its first bit is bit offset_bits % 8 of the first
 };
 
 struct SlaveImage {
@@ -21,6 +57,8 @@ struct SlaveImage {
     ImagePart inputs;
     // The bit of the image that is set while the slave's mailbox has something to read.
     std::uint32_t mailbox_status_bit = kNone;
+    // For the library: the last cycle that was sent before the slave took part. Its inputs may be fresh after that one.
+    std::uint32_t joined_after = 0;
 };
 
 }  // namespace margay

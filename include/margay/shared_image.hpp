@@ -49,7 +49,7 @@ class TripleBuffer {
 
 // The image of a group for one other thread than that of the cycle. Name it in GroupConfiguration::shared before
 // config_map(); from then on each send_processdata() sends the outputs published last, and each receive_processdata()
-// that brings in a whole cycle publishes its inputs.
+// that brings in a whole cycle, or one that is whole but for slaves known to be lost, publishes its inputs.
 //
 //     // Sizes as config_map() will have them, or more:
 //     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));

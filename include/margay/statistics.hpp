@@ -14,6 +14,7 @@ struct LinkStatistics {
     std::uint64_t lost = 0;           // frames that did not come back in time
     std::uint64_t retried = 0;        // datagrams sent again because of it
     std::uint64_t echoes = 0;         // own frames that no slave has touched
+    std::uint64_t unmarked = 0;       // dropped: counted up by slaves, but without the mark of the first ESC
     std::uint64_t foreign = 0;        // other protocols, other EtherCAT frame types
     std::uint64_t malformed = 0;      // cut short or contradicting themselves
     std::uint64_t unexpected = 0;     // late, duplicated, or not asked for: no such frame is in flight

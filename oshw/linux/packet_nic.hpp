@@ -50,6 +50,8 @@ class PacketNic final : public Nic {
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     // One system call; not for every cycle.
     [[nodiscard]] LinkState link_state() noexcept override;
+    // The kernel marks own frames (PACKET_OUTGOING), and the receive filter drops them.
+    [[nodiscard]] bool hides_own_frames() const noexcept override { return true; }
     // The interface's own address with bits 0 (group) and 1 (mark of the first ESC) of the first octet
     // cleared.
     [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }

@@ -6,15 +6,20 @@
 
 namespace margay {
 
-Time Link::cycles_until() const {
+// The queue waits for the next cycle of a group while the cycles of that group keep their interval.
+Time Link::cycles_until() {
     constexpr Duration kLongestWait = std::chrono::milliseconds(10);
-    // As long as the next cycle comes about as soon as this one did, the queue waits for it.
-    const bool cycles = cycle_budget_ > 0 && cycle_before_ != Time::min() && last_cycle_ - cycle_before_ < kLongestWait;
-    return cycles ? last_cycle_ + std::min(2 * (last_cycle_ - cycle_before_), kLongestWait) : Time::min();
+    Time until = Time::min();
+    for (CyclePace* pace = paces_.front(); pace != nullptr; pace = paces_.after(*pace)) {
+        if (pace->budget_bytes == 0 || pace->before == Time::min()) continue;
+        const Duration interval = pace->last - pace->before;
+        if (interval < kLongestWait) until = std::max(until, pace->last + std::min(2 * interval, kLongestWait));
+    }
+    return until;
 }
 
-SendStatus Link::send_with_queue(std::span<PreparedFrame> frames, Time now) {
-    rider_budget_ = cycle_budget_;
+SendStatus Link::send_with_queue(std::span<PreparedFrame> frames, Time now, std::size_t budget_bytes) {
+    rider_budget_ = budget_bytes;
     riders_ = false;
     const SendStatus all = send_rest(frames, SendStatus::sent, now);
     if (!queue_.empty()) send_riders(now);
@@ -33,15 +38,13 @@ SendStatus Link::send_rest(std::span<PreparedFrame> frames, SendStatus all, Time
 void Link::fill(PreparedFrame& frame, std::uint8_t index) {
     for (PreparedDatagram& d : frame.datagrams) {
         std::byte* at = &frame.bytes[d.offset];
-        d.status->came = false;
         at[1] = std::byte{index};
-        if (frame.degraded) cycle::copy(at + wire::kDatagramHeaderBytes + d.input_at, d.input);
+        if (frame.degraded && !frame.apart) cycle::copy(at + wire::kDatagramHeaderBytes + d.input_at, d.input);
         cycle::copy(at + wire::kDatagramHeaderBytes, d.output);
     }
-    for (const PreparedReading& r : frame.readings) {
-        frame.bytes[r.offset + 1U] = std::byte{index};
-        r.into->came = false;
-    }
+    for (const PreparedReading& r : frame.readings) frame.bytes[r.offset + 1U] = std::byte{index};
+    frame.regrouped = false;
+    frame.own.unmarked = false;
 }
 
 // Octets that may still ride: what the budget has left, but one datagram in any case.
@@ -76,6 +79,7 @@ void Link::send_riders(Time now) {
         if (slot == nullptr) return;
         if (!send_one(*slot, now, room)) {
             frames_.close(*slot, false, now);
+            note_stuck(now);
             return;
         }
         note_riders(slot->length);
@@ -98,26 +102,24 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
 // Inputs of a datagram in which some slave does not take part.
 void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
-    if (frame.take_inputs != nullptr)
+    if (frame.apart || frame.regrouped)
         frame.take_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
-// It does not come back: too many frames are in flight already, or it is given up.
-SendStatus Link::no_index(PreparedFrame& frame) {
+void Link::nothing_came(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
-    for (PreparedDatagram& d : frame.datagrams) d.status->came = false;
+    for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (const PreparedReading& r : frame.readings) r.into->came = false;
-    return SendStatus::busy;
 }
 
 SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
     give_up_prepared(frame, now);
-    FrameSlot* slot = frames_.open(now);
-    if (slot == nullptr) return no_index(frame);
-    fill(frame, slot->index);
     frame.end = CycleEnd::missing;
+    FrameSlot* slot = frames_.open(now);
+    if (slot == nullptr) return SendStatus::busy;
+    fill(frame, slot->index);
     const Bytes whole = add_riders(frame, *slot);
     slot->length = static_cast<std::uint16_t>(whole.size() - wire::kFramePrefixBytes);
     slot->deadline = now + settings.frame_timeout;
@@ -138,6 +140,7 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
 // The frame is not in flight, and what would have ridden in it waits for another one.
 void Link::not_sent(PreparedFrame& frame, Time now) {
     ++statistics_.send_refused;
+    if (!frame.slot->datagrams.empty()) note_stuck(now);
     unpack(*frame.slot);
     if (frame.slot != &frame.own) strip(frame);
     frames_.close(*frame.slot, false, now);
@@ -165,12 +168,11 @@ void take_reading(const PreparedReading& reading, const std::byte* data) {
 }  // namespace
 
 // Everything that was sent in the frame came back in it.
-bool Link::is_reply(FrameSlot& slot, Bytes frame) {
+bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
     constexpr std::size_t kTypeAndLengthBytes = 4;
     const PreparedFrame& sent = *slot.prepared;
     const Bytes own = Bytes(sent.bytes).first(sent.size);
-    const bool passed = (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0};
-    if (frame.size() < own.size() || !passed) return false;
+    if (frame.size() < own.size() || !is_genuine(frame)) return false;
     const auto head = [](Bytes b) { return b.subspan(wire::kEthernetHeaderBytes - 2, kTypeAndLengthBytes); };
     if (!std::ranges::equal(head(own), head(frame))) return false;
     for (const PreparedDatagram& d : sent.datagrams)
@@ -187,11 +189,12 @@ void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
         DatagramStatus& status = *d.status;
         status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
         status.came = true;
+        status.fresh = status.got == status.full || status.got == status.accepted;
         if (status.got == status.full) {
             cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
         } else {
             right = false;
-            if (status.got == status.accepted) take_degraded(sent, d, data + d.input_at);
+            if (status.fresh) take_degraded(sent, d, data + d.input_at);
         }
     }
     for (const PreparedReading& r : sent.readings) take_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);

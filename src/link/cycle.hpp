@@ -20,8 +20,9 @@ inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(B
     return ((load(a) ^ load(b)) & kComparedBits) == 0;
 }
 
-// The reply to a plain frame has passed a slave, has all that was sent, and its EtherType, length and datagram. The
-// first comparison has both of these and the first half of the datagram's header, the second all of that.
+// The reply to a plain frame has passed a slave that marks it (others: is_reply()), has all that was sent, and its
+// EtherType, length and datagram. The first comparison has both of these and the first half of the datagram's header,
+// the second all of that.
 [[nodiscard, gnu::always_inline]] inline bool same(const PreparedFrame& sent, Bytes reply) {
     constexpr std::size_t kTypeOffset = wire::kEthernetHeaderBytes - 2;
     const std::byte* own = sent.bytes.data();
@@ -43,7 +44,6 @@ inline void copy(std::byte* to, Bytes from) {
 [[gnu::always_inline]] inline void Link::fill_plain(PreparedFrame& frame, std::uint8_t index) {
     const PreparedDatagram& d = frame.datagrams[0];
     std::byte* at = frame.bytes.data() + wire::kFramePrefixBytes;
-    d.status->came = false;
     at[1] = std::byte{index};
     cycle::copy(at + wire::kDatagramHeaderBytes, d.output);
 }
@@ -57,13 +57,13 @@ inline void copy(std::byte* to, Bytes from) {
 [[gnu::always_inline]] inline SendStatus Link::send_prepared(PreparedFrame& frame, Time now) {
     if (frame.slot != nullptr) [[unlikely]]
         give_up_prepared(frame, now);
+    frame.end = CycleEnd::missing;
     if (!frames_.claim(frame.own, now)) [[unlikely]]
-        return no_index(frame);
+        return SendStatus::busy;
     if (frame.plain) [[likely]]
         fill_plain(frame, frame.own.index);
     else
         fill(frame, frame.own.index);
-    frame.end = CycleEnd::missing;
     frame.slot = &frame.own;
     const SendStatus status = nic_.send(Bytes(frame.bytes.data(), frame.size));
     if (status != SendStatus::sent) [[unlikely]] {
@@ -74,13 +74,14 @@ inline void copy(std::byte* to, Bytes from) {
     return status;
 }
 
-[[gnu::always_inline]] inline SendStatus Link::send_cycle(std::span<PreparedFrame> frames, Time now,
+[[gnu::always_inline]] inline SendStatus Link::send_cycle(std::span<PreparedFrame> frames, CyclePace& pace, Time now,
                                                           std::size_t rider_budget_bytes) {
-    cycle_before_ = last_cycle_;
     last_cycle_ = now;
-    cycle_budget_ = rider_budget_bytes;
+    pace.before = pace.last;
+    pace.last = now;
+    pace.budget_bytes = rider_budget_bytes;
     if (!queue_.empty()) [[unlikely]]
-        return send_with_queue(frames, now);
+        return send_with_queue(frames, now, rider_budget_bytes);
     for (PreparedFrame& frame : frames) {
         const SendStatus status = send_prepared(frame, now);
         if (status != SendStatus::sent) [[unlikely]]
@@ -99,7 +100,8 @@ inline void copy(std::byte* to, Bytes from) {
     frame.slot = nullptr;
     frames_.release(frame.own);
     ++statistics_.frames_received;
-    if (status.got != status.full) [[unlikely]] {
+    status.fresh = status.got == status.full;
+    if (!status.fresh) [[unlikely]] {
         frame.end = CycleEnd::odd;
         return;
     }

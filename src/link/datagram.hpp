@@ -16,6 +16,7 @@
 #include <array>
 #include <coroutine>
 #include <cstdint>
+#include <span>
 
 namespace margay {
 
@@ -27,16 +28,36 @@ struct Waiter : ListNode {
     unsigned pending = 0;
 };
 
-// What came of a datagram: errc is none (then wkc counts), no_frame, nic, or canceled.
+// What came of a datagram: errc is none (then wkc counts), no_frame, nic, nic_busy, datagram_size, or canceled.
 struct Reply {
     Errc errc = Errc::none;
     std::uint16_t wkc = 0;
+    bool unmarked = false;  // no_frame: it came back, but without the mark of the first ESC
     [[nodiscard]] bool ok() const { return errc == Errc::none; }
+    // What goes into Error::detail.
+    [[nodiscard]] std::uint32_t detail() const { return unmarked ? Error::kUnmarked : 0; }
 };
 
 // Whether the link sends a datagram again when its frame is lost. What has an effect beyond its data (a mailbox write
 // or read) is not repeated by the link: its owner knows better.
 enum class Repeat : std::uint8_t { yes, no };
+
+class Datagram;
+
+// What awaitables of datagrams share: the datagrams are submitted, and the coroutine goes on when the last of them is
+// done.
+class DatagramWait {
+  public:
+    [[nodiscard]] bool await_ready() const noexcept { return false; }
+
+  protected:
+    // For await_suspend(). False: the link has refused them all, and the coroutine goes on at once.
+    [[nodiscard]] bool submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept;
+    [[nodiscard]] bool submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept;
+
+  private:
+    Waiter waiter_;
+};
 
 class Datagram : public ListNode {
   public:
@@ -49,21 +70,21 @@ class Datagram : public ListNode {
     Datagram(Link& link, wire::Command command, wire::DatagramAddress address, Bytes data, Repeat repeat = Repeat::yes)
         : link_(link), sent_data_(data), address_(address), command_(command), repeat_(repeat) {}
 
-    // Hands it to the link; `waiter` is resumed when the last of the datagrams it waits for is done.
-    void submit(Waiter& waiter);
-    [[nodiscard]] Reply reply() const { return {errc_, wkc_}; }
+    // Hands it to the link; `waiter` is resumed when the last of the datagrams it waits for is done. False: it has more
+    // data than a frame can carry (Errc::datagram_size), and the waiter does not wait for it.
+    bool submit(Waiter& waiter);
+    [[nodiscard]] Reply reply() const { return {errc_, wkc_, unmarked_}; }
 
-    struct Awaiter {
-        Datagram& datagram;
-        Waiter waiter{};
-        bool await_ready() const noexcept { return false; }
-        void await_suspend(std::coroutine_handle<> h) noexcept {
-            waiter.handle = h;
-            datagram.submit(waiter);
-        }
-        Reply await_resume() const noexcept { return datagram.reply(); }
+    class Awaiter : public DatagramWait {
+      public:
+        explicit Awaiter(Datagram& datagram) : datagram_(datagram) {}
+        bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
+        Reply await_resume() const noexcept { return datagram_.reply(); }
+
+      private:
+        Datagram& datagram_;
     };
-    Awaiter operator co_await() & { return {*this}; }
+    Awaiter operator co_await() & { return Awaiter(*this); }
 
   private:
     friend class Link;
@@ -77,6 +98,7 @@ class Datagram : public ListNode {
     Repeat repeat_;
     Errc errc_ = Errc::canceled;
     std::uint8_t sendings_ = 0;
+    bool unmarked_ = false;
     std::uint16_t wkc_ = 0;
     std::uint16_t offset_ = 0;  // in its frame
 };
@@ -84,19 +106,18 @@ class Datagram : public ListNode {
 // Awaits several datagrams, sent in this order and in one frame where they fit. Their replies are asked of each
 // afterwards.
 template <std::size_t N>
-struct Together {
-    std::array<Datagram*, N> datagrams;
-    Waiter waiter{};
-    bool await_ready() const noexcept { return false; }
-    void await_suspend(std::coroutine_handle<> h) noexcept {
-        waiter.handle = h;
-        for (Datagram* datagram : datagrams) datagram->submit(waiter);
-    }
+class Together : public DatagramWait {
+  public:
+    explicit Together(const std::array<Datagram*, N>& datagrams) : datagrams_(datagrams) {}
+    bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagrams_); }
     void await_resume() const noexcept {}
+
+  private:
+    std::array<Datagram*, N> datagrams_;
 };
 template <class... D>
 [[nodiscard]] Together<sizeof...(D)> together(D&... datagrams) {
-    return {{static_cast<Datagram*>(&datagrams)...}};
+    return Together<sizeof...(D)>({static_cast<Datagram*>(&datagrams)...});
 }
 
 }  // namespace margay

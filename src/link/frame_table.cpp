@@ -10,6 +10,7 @@ FrameSlot* FrameTable::open(Time now) {
     next_slot_ = next_slot_ + 1 == slots_.size() ? 0 : next_slot_ + 1;
     slot.in_flight = true;
     slot.refused = false;
+    slot.unmarked = false;
     slot.length = 0;
     slot.prepared = nullptr;
     slot.deadline = kNever;

@@ -21,6 +21,7 @@ struct FrameSlot {
     std::uint16_t length = 0;  // of all datagrams with their headers
     std::uint8_t index = 0;
     bool in_flight = false;  // of a table's slot
+    bool unmarked = false;   // its frame has come back without the mark of the first ESC, and was dropped
     bool refused = false;    // the NIC failed to send it: it waits for its deadline all the same
 };
 

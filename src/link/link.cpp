@@ -4,13 +4,32 @@
 
 namespace margay {
 
-void Datagram::submit(Waiter& waiter) {
+bool DatagramWait::submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept {
+    waiter_.handle = waiting;
+    for (Datagram* datagram : datagrams) (void)datagram->submit(waiter_);
+    return waiter_.pending > 0;
+}
+
+bool DatagramWait::submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept {
+    Datagram* const one = &datagram;
+    return submit(waiting, std::span(&one, 1));
+}
+
+bool Datagram::submit(Waiter& waiter) {
+    sendings_ = 0;
+    unmarked_ = false;
+    wkc_ = 0;
+    // No frame would ever have room for it.
+    if (sent_data_.size() > wire::kMaxDatagramData) {
+        errc_ = Errc::datagram_size;
+        return false;
+    }
+    errc_ = Errc::canceled;
     waiter_ = &waiter;
     ++waiter.pending;
-    sendings_ = 0;
-    errc_ = Errc::canceled;
-    wkc_ = 0;
+    if (link_.queue_.empty()) link_.stuck_since_ = kNever;  // those that were stuck are gone
     link_.queue_.push_back(*this);
+    return true;
 }
 
 void Link::complete(Datagram& datagram, Errc errc, List<Waiter>& ready) {
@@ -23,6 +42,17 @@ void Link::receive(Time now, List<Waiter>& ready) {
     while (receive_one(now, ready)) {
     }
     while (FrameSlot* slot = frames_.expired(now)) give_up(*slot, now, ready);
+    if (stuck_since_ != kNever && now - stuck_since_ >= settings.queue_timeout) end_queued(ready);
+}
+
+// The NIC has not taken a datagram, or a frame of the cycle with datagrams in it.
+void Link::note_stuck(Time now) {
+    if (stuck_since_ == kNever) stuck_since_ = now;
+}
+
+void Link::end_queued(List<Waiter>& ready) {
+    while (Datagram* d = queue_.front()) complete(*d, Errc::nic_busy, ready);
+    stuck_since_ = kNever;
 }
 
 bool Link::matches(FrameSlot& slot, Bytes frame) {
@@ -47,11 +77,11 @@ void Link::take(Bytes frame, Time now, List<Waiter>& ready) {
         ++(reader.fault() == wire::FrameFault::foreign ? statistics_.foreign : statistics_.malformed);
         return;
     }
-    if ((frame[wire::kSourceMacOffset] & wire::kPassedEscBit) == std::byte{0}) {
-        ++statistics_.echoes;
+    FrameSlot* slot = frames_.find(first->header.index);
+    if (!is_genuine(frame)) {
+        drop_unmarked(frame, slot);
         return;
     }
-    FrameSlot* slot = frames_.find(first->header.index);
     if (slot == nullptr) {
         ++statistics_.unexpected;
         return;
@@ -61,6 +91,23 @@ void Link::take(Bytes frame, Time now, List<Waiter>& ready) {
         return;
     }
     deliver(*slot, frame, now, ready);
+}
+
+// The first ESC marks the source address. Where the NIC hides own frames, an unmarked one with the own source address
+// has been to the segment all the same: some slaves do not mark. Frames of another master have another address.
+bool Link::is_genuine(Bytes frame) const {
+    if ((frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}) return true;
+    return nic_.hides_own_frames() &&
+           std::ranges::equal(std::as_bytes(std::span(source_)), frame.subspan(wire::kSourceMacOffset, source_.size()));
+}
+
+// A frame is sent with working counters of zero: an echo still has them.
+void Link::drop_unmarked(Bytes frame, FrameSlot* slot) {
+    bool counted = false;
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next()) counted |= d->wkc != 0;
+    ++(counted ? statistics_.unmarked : statistics_.echoes);
+    if (counted && slot != nullptr) slot->unmarked = true;
 }
 
 void Link::deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready) {
@@ -91,6 +138,7 @@ void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
             ++statistics_.retried;
             again.push_back(*d);
         } else {
+            d->unmarked_ = slot.unmarked;
             complete(*d, slot.refused ? Errc::nic : Errc::no_frame, ready);
         }
     }
@@ -116,6 +164,7 @@ void Link::unpack(FrameSlot& slot) {
 }
 
 void Link::note_sent(FrameSlot& slot) {
+    if (!slot.datagrams.empty()) stuck_since_ = kNever;
     for (Datagram* d = slot.datagrams.front(); d != nullptr; d = slot.datagrams.after(*d)) {
         ++d->sendings_;
         ++statistics_.datagrams_sent;
@@ -125,6 +174,7 @@ void Link::note_sent(FrameSlot& slot) {
 bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
     wire::FrameBuilder builder(MutableBytes(buffer_).first(room), source_);
     pack(slot, builder);
+    if (slot.datagrams.empty()) return false;  // what makes no progress is not sent again and again
     const Bytes frame = builder.finish();
     slot.length = static_cast<std::uint16_t>(frame.size() - wire::kFramePrefixBytes);
     slot.deadline = now + settings.frame_timeout;
@@ -154,6 +204,7 @@ void Link::send(Time now) {
         if (slot == nullptr) break;
         if (!send_one(*slot, now)) {
             frames_.close(*slot, false, now);
+            note_stuck(now);
             nic_busy_ = true;
             break;
         }
@@ -162,10 +213,11 @@ void Link::send(Time now) {
     if (any) ++statistics_.bursts;
 }
 
-Time Link::next_deadline(Time now) const {
+Time Link::next_deadline(Time now) {
     constexpr Duration kTryAgain = std::chrono::microseconds(50);
     Time next = std::min(frames_.next_deadline(), nic_.next_arrival());
     if (!queue_.empty() && cycling(now)) next = std::min(next, cycles_until());
+    if (stuck_since_ != kNever) next = std::min(next, stuck_since_ + settings.queue_timeout);
     return nic_busy_ ? std::min(next, now + kTryAgain) : next;
 }
 

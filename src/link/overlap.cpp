@@ -68,9 +68,7 @@ bool Link::receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Wa
 }
 
 void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now) {
-    cycle_before_ = last_cycle_;
     last_cycle_ = sent_at;
-    cycle_budget_ = 0;
     for (PreparedFrame& frame : frames) {
         if (frame.refused)
             ++statistics_.send_refused;
@@ -81,7 +79,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
         } else {
             if (!frame.refused) ++statistics_.lost;
             forget_overlapped(frame, now);
-            (void)no_index(frame);
+            nothing_came(frame);
         }
         frame.parked = false;
     }

@@ -47,6 +47,8 @@ struct PreparedFrame {
     // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes
     // back as it was.
     bool degraded = false;
+    bool regrouped = false;   // other slaves take part than when it was filled
+    bool apart = false;       // its inputs never go out: they lie on top of outputs, or another thread sends it
     bool overlapped = false;  // of a cycle that may be sent by one thread and received by another, see link/overlap.cpp
     bool refused = false;     // such a one: the NIC has not taken it
     bool parked = false;      // such a one: its reply is in `bytes`
@@ -54,8 +56,8 @@ struct PreparedFrame {
     std::uint16_t last = 0;                        // of these, where its last datagram begins
     std::uint16_t datagram_count = 0;              // readings included
     std::uint16_t wire_bytes = 0;                  // that these are with padding and all
-    // Where inputs lie on top of outputs that does not do: takes over the inputs of those who take part; n counts
-    // `datagrams`.
+    // Takes over the inputs of the slaves that take part, and of no other; n counts `datagrams`. Called where a frame
+    // is degraded, and `apart` or regrouped while it was in flight.
     void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
     void* group = nullptr;
     FrameSlot own;
@@ -64,6 +66,7 @@ struct PreparedFrame {
     // To be called when the working counters of its datagrams that are accepted have changed.
     void settle() {
         degraded = false;
+        regrouped = true;
         for (const PreparedDatagram& d : datagrams) degraded |= d.status->accepted != d.status->full;
         plain = datagrams.size() == 1 && readings.empty() && !degraded;
     }

@@ -25,6 +25,8 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
         group.expected_wkc = takes_part ? group.expected_wkc + share : group.expected_wkc - share;
     }
     for (PreparedFrame& frame : group.prepared) frame.settle();
+    if (takes_part) note_joining(group, slave);
+    settle_lost_inputs(group);
 }
 
 }  // namespace margay

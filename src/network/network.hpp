@@ -50,6 +50,7 @@ struct Network {
           tasks(most_tasks),
           mailboxes(engine, channels, emergencies) {
         mailboxes.listener = {tell_emergency, this};
+        events.use(event_memory);
     }
 
     Engine engine;
@@ -61,9 +62,11 @@ struct Network {
     std::size_t tasks;                // slaves worked on at once
     ScanSettings settings;
     ProcessTables process;
-    ErrorLog errors;
+    SpscRingOf<Error, 64> errors;
+    SpscRingOf<Error, 64> warnings;
     Mailboxes mailboxes;
     RequestQueue queue;
+    std::array<Event, EventQueue::kCapacity> event_memory{};
     EventQueue events;
     std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
     std::span<const ExpectedSlave> expected;
@@ -106,9 +109,11 @@ struct Network {
     // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the
     // others.
     void note(Slave& slave, const Error& error) {
-        if (slave.error.code == Errc::none) slave.error = error;
-        errors.add(error);
+        if (slave.error.code == Errc::none && !is_warning(error.code)) slave.error = error;
+        note(error);
     }
+    // Keeps an error or a warning that is no fault of one slave.
+    void note(const Error& error) { (void)(is_warning(error.code) ? warnings : errors).add(error); }
 };
 
 // Runs make(slave) for every slave, as many at once as the network allows. What they end with is theirs to keep; the

@@ -37,7 +37,7 @@ void tell_difference(Network& network, const Slave& slave, std::uint8_t number, 
     told.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
     told.expected = bits;
     told.actual = other_bits;
-    network.errors.add(told);
+    network.note(told);
 }
 
 void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
@@ -48,7 +48,7 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
         told.index = wire::reg::sync_manager(n).address;
         told.expected = static_cast<std::uint32_t>(types[n]);
         told.actual = static_cast<std::uint32_t>(sii);
-        network.errors.add(told);
+        network.note(told);
     }
 }
 
@@ -140,7 +140,7 @@ Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& 
         return Result<>();
     }
     if (!read && !by_slave) return read;
-    if (!read) network.errors.add(read.error());
+    if (!read) network.note(read.error());
     const auto taken = take_over(network, slave, found);
     if (!taken) slave.config.sm_count = 0;
     if (taken && compare && found.sii_read) compare_with_sii(network, slave, found);

@@ -6,7 +6,7 @@
 namespace margay {
 
 // Makes the slave's PDOs what `slave.config.pdos` wants, then fills `slave.config.sms`, unless the application has said
-// them: by the lists, else by the object dictionary, else by the SII. That sources differ is told in errors(), once,
+// them: by the lists, else by the object dictionary, else by the SII. That sources differ is told in warnings(), once,
 // and is no failure. Errors: the lists cannot be, the slave does not take them, or it cannot be asked; then it has no
 // process data.
 [[nodiscard]] Task<Result<>> discover_pdos(Network& network, Slave& slave);

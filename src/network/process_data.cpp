@@ -5,7 +5,9 @@
 #include <margay/shared_image.hpp>
 
 #include <algorithm>
+#include <array>
 #include <memory>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -40,23 +42,30 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::uint8_t number, std::sp
     return 0;
 }
 
-// Takes over the inputs of those who take part, and no bit of the others.
+void zero_bits(MutableBytes image, std::uint64_t first, std::uint64_t bits) {
+    static constexpr std::array<std::byte, 1> kZero{};
+    for (const std::uint64_t end = first + bits; first < end;) {
+        const std::uint64_t count = std::min<std::uint64_t>(end - first, 8 - first % 8);
+        copy_bits(image, first, kZero, 0, count);
+        first += count;
+    }
+}
+
+// Takes over the inputs of the slaves that take part, their mailbox status bits too, and no bit of the others.
 void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes inputs) {
     const auto& group = *static_cast<const ProcessGroup*>(user);
     const DatagramPlan& plan = group.plans[static_cast<std::size_t>(frame.datagrams[n].status - group.statuses.data())];
     const std::uint64_t first = std::uint64_t{plan.image_input} * 8;
     const std::uint64_t end = first + std::uint64_t{plan.input_bytes} * 8;
+    const auto take = [&](std::uint64_t from, std::uint64_t bits) {
+        const std::uint64_t begin = std::max(first, from);
+        const std::uint64_t stop = std::min(end, from + bits);
+        if (begin < stop) copy_bits(group.image, begin, inputs, begin - first, stop - begin);
+    };
     for (const Slave& slave : group.slaves) {
         if (slave.config.group != group.number || !slave.takes_part) continue;
-        const ImagePart& part = slave.image.inputs;
-        const std::uint64_t to = std::min<std::uint64_t>(end, part.offset_bits + std::uint64_t{part.bits});
-        for (std::uint64_t bit = std::max<std::uint64_t>(first, part.offset_bits); bit < to;) {
-            const auto octet = static_cast<std::size_t>(bit / 8);
-            const std::uint64_t stop = std::min<std::uint64_t>(to, (bit / 8 + 1) * 8);
-            const auto mask = static_cast<std::byte>((0xFFU << (bit % 8)) & (0xFFU >> ((8 - stop % 8) % 8)));
-            group.image[octet] = (group.image[octet] & ~mask) | (inputs[octet - plan.image_input] & mask);
-            bit = stop;
-        }
+        take(slave.image.inputs.offset_bits, slave.image.inputs.bits);
+        if (slave.image.mailbox_status_bit != SlaveImage::kNone) take(slave.image.mailbox_status_bit, 1);
     }
 }
 
@@ -95,6 +104,12 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
     frame.own.length = static_cast<std::uint16_t>(frame.size - wire::kFramePrefixBytes);
     frame.end = CycleEnd::missing;
     frame.settle();
+}
+
+// Its frame has come back, but was not marked; asked once for each cycle.
+bool take_unmarked(PreparedFrame& frame) {
+    const bool riders = frame.slot != nullptr && frame.slot->unmarked;
+    return std::exchange(frame.own.unmarked, false) || riders;
 }
 
 Error cycle_error(Errc code, std::uint8_t group) {
@@ -165,13 +180,58 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
             finish(frame, builder);
             // Overlapped frames do not take inputs out with them: the sending thread leaves them to the owner.
             frame.overlapped = sets > 1;
-            frame.take_inputs = group.layout.overlapped || frame.overlapped ? take_inputs : nullptr;
+            frame.apart = group.layout.overlapped || frame.overlapped;
+            frame.take_inputs = take_inputs;
             frame.group = &group;
         }
     }
-    if (sets > 1) link.allow_overlapping();
+    if (sets > 1)
+        link.allow_overlapping();
+    else
+        link.add_pace(group.pace);
     group.mapped = true;
+    group.special = group.extras || sets > 1;
     return Result<>();
+}
+
+Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {
+    if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
+    if (group.extras) set_outputs(group);
+    return send_frames(group, link, now);
+}
+
+Error nothing_sent(const ProcessGroup& group) {
+    return cycle_error(group.mapped ? Errc::no_cycle : Errc::unknown_group, group.number);
+}
+
+bool is_fresh(const ProcessGroup& group, const Slave& slave) {
+    if (!slave.takes_part || group.cycle_received == 0) return false;
+    if (static_cast<std::int32_t>(group.cycle_received - slave.image.joined_after) <= 0) return false;
+    const bool has_inputs = slave.image.inputs.bits > 0;
+    const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;
+    const std::uint64_t end = part.offset_bits + std::uint64_t{part.bits};
+    bool any = false;
+    for (std::size_t n = 0; n < group.plans.size(); ++n) {
+        const DatagramPlan& plan = group.plans[n];
+        const std::uint64_t first = std::uint64_t{has_inputs ? plan.image_input : plan.image_output} * 8;
+        const std::uint64_t bits = std::uint64_t{has_inputs ? plan.input_bytes : plan.output_bytes} * 8;
+        if (first >= end || first + bits <= part.offset_bits) continue;
+        if (!group.statuses[n].fresh) return false;
+        any = true;
+    }
+    return any;
+}
+
+void note_joining(const ProcessGroup& group, Slave& slave) {
+    const bool overlapping = group.overlap.sets > 1;
+    slave.image.joined_after = overlapping ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
+}
+
+void settle_lost_inputs(ProcessGroup& group) {
+    if (group.config.lost_inputs == LostInputs::keep || !group.mapped) return;
+    for (const Slave& slave : group.slaves)
+        if (slave.config.group == group.number && !slave.takes_part)
+            zero_bits(group.image, slave.image.inputs.offset_bits, slave.image.inputs.bits);
 }
 
 void set_outputs(ProcessGroup& group) {
@@ -198,20 +258,25 @@ Error not_sent(const ProcessGroup& group, Link& link) {
 
 Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
-    std::uint32_t got = 0;
-    bool right = true;
-    for (const DatagramStatus& d : group.datagrams) {
-        if (d.came) got += d.got;
-        right &= d.right();
-        group.unexpected |= !d.came || d.got != d.accepted;
-    }
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
     for (PreparedFrame& frame : frames) {
         if (frame.end != CycleEnd::missing) continue;
+        if (take_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
+        Link::nothing_came(frame);
         ++missing;
     }
+    std::uint32_t got = 0;
+    bool right = true;
+    bool fresh = true;
+    for (const DatagramStatus& d : group.datagrams) {
+        if (d.came) got += d.got;
+        right &= d.right();
+        fresh &= d.fresh;
+        group.unexpected |= !d.came || d.got != d.accepted;
+    }
+    settle_lost_inputs(group);
     if (missing > 0) {
         error.code = Errc::no_frame;
         error.actual = missing;
@@ -219,10 +284,9 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
         return error;
     }
     group.cycles_lost = 0;
-    if (right) {
-        give_inputs(group);
-        return got;
-    }
+    if (fresh) give_inputs(group);
+    if (right && fresh) return got;  // as many as are expected, but others than those known to take part: not fresh
+    error.detail = fresh ? Error::kOthersFresh : 0;
     error.expected = group.expected_wkc;
     error.actual = got;
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)

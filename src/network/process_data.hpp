@@ -32,11 +32,15 @@ struct ProcessGroup : Group {
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;  // of the network
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
+    CyclePace pace;
     std::uint8_t number = 0;
-    bool extras = false;            // copies from slave to slave, or a shared image
-    bool mapping = false;           // config_map() is at it
-    bool told_short = false;        // the supervision has told so
-    bool unexpected = false;        // a cycle was not usable, or a slave is back: for the supervision
+    // Not mapped, cycles overlap, or there are extras: not the path that nearly every cycle takes.
+    bool special = true;
+    bool under_way = false;   // a cycle was sent that receive_processdata() has not ended; not where cycles overlap
+    bool extras = false;      // copies from slave to slave, or a shared image
+    bool mapping = false;     // config_map() is at it
+    bool told_short = false;  // the supervision has told so
+    bool unexpected = false;  // a cycle was not usable, or a slave is back: for the supervision
     std::uint16_t cycles_lost = 0;  // of which frames did not come back, in a row
 };
 
@@ -64,31 +68,41 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 // (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
 void set_outputs(ProcessGroup& group);
-[[nodiscard, gnu::always_inline]] inline Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {
-    if (group.extras) [[unlikely]]
-        set_outputs(group);
+// Of a group that is not special, or whose outputs are set.
+[[nodiscard, gnu::always_inline]] inline Result<> send_frames(ProcessGroup& group, Link& link, Time now) {
     ++group.cycles_sent;
-    if (group.mapped && link.send_cycle(group.prepared, now, group.config.acyclic_bytes) == SendStatus::sent)
+    group.under_way = true;
+    if (link.send_cycle(group.prepared, group.pace, now, group.config.acyclic_bytes) == SendStatus::sent)
         return Result<>();
     return not_sent(group, link);
 }
+[[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
 // Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame
 // (actual: frames missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short
-// that is known to be lost).
+// that is known to be lost; detail: Error::kOthersFresh when all datagrams are fresh), no_cycle.
 void give_inputs(ProcessGroup& group);
 [[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
                                                 Time now);
 [[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end,
                                                                          Time now) {
     group.cycle_received = group.cycles_sent;
-    if (end != CycleEnd::right || !group.mapped) [[unlikely]]
+    group.under_way = false;
+    if (end != CycleEnd::right || group.special) [[unlikely]]
         return judge_cycle(group, group.prepared, link, now);
     group.cycles_lost = 0;
-    if (group.extras) [[unlikely]]
-        give_inputs(group);
     return group.expected_wkc;
 }
+
+[[nodiscard]] Error nothing_sent(const ProcessGroup& group);
+
+// Whether the inputs of the slave (of one with outputs only: its outputs) were exchanged with the last cycle that was
+// received. Of a slave of this group.
+[[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
+// The slave takes part from the next cycle that is sent on.
+void note_joining(const ProcessGroup& group, Slave& slave);
+// By GroupConfiguration::lost_inputs: what the inputs of slaves become that do not take part.
+void settle_lost_inputs(ProcessGroup& group);
 
 // The same where cycles overlap. Errors of sending besides: busy (all cycles are under way; expected: how many).
 [[nodiscard]] Result<> send_overlapped(ProcessGroup& group, Link& link, Time now);

@@ -114,7 +114,11 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
     std::array<std::byte, 1> type{};
     Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kType), MutableBytes(type));
     auto reply = co_await look;
-    if (!reply.ok()) co_return segment_error(reply.errc, Step::count_slaves);
+    if (!reply.ok()) {
+        Error error = segment_error(reply.errc, Step::count_slaves);
+        error.detail = reply.detail();
+        co_return error;
+    }
     if (reply.wkc == 0) co_return segment_error(Errc::no_slaves, Step::count_slaves);
     co_return reply.wkc;
 }
@@ -188,7 +192,7 @@ Task<Result<>> arrange(Network& network) {
     }
     network.ring_count = network.count;
     const auto topology = find_topology(network.seen_ring());
-    if (!topology) network.errors.add(topology.error());
+    if (!topology) network.note(topology.error());
     auto moved = number_slaves(network);
     if (!moved) co_return moved.error();
     store_topology(network.seen_ring(), network.slaves());

@@ -150,7 +150,7 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
         if (error.subindex == 0) error.subindex = command.subindex;
         error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
         if (!command.may_fail) co_return error;
-        network.errors.add(error);
+        network.note(error);
     }
     co_return Result<>();
 }

@@ -28,8 +28,12 @@ struct Station {
 
 // What a reply to a datagram for one station means. errc none: all well.
 [[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step, std::uint16_t register_address) {
-    if (!reply.ok()) return station.error(reply.errc, step, register_address);
-    if (reply.wkc == 1) return {};
+    if (reply.ok() && reply.wkc == 1) return {};
+    if (!reply.ok()) {
+        Error error = station.error(reply.errc, step, register_address);
+        error.detail = reply.detail();
+        return error;
+    }
     Error error = station.error(Errc::working_counter, step, register_address);
     error.expected = 1;
     error.actual = reply.wkc;
@@ -37,18 +41,14 @@ struct Station {
 }
 
 template <class T>
-class ReadRegister {
+class ReadRegister : public DatagramWait {
   public:
     ReadRegister(const Station& station, std::uint16_t address, Step step)
         : station_(station),
           address_(address),
           step_(step),
           datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address}, MutableBytes(bytes_)) {}
-    bool await_ready() const noexcept { return false; }
-    void await_suspend(std::coroutine_handle<> h) noexcept {
-        waiter_.handle = h;
-        datagram_.submit(waiter_);
-    }
+    bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<T> await_resume() const noexcept {
         const Error error = judge(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<T>(load_le<T>(bytes_)) : Result<T>(error);
@@ -60,7 +60,6 @@ class ReadRegister {
     Step step_;
     std::array<std::byte, sizeof(T)> bytes_{};
     Datagram datagram_;
-    Waiter waiter_;
 };
 
 template <class T>
@@ -70,7 +69,7 @@ template <class T>
 
 // Writes octets that it carries itself (the first form) or that the caller keeps (write_bytes).
 template <std::size_t N>
-class WriteRegister {
+class WriteRegister : public DatagramWait {
   public:
     WriteRegister(const Station& station, std::uint16_t address, const std::array<std::byte, N>& bytes, Step step)
         : station_(station),
@@ -78,11 +77,7 @@ class WriteRegister {
           step_(step),
           bytes_(bytes),
           datagram_(station.engine.link(), wire::Command::FPWR, {station.address, address}, Bytes(bytes_)) {}
-    bool await_ready() const noexcept { return false; }
-    void await_suspend(std::coroutine_handle<> h) noexcept {
-        waiter_.handle = h;
-        datagram_.submit(waiter_);
-    }
+    bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<> await_resume() const noexcept {
         const Error error = judge(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<>() : Result<>(error);
@@ -94,7 +89,6 @@ class WriteRegister {
     Step step_;
     std::array<std::byte, N> bytes_;
     Datagram datagram_;
-    Waiter waiter_;
 };
 
 template <class T>

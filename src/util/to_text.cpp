@@ -61,6 +61,10 @@ std::string_view to_text(Errc code) {
             return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or "
                    "the other request "
                    "for it, and look at its state() between cycles";
+        case Errc::nic_busy: return "the network interface does not take frames";
+        case Errc::datagram_size: return "more data than a datagram can carry";
+        case Errc::no_cycle:
+            return "no cycle is under way: each receive_processdata() wants a send_processdata() before it";
     }
     return "unknown error";
 }

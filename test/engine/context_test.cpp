@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <memory>
 
 namespace margay {
@@ -28,6 +29,79 @@ TEST_F(ContextTest, BeforeInitEverythingIsRefusedAndNothingCrashes) {
     EXPECT_EQ(poll(ctx, osal.now()), kNever);
     EXPECT_TRUE(ctx.slaves().empty());
     EXPECT_EQ(ctx.slave(1).position, 0);
+}
+
+TEST_F(ContextTest, BeforeInitThereIsNothingToRead) {
+    EXPECT_FALSE(ctx.errors().take().has_value());
+    EXPECT_EQ(ctx.errors().dropped(), 0U);
+    EXPECT_FALSE(ctx.warnings().take().has_value());
+    EXPECT_FALSE(ctx.events().take().has_value());
+    EXPECT_EQ(ctx.statistics().frames_sent, 0U);
+    EXPECT_EQ(ctx.arena_bytes(), 0U);
+    EXPECT_EQ(ctx.arena_peak_bytes(), 0U);
+}
+
+// A scan's first wish is to send: it ends, and says why it could not.
+TEST_F(ContextTest, ScanOverANicThatStaysBusyEnds) {
+    ASSERT_TRUE(init(ctx, nic, osal));
+    nic.answer = SendStatus::busy;
+    ScanRequest scan;
+    ASSERT_TRUE(submit(ctx, scan));
+    const Time start = osal.now();
+    Time now = start;
+    while (scan.busy() && now - start < 60s) {
+        const Time next = poll(ctx, now);
+        if (scan.busy()) now = std::max(now + 1us, next);
+    }
+    EXPECT_EQ(scan.state(), RequestState::error);
+    EXPECT_EQ(scan.error().code, Errc::nic_busy);
+    std::array<char, 200> text{};
+    EXPECT_EQ(describe(scan.error(), text), "counting slaves: the network interface does not take frames");
+    EXPECT_LE(now - start, 5s);
+    EXPECT_EQ(config_init(ctx).error().code, Errc::nic_busy) << "the blocking form ends too";
+}
+
+TEST_F(ContextTest, LinkSettingsHoldWhetherSetBeforeOrAfterInit) {
+    ctx.link_settings().sendings = 2;
+    ctx.link_settings().frame_timeout = 3ms;
+    ASSERT_TRUE(init(ctx, nic, osal));
+    const auto scan_ends_after = [&] {
+        const Time start = osal.now();
+        EXPECT_EQ(config_init(ctx).error().code, Errc::no_frame);
+        return osal.now() - start;
+    };
+    EXPECT_EQ(scan_ends_after(), 6ms);
+    EXPECT_EQ(nic.sent.size(), 2U);
+    ctx.link_settings().sendings = 1;
+    ctx.link_settings().frame_timeout = 20ms;
+    EXPECT_EQ(scan_ends_after(), 20ms);
+    EXPECT_EQ(nic.sent.size(), 3U);
+}
+
+TEST_F(ContextTest, CallbackOfEventsSetBeforeInitStays) {
+    int told = 0;
+    ctx.events().callback = [](const Event&, void* user) { ++*static_cast<int*>(user); };
+    ctx.events().user = &told;
+    ASSERT_TRUE(init(ctx, nic, osal));
+    ctx.events().add({});
+    EXPECT_EQ(told, 1);
+    EXPECT_TRUE(ctx.events().take().has_value());
+}
+
+// slave(0), before init() and after it: its image has no octets, and each of them reads as zero.
+TEST_F(ContextTest, SlaveThatIsNotThereHasAnImageThatDoesNoHarm) {
+    for (int round = 0; round < 2; ++round) {
+        for (const std::size_t position : {std::size_t{0}, std::size_t{1}, std::size_t{99}}) {
+            SlaveImage& image = ctx.slave(position).image;
+            EXPECT_TRUE(image.inputs.bytes.empty());
+            EXPECT_EQ(image.inputs.bytes[0], std::byte{0});
+            image.outputs.bytes[7] = std::byte{0x55};
+            EXPECT_EQ(image.outputs.bytes[7], std::byte{0});
+        }
+        if (round == 0) {
+            ASSERT_TRUE(init(ctx, nic, osal));
+        }
+    }
 }
 
 TEST_F(ContextTest, LimitsOutOfRangeAreNamed) {

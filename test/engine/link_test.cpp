@@ -40,6 +40,13 @@ class LinkTest : public testing::Test {
         asked.done = true;
         co_return Result<>();
     }
+    // One FPWR of all of `data`.
+    static Task<Result<>> exchange(Engine& engine, Asked& asked, std::span<const std::byte> data) {
+        Datagram datagram(engine.link(), Command::FPWR, station(0x1001, 0x1000), Bytes(data), Repeat::no);
+        asked.reply = co_await datagram;
+        asked.done = true;
+        co_return Result<>();
+    }
 };
 
 TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
@@ -223,7 +230,8 @@ TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
         poll(1us);
     }
     EXPECT_FALSE(asked.done);
-    EXPECT_EQ(counted().foreign + counted().malformed + counted().mismatched + counted().unexpected + counted().echoes,
+    EXPECT_EQ(counted().foreign + counted().malformed + counted().mismatched + counted().unexpected + counted().echoes +
+                  counted().unmarked,
               1600U);
 }
 
@@ -293,6 +301,184 @@ TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
     for (const auto& frame : nic.sent) nic.incoming.push_back(reply_to(frame));
     large.poll(now + 2us);
     for (const auto& a : asked) EXPECT_TRUE(a.done);
+}
+
+// A mailbox as large as a wrong SII says it is: no frame carries 1487 octets of data.
+TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
+    for (const std::size_t bytes : {wire::kMaxDatagramData + 1, std::size_t{1487}, std::size_t{2000}}) {
+        nic.sent.clear();
+        Asked large;
+        Asked behind;
+        std::vector<std::byte> data(bytes);
+        auto one = exchange(engine, large, data);
+        auto two = ask(engine, behind, station(2, 0x0130));
+        one.start();
+        two.start();
+        poll();
+        EXPECT_TRUE(large.done);
+        EXPECT_EQ(large.reply.errc, Errc::datagram_size);
+        ASSERT_EQ(nic.sent.size(), 1U);
+        nic.incoming.push_back(reply_to(nic.sent[0]));
+        poll();
+        EXPECT_TRUE(behind.done && behind.reply.ok());
+    }
+}
+
+TEST_F(LinkTest, LargestDatagramIsSent) {
+    Asked asked;
+    std::vector<std::byte> data(wire::kMaxDatagramData);
+    auto task = exchange(engine, asked, data);
+    task.start();
+    poll();
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(asked.done && asked.reply.ok());
+}
+
+TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
+    Asked first;
+    Asked second;
+    auto one = ask(engine, first, station(1, 0x0130));
+    auto two = ask(engine, second, station(2, 0x0130), Repeat::no);
+    one.start();
+    two.start();
+    nic.answer = SendStatus::busy;
+    engine.link().settings.queue_timeout = 300ms;
+    const Time start = now;
+    while (!first.done && now - start < 60s) {
+        const Time next = poll(0us);
+        if (!first.done) now = std::max(now + 1us, next);
+    }
+    ASSERT_TRUE(first.done && second.done);
+    EXPECT_EQ(first.reply.errc, Errc::nic_busy);
+    EXPECT_EQ(second.reply.errc, Errc::nic_busy);
+    EXPECT_GE(now - start, 300ms);
+    EXPECT_LE(now - start, 301ms);
+    // What comes afterwards has its own time.
+    Asked third;
+    auto three = ask(engine, third, station(3, 0x0130));
+    three.start();
+    poll();
+    EXPECT_FALSE(third.done);
+    nic.answer = SendStatus::sent;
+    poll();
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(third.done && third.reply.ok());
+}
+
+TEST_F(LinkTest, NicThatIsBusyForSomeTimeCostsNothingButTime) {
+    Asked asked;
+    auto task = ask(engine, asked, station(1, 0x0130));
+    task.start();
+    nic.answer = SendStatus::busy;
+    const Time start = now;
+    while (now - start < engine.link().settings.queue_timeout - 1ms) now = std::max(now + 1us, poll(0us));
+    nic.answer = SendStatus::sent;
+    poll(50us);
+    ASSERT_EQ(nic.sent.size(), 1U);
+    nic.incoming.push_back(reply_to(nic.sent[0]));
+    poll();
+    EXPECT_TRUE(asked.done && asked.reply.ok());
+}
+
+// A NIC that takes a frame now and then is slow, not stuck: nobody in a long queue is given up.
+TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
+    std::vector<std::byte> more(1024 * 1024);
+    Engine large(nic, slots, more);
+    large.link().settings.queue_timeout = 10ms;
+    std::vector<Asked> asked(93 * 6);
+    std::vector<Task<Result<>>> tasks;
+    for (auto& a : asked) {
+        tasks.push_back(ask(large, a, station(1, 0x0130)));
+        tasks.back().start();
+    }
+    nic.most_frames_at_once = 1;
+    for (int round = 0; round < 6; ++round) {
+        nic.taken = 0;
+        for (int n = 0; n < 9; ++n) large.poll(now += 1ms);
+        ASSERT_EQ(nic.sent.size(), static_cast<std::size_t>(round) + 1);
+        nic.incoming.push_back(reply_to(nic.sent.back()));
+    }
+    large.poll(now += 1ms);
+    for (const Asked& a : asked) EXPECT_TRUE(a.done && a.reply.ok());
+}
+
+// What was stuck is gone, and what comes afterwards has its whole time.
+TEST_F(LinkTest, NewQueueDoesNotInheritTheWaitOfAnOldOne) {
+    auto old = std::make_unique<Asked>();
+    auto forgotten = ask(engine, *old, station(1, 0x0130));
+    forgotten.start();
+    nic.answer = SendStatus::busy;
+    poll();
+    forgotten.reset();
+    now += 100s;
+    Asked asked;
+    auto task = ask(engine, asked, station(2, 0x0130));
+    task.start();
+    poll();
+    EXPECT_FALSE(asked.done);
+}
+
+// A slave in the field counts up and does not mark. Where the NIC returns no own frames its replies are replies.
+TEST_F(LinkTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
+    nic.hides_own = true;
+    for (const std::uint16_t wkc : {std::uint16_t{1}, std::uint16_t{0}}) {
+        Asked asked;
+        auto task = ask(engine, asked, station(1, 0x0130));
+        task.start();
+        poll();
+        Octets reply = reply_to(nic.sent.back(), wkc);
+        reply[wire::kSourceMacOffset] &= ~wire::kPassedEscBit;
+        nic.incoming.push_back(reply);
+        poll();
+        ASSERT_TRUE(asked.done);
+        EXPECT_TRUE(asked.reply.ok());
+        EXPECT_EQ(asked.reply.wkc, wkc);
+    }
+    EXPECT_EQ(counted().echoes + counted().unmarked, 0U);
+}
+
+// Another master on the same cable sends the same question: it has another source address.
+TEST_F(LinkTest, FrameOfAnotherMasterIsNoUnmarkedReply) {
+    nic.hides_own = true;
+    Asked asked;
+    auto task = ask(engine, asked, station(1, 0x0130));
+    task.start();
+    poll();
+    Octets other = nic.sent.back();
+    other[wire::kSourceMacOffset + 5] ^= std::byte{0x01};
+    nic.incoming.push_back(other);
+    poll();
+    EXPECT_FALSE(asked.done);
+    EXPECT_EQ(counted().echoes, 1U);
+}
+
+TEST_F(LinkTest, WhereOnlyTheMarkTellsAnEchoTheErrorSaysThatFramesWereUnmarked) {
+    for (const bool counted_up : {true, false}) {
+        Asked asked;
+        auto task = ask(engine, asked, station(1, 0x0130), Repeat::no);
+        task.start();
+        const Time next = poll();
+        Octets back = reply_to(nic.sent.back(), counted_up ? 1 : 0);
+        back[wire::kSourceMacOffset] &= ~wire::kPassedEscBit;
+        nic.incoming.push_back(back);
+        poll();
+        EXPECT_FALSE(asked.done);
+        now = next;
+        poll();
+        ASSERT_TRUE(asked.done);
+        EXPECT_EQ(asked.reply.errc, Errc::no_frame);
+        EXPECT_EQ(asked.reply.detail(), counted_up ? Error::kUnmarked : 0U) << "an echo has not been counted up";
+    }
+    EXPECT_EQ(counted().unmarked, 1U);
+    EXPECT_EQ(counted().echoes, 1U);
+    std::array<char, 400> text{};
+    EXPECT_NE(describe({.code = Errc::no_frame, .step = Step::count_slaves, .detail = Error::kUnmarked}, text)
+                  .find("frames came back unmarked"),
+              std::string_view::npos);
 }
 
 TEST_F(LinkTest, TwoEnginesShareNothing) {

@@ -18,8 +18,12 @@ class ScriptedNic final : public Nic {
     std::deque<Octets> incoming;
     SendStatus answer = SendStatus::sent;
     LinkState link = LinkState::up;
+    std::size_t most_frames_at_once = SIZE_MAX;  // so many are taken, the next one finds the NIC busy
+    std::size_t taken = 0;
+    bool hides_own = false;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (answer == SendStatus::sent && taken++ >= most_frames_at_once) return SendStatus::busy;
         if (answer == SendStatus::sent) sent.emplace_back(frame.begin(), frame.end());
         return answer;
     }
@@ -32,6 +36,7 @@ class ScriptedNic final : public Nic {
         return length;
     }
     LinkState link_state() noexcept override { return link; }
+    bool hides_own_frames() const noexcept override { return hides_own; }
 };
 
 // What a segment makes of a frame: the mark of the first ESC, and `wkc` in every datagram.

@@ -102,7 +102,7 @@ TEST_F(ChannelTest, EmergenciesOverrunAreCounted) {
     };
     EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
     auto& ring = emergencies(*bus.ctx, 1);
-    EXPECT_EQ(ring.overruns(), 2U);
+    EXPECT_EQ(ring.dropped(), 2U);
     EXPECT_EQ(ring.count(), 6U);
     for (unsigned n = 1; n <= 4; ++n) EXPECT_EQ(ring.take()->code, 0xFF00 + n);
     EXPECT_FALSE(ring.take().has_value());
@@ -299,7 +299,7 @@ TEST_F(ChannelTest, AFloodOfOtherMailEndsInATimeoutAndBoundedMemory) {
     EXPECT_LE(bus.osal.now() - begin, 205ms);
     auto& ring = emergencies(*bus.ctx, 1);
     EXPECT_GT(ring.count(), 100U);
-    EXPECT_EQ(ring.overruns(), ring.count() - Limits{}.emergencies);
+    EXPECT_EQ(ring.dropped(), ring.count() - Limits{}.emergencies);
 }
 
 TEST_F(ChannelTest, ASlaveThatCannotRepeatEndsInATimeout) {

@@ -123,6 +123,7 @@ TEST_F(PacketNicTest, HearsNeitherItselfNorItsNeighbour) {
     ASSERT_EQ(master.send(frame_of(60, chance)), SendStatus::sent);
     ASSERT_EQ(neighbour.send(frame_of(60, chance)), SendStatus::sent);
     expect_quiet(segment, master);
+    EXPECT_TRUE(master.hides_own_frames()) << "what comes is no echo, marked or not";
 }
 
 TEST_F(PacketNicTest, SegmentSeesAnyDestinationAndSource) {

@@ -72,9 +72,11 @@ class Bus {
         return static_cast<sim::ProcessDataFirmware&>(
             *segment.slave(static_cast<std::uint32_t>(position - 1)).firmware());
     }
-    std::vector<std::string> errors() {
+    std::vector<std::string> errors() { return taken(ctx->errors()); }
+    std::vector<std::string> warnings() { return taken(ctx->warnings()); }
+    static std::vector<std::string> taken(ErrorLog& log) {
         std::vector<std::string> all;
-        while (const auto error = ctx->errors().take()) {
+        while (const auto error = log.take()) {
             std::array<char, 256> text{};
             all.emplace_back(describe(*error, text));
         }

@@ -251,5 +251,65 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     EXPECT_EQ(nic.sent.back().size(), wire::kFramePrefixBytes + 16 + 512);
 }
 
+// The frame of the cycle is taken, the one of the requests never: they end all the same.
+TEST_P(PreparedFrameTest, NicThatTakesOnlyTheCycleLeavesNoRequestWaitingForEver) {
+    Asked asked;
+    std::array<std::byte, wire::kMaxDatagramData> data{};  // does not fit behind the cycle's own
+    auto task = ask(engine, asked, data);
+    task.start();
+    nic.most_frames_at_once = 1;
+    const Time start = now;
+    while (!asked.done && now - start < 60s) {
+        nic.taken = 0;
+        ASSERT_TRUE(send().ok());
+        nic.incoming.push_back(reply(3, 1));
+        ASSERT_TRUE(end().ok());
+        engine.poll(now);
+    }
+    EXPECT_TRUE(asked.done);
+    EXPECT_EQ(asked.reply.errc, Errc::nic_busy);
+}
+
+TEST_P(PreparedFrameTest, NicThatStaysBusyInTheCycleEndsWhatRides) {
+    Asked asked;
+    auto task = ask(engine, asked, asked.data);
+    task.start();
+    nic.answer = SendStatus::busy;
+    const Time start = now;
+    while (!asked.done && now - start < 60s) {
+        EXPECT_EQ(send().error().code, Errc::nic);
+        EXPECT_EQ(end().error().code, Errc::no_frame);
+        engine.poll(now);
+    }
+    ASSERT_TRUE(asked.done);
+    EXPECT_EQ(asked.reply.errc, Errc::nic_busy);
+    EXPECT_LE(now - start, engine.link().settings.queue_timeout + 5ms);
+    // The cycle itself goes on as soon as the NIC does.
+    nic.answer = SendStatus::sent;
+    ASSERT_TRUE(send().ok());
+    nic.incoming.push_back(reply(3, 1));
+    EXPECT_TRUE(end().ok());
+}
+
+TEST_P(PreparedFrameTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
+    for (const bool hides : {true, false}) {
+        nic.hides_own = hides;
+        image[2] = std::byte{0};
+        ASSERT_TRUE(send().ok());
+        Octets unmarked = reply(3, 0x21);
+        unmarked[wire::kSourceMacOffset] &= ~wire::kPassedEscBit;
+        nic.incoming.push_back(unmarked);
+        const auto ended = end();
+        EXPECT_EQ(ended.ok(), hides);
+        EXPECT_EQ(image[2], hides ? std::byte{0x21} : std::byte{0});
+        EXPECT_EQ(ended.error().detail, hides ? 0U : Error::kUnmarked);
+    }
+    // The next one is lost as such.
+    ASSERT_TRUE(send().ok());
+    const auto ended = end();
+    EXPECT_EQ(ended.error().code, Errc::no_frame);
+    EXPECT_EQ(ended.error().detail, 0U);
+}
+
 }  // namespace
 }  // namespace margay

@@ -25,7 +25,7 @@ class PreparedGroup {
     std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
     Engine engine{nic, slots, memory};
     std::vector<Slave> slaves;
-    std::array<std::byte, 4> image{};
+    std::array<std::byte, 8> image{};
 
     std::vector<ProcessGroup> groups = std::vector<ProcessGroup>(1);
     std::vector<PreparedFrame> frames = std::vector<PreparedFrame>(2);

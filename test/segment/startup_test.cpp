@@ -10,9 +10,11 @@ using enum Transition;
 
 class Startup : public FieldNotes {
   protected:
-    std::vector<std::string> errors() {
+    std::vector<std::string> errors() { return taken(ctx.errors()); }
+    std::vector<std::string> warnings() { return taken(ctx.warnings()); }
+    std::vector<std::string> taken(ErrorLog& log) {
         std::vector<std::string> all;
-        while (const auto error = ctx.errors().take()) all.push_back(words(*error));
+        while (const auto error = log.take()) all.push_back(words(*error));
         return all;
     }
     std::uint8_t ram(std::uint32_t number, unsigned n) {
@@ -376,7 +378,7 @@ TEST_F(SourcesDiffer, BetweenDictionaryAndSiiIsToldInBitsAndHarmsNobody) {
     plug_odd({});
     start();
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1);
-    const auto said = errors();
+    const auto said = warnings();
     ASSERT_FALSE(said.empty());
     EXPECT_EQ(said[0],
               "slave 1: finding the PDOs at SyncManager 2: sources differ by 64 bits (the object dictionary has 128, "
@@ -385,7 +387,24 @@ TEST_F(SourcesDiffer, BetweenDictionaryAndSiiIsToldInBitsAndHarmsNobody) {
     EXPECT_EQ(ctx.slave(1).error.code, Errc::none);
     EXPECT_TRUE(is_warning(Errc::sizes_differ));
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
-    EXPECT_EQ(errors(), std::vector<std::string>()) << "once";
+    EXPECT_EQ(warnings(), std::vector<std::string>()) << "once";
+    EXPECT_EQ(errors(), std::vector<std::string>());
+}
+
+// Two warnings for each slave are more than the ring of warnings holds: what goes wrong is told all the same.
+TEST_F(SourcesDiffer, WarningsTakeNoRoomOfErrors) {
+    constexpr std::size_t kSlaves = 40;
+    for (std::size_t n = 0; n < kSlaves; ++n) plug_odd({"coe_disagrees"});
+    start();
+    static constexpr StartupCommand kCommands[] = {write_object(preop_to_safeop, 0x5FFF, 0, std::uint8_t{1})};
+    static constexpr SlaveSetup kSetup{.startup = kCommands};
+    ctx.slave(kSlaves).config.setup = &kSetup;
+    (void)config_map(ctx, image);
+    EXPECT_GT(ctx.warnings().count(), 64U);
+    EXPECT_EQ(ctx.errors().dropped(), 0U);
+    const auto wrong = errors();
+    ASSERT_EQ(wrong.size(), 1U);
+    EXPECT_EQ(wrong[0].substr(0, 9), "slave 40:") << wrong[0];
 }
 
 TEST_F(SourcesDiffer, WhatTheApplicationOrItsFileSaysStandsAndIsCompared) {
@@ -400,7 +419,7 @@ TEST_F(SourcesDiffer, WhatTheApplicationOrItsFileSaysStandsAndIsCompared) {
     map();
     EXPECT_EQ(ctx.slave(1).image.outputs.bits, 16U);
     EXPECT_EQ(ctx.slave(2).image.outputs.bits, 16U);
-    const auto said = errors();
+    const auto said = warnings();
     const std::string told_one =
         "slave 1: finding the PDOs at SyncManager 2: sources differ by 48 bits (the application has 16, which counts, "
         "the "
@@ -416,7 +435,7 @@ TEST_F(SourcesDiffer, TypesOfSyncManagersAreCompared) {
     plug_with_type(3, SmType::outputs);
     start();
     map();
-    const auto said = errors();
+    const auto said = warnings();
     ASSERT_FALSE(said.empty());
     EXPECT_EQ(said[0],
               "slave 1: finding the PDOs at SyncManager 3: object 0x1C00 and the SII differ (inputs, which counts, and "
@@ -431,6 +450,7 @@ TEST_F(SourcesDiffer, AnApplicationThatChoosesByAHookIsNotTold) {
     ctx.slave(1).hooks.preop_to_safeop = [](Context&, std::uint16_t, void*) -> Result<> { return Result<>(); };
     map();
     EXPECT_EQ(errors(), std::vector<std::string>());
+    EXPECT_EQ(warnings(), std::vector<std::string>());
 }
 
 // Parameters by SoE: at IP, so that the mapping sees the telegram, at the other transitions, and again after a loss of

@@ -1,0 +1,224 @@
+// Whose inputs are fresh, and what those of a lost slave become.
+#include "process_data/bus.hpp"
+#include "process_data/prepared_group.hpp"
+
+#include <margay/shared_image.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Three slaves of an octet each way in OP; the last one loses its power.
+class FreshInputsTest : public testing::Test {
+  protected:
+    Bus bus;
+    std::vector<std::byte> image = std::vector<std::byte>(64);
+    std::uint8_t counter = 0x10;
+
+    HostContext& ctx() { return *bus.ctx; }
+    void start(const GroupConfiguration& config = {}) {
+        for (int n = 0; n < 3; ++n) bus.add(8, 8);
+        bus.start();
+        ctx().group(0).config = config;
+        ASSERT_TRUE(config_map(ctx(), image).ok());
+        ASSERT_EQ(bus.to_op().state, AlState::op);
+    }
+    // Every device has another value, and a cycle.
+    Result<std::uint32_t> cycle() {
+        ++counter;
+        for (std::size_t n = 1; n <= 3; ++n) {
+            bus.device(n).inputs()[0] = std::byte{counter};
+            bus.device(n).poke();
+        }
+        return bus.cycle();
+    }
+    bool has_new_value(std::size_t n) { return ctx().slave(n).image.inputs.bytes[0] == std::byte{counter}; }
+    void lose_the_last() {
+        bus.segment.set_power(2, false, bus.osal.now());
+        (void)cycle();
+    }
+};
+
+TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
+    start();
+    ASSERT_TRUE(cycle().ok());
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(inputs_fresh(ctx(), n)) << n;
+
+    // Nobody knows yet which slave is missing: no input was taken over, and nothing claims to be fresh.
+    lose_the_last();
+    const auto unknown = cycle();
+    EXPECT_EQ(unknown.error().code, Errc::working_counter);
+    EXPECT_EQ(unknown.error().detail, 0U);
+    for (std::uint16_t n = 1; n <= 3; ++n) {
+        EXPECT_FALSE(has_new_value(n)) << n;
+        EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
+    }
+
+    // Once it is known the others go on, and the error tells so.
+    ASSERT_TRUE(readstate(ctx()).ok());
+    for (int round = 0; round < 3; ++round) {
+        const auto known = cycle();
+        EXPECT_EQ(known.error().code, Errc::working_counter);
+        EXPECT_EQ(known.error().detail, Error::kOthersFresh);
+        EXPECT_EQ(known.error().slave, 3);
+        std::array<char, 200> text{};
+        EXPECT_EQ(
+            describe(known.error(), text),
+            "slave 3: exchanging process data: wrong working counter (expected 9, got 6), the inputs of the other "
+            "slaves are fresh");
+        for (std::uint16_t n = 1; n <= 3; ++n) {
+            EXPECT_EQ(has_new_value(n), n != 3) << n;
+            EXPECT_EQ(inputs_fresh(ctx(), n), n != 3) << n;
+        }
+    }
+
+    // A lost frame makes none of them fresh.
+    bus.segment.lose_next({0, 0});
+    EXPECT_EQ(cycle().error().code, Errc::no_frame);
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
+}
+
+TEST_F(FreshInputsTest, TheyStayFreshUntilTheNextCycleIsReceived) {
+    start();
+    ASSERT_TRUE(cycle().ok());
+    ASSERT_TRUE(send_processdata(ctx()).ok());
+    EXPECT_TRUE(inputs_fresh(ctx(), 1)) << "the next cycle is under way, the image has those of the last";
+    ASSERT_TRUE(receive_processdata(ctx(), 500us).ok());
+    EXPECT_TRUE(inputs_fresh(ctx(), 1));
+}
+
+TEST_F(FreshInputsTest, NoneBeforeTheFirstCycleAndOfNobody) {
+    HostContext early(Limits{.slaves = 1});
+    EXPECT_FALSE(inputs_fresh(early, 1)) << "before init()";
+    for (int n = 0; n < 3; ++n) bus.add(8, 8);
+    bus.start();
+    EXPECT_FALSE(inputs_fresh(ctx(), 1)) << "not mapped";
+    ASSERT_TRUE(config_map(ctx(), image).ok());
+    for (std::uint16_t n = 0; n <= 4; ++n) EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
+    ASSERT_TRUE(cycle().ok());
+    EXPECT_TRUE(inputs_fresh(ctx(), 3));
+    EXPECT_FALSE(inputs_fresh(ctx(), 0));
+    EXPECT_FALSE(inputs_fresh(ctx(), 4));
+}
+
+struct LostInputsCase {
+    LostInputs what;
+    bool overlapped;
+    std::uint8_t cycles_in_flight;
+};
+class LostInputsTest : public FreshInputsTest, public testing::WithParamInterface<LostInputsCase> {};
+INSTANTIATE_TEST_SUITE_P(
+    Forms, LostInputsTest,
+    testing::Values(LostInputsCase{LostInputs::keep, false, 1}, LostInputsCase{LostInputs::keep, true, 1},
+                    LostInputsCase{LostInputs::keep, false, 2}, LostInputsCase{LostInputs::zero, false, 1},
+                    LostInputsCase{LostInputs::zero, true, 1}, LostInputsCase{LostInputs::zero, false, 2}));
+
+TEST_P(LostInputsTest, AreKeptUnlessTheyShallBeZero) {
+    GroupConfiguration config;
+    config.overlapped = GetParam().overlapped;
+    config.lost_inputs = GetParam().what;
+    config.cycles_in_flight = GetParam().cycles_in_flight;
+    start(config);
+    ASSERT_TRUE(cycle().ok());
+    const std::byte last = ctx().slave(3).image.inputs.bytes[0];
+    EXPECT_EQ(last, std::byte{counter});
+    lose_the_last();
+    EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], last) << "not known to be lost yet";
+    ASSERT_TRUE(readstate(ctx()).ok());
+    for (int round = 0; round < 3; ++round) {
+        const bool zero = GetParam().what == LostInputs::zero;
+        EXPECT_EQ(ctx().slave(3).image.inputs.bytes[0], zero ? std::byte{0} : last) << round;
+        EXPECT_EQ(cycle().error().detail, Error::kOthersFresh);
+        EXPECT_TRUE(has_new_value(1) && has_new_value(2));
+        EXPECT_TRUE(inputs_fresh(ctx(), 1) && !inputs_fresh(ctx(), 3));
+    }
+}
+
+TEST_F(FreshInputsTest, SharedImageGetsTheInputsOfTheOthers) {
+    std::vector<std::byte> memory(SharedImage::memory_bytes(3, 3));
+    SharedImage shared(memory);
+    GroupConfiguration config;
+    config.shared = &shared;
+    start(config);
+    ASSERT_TRUE(cycle().ok());
+    ASSERT_TRUE(shared.refresh_inputs());
+    lose_the_last();
+    (void)cycle();
+    EXPECT_FALSE(shared.refresh_inputs()) << "nothing new came";
+    ASSERT_TRUE(readstate(ctx()).ok());
+    EXPECT_EQ(cycle().error().detail, Error::kOthersFresh);
+    ASSERT_TRUE(shared.refresh_inputs());
+    EXPECT_EQ(shared.inputs()[0], std::byte{counter});
+    EXPECT_NE(shared.inputs()[2], std::byte{counter});
+}
+
+// Two slaves, the first of which maps its mailbox status; every reply is written by the test.
+class DegradedStatusTest : public testing::Test, protected PreparedGroup {
+  protected:
+    DegradedStatusTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {
+        slaves[0].config.mailbox_status = true;
+        slaves[0].mailbox = {.out_start = 0x1800, .out_bytes = 64, .in_start = 0x1880, .in_bytes = 64, .protocols = 4};
+        for (Slave& slave : slaves) slave.takes_part = true;
+    }
+    // The second slave is lost.
+    void degrade() {
+        slaves[1].takes_part = false;
+        for (DatagramStatus& status : statuses) {
+            if (status.full == 0) continue;
+            status.accepted = static_cast<std::uint16_t>(status.full - (status.full > 3 ? 3 : 1));
+        }
+        for (PreparedFrame& frame : frames) frame.settle();
+    }
+};
+
+TEST_F(DegradedStatusTest, MailboxStatusBitsComeInWhileDegradedWithOverlappedImages) {
+    group.config.overlapped = true;
+    prepare_frames();
+    const std::uint32_t bit = slaves[0].image.mailbox_status_bit;
+    ASSERT_NE(bit, SlaveImage::kNone);
+    degrade();
+    ASSERT_EQ(group.datagrams.size(), 1U);
+    for (const bool full : {true, false, true}) {
+        ASSERT_TRUE(send_cycle(group, engine.link(), now += 1ms).ok());
+        Octets back = reply_to(nic.sent.back(), group.datagrams[0].accepted);
+        // Inputs are at the same place of the datagram as in their half of the image.
+        const std::size_t at = kDataAt + bit / 8 - group.layout.output_bytes;
+        ASSERT_LT(at, back.size());
+        const auto mask = static_cast<std::byte>(1U << (bit % 8));
+        back[at] = full ? back[at] | mask : back[at] & ~mask;
+        nic.incoming.push_back(back);
+        const auto ended = end_cycle(group, engine.link(), engine.receive_cycle(group.prepared, now), now);
+        EXPECT_EQ(ended.error().detail, Error::kOthersFresh);
+        EXPECT_EQ((image[bit / 8] & mask) != std::byte{0}, full);
+    }
+}
+
+// The cycle is sent while both take part, and received when the second is known to be lost: where its inputs would be
+// there is what was sent.
+TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
+    prepare_frames();
+    const auto in = [&](std::size_t n) { return slaves[n].image.inputs.bytes[0]; };
+    const auto cycle = [&](std::uint16_t wkc, std::uint8_t first, std::uint8_t second, bool lose) {
+        EXPECT_TRUE(send_cycle(group, engine.link(), now += 1ms).ok());
+        if (lose) degrade();
+        Octets back = reply_to(nic.sent.back(), wkc);
+        back[kDataAt + slaves[0].image.inputs.offset_bits / 8] = std::byte{first};
+        if (second != 0) back[kDataAt + slaves[1].image.inputs.offset_bits / 8] = std::byte{second};
+        nic.incoming.push_back(back);
+        return end_cycle(group, engine.link(), engine.receive_cycle(group.prepared, now), now);
+    };
+    const std::uint16_t all = group.datagrams[0].full;
+    ASSERT_TRUE(cycle(all, 0x11, 0x21, false).ok());
+    EXPECT_EQ(in(1), std::byte{0x21});
+    const auto short_one = cycle(static_cast<std::uint16_t>(all - 3), 0x12, 0, true);
+    EXPECT_EQ(short_one.error().detail, Error::kOthersFresh);
+    EXPECT_EQ(in(0), std::byte{0x12});
+    EXPECT_EQ(in(1), std::byte{0x21});
+    EXPECT_EQ(cycle(group.datagrams[0].accepted, 0x13, 0, false).error().detail, Error::kOthersFresh);
+    EXPECT_EQ(in(0), std::byte{0x13});
+    EXPECT_EQ(in(1), std::byte{0x21});
+}
+
+}  // namespace
+}  // namespace margay
