@@ -252,7 +252,8 @@ class TypedEntry : public EntryHandle {
     }
 };
 
-// An entry that the slave sends. Reading checks nothing and costs what reading the octets costs; it is for the thread
+// An entry that the slave sends. Reading checks nothing of what config_map() has checked, and costs one comparison more
+// than reading the octets by a pointer where the entry is all bits of the type; it is for the thread
 // that receives the group's process data, between cycles. What a slave that is lost has sent last stays readable.
 template <EntryValue T>
 class Input : public TypedEntry<T> {

@@ -50,11 +50,11 @@ void MailboxChannel::prolong(MailExchange& exchange) {
 
 void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     exchange.unlink();
+    if (exchange.state_ == MailExchange::State::sent) lost_at_ = kNever;
     exchange.state_ = MailExchange::State::over;
     exchange.error_ = error;
     if (sending_ == &exchange) sending_ = nullptr;
     if (unsure_ == &exchange) unsure_ = nullptr;
-    lost_at_ = kNever;
     engine_->wake(exchange.timer_);
 }
 
@@ -64,6 +64,7 @@ void MailboxChannel::forget(MailExchange& exchange) {
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
     if (sending_ == &exchange) sending_ = nullptr;
     if (unsure_ == &exchange) unsure_ = nullptr;
+    if (awaiting_.empty()) lost_at_ = kNever;
     if (out && exchange.options_.reply) {
         owed_key_ = exchange.options_.key;
         owed_until_ = now() + timing.owed_patience;

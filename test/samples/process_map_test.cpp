@@ -169,7 +169,7 @@ TEST_F(ProcessMapTest, NamesComeFromTheDictionaryWhereTheSiiHasNone) {
     const auto map = read_process_map(ctx);
     ASSERT_GE(map.entries.size(), 2U);
     EXPECT_EQ(map.entries[0].subindex, 31);
-    EXPECT_EQ(map.entries[0].name, "Word");
+    EXPECT_EQ(map.entries[0].name, "SubIndex 031");
     EXPECT_EQ(map.entries[0].data_type, 0x06) << "UNSIGNED16";
 }
 
@@ -182,12 +182,12 @@ TEST_F(ProcessMapTest, PlacesWithoutAPdoArePassedOver) {
         const auto at = [&](std::size_t n) { return std::to_integer<unsigned>(m[n]); };
         const unsigned index = at(9) | at(10) << 8;
         asked.push_back(index);
-        const auto answer = [&](unsigned value) {
-            slave.reply({0x00, 0x30, 0x43, at(9), at(10), at(11), value & 0xFF, value >> 8 & 0xFF, value >> 16 & 0xFF,
-                         value >> 24});
+        const auto answer = [&](unsigned value, unsigned octets) {
+            slave.reply({0x00, 0x30, 0x43 | (4 - octets) << 2, at(9), at(10), at(11), value & 0xFF, value >> 8 & 0xFF,
+                         value >> 16 & 0xFF, value >> 24});
         };
-        if (index == 0x1C12) return answer(at(11) == 0 ? 2 : at(11) == 1 ? 0 : 0x1600);
-        if (index == 0x1600) return answer(at(11) == 0 ? 1 : 0x70000108);
+        if (index == 0x1C12) return at(11) == 0 ? answer(2, 1) : answer(at(11) == 1 ? 0 : 0x1600, 2);
+        if (index == 0x1600) return at(11) == 0 ? answer(1, 1) : answer(0x70000108, 4);
         slave.reply({0x00, 0x20, 0x80, at(9), at(10), at(11), 0x00, 0x00, 0x02, 0x06});
     };
     mail.start();
