@@ -18,6 +18,14 @@ namespace {
 
 bool is_command(Step step) { return step >= Step::command_ip && step <= Step::command_bi; }
 
+bool is_entry(Errc code) { return code >= Errc::entry_not_mapped && code <= Errc::entry_stale; }
+
+// An object, or the place of an entry in the assignment: "0x1C12:1, entry 3".
+void write_entry_place(TextWriter& out, const Error& e) {
+    (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
+    if (e.detail != 0) out << ", entry " << e.detail;
+}
+
 bool is_sync_manager(std::uint16_t address) {
     return address >= wire::reg::kSyncManagerBase && address < wire::reg::sync_manager(16).address;
 }
@@ -46,6 +54,7 @@ void write_command(TextWriter& out, const Error& e) {
 
 // What `index` and `subindex` of an error mean depends on the step.
 void write_place(TextWriter& out, const Error& e) {
+    if (is_entry(e.code)) return write_entry_place(out, e);
     switch (e.step) {
         case Step::read_sii:
         case Step::write_sii:
@@ -111,6 +120,7 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::types_differ:
             out << " (" << sm_text(e.expected) << ", which counts, and " << sm_text(e.actual) << ")";
             break;
+        case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;
         case Errc::check_failed:
             (out << " (wanted ").hex(e.expected, 8);
             (out << ", is ").hex(e.actual, 8) << ")";

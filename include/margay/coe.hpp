@@ -143,6 +143,8 @@ Result<> submit(Context& ctx, MailPdoFetch& request);
 // words), capacity (expected: the octets of the value), timeout, mailbox_error, protocol, unsupported, unknown_slave …
 Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                             bool complete_access, std::span<std::byte> into, Duration timeout = Duration{0});
+// Writes an object. When the slave's answer is lost on the wire and the slave cannot repeat it, the value is written
+// once more: an object that does something each time it is written may do it twice then. Errors as of reading.
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 

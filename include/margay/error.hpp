@@ -49,22 +49,31 @@ enum class Errc : std::uint8_t {
     fmmu_shortage,     // the slave has too few FMMUs (expected, actual)
     sm_shortage,       // the slave has no such SyncManager (index: its register, expected, actual: how many)
     sm_memory,  // a SyncManager outside the slave's process data memory or on top of another one (index: its register)
-    too_many_frames,  // process data needs more frames than the context has prepared ones (expected, actual)
-    mailbox_full,     // the slave does not take mail: its mailbox is full, or not enabled in this state
-    wrong_size,       // a value has another size than was asked for (expected, actual: octets)
-    pdo_list,         // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
-    pdo_unknown,      // nobody tells what a PDO of a list has in it (index: the PDO)
-    not_process_sm,   // a list of PDOs for a SyncManager of the mailbox (index: its register)
-    wrong_direction,  // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
-    pdo_size,         // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
-    sizes_differ,     // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
-                      // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
-    types_differ,     // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
-                      // SyncManager (index: its register)
-    above_highest,    // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
-    check_failed,     // a register is not as a command wants it (expected, actual: the lowest 32 bits)
-    cycle_running,    // a call that waits, from the thread of a running cycle: submit the request of the same name
-                      // instead
+    too_many_frames,   // process data needs more frames than the context has prepared ones (expected, actual)
+    mailbox_full,      // the slave does not take mail: its mailbox is full, or not enabled in this state
+    wrong_size,        // a value has another size than was asked for (expected, actual: octets)
+    pdo_list,          // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
+    pdo_unknown,       // nobody tells what a PDO of a list has in it (index: the PDO)
+    not_process_sm,    // a list of PDOs for a SyncManager of the mailbox (index: its register)
+    wrong_direction,   // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
+    pdo_size,          // PDOs have other bits than their SyncManager is given (index: its register; expected, actual)
+    sizes_differ,      // not a failure: two sources differ on a SyncManager (index: its register; expected: bits that
+                       // count, actual: the others; detail: ConfigurationSource of both, that which counts << 8)
+    types_differ,      // not a failure: object 0x1C00 (expected) and the SII (actual) differ on the SmType of a
+                       // SyncManager (index: its register)
+    above_highest,     // a state that the slave's configuration rules out (expected: what it allows, actual: asked for)
+    check_failed,      // a register is not as a command wants it (expected, actual: the lowest 32 bits)
+    cycle_running,     // a call that waits, from the thread of a running cycle: submit the request of the same name
+                       // instead
+    mailbox_closed,    // the mailbox was closed while a message waited: the slave is started or found anew
+    reply_lost,        // the slave's reply was lost on the wire, and the slave does not have it any more
+    entry_not_mapped,  // no PDO of the slave that is exchanged has the entry (index, subindex; by position: index of
+                       // the assignment object, subindex: which PDO in it, detail: which entry of the PDO)
+    entry_direction,   // the entry is an input where an output is wanted, or the reverse (place as above)
+    entry_size,        // the entry does not fit the type (place as above; expected: bits of the type, actual: bits)
+    entry_type,        // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE
+                       // data type)
+    entry_stale,       // the group was mapped again since the entry was found
 };
 
 // What was being done.

@@ -9,6 +9,9 @@ namespace margay {
 class ArenaBuffer {
   public:
     explicit ArenaBuffer(Arena& arena) : arena_(arena) {}
+    // Takes over what another buffer of the arena has released.
+    ArenaBuffer(Arena& arena, MutableBytes released)
+        : arena_(arena), memory_(released.data()), bytes_(released.size()) {}
     ArenaBuffer(const ArenaBuffer&) = delete;
     ArenaBuffer& operator=(const ArenaBuffer&) = delete;
     ~ArenaBuffer() { arena_.release(memory_); }
@@ -19,6 +22,11 @@ class ArenaBuffer {
         memory_ = arena_.allocate(bytes);
         bytes_ = memory_ == nullptr ? 0 : bytes;
         return memory_ != nullptr;
+    }
+    // Leaves the memory to somebody else.
+    void release() {
+        memory_ = nullptr;
+        bytes_ = 0;
     }
     [[nodiscard]] MutableBytes bytes() const { return {static_cast<std::byte*>(memory_), bytes_}; }
 

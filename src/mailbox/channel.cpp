@@ -3,7 +3,6 @@
 
 #include "mailbox/arena_buffer.hpp"
 #include "mailbox/mailboxes.hpp"
-#include "mailbox/turns.hpp"
 #include "wire/sync_manager.hpp"
 
 #include <algorithm>
@@ -40,7 +39,7 @@ class MailboxChannel::PumpGuard {
     PumpGuard(const PumpGuard&) = delete;
     PumpGuard& operator=(const PumpGuard&) = delete;
     ~PumpGuard() {
-        channel_.pump_ = nullptr;
+        channel_.pump_.release();
         channel_.dozing_ = false;
         channel_.doze_.unlink();
     }
@@ -68,10 +67,10 @@ class MailboxChannel::Doze {
 };
 
 void MailboxChannel::ensure_pump() {
-    if (pump_ != nullptr) return;
+    if (pump_) return;
     Task<Result<>> task = pump();
     if (task) {
-        pump_ = task.address();
+        pump_.take(task);
         (void)mailboxes_->tasks_.start(std::move(task));
         return;
     }
@@ -337,9 +336,27 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
         if (!acknowledged && now() < repeat_until_) return nothing_there();
         repeat_ = Repeated::no;
         repeated_ = acknowledged;
+        lost_at_ = full ? kNever : now() + timing.resend_after;
     }
     full_ = full;
-    if (!full_) nothing_there();
+    if (full_) return;
+    if (now() >= lost_at_) reply_is_lost();
+    nothing_there();
+}
+
+// The lost mail may have been something else, and the replies may still come: an exchange of the same key waits for
+// them a while.
+void MailboxChannel::reply_is_lost() {
+    lost_at_ = kNever;
+    const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = position_};
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
+        auto& exchange = static_cast<MailExchange&>(*turn);
+        turn = awaiting_.after(*turn);
+        if (&exchange == unsure_) continue;  // that message may not have arrived, and is sent again by itself
+        owed_key_ = exchange.options_.key;
+        owed_until_ = now() + timing.owed_patience;
+        finish(exchange, lost);
+    }
 }
 
 void MailboxChannel::nothing_there() {

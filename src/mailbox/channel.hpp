@@ -8,7 +8,9 @@
 // Lost frames. A message whose frame did not come back is sent again, under the same counter, only if the slave's
 // mailbox is found empty and nothing has come back for a while: a slave that has it drops the second one. A reply whose
 // frame was lost on its way back is asked for by the repeat request of SyncManager 1 (activate octet, bit 1), which the
-// slave acknowledges; one that comes twice is known by its counter.
+// slave acknowledges; one that comes twice is known by its counter. A slave that acknowledges the repeat request, or
+// does not know it, and leaves its mailbox empty does not have the reply any more: the exchange ends with
+// Errc::reply_lost, and the protocol asks again, by a message of a new counter.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -42,7 +44,7 @@ class MailboxChannel {
     // The slave's SyncManagers have been set up for `info`: nothing is known of what they hold, so it is looked at
     // first.
     void open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info);
-    // Ends all that waits with Errc::canceled. What the slave has reported can still be read.
+    // Ends all that waits with Errc::mailbox_closed. What the slave has reported can still be read.
     void close();
     // Another slave may be there from now on.
     void forget();
@@ -122,6 +124,7 @@ class MailboxChannel {
     void looked_out(Reply reply, std::byte status);
     void fetched(Reply reply, Bytes mailbox);
     void nothing_there();
+    void reply_is_lost();
     void look_soon();
 
     // channel_dispatch.cpp: what came
@@ -174,6 +177,7 @@ class MailboxChannel {
     bool repeated_ = false;  // the next mail may be one that we had already
     std::uint8_t activate_ = 0;
     Time repeat_until_ = kNever;
+    Time lost_at_ = kNever;  // what was asked for by a repeat request, and has not come until then, is lost
     std::uint64_t owed_key_ = 0;
     Time owed_until_ = Time::min();
     const std::byte* status_octet_ = nullptr;
@@ -181,7 +185,7 @@ class MailboxChannel {
     Time fetched_at_ = Time::min();
     Time real_look_at_ = Time::min();
 
-    void* pump_ = nullptr;
+    TaskHandle pump_;
     bool dozing_ = false;
     Engine::Sleep::Timer doze_;
     MailboxStatistics statistics_;

@@ -1,7 +1,6 @@
 // Exchanges and sessions: waiting in turn, timing out, being given up.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
-#include "mailbox/turns.hpp"
 
 #include <algorithm>
 
@@ -51,6 +50,7 @@ void MailboxChannel::prolong(MailExchange& exchange) {
 
 void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     exchange.unlink();
+    if (exchange.state_ == MailExchange::State::sent) lost_at_ = kNever;
     exchange.state_ = MailExchange::State::over;
     exchange.error_ = error;
     if (sending_ == &exchange) sending_ = nullptr;
@@ -64,6 +64,7 @@ void MailboxChannel::forget(MailExchange& exchange) {
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
     if (sending_ == &exchange) sending_ = nullptr;
     if (unsure_ == &exchange) unsure_ = nullptr;
+    if (awaiting_.empty()) lost_at_ = kNever;
     if (out && exchange.options_.reply) {
         owed_key_ = exchange.options_.key;
         owed_until_ = now() + timing.owed_patience;
@@ -165,19 +166,19 @@ void MailboxChannel::close() {
     if (engine_ == nullptr) return;
     open_ = false;
     ++epoch_;
-    if (pump_ != nullptr) std::coroutine_handle<>::from_address(pump_).destroy();
-    const Error canceled{.code = Errc::canceled, .step = Step::mailbox_send, .slave = position_};
+    pump_.end();
+    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = position_};
     for (List<MailTurn>* list : {&queue_, &awaiting_})
-        while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), canceled);
+        while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), closed);
     while (MailTurn* turn = tickets_.pop_front()) {
         auto& session = static_cast<MailSession&>(*turn);
-        session.error_ = canceled;
+        session.error_ = closed;
         engine_->wake(session.timer_);
     }
     busy_types_ = 0;
     sending_ = unsure_ = nullptr;
     sending_farewell_ = resend_ = glance_ = full_ = parked_ = repeated_ = false;
-    resend_at_ = kNever;
+    resend_at_ = lost_at_ = kNever;
     send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
     farewell_bytes_ = 0;
     owed_key_ = 0;

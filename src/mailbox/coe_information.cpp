@@ -96,12 +96,14 @@ bool ObjectListQuery::take_fragment(Bytes payload, bool first, bool) {
         const std::size_t n = std::min(some.size(), payload.size() / sizeof(std::uint16_t));
         for (std::size_t i = 0; i < n; ++i) some[i] = load_le<std::uint16_t>(payload, 2 * i);
         payload = payload.subspan(n * sizeof(std::uint16_t));
-        count_ += static_cast<std::uint32_t>(n);
+        const std::size_t known = std::min<std::size_t>(n, count_ - std::min(count_, came_));
+        came_ += static_cast<std::uint32_t>(n);
+        count_ = std::max(count_, came_);
         if (count_ > kMostObjects) {
             fail(Errc::protocol, kMostObjects, count_);
             return true;
         }
-        if (found_ != nullptr) found_(std::span<const std::uint16_t>(some).first(n), user_);
+        if (found_ != nullptr && known < n) found_(std::span<const std::uint16_t>(some).first(n).subspan(known), user_);
     }
     return true;
 }
@@ -195,10 +197,13 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused);
     if (channel.send_room() < coe::kEntryRequestBytes) co_return complete({.code = Errc::unsupported});
-    MailExchange exchange(
-        channel, wire::MailboxType::coe, query,
-        {.patience = patience, .key = (std::uint64_t{2} << 32) | (std::uint64_t{about.index} << 8) | about.subindex});
-    const Error failed = co_await exchange;
+    const std::uint64_t key = (std::uint64_t{2} << 32) | (std::uint64_t{about.index} << 8) | about.subindex;
+    Error failed{.code = Errc::reply_lost};
+    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+        if (n != 0) query.restart();
+        MailExchange exchange(channel, wire::MailboxType::coe, query, {.patience = patience, .key = key});
+        failed = co_await exchange;
+    }
     if (failed.code != Errc::none) co_return complete(failed);
     if (query.error().code != Errc::none) co_return complete(query.error());
     co_return Result<>();

@@ -14,6 +14,11 @@ class InfoQuery : public MailClient {
     std::size_t compose(MutableBytes data) final;
     Taken take(const wire::MailboxMessage& mail) final;
 
+    // Begins anew: all fragments will come again.
+    void restart() {
+        begun_ = false;
+        forget_fragments();
+    }
     // Whether the last fragment is in, or something went wrong.
     [[nodiscard]] bool over() const { return over_; }
     [[nodiscard]] const Error& error() const { return error_; }
@@ -26,6 +31,7 @@ class InfoQuery : public MailClient {
     virtual std::size_t compose_request(MutableBytes data) const = 0;
     // The payload of a fragment. False: the answer is to another request, of the same kind.
     virtual bool take_fragment(Bytes payload, bool first, bool last) = 0;
+    virtual void forget_fragments() = 0;
     void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
 
   private:
@@ -51,11 +57,13 @@ class ObjectListQuery final : public InfoQuery {
   private:
     std::size_t compose_request(MutableBytes data) const override;
     bool take_fragment(Bytes payload, bool first, bool last) override;
+    void forget_fragments() override { came_ = 0; }
 
     ObjectList list_;
     Found found_;
     void* user_;
-    std::uint32_t count_ = 0;
+    std::uint32_t count_ = 0;  // told by found_
+    std::uint32_t came_ = 0;   // less than that while a list comes for the second time
 };
 
 // Answers that are put together before they are read: longer names are cut.
@@ -64,6 +72,7 @@ class DescriptionQuery : public InfoQuery {
     DescriptionQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : InfoQuery(request, response) {}
     ~DescriptionQuery() = default;
     bool take_fragment(Bytes payload, bool first, bool last) final;
+    void forget_fragments() final { kept_ = came_ = 0; }
     virtual bool matches(Bytes first) const = 0;
     virtual void decode(Bytes all) = 0;
 

@@ -45,7 +45,7 @@ class SdoList {
     // The n-th, from 1.
     Task<Result<T>> element(unsigned n) {
         if (n <= kept_) co_return load_le<T>(cache_, kHead + (n - 1) * sizeof(T));
-        std::array<std::byte, sizeof(T)> value{};
+        std::array<std::byte, std::max<std::size_t>(4, sizeof(T))> value{};  // some give elements more octets
         auto read = co_await sdo_upload_once(channel_, {.index = index_, .subindex = static_cast<std::uint8_t>(n)},
                                              value, patience_);
         if (!read) co_return read.error();

@@ -74,9 +74,12 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return pdo_error(refused, channel, number);
     TxPdo pdo(number, into);
-    MailExchange exchange(channel, wire::MailboxType::coe, pdo,
-                          {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
-    const Error failed = co_await exchange;
+    Error failed{.code = Errc::reply_lost};
+    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+        MailExchange exchange(channel, wire::MailboxType::coe, pdo,
+                              {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
+        failed = co_await exchange;
+    }
     if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);
     if (pdo.bytes <= into.size()) co_return pdo.bytes;
     Error error = channel.station().error(Errc::capacity, Step::mailbox_receive, number);

@@ -8,35 +8,43 @@ namespace {
 constexpr std::uint16_t kSmTypes = 0x1C00;
 constexpr std::uint16_t kAssignment = 0x1C10;
 
-// Bits of one PDO. Gaps are entries with index 0, and count.
-Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, std::uint16_t pdo, MailPatience patience) {
-    SdoList<std::uint32_t> entries(channel, pdo, patience);
+// Bits of one PDO, which `at` names. Gaps are entries with index 0, and count.
+Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience, EntrySink* sink) {
+    SdoList<std::uint32_t> entries(channel, at.pdo, patience);
     auto count = co_await entries.open();
     if (!count) co_return count.error();
     std::uint32_t bits = 0;
     for (unsigned n = 1; n <= *count; ++n) {
         auto entry = co_await entries.element(n);
         if (!entry) co_return entry.error();
-        bits += *entry & 0xFFU;
+        at.entry_place = static_cast<std::uint8_t>(n);
+        at.index = static_cast<std::uint16_t>(*entry >> 16);
+        at.subindex = static_cast<std::uint8_t>(*entry >> 8);
+        at.bits = *entry & 0xFFU;
+        if (sink != nullptr) sink->take(at);
+        at.offset_bits += at.bits;
+        bits += at.bits;
     }
     co_return bits;
 }
 
 // Bits of all PDOs that are assigned to a SyncManager.
-Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, unsigned sync_manager, MailPatience patience) {
-    SdoList<std::uint16_t> pdos(channel, static_cast<std::uint16_t>(kAssignment + sync_manager), patience);
+Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience,
+                                          EntrySink* sink) {
+    SdoList<std::uint16_t> pdos(channel, static_cast<std::uint16_t>(kAssignment + at.sync_manager), patience);
     auto count = co_await pdos.open();
     if (!count) co_return count.error();
-    std::uint32_t bits = 0;
     for (unsigned n = 1; n <= *count; ++n) {
         auto pdo = co_await pdos.element(n);
         if (!pdo) co_return pdo.error();
         if (*pdo == 0) continue;
-        auto one = co_await pdo_bits(channel, *pdo, patience);
+        at.pdo = *pdo;
+        at.pdo_place = static_cast<std::uint8_t>(n);
+        auto one = co_await pdo_bits(channel, at, patience, sink);
         if (!one) co_return one;
-        bits += *one;
+        at.offset_bits += *one;
     }
-    co_return bits;
+    co_return at.offset_bits;
 }
 
 }  // namespace
@@ -57,18 +65,18 @@ Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPa
 }
 
 Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types, FoundSms& found,
-                                   MailPatience patience) {
+                                   MailPatience patience, EntrySink* entries) {
     bool any = false;
     for (std::uint8_t n = 0; n < types.size(); ++n) {
         const bool outputs = types[n] == SmType::outputs;
         if ((!outputs && types[n] != SmType::inputs) || n >= slave.sm_count) continue;
-        auto bits = co_await assigned_bits(channel, n, patience);
+        const auto direction = outputs ? Direction::outputs : Direction::inputs;
+        auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
         any = any || bits;
         // A direction that the dictionary does not know of may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
-        if (bits || length != 0)
-            found[n] = {.any = true, .direction = outputs ? Direction::outputs : Direction::inputs, .bits = length};
+        if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};
     }
     if (!any) found = {};
     co_return any;

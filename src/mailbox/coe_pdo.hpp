@@ -11,9 +11,10 @@ namespace margay {
 // standard has by default. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPatience patience);
 
-// What the PDOs that are assigned to each SyncManager have in all. False, and nothing found, when the dictionary says
-// nothing of the assignment: no failure, the SII may know. Errors: anything but an abort.
+// `entries`, where there is one, gets each entry; it outlives the task. What the PDOs that are assigned to each
+// SyncManager have in all. False, and nothing found, when the dictionary says nothing of the assignment: no failure,
+// the SII may know. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
-                                                 FoundSms& found, MailPatience patience);
+                                                 FoundSms& found, MailPatience patience, EntrySink* entries = nullptr);
 
 }  // namespace margay

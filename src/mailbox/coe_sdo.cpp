@@ -32,6 +32,13 @@ Error complete(Error error, const MailboxChannel& channel, const SdoObject& obje
     return error;
 }
 
+// The whole transfer begins anew: a segment cannot be repeated, since its toggle bit has been used up. A value that is
+// downloaded may be written twice, and is the same both times.
+void ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
+    if (transfer.must_abort()) channel.farewell(wire::MailboxType::coe, transfer.abort_message());
+    transfer.restart();
+}
+
 Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience patience, Step step) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
@@ -39,10 +46,16 @@ Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience 
     if (channel.send_room() < coe::kSdoBytes)
         co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
     AbortGuard guard(channel, transfer);
+    unsigned again = 0;
     while (!transfer.over()) {
         MailExchange exchange(channel, wire::MailboxType::coe, transfer, {.patience = patience, .key = transfer.key()});
         const Error failed = co_await exchange;
-        if (failed.code != Errc::none) co_return complete(failed, channel, transfer.object(), step);
+        if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
+            ++again;
+            ask_again(channel, transfer);
+        } else if (failed.code != Errc::none) {
+            co_return complete(failed, channel, transfer.object(), step);
+        }
     }
     if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, transfer.object(), step);
     co_return Result<>();

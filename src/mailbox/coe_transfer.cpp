@@ -24,6 +24,12 @@ void SdoTransfer::finish() {
     phase_ = Phase::over;
 }
 
+void SdoTransfer::restart() {
+    phase_ = Phase::initiate;
+    toggle_ = slave_open_ = false;
+    done_ = 0;
+}
+
 void SdoTransfer::write_initiate(MutableBytes data, std::uint8_t command) const {
     coe::store_header(data, {0, coe::Service::sdo_request});
     SdoLayout::command::store(data, command);

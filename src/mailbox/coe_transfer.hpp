@@ -25,6 +25,8 @@ class SdoTransfer : public MailClient {
 
     Taken take(const wire::MailboxMessage& mail) final;
 
+    // Begins anew, with the first message.
+    void restart();
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
     // What went wrong, without slave and step; code none when all went well.
     [[nodiscard]] const Error& error() const { return error_; }

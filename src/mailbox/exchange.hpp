@@ -11,6 +11,7 @@
 #pragma once
 
 #include "link/engine.hpp"
+#include "util/turns.hpp"
 #include "wire/mailbox.hpp"
 
 #include <margay/error.hpp>
@@ -41,13 +42,11 @@ class MailClient {
 // 0 (lowest) to 3, as in the mailbox header.
 using MailPriority = std::uint8_t;
 
-// What waits in turn: the highest priority first, among equals the oldest; one that was passed over often goes first
-// all the same.
-struct MailTurn : ListNode {
-    static constexpr std::uint8_t kMostPassed = 8;
-    MailPriority priority = 0;
-    std::uint8_t passed = 0;
-};
+// Exchanges and sessions wait in turn.
+using MailTurn = Turn;
+
+// How often a sequence asks again when Errc::reply_lost ends its exchange.
+inline constexpr unsigned kMostAskedAgain = 3;
 
 // How long to wait: for the whole, the turn included, and for each answer of the slave.
 struct MailPatience {

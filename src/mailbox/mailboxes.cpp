@@ -40,7 +40,7 @@ Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::sp
 }
 
 void Mailboxes::close_all() {
-    if (watch_ != nullptr) std::coroutine_handle<>::from_address(watch_).destroy();
+    watch_.end();
     for (MailboxChannel& channel : channels_) channel.close();
 }
 
@@ -55,7 +55,7 @@ class Mailboxes::WatchGuard {
     explicit WatchGuard(Mailboxes& mailboxes) : mailboxes_(mailboxes) {}
     WatchGuard(const WatchGuard&) = delete;
     WatchGuard& operator=(const WatchGuard&) = delete;
-    ~WatchGuard() { mailboxes_.watch_ = nullptr; }
+    ~WatchGuard() { mailboxes_.watch_.release(); }
 
   private:
     Mailboxes& mailboxes_;
@@ -67,10 +67,10 @@ void Mailboxes::watch(Duration every) {
 }
 
 void Mailboxes::ensure_watch() {
-    if (watch_ != nullptr) return;
+    if (watch_) return;
     Task<Result<>> task = watch_all();
     if (!task) return;
-    watch_ = task.address();
+    watch_.take(task);
     (void)tasks_.start(std::move(task));
 }
 
@@ -80,12 +80,12 @@ std::size_t Mailboxes::waiting() const {
 }
 
 bool Mailboxes::park(MailboxChannel& channel) {
-    const auto looks = [](const MailboxChannel& c) { return c.pump_ != nullptr && c.expecting(); };
+    const auto looks = [](const MailboxChannel& c) { return c.pump_ && c.expecting(); };
     if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing)
         return false;
     channel.parked_ = true;  // before the watch begins, which ends when nobody waits
     ensure_watch();
-    channel.parked_ = watch_ != nullptr;
+    channel.parked_ = static_cast<bool>(watch_);
     return channel.parked_;
 }
 
@@ -118,7 +118,7 @@ void Mailboxes::somebody_has_mail(bool surely) {
     for (std::size_t n = 0; n < channels_.size() && at_once > 0; ++n) {
         MailboxChannel& channel = channels_[survey_];
         survey_ = (survey_ + 1) % channels_.size();
-        if (!channel.is_open() || channel.pump_ != nullptr) continue;
+        if (!channel.is_open() || channel.pump_) continue;
         channel.glance();
         --at_once;
     }
@@ -126,7 +126,7 @@ void Mailboxes::somebody_has_mail(bool surely) {
 
 void Mailboxes::by_status_bits() {
     for (MailboxChannel& channel : channels_) {
-        if (!channel.is_open() || channel.pump_ != nullptr || channel.status_octet_ == nullptr) continue;
+        if (!channel.is_open() || channel.pump_ || channel.status_octet_ == nullptr) continue;
         if (((std::to_integer<unsigned>(*channel.status_octet_) >> channel.status_bit_) & 1U) != 0) channel.glance();
     }
 }
@@ -139,13 +139,28 @@ bool Mailboxes::route(MailboxChannel& from, const wire::MailboxMessage& mail) {
     };
     const auto to = std::ranges::find_if(channels_, is_addressed);
     if (to == channels_.end()) return false;
-    const bool possible = routing_ < kMostRouted && mail.data.size() <= to->send_room();
-    if (!possible || !tasks_.start(hand_over(*to, from, mail))) ++from.statistics().undeliverable;
+    if (routing_ >= kMostRouted || mail.data.size() > to->send_room() || !hand_over_copy(*to, from, mail))
+        ++from.statistics().undeliverable;
     return true;
 }
 
-// The address of a message that the master hands on is that of its sender (ETG.1000.4 "Mailbox header").
-Task<Result<>> Mailboxes::hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxMessage mail) {
+// `mail` lies in the buffer of the channel that has fetched it; the task that hands it on gets a copy of its own.
+bool Mailboxes::hand_over_copy(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail) {
+    ArenaBuffer copy(arena());
+    if (!copy.reserve(mail.data.size())) return false;
+    const MutableBytes message = copy.bytes().first(mail.data.size());
+    std::ranges::copy(mail.data, message.begin());
+    Task<Result<>> task = hand_over(to, from, mail.header, message);
+    if (!task) return false;
+    copy.release();
+    (void)tasks_.start(std::move(task));
+    return true;
+}
+
+// The address of a message that the master hands on is that of its sender (ETG.1000.4 "Mailbox header"). The task owns
+// the memory of `data`, from the arena.
+Task<Result<>> Mailboxes::hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
+                                    MutableBytes data) {
     struct Count {
         std::uint8_t& n;
         explicit Count(std::uint8_t& count) : n(count) { ++n; }
@@ -154,15 +169,10 @@ Task<Result<>> Mailboxes::hand_over(MailboxChannel& to, MailboxChannel& from, wi
         ~Count() { --n; }
     };
     Count count(routing_);
-    ArenaBuffer copy(arena());
-    if (!copy.reserve(mail.data.size())) {
-        ++from.statistics().undeliverable;
-        co_return Result<>();
-    }
-    std::ranges::copy(mail.data, copy.bytes().begin());
-    Forwarded message(copy.bytes());
-    MailExchange exchange(to, mail.header.type, message,
-                          {.patience = {.give_up = engine_.now() + kRoutePatience, .priority = mail.header.priority},
+    const ArenaBuffer owned(arena(), data);
+    Forwarded message(data);
+    MailExchange exchange(to, header.type, message,
+                          {.patience = {.give_up = engine_.now() + kRoutePatience, .priority = header.priority},
                            .address = from.station().address.value,
                            .reply = false});
     const Error failed = co_await exchange;

@@ -46,7 +46,9 @@ class Mailboxes {
     class WatchGuard;
 
     Task<Result<>> watch_all();
-    Task<Result<>> hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxMessage mail);
+    [[nodiscard]] bool hand_over_copy(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
+    Task<Result<>> hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
+                             MutableBytes message);
     void ensure_watch();
     [[nodiscard]] std::size_t waiting() const;
     void somebody_has_mail(bool surely);
@@ -56,7 +58,7 @@ class Mailboxes {
     std::span<MailboxChannel> channels_;
     Duration every_{0};
     std::size_t survey_ = 0;  // whose turn it is to be looked at
-    void* watch_ = nullptr;
+    TaskHandle watch_;
     Engine::Sleep::Timer nap_;
     std::uint8_t routing_ = 0;
     Crew tasks_;  // pumps, the watch, mail being routed

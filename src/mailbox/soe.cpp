@@ -65,7 +65,11 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused, channel, target, kStep);
     SoeReadTransfer transfer(target, into);
-    auto asked = co_await ask(channel, transfer, patience);
+    Result<> asked = Error{.code = Errc::reply_lost};
+    for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+        transfer.restart();
+        asked = co_await ask(channel, transfer, patience);
+    }
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return transfer.bytes();
 }
@@ -78,9 +82,13 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
     if (channel.send_room() <= soe::kHeaderBytes)
         co_return complete({.code = Errc::unsupported}, channel, target, kStep);
     SoeWriteTransfer transfer(target, value, channel.send_room());
-    auto sent = co_await send_fragments(channel, transfer, patience);
-    if (!sent) co_return complete(sent.error(), channel, target, kStep);
-    auto asked = co_await ask(channel, transfer, patience);
+    Result<> asked = Error{.code = Errc::reply_lost};
+    for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+        transfer.restart();
+        auto sent = co_await send_fragments(channel, transfer, patience);
+        if (!sent) co_return complete(sent.error(), channel, target, kStep);
+        asked = co_await ask(channel, transfer, patience);
+    }
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return Result<>();
 }

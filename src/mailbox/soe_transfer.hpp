@@ -53,6 +53,8 @@ class SoeReadTransfer final : public SoeTransfer {
     SoeReadTransfer(const SoeTarget& target, MutableBytes into)
         : SoeTransfer(target, wire::soe::Opcode::read_response), into_(into) {}
     std::size_t compose(MutableBytes data) override;
+    // Begins anew, with the first message.
+    void restart() { done_ = left_ = 0; }
     // Octets that came.
     [[nodiscard]] std::size_t bytes() const { return done_; }
 
@@ -73,6 +75,8 @@ class SoeWriteTransfer final : public SoeTransfer {
           value_(value),
           room_(room > wire::soe::kHeaderBytes ? room - wire::soe::kHeaderBytes : 0) {}
     std::size_t compose(MutableBytes data) override;
+    // Begins anew, with the first message.
+    void restart() { done_ = 0; }
     // The next message is the last one, which the slave answers; the others it only takes.
     [[nodiscard]] bool at_last() const { return value_.size() - done_ <= room_; }
     // A fragment has arrived.

@@ -88,6 +88,8 @@ class [[nodiscard]] Task {
     [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
     // The value of a task that is done.
     [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
+    // The coroutine itself, for TaskHandle.
+    [[nodiscard]] std::coroutine_handle<> handle() const { return handle_; }
     // The coroutine's address, by which it can be destroyed wherever it is kept.
     [[nodiscard]] void* address() const { return handle_.address(); }
     // Starts a task that nobody awaits; its owner asks done().
@@ -109,6 +111,31 @@ class [[nodiscard]] Task {
     friend class Crew;
     explicit Task(std::coroutine_handle<promise_type> handle) : handle_(handle) {}
     std::coroutine_handle<promise_type> handle_;
+};
+
+// The right to end a task that a Crew runs. The task's own guard calls release() when the task ends by itself or with
+// its Crew, so that the handle never names a coroutine that is gone.
+class TaskHandle {
+  public:
+    TaskHandle() = default;
+    TaskHandle(const TaskHandle&) = delete;
+    TaskHandle& operator=(const TaskHandle&) = delete;
+    ~TaskHandle() { end(); }
+
+    // Call it before the task is started.
+    template <class T>
+    void take(const Task<T>& task) {
+        handle_ = task.handle();
+    }
+    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
+    void release() { handle_ = {}; }
+    // Ends the task if it still runs. A task must not end itself by this.
+    void end() {
+        if (handle_) std::exchange(handle_, {}).destroy();
+    }
+
+  private:
+    std::coroutine_handle<> handle_;
 };
 
 // Tasks that run beside each other on behalf of one parent, which waits for one or for all of them.

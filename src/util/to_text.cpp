@@ -61,6 +61,14 @@ std::string_view to_text(Errc code) {
             return "this call waits, and would stop the cycle of its own thread: submit() an SdoUpload, SdoDownload or "
                    "the other request "
                    "for it, and look at its state() between cycles";
+        case Errc::mailbox_closed:
+            return "the mailbox was closed while the message waited, because the slave is started or found anew";
+        case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
+        case Errc::entry_not_mapped: return "no PDO that the slave exchanges has this entry";
+        case Errc::entry_direction: return "the entry goes in the other direction";
+        case Errc::entry_size: return "the entry does not have the size of the type";
+        case Errc::entry_stale: return "the group was mapped again since the entry was found: find it again";
+        case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
     }
     return "unknown error";
 }

@@ -1,6 +1,7 @@
 // Every frame of every kind of transfer lost on its way out, lost on its way back, and sent twice: the transfer ends
 // well all the same, what is written is written once, and the channel goes on.
 #include "mailbox/mailbox_bus.hpp"
+#include "sim/library/quirks.hpp"
 
 namespace margay {
 namespace {
@@ -122,6 +123,57 @@ TEST(LostFrames, ObjectList) {
                 EXPECT_EQ(all[i], subdevice::testing::table::kObjects[i].index);
         },
         40, 0);
+}
+
+// The same against a slave that acknowledges repeat requests and has nothing to repeat: each transfer is asked for
+// again as often as a reply is lost, and its value is right.
+TEST(LostFrames, WhereNothingIsRepeated) {
+    const auto run_all = [](MailboxBus& bus) {
+        std::vector<std::byte> block(1024);
+        const auto read = SDOread(*bus.ctx, 1, 0x2000, 0, false, block);
+        ASSERT_TRUE(read.ok()) << bus.words(read.error());
+        ASSERT_EQ(*read, block.size());
+        for (std::size_t i = 0; i < block.size(); ++i) ASSERT_EQ(block[i], static_cast<std::byte>(i)) << i;
+        const auto value = pattern(300);
+        const auto written = SDOwrite(*bus.ctx, 1, 0x2001, 0, false, value);
+        ASSERT_TRUE(written.ok()) << bus.words(written.error());
+        const auto again = SDOread(*bus.ctx, 1, 0x2001, 0, false, block);
+        ASSERT_TRUE(again.ok()) << bus.words(again.error());
+        EXPECT_TRUE(std::equal(value.begin(), value.end(), block.begin()));
+        std::vector<std::uint16_t> all;
+        const auto count = object_list(
+            *bus.ctx, 1, ObjectList::all,
+            [](std::span<const std::uint16_t> some, void* user) {
+                auto& list = *static_cast<std::vector<std::uint16_t>*>(user);
+                list.insert(list.end(), some.begin(), some.end());
+            },
+            &all);
+        ASSERT_TRUE(count.ok()) << bus.words(count.error());
+        EXPECT_EQ(all.size(), *count);
+        EXPECT_EQ(all.size(), 81U);
+        EXPECT_TRUE(std::ranges::is_sorted(all)) << "none is told twice";
+        const auto described = object_description(*bus.ctx, 1, 0x1018);
+        ASSERT_TRUE(described.ok()) << bus.words(described.error());
+        EXPECT_EQ(described->name(), "Identity");
+    };
+    std::uint64_t frames = 1;
+    unsigned repeats = 0;
+    for (std::uint64_t at = 0; at < frames; ++at) {
+        MailboxBus bus;
+        auto device = sim::make_device("odd_device").value();
+        ASSERT_TRUE(sim::add_quirk(device, "empty_repeats"));
+        bus.add_device(std::move(device));
+        bus.start();
+        EXPECT_TRUE(SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0).ok());
+        const std::uint64_t before = bus.nic->sent;
+        if (at > 0) bus.nic->lose_in.insert(before + at - 1);
+        SCOPED_TRACE(testing::Message() << "reply " << at << " of " << frames);
+        run_all(bus);
+        if (at == 0) frames = bus.nic->sent - before;
+        repeats += mailbox_statistics(*bus.ctx, 1).repeats;
+        if (testing::Test::HasFailure()) return;
+    }
+    EXPECT_GT(repeats, 10U);
 }
 
 }  // namespace

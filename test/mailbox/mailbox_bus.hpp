@@ -28,6 +28,7 @@ class LossyNic final : public Nic {
     std::set<std::uint64_t> lose_out;
     std::set<std::uint64_t> lose_in;
     std::set<std::uint64_t> twice;
+    std::uint16_t lose_mail_from = 0;  // all frames that bring mail of this slave, 1 the first; 0: none
     std::uint64_t sent = 0;
     std::uint64_t came = 0;
 
@@ -42,7 +43,9 @@ class LossyNic final : public Nic {
     std::size_t receive(std::span<std::byte> into) noexcept override {
         for (;;) {
             const std::size_t length = nic_.receive(into);
-            if (length == 0 || lose_in.count(came++) == 0) return length;
+            if (length == 0) return length;
+            const bool lost = lose_in.count(came++) != 0;
+            if (!lost && !brings_mail(into.first(length))) return length;
         }
     }
     LinkState link_state() noexcept override { return nic_.link_state(); }
@@ -50,6 +53,17 @@ class LossyNic final : public Nic {
     Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
+    // An FPRD of a whole mailbox that the slave has filled.
+    [[nodiscard]] bool brings_mail(Bytes frame) const {
+        if (lose_mail_from == 0) return false;
+        wire::DatagramReader reader(frame);
+        while (const auto datagram = reader.next())
+            if (datagram->header.command == wire::Command::FPRD && datagram->wkc == 1 && datagram->data.size() > 16 &&
+                datagram->header.address.adp() == 0x1000 + lose_mail_from)
+                return true;
+        return false;
+    }
+
     Nic& nic_;
 };
 
@@ -68,6 +82,12 @@ class MailboxBus {
     ScriptedSlave& add_scripted(std::uint16_t mailbox_bytes = 64, std::uint16_t protocols = 0x3F,
                                 std::uint8_t coe_details = 0x3F) {
         return add(std::make_unique<ScriptedSlave>(mailbox_bytes, protocols, coe_details));
+    }
+
+    // One of the library.
+    void add_device(sim::Device device) {
+        const auto n = segment.add(std::move(device).assemble());
+        EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
     }
 
     void start(Limits limits = {}) {

@@ -105,10 +105,13 @@ TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     };
     submit_all();
     bus.step();
-    // A scan starts all over: what was under way is canceled, the rest goes on with the slave that is found.
+    // A scan starts all over: what was under way ends, and says why; the rest goes on with the slave that is found.
     ASSERT_TRUE(config_init(*bus.ctx).ok());
     for (const auto& request : requests) bus.run(request);
-    EXPECT_EQ(requests.front().error().code, Errc::canceled);
+    EXPECT_EQ(requests.front().error().code, Errc::mailbox_closed);
+    EXPECT_EQ(bus.words(requests.front().error()),
+              "slave 1: SDO upload of 0x1008:0: the mailbox was closed while the message waited, because the slave is "
+              "started or found anew");
     submit_all();
     SdoUpload never_seen;
     never_seen.slave = 1;

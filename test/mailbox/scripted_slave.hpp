@@ -36,10 +36,11 @@ class ScriptedSlave final : public sim::Firmware {
 
     // What to do with a message (cut to its length): put() as many replies as wanted.
     std::function<void(const Mail&)> on_mail;
-    bool takes = true;    // fetches what the master writes
-    bool repeats = true;  // acknowledges a repeat request, and repeats
-    bool counts = true;   // replies made by reply() have counters
-    Duration delay{0};    // from put() to SyncManager 1
+    bool takes = true;     // fetches what the master writes
+    bool repeats = true;   // acknowledges a repeat request, and repeats
+    bool forgets = false;  // acknowledges a repeat request, and has nothing to repeat
+    bool counts = true;    // replies made by reply() have counters
+    Duration delay{0};     // from put() to SyncManager 1
     std::vector<Mail> received;
     unsigned repeat_requests = 0;
 
@@ -137,7 +138,7 @@ class ScriptedSlave final : public sim::Firmware {
         if (asked == answered || !repeats) return;
         ++repeat_requests;
         // What was fetched last comes again; if the last one was not fetched it is still there.
-        if (!kept_.empty() && (status(1) & wire::sm_status::kMailboxFull) == 0) {
+        if (!forgets && !kept_.empty() && (status(1) & wire::sm_status::kMailboxFull) == 0) {
             out_.push_front({now_, kept_});
             boxed_ = false;
             box();

@@ -38,7 +38,21 @@ void OddPdi::hide_mail(MutableBytes status) {
 
 Time OddPdi::next() const { return full_since_ == kNever ? kNever : full_since_ + kLeavesMail; }
 
+bool OddPdi::repeats() {
+    std::array<std::byte, 2> octets{};  // SM1's activate and PDI control
+    esc_->read(static_cast<std::uint16_t>(reg::sync_manager(1).address + wire::SyncManagerLayout::activate::offset),
+               octets);
+    const bool request = (std::to_integer<unsigned>(octets[0]) & wire::sm_activate::kRepeatRequest) != 0;
+    const bool acknowledged = (std::to_integer<unsigned>(octets[1]) & wire::sm_pdi_control::kRepeatAcknowledge) != 0;
+    return request != acknowledged;
+}
+
 void OddPdi::write(std::uint16_t address, Bytes data) noexcept {
+    if (quirks_.has(Quirk::empty_repeats)) {
+        const auto box = subdevice::read_sync_manager(*esc_, 1);
+        const bool inside = address >= box.physical_start && address < box.physical_start + box.length_bytes;
+        if (inside && repeats()) return;
+    }
     const bool spoils = quirks_.has(Quirk::counter_zero) || quirks_.has(Quirk::overlong_replies) ||
                         quirks_.has(Quirk::empty_replies) || quirks_.has(Quirk::short_replies);
     std::array<std::byte, 2048> copy{};

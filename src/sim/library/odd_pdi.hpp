@@ -22,6 +22,8 @@ class OddPdi final : public subdevice::EscAccess {
 
   private:
     void hide_mail(MutableBytes status);
+    // The master asks for a repetition, and has no acknowledge yet.
+    [[nodiscard]] bool repeats();
 
     subdevice::EscAccess* esc_ = nullptr;
     Quirks quirks_;

@@ -30,6 +30,7 @@ enum class Quirk : std::uint8_t {
     empty_replies,
     short_replies,
     foreign_replies,
+    empty_repeats,
     // CoE
     refuses_complete_access,
     unpadded_complete_access,

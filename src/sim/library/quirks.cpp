@@ -185,6 +185,7 @@ constexpr Row kRows[] = {
     {{"empty_replies", "its replies have length 0"}, nullptr, Quirk::empty_replies},
     {{"short_replies", "its replies end before their header does"}, nullptr, Quirk::short_replies},
     {{"foreign_replies", "each reply has one to another question before it"}, nullptr, Quirk::foreign_replies},
+    {{"empty_repeats", "it acknowledges a repeat request and leaves its mailbox empty"}, nullptr, Quirk::empty_repeats},
     {{"refuses_complete_access", "it refuses complete access, which its SII promises"},
      nullptr,
      Quirk::refuses_complete_access},
