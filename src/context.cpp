@@ -16,7 +16,7 @@ static_assert(sizeof(Network) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
-static_assert(sizeof(ProcessGroup) <= 384, "context_bytes(): kGroupBytes");
+static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) +
                       ProcessTables::datagrams_for(1) *
                           (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)) <=

@@ -127,6 +127,7 @@ struct SlaveToSlave {
     std::uint32_t bits = 0;
 };
 
+class EntryHandle;
 class SharedImage;
 
 // Of one group: slaves that share an image and are exchanged together.
@@ -155,6 +156,9 @@ struct GroupConfiguration {
     static constexpr std::uint8_t kMostCyclesInFlight = 4;
     std::span<const SlaveToSlave> copies{};  // after the application has set its outputs. The caller's memory
     SharedImage* shared = nullptr;           // for another thread: see shared_image.hpp
+    // Entries of process data that each config_map() finds: see entry.hpp. The caller's memory, both the list and what
+    // it names.
+    std::span<EntryHandle* const> entries{};
 };
 
 }  // namespace margay

@@ -28,7 +28,7 @@ struct Network;
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t arena = (tasks + 4) * kTaskBytes;
-    constexpr std::size_t kGroupBytes = 384;
+    constexpr std::size_t kGroupBytes = 416;
     constexpr std::size_t kProcessFrameBytes = 2048;  // with its datagrams
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 of them for strangers

@@ -36,6 +36,7 @@ struct Group {
 
     // What config_map() made of it. Empty until then.
     bool mapped = false;
+    std::uint32_t mappings = 0;  // how often config_map() has laid it out; never 0 again
     std::span<std::byte> image;  // outputs, then inputs; the caller's memory
     std::uint32_t output_bytes = 0;
     std::uint32_t input_bytes = 0;

@@ -3,6 +3,7 @@
 
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
+#include <margay/entry.hpp>
 #include <margay/expected.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
@@ -62,8 +63,10 @@ Result<> expect(Context& ctx, std::span<const ExpectedSlave> slaves);
 // (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns how
 // many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is
 // set to zero. What goes wrong with a single slave does not stop the others: it is in slave(n).error and in errors().
-// Waits. Errors: wrong_state (no slaves yet), unknown_group, image_too_large, fmmu_shortage, sm_shortage, sm_memory,
-// too_many_frames (limits().process_frames).
+// Entries of GroupConfiguration::entries are found and checked; with one
+// that is not mapped, or not as its type wants it, the call ends with that error (entry_not_mapped, entry_direction,
+// entry_size, entry_type) when all else is done. Waits. Errors: wrong_state (no slaves yet), unknown_group,
+// image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
 // States. All three refresh or use slave(n).al: the state that the slave itself reports, its error indication and AL

@@ -1,6 +1,7 @@
 #include "network/groups.hpp"
 
 #include "network/configure.hpp"
+#include "network/entries.hpp"
 #include "network/members.hpp"
 #include "network/pdos.hpp"
 #include "network/transition.hpp"
@@ -57,6 +58,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
+    if (++group.mappings == 0) group.mappings = 1;
     if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
     group.slaves = network.slaves();
     const auto extras = check_extras(group);
@@ -74,7 +76,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number) {
         (slave.al.state == AlState::none && !slave.seen))
         co_return Result<>();
     auto found = co_await discover_pdos(network, slave);
-    slave.pdos_failed = !found && !slave.config.pdos().empty();
+    slave.pdos_failed = !found;
     if (!found) network.note(slave, found.error());
     co_return Result<>();
 }
@@ -149,10 +151,12 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
             if (slave.config.group == number) slave.image = {};
         co_return laid_out.error();
     }
+    const Error entries = place_entries(network, network.process.groups[number]);
     auto configured =
         co_await for_each_slave(network, [&network, number](Slave& s) { return configure(network, s, number); });
     if (!configured) co_return configured.error();
     use_status_bits(network, number);
+    if (entries.code != Errc::none) co_return entries;
     co_return network.process.groups[number].image.size();
 }
 

@@ -1,5 +1,6 @@
 #include "network/pdo_sii.hpp"
 
+#include "network/pdo_lists.hpp"
 #include "station/sii_access.hpp"
 #include "wire/sii.hpp"
 #include "wire/sii_category.hpp"
@@ -30,8 +31,45 @@ std::uint8_t sync_manager_of(const sii::Pdo& pdo, const Slave& slave) {
     return pdo.sync_manager;
 }
 
-// One PDO category. Of PDOs that are not assigned only the heads are read.
-Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlace place, FoundSms& assigned) {
+// What a walk over the PDO categories is for.
+struct PdoWalk {
+    FoundSms* assigned = nullptr;  // all PDOs that are assigned, or
+    std::uint16_t only = 0;        // this PDO
+    FoundEntry at{};               // and where its first entry lies; afterwards where it ends
+    EntrySink* entries = nullptr;
+
+    // Whether the entries of this PDO are to be read; notes its SyncManager.
+    bool begin(const sii::Pdo& pdo, const Slave& slave, Direction by_category) {
+        at.pdo = pdo.index;
+        at.entry_place = 0;
+        if (assigned == nullptr) return pdo.index == only;
+        const std::uint8_t number = sync_manager_of(pdo, slave);
+        if (number >= assigned->size()) return false;
+        FoundSm& sum = (*assigned)[number];
+        sum.any = true;
+        ++sum.pdos;
+        sum.direction = by_category;
+        at = {.direction = by_category, .sync_manager = number, .pdo_place = sum.pdos, .pdo = pdo.index};
+        at.offset_bits = sum.bits;
+        listed = find_list(slave, number) != nullptr;
+        return true;
+    }
+    void add(const sii::PdoEntry& entry) {
+        ++at.entry_place;
+        at.index = entry.index;
+        at.subindex = entry.subindex;
+        at.data_type = entry.data_type;
+        at.bits = entry.bit_length;
+        if (entries != nullptr && !listed) entries->take(at);
+        at.offset_bits += at.bits;
+        if (assigned != nullptr) (*assigned)[at.sync_manager].bits = at.offset_bits;
+    }
+
+    bool listed = false;  // the order is that of the application's list
+};
+
+// One PDO category. Of PDOs that the walk is not for only the heads are read.
+Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlace place, PdoWalk& walk) {
     constexpr std::uint32_t kHeadWords = sii::kPdoBytes / sii::kWordBytes;
     constexpr std::uint32_t kEntryWords = sii::kPdoEntryBytes / sii::kWordBytes;
     const std::uint32_t end = place.word + place.words;
@@ -44,24 +82,20 @@ Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlac
         const std::uint32_t first = word + kHeadWords;
         word = first + pdo.entry_count * kEntryWords;
         if (word > end) co_return fault(reader.station(), sii::Fault::category_overlap, first - kHeadWords);
-        const std::uint8_t number = sync_manager_of(pdo, slave);
-        if (number >= assigned.size()) continue;
-        auto& sum = assigned[number];
-        sum.any = true;
-        ++sum.pdos;
-        sum.direction = place.type == sii::category::kTxPdo ? Direction::inputs : Direction::outputs;
+        const auto direction = place.type == sii::category::kTxPdo ? Direction::inputs : Direction::outputs;
+        if (!walk.begin(pdo, slave, direction)) continue;
         for (std::uint32_t at = first; at < word; at += kEntryWords) {
             std::array<std::byte, sii::kPdoEntryBytes> entry{};
             auto read_entry =
                 co_await reader.read(at, entry, at + kEntryWords < end ? at + kEntryWords : SiiReader::kNone);
             if (!read_entry) co_return read_entry;
-            sum.bits += sii::load_pdo_entry(entry).bit_length;
+            walk.add(sii::load_pdo_entry(entry));
         }
     }
     co_return Result<>();
 }
 
-Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, FoundSms& assigned) {
+Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
     sii::CategoryChain chain(static_cast<std::uint32_t>(slave.sii_bytes / sii::kWordBytes));
     for (unsigned n = 0; chain.more(); ++n) {
         if (n == kMostCategories) co_return fault(reader.station(), sii::Fault::no_end, chain.header_word());
@@ -71,7 +105,7 @@ Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, FoundSms& assign
         const auto place = chain.step(header);
         if (!place) break;
         if (place->type != sii::category::kTxPdo && place->type != sii::category::kRxPdo) continue;
-        auto added = co_await add_pdos(reader, slave, *place, assigned);
+        auto added = co_await add_pdos(reader, slave, *place, walk);
         if (!added) co_return added;
     }
     if (chain.fault() == sii::Fault::none) co_return Result<>();
@@ -101,18 +135,41 @@ void judge_types(const Slave& slave, FoundSms& found) {
 
 }  // namespace
 
-Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found) {
+Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found, EntrySink* entries) {
     if (!slave.sii_read) co_return Result<>();  // scan has said why
     auto taken = co_await sii_assign(station, false);
     if (!taken) co_return taken;
     SiiReader reader(station);
-    auto read = co_await read_pdos(reader, slave, found);
+    PdoWalk walk{.assigned = &found, .entries = entries};
+    auto read = co_await read_pdos(reader, slave, walk);
     auto given_back = co_await sii_assign(station, true);
     if (!read || !given_back) found = {};
     if (!read) co_return read;
     if (!given_back) co_return given_back;
     judge_types(slave, found);
     co_return Result<>();
+}
+
+Task<Result<>> walk_list_by_sii(Station station, const Slave& slave, const SmPdos& list, EntrySink& entries) {
+    if (!slave.sii_read) co_return Result<>();
+    auto taken = co_await sii_assign(station, false);
+    if (!taken) co_return taken;
+    SiiReader reader(station);
+    Result<> read;
+    PdoWalk walk{.entries = &entries};
+    walk.at.direction = direction_of(slave, list);
+    walk.at.sync_manager = list.sync_manager;
+    for (const Pdo& pdo : list.pdos) {
+        ++walk.at.pdo_place;
+        walk.at.pdo = walk.only = pdo.index;
+        walk.at.entry_place = 0;
+        for (const PdoEntry& entry : pdo.entries)
+            walk.add({.index = entry.index, .subindex = entry.subindex, .bit_length = entry.bits});
+        if (read && pdo.entries.empty()) read = co_await read_pdos(reader, slave, walk);
+    }
+    auto given_back = co_await sii_assign(station, true);
+    if (!read) co_return read;
+    co_return given_back;
 }
 
 }  // namespace margay

@@ -1,8 +1,10 @@
 #include "network/pdos.hpp"
 
+#include "mailbox/coe_list.hpp"
 #include "mailbox/coe_pdo.hpp"
 #include "mailbox/coe_pdo_write.hpp"
 #include "mailbox/soe_pdo.hpp"
+#include "network/entries.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdo_sii.hpp"
 #include "network/transition.hpp"
@@ -60,16 +62,44 @@ struct Findings {
     bool sii_read = false;
 };
 
-Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare) {
+Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
     if (!has_dictionary(network, slave)) co_return Result<>();
     MailboxChannel& channel = network.mailbox(slave);
     SmTypes types{};
     auto said = co_await read_sm_types(channel, types, startup_patience(slave));
     if (!said) co_return said.error();
     if (*said && compare) compare_types(network, slave, types);
-    auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave));
+    auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave), entries);
     if (known && *known) found.source = ConfigurationSource::coe;
     co_return known ? Result<>() : Result<>(known.error());
+}
+
+// The dictionary, else the drives. That the slave refuses is no error, the SII may know; that it does not answer, or
+// answers what it must not, is one: a slave without an answer is no slave without process data.
+Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
+    auto by_coe = co_await ask_dictionary(network, slave, found, compare, entries);
+    if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
+    if (!by_coe) network.note(slave, by_coe.error());
+    if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Result<>();
+    auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
+    if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
+    if (!by_soe) network.note(slave, by_soe.error());
+    if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
+    co_return Result<>();
+}
+
+// With the entries where the SII counts.
+Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* entries) {
+    EntrySink* const sink = found.source == ConfigurationSource::sii ? entries : nullptr;
+    auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
+    found.sii_read = read.ok() && slave.sii_read;
+    if (!read || sink == nullptr) co_return read;
+    for (const SmPdos& list : slave.config.pdos()) {
+        if (listed_bits(list).open == 0) continue;
+        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, *sink);
+        if (!walked) co_return walked;
+    }
+    co_return Result<>();
 }
 
 // The bits of a list: its own where it tells all entries, else with what the slave tells of the others.
@@ -136,7 +166,7 @@ Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& 
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
     if (by_application(slave.config)) {
-        if (by_slave || found.sii_read) compare_with_application(network, slave, found);
+        if (compare && (by_slave || found.sii_read)) compare_with_application(network, slave, found);
         return Result<>();
     }
     if (!read && !by_slave) return read;
@@ -178,26 +208,34 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     const bool compare = !slave.pdos_compared;
     slave.pdos_compared = true;
     const bool said = by_application(config);
-    const bool known = config.source == ConfigurationSource::sii && config.pdos().empty();  // which does not change
+    EntryMatcher entries(entries_of(network, slave), slave);
+    EntrySink* const sink = entries.wanted() ? &entries : nullptr;
+    // The SII does not change.
+    const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
     const Error wrong = check_pdo_lists(slave);
     if (!said && !known) config.sm_count = 0;
     if (wrong.code != Errc::none) co_return wrong;
     auto written = co_await write_pdos(network, slave);
-    if (!written || known || (said && !compare)) co_return written;
+    if (!written || known || (said && !compare && sink == nullptr)) co_return written;
     Findings found;
-    auto by_coe = co_await ask_dictionary(network, slave, found, compare);
-    if (!by_coe) network.note(slave, by_coe.error());
-    if (found.source == ConfigurationSource::sii && has_mailbox(network, slave)) {
-        auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
-        if (!by_soe) network.note(slave, by_soe.error());
-        if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
+    auto asked = co_await ask_by_mail(network, slave, found, compare, sink);
+    if (!asked) {
+        entries.forget();
+        if (!said) co_return asked;
+        network.note(slave, asked.error());  // the application knows better
+        co_return Result<>();
     }
     Result<> read;
-    if (found.source == ConfigurationSource::sii || compare) {
-        read = co_await find_sms_by_sii(network.station(slave), slave, found.sii);
-        found.sii_read = read.ok() && slave.sii_read;
-    }
+    if (found.source == ConfigurationSource::sii || compare) read = co_await read_sii(network, slave, found, sink);
     co_return judge(network, slave, found, read, compare);
+}
+
+Task<Result<>> find_entries(Network& network, Slave& slave, EntrySink& entries) {
+    Findings found;
+    auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
+    if (!asked || found.source != ConfigurationSource::sii) co_return asked;
+    auto read = co_await read_sii(network, slave, found, &entries);
+    co_return read;
 }
 
 }  // namespace margay

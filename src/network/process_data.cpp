@@ -1,5 +1,6 @@
 #include "network/process_data.hpp"
 
+#include "network/entries.hpp"
 #include "util/bits.hpp"
 
 #include <margay/shared_image.hpp>
@@ -110,12 +111,15 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
         link.give_up_prepared(frame, now);
         if (frame.overlapped) link.forget_overlapped(frame, now);
     }
+    release_entries(group);
     const GroupConfiguration config = group.config;
     const std::uint8_t number = group.number;
+    const std::uint32_t mappings = group.mappings;
     std::destroy_at(&group);
     std::construct_at(&group);
     group.config = config;
     group.number = number;
+    group.mappings = mappings;
 }
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {

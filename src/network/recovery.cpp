@@ -1,6 +1,7 @@
 #include "network/recovery.hpp"
 
 #include "network/configure.hpp"
+#include "network/entries.hpp"
 #include "network/expectation.hpp"
 #include "network/members.hpp"
 #include "network/pdos.hpp"
@@ -19,6 +20,7 @@ namespace reg = wire::reg;
 
 // What it shall exchange, if anything, is in the image.
 bool has_place(const Slave& slave) {
+    if (slave.pdos_failed) return false;  // nobody knows what it exchanges
     const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count),
                                            [](const ProcessSm& sm) { return sm.bits != 0; });
     return !wants || slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
@@ -89,13 +91,16 @@ Task<Result<>> get_to_know(Network& network, Slave& slave) {
 // laid out for.
 Task<Result<>> take_in(Network& network, Slave& slave) {
     auto discovered = co_await discover_pdos(network, slave);
-    if (!discovered) network.note(slave, discovered.error());
+    slave.pdos_failed = !discovered;
+    if (!discovered) co_return discovered;
     if (!has_place(slave)) {
         Error error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
         network.note(slave, error);
         co_return Result<>();
     }
-    const ProcessGroup& group = network.process.groups[slave.config.group];
+    ProcessGroup& group = network.process.groups[slave.config.group];
+    const Error entries = place_entries(network, group, &slave);
+    (void)entries;  // told in errors(); the slave goes on
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
@@ -132,7 +137,7 @@ Task<Result<>> reconfigure(Network& network, Slave& slave) {
     if (!preop || !mapped(network, slave)) co_return preop;
     auto hook = co_await call_hook(network, slave);
     if (!hook) co_return hook;
-    if (new_here) {
+    if (new_here || slave.pdos_failed) {
         auto taken_in = co_await take_in(network, slave);
         if (!taken_in || !has_place(slave)) co_return taken_in;
     }

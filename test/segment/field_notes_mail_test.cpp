@@ -108,6 +108,36 @@ TEST_F(FieldNotesMail, TheDictionarysPdosCountAndTheSiisWhereItHasNone) {
     EXPECT_TRUE(exchanges(3));
 }
 
+// A slave that cannot be asked is no slave without process data: its SII does not stand in for the answer. One that
+// refuses to tell is known by its SII.
+TEST_F(FieldNotesMail, ASlaveThatDoesNotAnswerIsNoSlaveWithoutProcessData) {
+    plug_odd({"never_replies"});
+    plug_odd({"empty_replies"});
+    plug_odd({"error_replies"});
+    plug_odd({});
+    start();
+    (void)config_map(ctx, image);
+    EXPECT_EQ(ctx.slave(1).error.code, Errc::timeout) << told(1);
+    EXPECT_EQ(ctx.slave(2).error.code, Errc::protocol) << told(2);
+    for (const std::size_t n : {1U, 2U}) {
+        EXPECT_EQ(ctx.slave(n).al.state, AlState::preop) << n;
+        EXPECT_TRUE(ctx.slave(n).pdos_failed) << n;
+        EXPECT_FALSE(ctx.slave(n).takes_part) << n;
+        EXPECT_EQ(ctx.slave(n).config.source, ConfigurationSource::none) << n << ": asked again the next time";
+    }
+    EXPECT_EQ(ctx.slave(3).config.source, ConfigurationSource::sii) << told(3);
+    EXPECT_EQ(ctx.slave(3).al.state, AlState::safeop) << told(3);
+    EXPECT_EQ(ctx.slave(4).config.source, ConfigurationSource::coe) << told(4);
+    EXPECT_EQ(ctx.slave(4).al.state, AlState::safeop) << told(4);
+    // Nor does the supervision bring it to OP without process data.
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(500);
+    EXPECT_EQ(ctx.slave(1).al.state, AlState::preop) << told(1);
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::preop) << told(2);
+    EXPECT_EQ(ctx.slave(4).al.state, AlState::op) << told(4);
+}
+
 // Ten entries into a PDO of which the device takes eight: the ninth is refused, by its index and subindex, in words.
 TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     plug_odd({"few_mapping_entries", "refuses_complete_access"});

@@ -1,0 +1,183 @@
+// Entries of process data by the public API: values of any bits, and finding an entry without a list.
+#include "mail_requests.hpp"
+#include "network/entries.hpp"
+#include "network/entry_names.hpp"
+#include "network/pdos.hpp"
+
+#include <margay/entry.hpp>
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay {
+
+// ------------------------------------------------------------------ values
+
+namespace detail {
+
+std::uint64_t load_bits(const std::byte* from, unsigned shift, unsigned bits) {
+    std::uint64_t value = 0;
+    for (unsigned at = 0; at < bits;) {
+        const unsigned part = std::min(8 - shift, bits - at);
+        const std::uint64_t octet = (std::to_integer<unsigned>(*from++) >> shift) & (0xFFU >> (8 - part));
+        value |= octet << at;
+        at += part;
+        shift = 0;
+    }
+    return value;
+}
+
+void store_bits(std::byte* to, unsigned shift, unsigned bits, std::uint64_t value) {
+    for (unsigned at = 0; at < bits; ++to) {
+        const unsigned part = std::min(8 - shift, bits - at);
+        const unsigned mask = (0xFFU >> (8 - part)) << shift;
+        const unsigned octet = static_cast<unsigned>(value >> at & 0xFFU) << shift & mask;
+        *to = static_cast<std::byte>((std::to_integer<unsigned>(*to) & ~mask) | octet);
+        at += part;
+        shift = 0;
+    }
+}
+
+}  // namespace detail
+
+std::size_t OctetsEntry::read(std::span<std::byte> into) const {
+    const std::size_t octets = mapped() ? std::min<std::size_t>(octets_count_, into.size()) : 0;
+    for (std::size_t n = 0; n < octets; ++n)
+        into[n] = static_cast<std::byte>(detail::load_bits(octets_ + n, shift_, 8));
+    return octets;
+}
+
+std::string_view OctetsEntry::read_text(std::span<char> into) const {
+    const std::size_t octets = read(std::as_writable_bytes(into));
+    const std::string_view text(into.data(), octets);
+    return text.substr(0, std::min(text.size(), text.find('\0')));
+}
+
+void OctetsEntry::store(std::span<const std::byte> value) {
+    if (!mapped()) return;
+    for (std::size_t n = 0; n < octets_count_; ++n)
+        detail::store_bits(octets_ + n, shift_, 8, n < value.size() ? std::to_integer<std::uint64_t>(value[n]) : 0);
+}
+
+// ------------------------------------------------------------------ requests
+
+namespace {
+
+// Stands for the entry that a request asks for.
+class Wanted final : public EntryHandle {
+  public:
+    Wanted(const EntryAddress& address, Direction direction) : EntryHandle(address, direction, EntryKind::any, 0) {}
+};
+
+EntryAddress whole_address(const EntryRequest& request) {
+    EntryAddress address = request.address;
+    address.slave = request.slave;
+    return address;
+}
+
+Error error_at(Errc code, const EntryPlace& place) {
+    return {.code = code,
+            .step = Step::map_process_data,
+            .slave = place.slave,
+            .index = place.index,
+            .subindex = place.subindex};
+}
+
+}  // namespace
+
+static Error check(Network& network, const EntryRequest& r) {
+    Error refused = check_slave(network, r.slave, Step::map_process_data);
+    if (refused.code != Errc::none) return refused;
+    const std::uint8_t group = network.slave(r.slave).config.group;
+    if (group < network.process.groups.size() && network.process.groups[group].mapped) return {};
+    return {.code = Errc::unknown_group, .step = Step::map_process_data, .slave = r.slave, .index = group};
+}
+static Error check(Network& network, const EntryNameRequest& r) {
+    return check_slave(network, r.slave, Step::discover_pdos);
+}
+
+static Task<Result<>> run(Network& network, EntryRequest& request) {
+    request.place = {};
+    Slave& slave = network.slave(request.slave);
+    const EntryAddress address = whole_address(request);
+    Wanted out(address, Direction::outputs);
+    Wanted in(address, Direction::inputs);
+    EntryHandle* handles[] = {&out, &in};
+    EntryMatcher matcher(handles, slave);
+    auto walked = co_await find_entries(network, slave, matcher);
+    if (!walked) co_return walked;
+    Wanted& first = request.one_direction && request.wanted == Direction::inputs ? in : out;
+    const bool other = !request.one_direction && !EntryAccess::found(first).any;
+    const auto place =
+        place_of(slave, network.process.groups[slave.config.group], address, EntryAccess::found(other ? in : first));
+    if (!place) co_return place.error();
+    request.place = *place;
+    co_return Result<>();
+}
+
+static Task<Result<>> run(Network& network, EntryNameRequest& request) {
+    auto named = co_await find_entry_name(network, network.slave(request.slave), request.index, request.subindex,
+                                          request.into, patience_of(request));
+    request.bytes = named ? *named : std::size_t{0};
+    co_return named ? Result<>() : Result<>(named.error());
+}
+
+Result<> submit(Context& ctx, EntryRequest& request) {
+    if (!request.busy() && request.address.slave != 0) request.slave = request.address.slave;
+    return submit_queued(ctx, request);
+}
+Result<> submit(Context& ctx, EntryNameRequest& request) { return submit_queued(ctx, request); }
+
+// ------------------------------------------------------------------ calls that wait
+
+Result<EntryPlace> entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                         Duration timeout) {
+    return entry(ctx, EntryAddress::object(slave, index, subindex), timeout);
+}
+
+Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration timeout) {
+    EntryRequest request;
+    request.slave = address.slave;
+    request.address = address;
+    request.timeout = timeout;
+    const auto done = do_and_wait(ctx, request, Step::map_process_data, address.index, address.subindex);
+    if (!done) return done.error();
+    return request.place;
+}
+
+Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                    std::span<char> into, Duration timeout) {
+    EntryNameRequest request;
+    request.slave = slave;
+    request.timeout = timeout;
+    request.index = index;
+    request.subindex = subindex;
+    request.into = into;
+    const auto done = do_and_wait(ctx, request, Step::discover_pdos, index, subindex);
+    if (!done) return done.error();
+    if (request.bytes == 0)
+        return Error{.code = Errc::unsupported,
+                     .step = Step::sdo_information,
+                     .slave = slave,
+                     .index = index,
+                     .subindex = subindex};
+    return std::string_view(into.data(), request.bytes);
+}
+
+// ------------------------------------------------------------------ values by place
+
+Result<std::span<std::byte>> entry_octets(Context& ctx, const EntryPlace& place, EntryKind kind,
+                                          std::uint32_t type_bits, bool write) {
+    const Group& group = ctx.group(place.group);
+    if (!group.mapped || place.mapping == 0 || place.mapping != group.mappings)
+        return error_at(Errc::entry_stale, place);
+    if (write && place.direction != Direction::outputs) return error_at(Errc::entry_direction, place);
+    const Error wrong = check_entry_type(error_at(Errc::none, place), kind, type_bits, place.bits, place.data_type);
+    if (wrong.code != Errc::none) return wrong;
+    const std::size_t first = place.offset_bits / 8;
+    const std::size_t end = (std::size_t{place.offset_bits} + place.bits + 7) / 8;
+    if (end > group.image.size()) return error_at(Errc::entry_stale, place);
+    return group.image.subspan(first, end - first);
+}
+
+}  // namespace margay
