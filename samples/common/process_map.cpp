@@ -1,6 +1,7 @@
 #include "common/process_map.hpp"
 
 #include "common/eeprom.hpp"
+#include "common/process_entries.hpp"
 #include "common/slave_eeprom.hpp"
 #include "network/image_layout.hpp"
 #include "wire/sii_category.hpp"
@@ -26,6 +27,8 @@ std::string text_of(Bytes strings, sii::StringNumber number) {
 
 struct NamedEntry {
     std::uint16_t pdo = 0;
+    std::uint8_t pdo_place = 0;
+    std::uint8_t entry_place = 0;
     std::string pdo_name{};
     sii::PdoEntry entry{};
     std::string name{};
@@ -36,22 +39,42 @@ std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync
     std::vector<NamedEntry> all;
     const Bytes strings = sii::find_category(image, sii::category::kStrings).value_or(Bytes{});
     const auto wanted = direction == Direction::outputs ? sii::category::kRxPdo : sii::category::kTxPdo;
+    std::uint8_t place = 0;
     sii::CategoryWalker walker(image);
     while (const auto category = walker.next()) {
         if (category->place.type != wanted) continue;
         sii::Pdos pdos(category->content);
         while (const auto pdo = pdos.next()) {
             if (sync_manager && pdo->sync_manager != *sync_manager) continue;
+            ++place;
+            std::uint8_t n = 0;
             sii::PdoEntries entries(pdo->entries);
             while (const auto entry = entries.next())
-                all.push_back({pdo->index, text_of(strings, pdo->name), *entry, text_of(strings, entry->name)});
+                all.push_back(
+                    {pdo->index, place, ++n, text_of(strings, pdo->name), *entry, text_of(strings, entry->name)});
         }
     }
     return all;
 }
 
-// The entries that the slave's dictionary has assigned, with the names that its SII knows them by; none where it does
-// not tell.
+// What the SII knows of an entry, and where it has no name what the dictionary tells.
+void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>& known, NamedEntry& e) {
+    for (const auto& k : known) {
+        if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
+        if (e.entry.index == 0 || k.entry.index != e.entry.index || k.entry.subindex != e.entry.subindex) continue;
+        e.name = k.name;
+        e.entry.data_type = k.entry.data_type;
+    }
+    const bool informs = (slave.coe_details & coe_detail::kSdoInformation) != 0;
+    if (!informs || e.entry.index == 0 || !e.name.empty()) return;
+    const auto told = entry_description(ctx, slave.position, e.entry.index, e.entry.subindex);
+    if (told) e.name = std::string(told->name());
+    if (told && e.entry.data_type == 0 && told->data_type <= 0xFF)
+        e.entry.data_type = static_cast<std::uint8_t>(told->data_type);
+}
+
+// The entries that the slave's dictionary has assigned; none where it does not tell. A place of the assignment that
+// holds 0 names no PDO.
 std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, const ProcessSm& sm, Bytes image) {
     const auto known = entries_of(image, std::nullopt, sm.direction);
     const auto assignment = static_cast<std::uint16_t>(0x1C10 + sm.number);
@@ -59,23 +82,19 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
     const auto pdos = SDOread<std::uint8_t>(ctx, slave.position, assignment, 0);
     for (unsigned p = 1; pdos && p <= *pdos; ++p) {
         const auto pdo = SDOread<std::uint16_t>(ctx, slave.position, assignment, static_cast<std::uint8_t>(p));
+        if (pdo && *pdo == 0) continue;
         const auto count =
             pdo ? SDOread<std::uint8_t>(ctx, slave.position, *pdo, 0) : Result<std::uint8_t>(pdo.error());
         if (!count) return {};
         for (unsigned n = 1; n <= *count; ++n) {
             const auto word = SDOread<std::uint32_t>(ctx, slave.position, *pdo, static_cast<std::uint8_t>(n));
             if (!word) return {};
-            NamedEntry e{.pdo = *pdo};
+            NamedEntry e{
+                .pdo = *pdo, .pdo_place = static_cast<std::uint8_t>(p), .entry_place = static_cast<std::uint8_t>(n)};
             e.entry.index = static_cast<std::uint16_t>(*word >> 16);
             e.entry.subindex = static_cast<std::uint8_t>(*word >> 8);
             e.entry.bit_length = static_cast<std::uint8_t>(*word);
-            for (const auto& k : known) {
-                if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
-                if (e.entry.index == 0 || k.entry.index != e.entry.index || k.entry.subindex != e.entry.subindex)
-                    continue;
-                e.name = k.name;
-                e.entry.data_type = k.entry.data_type;
-            }
+            name_entry(ctx, slave, known, e);
             all.push_back(std::move(e));
         }
     }
@@ -121,8 +140,9 @@ void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std
         return;
     }
     for (const auto& e : entries) {
-        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_name, e.entry.index,
-                               e.entry.subindex, e.name, e.entry.data_type, offset_bits, e.entry.bit_length});
+        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_place, e.entry_place, e.pdo_name,
+                               e.entry.index, e.entry.subindex, e.name, e.entry.data_type, offset_bits,
+                               e.entry.bit_length});
         offset_bits += e.entry.bit_length;
     }
 }
@@ -184,12 +204,15 @@ std::string map_text(Context& ctx, const ProcessMap& map) {
         text += fmt::format("    {:>8}  {:<10}  SM{}  {}\n", offset_text(e.offset_bits), length_text(e.bits),
                             e.sync_manager, what(e));
     }
+    if (const std::string code = entries_code(map); !code.empty()) text += "By name, with <margay/entry.hpp>:\n" + code;
     for (const auto& remark : map.remarks) text += "  note: " + remark + "\n";
     return text;
 }
 
 nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map) {
     auto entries = nlohmann::ordered_json::array();
+    const auto declarations = entry_declarations(map);
+    std::size_t n = 0;
     for (const MapEntry& e : map.entries)
         entries.push_back({{"slave", e.slave},
                            {"slave_name", std::string(ctx.slave(e.slave).name())},
@@ -202,7 +225,10 @@ nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map) {
                            {"index", e.index},
                            {"subindex", e.subindex},
                            {"name", e.name},
-                           {"data_type", e.data_type}});
+                           {"data_type", e.data_type},
+                           {"pdo_place", e.pdo_place},
+                           {"entry_place", e.entry_place},
+                           {"declaration", declarations[n++]}});
     return {{"output_bytes", map.output_bytes},
             {"input_bytes", map.input_bytes},
             {"entries", entries},

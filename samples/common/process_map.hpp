@@ -1,6 +1,7 @@
 // What lies where in a process image: every PDO entry with its offset, its length and its name, for people, for
 // programs, and as a struct for the compiler. The sizes are those that config_map() has laid out; the objects are those
-// that the slave's dictionary or SII assigns, the names those that its SII has for them.
+// that the slave's dictionary or SII assigns. The names are those that its SII has for them, else those of its
+// dictionary.
 #pragma once
 
 #include <margay/context.hpp>
@@ -17,7 +18,9 @@ struct MapEntry {
     std::uint16_t slave = 0;
     Direction direction = Direction::outputs;
     std::uint8_t sync_manager = 0;
-    std::uint16_t pdo = 0;  // its index; 0: nobody told what is in this SyncManager
+    std::uint16_t pdo = 0;         // its index; 0: nobody told what is in this SyncManager
+    std::uint8_t pdo_place = 0;    // which PDO of the SyncManager, 1 the first
+    std::uint8_t entry_place = 0;  // which entry of the PDO, 1 the first
     std::string pdo_name{};
     std::uint16_t index = 0;  // of the object; 0: a gap
     std::uint8_t subindex = 0;
@@ -37,7 +40,7 @@ struct ProcessMap {
 // `ctx` has mapped the group. Reads the SII and the PDOs of each of its slaves; waits.
 [[nodiscard]] ProcessMap read_process_map(Context& ctx, std::uint8_t group = 0);
 
-// Lines of offset, bits, slave, object and name.
+// Lines of offset, bits, slave, object and name; and what an application writes to use them by name.
 [[nodiscard]] std::string map_text(Context& ctx, const ProcessMap& map);
 [[nodiscard]] nlohmann::ordered_json map_json(Context& ctx, const ProcessMap& map);
 

@@ -11,20 +11,6 @@ namespace {
 
 constexpr std::uint32_t kMostFieldBits = 64;
 
-// "Channel 1 / Output" becomes channel_1_output. Letters outside ASCII are left out.
-std::string identifier(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-        const auto letter = static_cast<unsigned char>(c);
-        if (letter < 0x80 && std::isalnum(letter) != 0)
-            out += static_cast<char>(std::tolower(letter));
-        else if (!out.empty() && out.back() != '_')
-            out += '_';
-    }
-    while (!out.empty() && out.back() == '_') out.pop_back();
-    return out;
-}
-
 // No comment that a name could end.
 std::string comment(std::string text) {
     for (char& c : text)
@@ -156,6 +142,19 @@ class StructWriter {
 };
 
 }  // namespace
+
+std::string identifier(const std::string& text) {
+    std::string out;
+    for (const char c : text) {
+        const auto letter = static_cast<unsigned char>(c);
+        if (letter < 0x80 && std::isalnum(letter) != 0)
+            out += static_cast<char>(std::tolower(letter));
+        else if (!out.empty() && out.back() != '_')
+            out += '_';
+    }
+    while (!out.empty() && out.back() == '_') out.pop_back();
+    return out;
+}
 
 std::string map_cstruct(Context& ctx, const ProcessMap& map) {
     std::size_t outputs = 0;

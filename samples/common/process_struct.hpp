@@ -10,4 +10,7 @@ namespace margay::samples {
 // every other member and the size of both structs, so that a compiler that lays them out differently refuses it.
 [[nodiscard]] std::string map_cstruct(Context& ctx, const ProcessMap& map);
 
+// A name as an identifier: "Channel 1 / Output" becomes channel_1_output. Letters outside ASCII are left out.
+[[nodiscard]] std::string identifier(const std::string& text);
+
 }  // namespace margay::samples

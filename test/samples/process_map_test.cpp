@@ -1,8 +1,10 @@
 // What lies where in a process image, and the struct made of it: compiled, and each member looked at with the
 // compiler's own eyes.
 #include "common/process_map.hpp"
+#include "common/process_entries.hpp"
 #include "common/process_struct.hpp"
 #include "common/source.hpp"
+#include "mailbox/mailbox_bus.hpp"
 #include "process_data/bus.hpp"
 
 #include <fmt/format.h>
@@ -133,6 +135,89 @@ TEST_F(ProcessMapTest, ObjectsAreThoseThatTheDictionaryAssigns) {
     const auto header = map_cstruct(ctx, map);
     EXPECT_NE(header.find("    uint8_t pad_2[1];\n"), std::string::npos) << header;
     compile_and_check(header, "odd");
+}
+
+// Objects that the SII does not know have the names of the dictionary.
+TEST_F(ProcessMapTest, NamesComeFromTheDictionaryWhereTheSiiHasNone) {
+    std::ofstream(folder / "odd.toml") << "[[slave]]\ndevice = \"odd_device\"\n";
+    auto source = open_source("sim:" + (folder / "odd.toml").string());
+    ASSERT_TRUE(source) << source.error();
+    HostContext ctx;
+    ASSERT_TRUE(init(ctx, source->nic(), source->osal()).ok());
+    ASSERT_TRUE(config_init(ctx).ok());
+    static constexpr PdoEntry kEntries[] = {{0x7000, 31, 16}, {0x7000, 1, 16}};
+    static constexpr Pdo kOutputs[] = {{0x1600, kEntries}};
+    static constexpr SmPdos kPdos[] = {{2, kOutputs}};
+    static constexpr SlaveSetup kSetup{.pdos = kPdos};
+    ctx.slave(1).config.setup = &kSetup;
+    ASSERT_TRUE(config_map(ctx, image).ok());
+    const auto map = read_process_map(ctx);
+    ASSERT_GE(map.entries.size(), 2U);
+    EXPECT_EQ(map.entries[0].subindex, 31);
+    EXPECT_EQ(map.entries[0].name, "SubIndex 031");
+    EXPECT_EQ(map.entries[0].data_type, 0x06) << "UNSIGNED16";
+}
+
+// A place of the assignment may hold 0: there is no object 0x0000 to be asked for, and the others are described.
+TEST_F(ProcessMapTest, PlacesWithoutAPdoArePassedOver) {
+    MailboxBus mail;
+    auto& slave = mail.add_scripted(64, mailbox_protocol::kCoE, coe_detail::kSdo);
+    std::vector<unsigned> asked;
+    slave.on_mail = [&](const Mail& m) {
+        const auto at = [&](std::size_t n) { return std::to_integer<unsigned>(m[n]); };
+        const unsigned index = at(9) | at(10) << 8;
+        asked.push_back(index);
+        const auto answer = [&](unsigned value, unsigned octets) {
+            slave.reply({0x00, 0x30, 0x43 | (4 - octets) << 2, at(9), at(10), at(11), value & 0xFF, value >> 8 & 0xFF,
+                         value >> 16 & 0xFF, value >> 24});
+        };
+        if (index == 0x1C12) return at(11) == 0 ? answer(2, 1) : answer(at(11) == 1 ? 0 : 0x1600, 2);
+        if (index == 0x1600) return at(11) == 0 ? answer(1, 1) : answer(0x70000108, 4);
+        slave.reply({0x00, 0x20, 0x80, at(9), at(10), at(11), 0x00, 0x00, 0x02, 0x06});
+    };
+    mail.start();
+    ASSERT_TRUE(config_map(*mail.ctx, image).ok());
+    const auto map = read_process_map(*mail.ctx);
+    EXPECT_EQ(std::ranges::count(asked, 0U), 0) << "object 0x0000 is not asked for";
+    ASSERT_EQ(map.entries.size(), 1U);
+    EXPECT_EQ(map.entries[0].pdo, 0x1600);
+    EXPECT_EQ(map.entries[0].index, 0x7000);
+    EXPECT_EQ(map.entries[0].pdo_place, 2);
+}
+
+// What is printed compiles, and is what config_map() finds.
+TEST_F(ProcessMapTest, DeclarationsAreThoseOfHandles) {
+    ProcessMap map;
+    const auto entry = [&](Direction direction, std::uint16_t index, std::uint32_t bits, std::uint8_t type,
+                           std::string name) {
+        map.entries.push_back({.slave = 3, .direction = direction, .sync_manager = 2, .pdo = 0x1600, .pdo_place = 1});
+        MapEntry& e = map.entries.back();
+        e.entry_place = static_cast<std::uint8_t>(map.entries.size());
+        e.index = index;
+        e.bits = bits;
+        e.data_type = type;
+        e.name = std::move(name);
+    };
+    entry(Direction::outputs, 0x7000, 1, 0x01, "Enable drive");
+    entry(Direction::outputs, 0, 7, 0, "");
+    entry(Direction::outputs, 0x6071, 16, 0x03, "Torque");
+    entry(Direction::inputs, 0x6041, 16, 0x06, "Status");
+    entry(Direction::inputs, 0x6041, 16, 0x06, "Status");
+    entry(Direction::inputs, 0x2000, 24, 0, "");
+    entry(Direction::inputs, 0x2001, 32, 0x08, "Speed");
+    entry(Direction::inputs, 0x2002, 80, 0x09, "Serial");
+    EXPECT_EQ(entries_code(map),
+              "margay::Output<bool> s3_enable_drive{3, 0x7000, 0};\n"
+              "margay::Output<std::int16_t> s3_torque{3, 0x6071, 0};\n"
+              "margay::Input<std::uint16_t> s3_status{3, 0x6041, 0};\n"
+              "margay::Input<std::uint16_t> s3_status_2{margay::EntryAddress::at(3, 2, 1, 5)};\n"
+              "margay::Input<std::uint32_t> s3_x2000_00{3, 0x2000, 0};\n"
+              "margay::Input<float> s3_speed{3, 0x2001, 0};\n"
+              "margay::InputOctets s3_serial{margay::EntryAddress::object(3, 0x2002, 0), 10};\n"
+              "margay::EntryHandle* const entries[] = {&s3_enable_drive, &s3_torque, &s3_status, &s3_status_2, "
+              "&s3_x2000_00, &s3_speed, &s3_serial};\n");
+    EXPECT_EQ(entry_declarations(map)[1], "") << "a gap";
+    EXPECT_EQ(entries_code({}), "");
 }
 
 // The application may map what the SII does not describe: told, and still in its place.
