@@ -5,6 +5,9 @@
 // working counter, copy the inputs.
 #include "common/mapped_bus.hpp"
 #include "mailbox/channel.hpp"
+#include "network/entries.hpp"
+
+#include <margay/entry.hpp>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +16,7 @@
 #include <cstring>
 #include <new>
 #include <string>
+#include <utility>
 
 static std::size_t allocations = 0;
 
@@ -66,7 +70,55 @@ struct Bench : bench::MappedBus {
     }
 };
 
-// Runs that callgrind counts: `work` is "cycle", "bare" or "nic" (the NIC and the clock only).
+// A hundred inputs of 16 bits, eight a slave: by handles, and by pointers that the application has worked out itself.
+class Entries {
+  public:
+    static constexpr std::size_t kCount = 100;
+    static constexpr std::uint32_t kSlaves = 13;
+    static constexpr std::uint32_t kOctets = 16;  // a slave, in each direction
+
+    // Of slaves whose only PDO has one entry for all of its octets: the handles are bound as config_map() binds them.
+    [[nodiscard]] bool find(Context& ctx) {
+        Group& group = ctx.group(0);
+        for (std::size_t n = 0; n < kCount; ++n) {
+            const Slave& slave = ctx.slave(n / 8 + 1);
+            const EntryPlace place{
+                .slave = slave.position,
+                .direction = Direction::inputs,
+                .offset_bits = slave.image.inputs.offset_bits + static_cast<std::uint32_t>(n % 8 * 16),
+                .bits = 16,
+                .mapping = group.mappings};
+            EntryAccess::bind(handles_[n], place, group.image, 0);
+            pointers_[n] = group.image.data() + place.offset_bits / 8;
+        }
+        return handles_[kCount - 1].mapped();
+    }
+    [[nodiscard]] std::uint64_t by_handle() const {
+        std::uint64_t sum = 0;
+        for (const Input<std::uint16_t>& handle : handles_) sum += handle.read();
+        return sum;
+    }
+    [[nodiscard]] std::uint64_t by_pointer() const {
+        std::uint64_t sum = 0;
+        for (const std::byte* pointer : pointers_) {
+            std::uint16_t value = 0;
+            std::memcpy(&value, pointer, sizeof value);
+            sum += value;
+        }
+        return sum;
+    }
+
+  private:
+    template <std::size_t... N>
+    static std::array<Input<std::uint16_t>, kCount> make(std::index_sequence<N...>) {
+        return {Input<std::uint16_t>{std::uint16_t{1}, static_cast<std::uint16_t>(N)}...};
+    }
+    std::array<Input<std::uint16_t>, kCount> handles_ = make(std::make_index_sequence<kCount>());
+    std::array<const std::byte*, kCount> pointers_{};
+};
+
+// Runs that callgrind counts: `work` is "cycle", "bare", "nic" (the NIC and the clock only), or a cycle with entries
+// read by "handles" or by "pointers".
 int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in, unsigned cycles) {
     static Bench bench;
     if (!bench.start(slaves, out, in)) return 1;
@@ -75,7 +127,11 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
     static std::array<std::byte, 1514> got{};
     const std::size_t allocated = allocations;
     std::uint64_t sum = 0;
-    const bool cycle = work == "cycle";
+    const bool handles = work == "handles";
+    const bool pointers = work == "pointers";
+    static Entries entries;
+    if ((handles || pointers) && !entries.find(*bench.ctx)) return 1;
+    const bool cycle = work == "cycle" || handles || pointers;
     const bool bare = work == "bare";
     for (unsigned n = 0; n < cycles; ++n) {
         if (cycle) {
@@ -83,6 +139,8 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
             const auto wkc = receive_processdata(*bench.ctx, std::chrono::milliseconds(1));
             if (!wkc) return 1;
             sum += *wkc;
+            if (handles) sum += entries.by_handle();
+            if (pointers) sum += entries.by_pointer();
             continue;
         }
         if (!bare) sum += static_cast<std::uint64_t>(bench.osal.now().time_since_epoch().count() & 1);
@@ -146,6 +204,21 @@ struct Most {
 };
 constexpr Most kMost[] = {{1, 16, 265}, {1, 743, 450}, {100, 32, 1400}};
 
+// What the entries of a cycle take, and the cycle itself, without the NIC.
+struct EntryCost {
+    double cycle = 0;
+    double handles = 0;
+    double pointers = 0;
+};
+constexpr double kMostForHandles = 1.4;
+EntryCost count_entries(const std::string& self) {
+    const auto cost = [&](const char* work) {
+        return count(self, work, Entries::kSlaves, Entries::kOctets, Entries::kOctets);
+    };
+    const double cycle = cost("cycle");
+    return {cycle - cost("nic"), cost("handles") - cycle, cost("pointers") - cycle};
+}
+
 // Fails when the cycle has grown. Instructions do not depend on the machine's mood.
 int check(const std::string& self) {
     if (std::system("valgrind --version >/dev/null 2>&1") != 0) {
@@ -160,6 +233,12 @@ int check(const std::string& self) {
                     most.instructions);
         grown |= net > 0 && net <= most.instructions ? 0 : 1;
     }
+    const EntryCost cost = count_entries(self);
+    const double by_handle = cost.cycle + cost.handles;
+    const double by_pointer = cost.cycle + cost.pointers;
+    std::printf("a cycle with %zu entries: %.0f instructions by handles, %.0f by pointers; %.2f times, %.2f at most\n",
+                Entries::kCount, by_handle, by_pointer, by_handle / by_pointer, kMostForHandles);
+    grown |= cost.pointers > 0 && by_handle <= by_pointer * kMostForHandles ? 0 : 1;
     return grown;
 }
 
@@ -216,6 +295,9 @@ int main(int argc, char** argv) {
     for (const std::uint32_t slaves : {1U, 10U, 50U, 100U})
         good &= report(argv[0], (std::to_string(slaves) + " slaves of 32 + 32 octets").c_str(), slaves, 32, 32);
     good &= report(argv[0], "100 slaves of 4 + 4 octets", 100, 4, 4);
+    const EntryCost entries = count_entries(argv[0]);
+    std::printf("a cycle of %u slaves: %.0f; reading %zu entries of it by handles: %.0f more, by pointers: %.0f more\n",
+                Entries::kSlaves, entries.cycle, Entries::kCount, entries.handles, entries.pointers);
     std::printf("allocations a cycle: %s\n", good ? "0" : "see above");
     constexpr Limits kUsual;
     std::printf(
