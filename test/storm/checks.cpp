@@ -40,6 +40,13 @@ void set_bits(std::span<std::byte> image, const ImagePart& part, const Value& va
     return count == 1;
 }
 
+// Whether the group carries the slave's data, whatever its configuration says since.
+[[nodiscard]] bool carries(const Group& group, const Slave& slave) {
+    const auto& bytes = slave.image.inputs.bits != 0 ? slave.image.inputs.bytes : slave.image.outputs.bytes;
+    return !bytes.empty() && !group.image.empty() && bytes.data() >= group.image.data() &&
+           bytes.data() < group.image.data() + group.image.size();
+}
+
 [[nodiscard]] bool zero(const Value& value) {
     return std::ranges::all_of(value, [](std::byte b) { return b == std::byte{0}; });
 }
@@ -93,7 +100,7 @@ void World::set_outputs(std::uint8_t group) {
     const auto image = ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
-        if (slave.config.group != group || part.bits == 0) continue;
+        if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
         // Drives are left in peace: what they do with commands is not the subject.
         const bool quiet = slave.name().find("rive") != std::string_view::npos;
         Value value((part.bits + 7) / 8);
@@ -107,7 +114,8 @@ void World::note_outputs(std::uint8_t group) {
     const auto image = ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
-        if (slave.config.group != group || part.bits == 0 || !in_one_piece(slave.config, Direction::outputs)) continue;
+        if (part.bits == 0 || !carries(ctx_->group(group), slave) || !in_one_piece(slave.config, Direction::outputs))
+            continue;
         for (const auto n : devices_at(slave.position)) sent_[n][part.bits].insert(bits_of(image, part));
     }
 }
@@ -124,7 +132,7 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.inputs;
         const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional);
-        if (slave.config.group != group) continue;
+        if (!carries(ctx_->group(group), slave)) continue;
         const auto devices = at(slave);
         if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
             if (devices.empty()) fail("the cycle is right without a slave", place(slave.position));
@@ -135,9 +143,11 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
         if (right && wanted) {
             Spy* const spy = spies_[devices[0]];
             if (spy != nullptr && !spy->has_shown(value, part.bits, cycle.sent))
-                fail("an input is delivered as good that the slave did not have",
+                fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
+                         "an input is delivered as good that the slave did not have",
                      place(slave.position) + ": " + hex(value) + ", it has shown " +
-                         (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)));
+                         (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) + ", sending said: " +
+                         std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
             bool known = devices.empty();  // what it was last, which nobody can be asked about
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)

@@ -80,15 +80,17 @@ class Storm {
         ++run_;
         simulated_ += verdict.simulated_seconds;
         if (options_.verbose) std::printf("%llu %s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str());
+        std::fflush(stdout);
         if (verdict.good()) return;
         const bool first = !by_rule_.contains(verdict.rule);
         by_rule_[verdict.rule].push_back(seed);
         if (const char* const reason = known_reason(verdict); reason != nullptr) {
             ++known_;
             if (first) std::printf("seed %llu: %s\n  known: %s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(), reason);
-            return;
+            if (options_.seeds != 1) return;
+        } else {
+            ++failed_;
         }
-        ++failed_;
         std::printf("seed %llu: %s\n  %.2000s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(), verdict.detail.c_str());
         if (first && !options_.no_shrink) {
             const Plan small = shrink(plan, verdict.rule);

@@ -63,6 +63,28 @@ std::string read_all(int from) {
     return all;
 }
 
+// Functions and lines of a crash's frames in this program, by addr2line where there is one; from src/ only.
+std::string in_words(const std::string& output) {
+    std::array<char, 512> self{};
+    if (::readlink("/proc/self/exe", self.data(), self.size() - 1) <= 0) return "";
+    std::string command = std::string("addr2line -Cfpe '") + self.data() + "'";
+    bool any = false;
+    for (std::size_t at = 0; (at = output.find("(+0x", at)) != std::string::npos; ++at) {
+        const auto line = output.rfind('\n', at);
+        if (output.find(".so", line) < at) continue;
+        command += " " + output.substr(at + 2, output.find(')', at) - at - 2);
+        any = true;
+    }
+    FILE* const pipe = any ? ::popen((command + " 2>/dev/null").c_str(), "r") : nullptr;
+    if (pipe == nullptr) return "";
+    std::string text;
+    std::array<char, 2048> line{};
+    while (std::fgets(line.data(), line.size(), pipe) != nullptr)
+        if (const char* const place = std::strstr(line.data(), "/src/"); place != nullptr) text += place + 1;
+    (void)::pclose(pipe);
+    return text;
+}
+
 // The first thing that a crash says: an assertion, a sanitizer's headline.
 std::string headline(const std::string& output) {
     for (const char* const mark : {"Assertion", "ERROR: AddressSanitizer:", "runtime error:", "ERROR: LeakSanitizer"}) {
@@ -96,8 +118,10 @@ Verdict execute(const Plan& plan, unsigned cpu_seconds) {
     const auto at = output.rfind("\nverdict ");
     if (WIFSIGNALED(status) || WEXITSTATUS(status) != 0 || at == std::string::npos) {
         const int number = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
+        const std::string where = in_words(output);
         verdict.rule = number == SIGXCPU || number == SIGKILL ? "hangs" : "crashes: " + headline(output);
-        verdict.detail = output;
+        if (!where.empty()) verdict.rule += " at " + where.substr(0, where.find_first_of(" \n"));
+        verdict.detail = where + output;
         return verdict;
     }
     const auto line = output.find('\n', at + 1);

@@ -153,17 +153,31 @@ bool World::run_until(Time end, const std::function<bool()>& holds) {
     return holds();
 }
 
+void World::keep(std::string_view told) {
+    constexpr std::size_t kMostKept = 24;
+    if (story_.size() == kMostKept) story_.pop_front();
+    story_.push_back(std::to_string(simulated_seconds()) + "  " + std::string(told));
+}
+
+std::string World::story() const {
+    std::string text;
+    for (const auto& line : story_) text += "\n    " + line;
+    return text;
+}
+
 void World::drain_told() {
     most_slaves_ = std::max(most_slaves_, ctx_->slaves().size());
     std::array<char, 300> text{};
     while (const auto error = ctx_->errors().take()) {
         if (error->slave > most_slaves_) fail("an error names no slave", std::string(describe(*error, text)));
         if (describe(*error, text).empty()) fail("an error without words", "");
+        keep(describe(*error, text));
     }
     while (const auto event = ctx_->events().take()) {
         if (event->slave > most_slaves_ || event->other > most_slaves_)
             fail("an event names no slave", std::string(describe(*event, text)));
         if (describe(*event, text).empty()) fail("an event without words", "");
+        keep(describe(*event, text));
     }
 }
 
@@ -192,9 +206,15 @@ void World::cycle_group(std::uint8_t group) {
     set_outputs(group);
     note_outputs(group);
     const auto sent = send_processdata(*ctx_, group);
-    if (sent || sent.error().code != Errc::busy) on_their_way_[group].push_back({osal_.now(), reachable_, station_});
+    if (sent || sent.error().code != Errc::busy) on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
     if (on_their_way_[group].size() >= std::max<std::size_t>(ctx_->group(group).config.cycles_in_flight, 1))
         receive_group(group);
+}
+
+bool World::mapping() const {
+    return std::ranges::any_of(slots_, [](const Slot& slot) {
+        return slot.operation && slot.operation->request().busy() && kinds()[slot.operation->kind()].name == "map";
+    });
 }
 
 void World::receive_group(std::uint8_t group) {

@@ -78,7 +78,10 @@ class World {
         Time sent{};
         std::vector<bool> reachable;
         std::vector<std::uint16_t> station;
+        Errc send_error = Errc::none;
+        bool mapping = false;  // its group, or another one, was being mapped
     };
+    [[nodiscard]] bool mapping() const;
     static constexpr std::size_t kSlots = 24;
     static constexpr std::size_t kImageBytes = 4096;
 
@@ -96,6 +99,8 @@ class World {
     void cycle_group(std::uint8_t group);
     void receive_group(std::uint8_t group);
     void drain_told();
+    void keep(std::string_view told);
+    [[nodiscard]] std::string story() const;
 
     // world_steps.cpp
     void do_step(const Step& step);
@@ -163,6 +168,7 @@ class World {
     Duration late_{};
     std::uint32_t counter_ = 0;
     std::size_t most_slaves_ = 0;
+    std::deque<std::string> story_;  // errors and events told last, in words
     std::uint32_t hook_calls_ = 0;
     std::uint32_t events_called_ = 0;
 

@@ -118,7 +118,7 @@ void World::bring_up() {
     if (supervision_.target == AlState::op && plan_.settings.expect < 2 && plan_.settings.process_frames >= 8)
         for (std::uint32_t n = 0; n < segment_.size(); ++n)
             if (clean(n) && !in_op(n))
-                fail("bring-up", "not in OP: " + place(static_cast<std::uint16_t>(station_[n] - 0x1000)));
+                fail("bring-up", "not in OP: " + place(static_cast<std::uint16_t>(station_[n] - 0x1000)) + story());
     run_for(50ms);
     for (std::uint32_t n = 0; n < segment_.size(); ++n)
         if (in_op(n)) baseline_.push_back(n);
@@ -152,8 +152,9 @@ void World::expect_back() {
                 const Slave& slave = ctx_->slave(position);
                 std::array<char, 300> text{};
                 fail("a supervised slave does not come back",
-                     place(position) + ": " + std::string(to_text(slave.al.state)) + " code " +
-                         std::to_string(slave.al.code) + ", " + std::string(describe(slave.error, text)));
+                     "device " + std::to_string(ids_[n]) + ", " + place(position) + ": " +
+                         std::string(to_text(slave.al.state)) + " code " + std::to_string(slave.al.code) + ", " +
+                         std::string(describe(slave.error, text)) + story());
             }
     }
     run_for(50ms);
@@ -175,6 +176,8 @@ void World::check_arena() {
         if (slot.operation) slot.operation->cancel();
     supervision_.cancel();
     watch_mailboxes(*ctx_, Duration{0});
+    run_for(20ms);
+    cycling_ = false;
     run_for(10s);
     const auto used = ContextAccess::network(*ctx_)->arena().used_bytes();
     if (used != arena_level_)
@@ -228,7 +231,7 @@ void World::fresh_start() {
             if (clean(n) && !in_op(n)) {
                 const auto position = static_cast<std::uint16_t>(station_[n] - 0x1000);
                 fail("a fresh start fails",
-                     place(position) + " is not in OP: " + std::string(describe(ctx_->slave(position).error, text)));
+                     place(position) + " is not in OP: " + std::string(describe(ctx_->slave(position).error, text)) + story());
             }
     }
     run_for(30ms);
