@@ -26,7 +26,7 @@ constexpr std::array kKnown{
     Known{"the arena does not return to its level", "",
           "new: the pump of a slave that left during an exchange stays (plans/pump_of_a_slave_that_left.plan)"},
     Known{"a supervised slave does not come back", "not as wanted (wanted 0x00000000, is 0x00000000)",
-          "new: a hook that fails behind a transition ends the recovery of its slave for good"},
+          "new: with few tasks a slave that cannot be brought back starves those behind it (supervisor.cpp, retry_at)"},
     Known{"while a group is mapped: an input is delivered as good that the slave did not have", "",
           "new: a MapRequest of a mapped group switches SyncManagers off while the old cycle goes on and is told right"},
     Known{"an input is delivered as good that the slave did not have", "bootloader",

@@ -101,7 +101,7 @@ void World::bring_up() {
     call_ = nullptr;
     if (!found) fail("bring-up", "config_init() fails without a fault");
     look_around();
-    if (*found != std::ranges::count(reachable_, true)) fail("bring-up", "config_init() does not find all slaves");
+    if (*found != plan_.devices.size()) fail("bring-up", "config_init() does not find all slaves");
     if (plan_.settings.expect != 0) expect_slaves();
     for (std::uint8_t g = 0; g < images_.size(); ++g) map_now(g);
     supervision_.target = plan_.settings.supervise_target == 4 ? AlState::safeop : AlState::op;
