@@ -14,8 +14,10 @@ std::size_t failures = 0;
 
 }  // namespace
 
-extern "C" void* real_allocate(margay::Arena* arena, std::size_t bytes) noexcept asm("__real__ZN6margay5Arena8allocateEm");
-extern "C" void* wrapped_allocate(margay::Arena* arena, std::size_t bytes) noexcept asm("__wrap__ZN6margay5Arena8allocateEm");
+extern "C" void* real_allocate(margay::Arena* arena, std::size_t bytes) noexcept
+    asm("__real__ZN6margay5Arena8allocateEm");
+extern "C" void* wrapped_allocate(margay::Arena* arena, std::size_t bytes) noexcept
+    asm("__wrap__ZN6margay5Arena8allocateEm");
 extern "C" void* wrapped_allocate(margay::Arena* arena, std::size_t bytes) noexcept {
     const std::size_t number = allocations++;
     if (number >= first_failure && number - first_failure < failures) return nullptr;

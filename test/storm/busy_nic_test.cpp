@@ -24,7 +24,8 @@ struct BusyNic : testing::Test, Rig {
     }
 };
 
-constexpr const char* kSentence = "Queued datagrams have no deadline: with a NIC that stays busy config_init never returns.";
+constexpr const char* kSentence =
+    "Queued datagrams have no deadline: with a NIC that stays busy config_init never returns.";
 
 TEST_F(BusyNic, FromTheStart) {
     MARGAY_KNOWN_FAILURE(kSentence);

@@ -54,14 +54,16 @@ class ChaosNic final : public FilterNic {
         return held_.take(clock_.now(), into);
     }
 
-    [[nodiscard]] Time next_arrival() const noexcept override { return std::min(held_.next_due(), inner().next_arrival()); }
+    [[nodiscard]] Time next_arrival() const noexcept override {
+        return std::min(held_.next_due(), inner().next_arrival());
+    }
 
   private:
     void keep(std::span<const std::byte> frame) noexcept {
         Time due = clock_.now();
         if (chance_.happens(rates.delay))
-            due += Duration(static_cast<std::int64_t>(
-                chance_.below(static_cast<std::uint64_t>(rates.delay_up_to.count()) + 1)));
+            due += Duration(
+                static_cast<std::int64_t>(chance_.below(static_cast<std::uint64_t>(rates.delay_up_to.count()) + 1)));
         (void)held_.put(due, frame);  // one more than there is room for is lost
     }
 

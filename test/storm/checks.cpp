@@ -80,7 +80,8 @@ std::vector<std::uint32_t> World::devices_at(std::uint16_t position) {
 
 std::string World::place(std::uint16_t position) {
     std::string text = "slave " + std::to_string(position);
-    for (const auto n : devices_at(position)) text += ", device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name;
+    for (const auto n : devices_at(position))
+        text += ", device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name;
     return text;
 }
 
@@ -146,8 +147,8 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
                 fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
                          "an input is delivered as good that the slave did not have",
                      place(slave.position) + ": " + hex(value) + ", it has shown " +
-                         (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) + ", sending said: " +
-                         std::string(to_text(cycle.send_error)));
+                         (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
+                         ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
             bool known = devices.empty();  // what it was last, which nobody can be asked about
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)

@@ -26,7 +26,9 @@ class Maker {
   private:
     std::uint32_t below(std::uint32_t bound) { return static_cast<std::uint32_t>(chance_.below(bound)); }
     bool one_in(std::uint32_t count) { return below(count) == 0; }
-    std::uint32_t any(std::initializer_list<std::uint32_t> list) { return list.begin()[below(static_cast<std::uint32_t>(list.size()))]; }
+    std::uint32_t any(std::initializer_list<std::uint32_t> list) {
+        return list.begin()[below(static_cast<std::uint32_t>(list.size()))];
+    }
     std::uint32_t rate() { return any({1'000, 10'000, 50'000, 100'000, 300'000}); }
 
     void settings() {
@@ -64,14 +66,16 @@ class Maker {
             DevicePlan d;
             d.id = id;
             const auto names = sim::device_names();
-            d.name = std::string(one_in(6) ? std::string_view("junction") : names[below(static_cast<std::uint32_t>(names.size()))]);
+            d.name = std::string(one_in(6) ? std::string_view("junction")
+                                           : names[below(static_cast<std::uint32_t>(names.size()))]);
             if (one_in(5)) {
                 const auto all = sim::quirks();
                 for (std::uint32_t n = 1 + below(2); n > 0; --n)
                     d.quirks.emplace_back(all[below(static_cast<std::uint32_t>(all.size()))].name);
             }
             if (id != 0) {
-                const auto at = one_in(3) ? below(static_cast<std::uint32_t>(open.size())) : static_cast<std::uint32_t>(open.size()) - 1;
+                const auto at = one_in(3) ? below(static_cast<std::uint32_t>(open.size()))
+                                          : static_cast<std::uint32_t>(open.size()) - 1;
                 d.parent = static_cast<std::int32_t>(open[at].first);
                 d.port = open[at].second;
                 open.erase(open.begin() + static_cast<std::ptrdiff_t>(at));
@@ -159,7 +163,8 @@ class Maker {
             // Mostly it begins with what a program begins with.
             if (!one_in(4)) plan_.steps.push_back({0, Op::submit, {0, *kind_by_name("scan"), 0, 0, 0}});
             if (!one_in(4)) plan_.steps.push_back({any({100'000, 1'000'000, 5'000'000}), Op::map, {0}});
-            if (!one_in(3)) plan_.steps.push_back({below(100'000), Op::submit, {1, *kind_by_name("supervise"), 0, 0, below(2)}});
+            if (!one_in(3))
+                plan_.steps.push_back({below(100'000), Op::submit, {1, *kind_by_name("supervise"), 0, 0, below(2)}});
         }
         for (std::uint32_t n = 0; n < count; ++n) {
             Step step = faults != 0 && one_in(faults) ? fault() : operation();

@@ -22,13 +22,18 @@ constexpr std::array kKnown{
           "3: a SuperviseRequest beside a busy ScanRequest (arrange())"},
     Known{"crashes: Assertion '__idx < size()' failed. at src/network/search.cpp", "",
           "3: a scan beside a RecoverRequest (tell_stranger())"},
-    Known{"crashes: Assertion '__n < this->size()' failed. at src/station/sii_access.cpp", "", "2: two scans exclude each other"},
+    Known{"crashes: Assertion '__n < this->size()' failed. at src/station/sii_access.cpp", "",
+          "2: two scans exclude each other"},
     Known{"the arena does not return to its level", "",
           "new: the pump of a slave that left during an exchange stays (plans/pump_of_a_slave_that_left.plan)"},
+    Known{"a supervised slave does not come back", "without an address",
+          "new: a slave that has lost its supply for a moment is not noticed (plans/unnoticed_fall, "
+          "fallen_during_recovery)"},
     Known{"a supervised slave does not come back", "not as wanted (wanted 0x00000000, is 0x00000000)",
           "new: with few tasks a slave that cannot be brought back starves those behind it (supervisor.cpp, retry_at)"},
-    Known{"while a group is mapped: an input is delivered as good that the slave did not have", "",
-          "new: a MapRequest of a mapped group switches SyncManagers off while the old cycle goes on and is told right"},
+    Known{
+        "while a group is mapped: an input is delivered as good that the slave did not have", "",
+        "new: a MapRequest of a mapped group switches SyncManagers off while the old cycle goes on and is told right"},
     Known{"an input is delivered as good that the slave did not have", "bootloader",
           "new: the library's bootloader has its inputs in another SyncManager than its SII says"},
 };

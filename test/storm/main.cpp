@@ -51,7 +51,9 @@ class Storm {
 
     int run() {
         const auto start = std::chrono::steady_clock::now();
-        const auto elapsed = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
+        const auto elapsed = [&] {
+            return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+        };
         const double limit = options_.hours > 0 ? options_.hours * 3600 : options_.seconds;
         std::uint64_t seed = options_.first;
         for (;; ++seed) {
@@ -61,13 +63,15 @@ class Storm {
             if (failed_ > 0 && !options_.keep_going) break;
         }
         const double took = elapsed();
-        std::printf("%llu seeds from %llu on in %.1f s, %.0f simulated seconds (%.1f a second), %u broke a rule, %u of "
-                    "them in a way that is known\n",
-                    static_cast<unsigned long long>(run_), static_cast<unsigned long long>(options_.first), took,
-                    simulated_, simulated_ / took, failed_ + known_, known_);
+        std::printf(
+            "%llu seeds from %llu on in %.1f s, %.0f simulated seconds (%.1f a second), %u broke a rule, %u of "
+            "them in a way that is known\n",
+            static_cast<unsigned long long>(run_), static_cast<unsigned long long>(options_.first), took, simulated_,
+            simulated_ / took, failed_ + known_, known_);
         for (const auto& [rule, all] : by_rule_) {
             std::printf("  %zu x %s:", all.size(), rule.c_str());
-            for (std::size_t n = 0; n < all.size() && n < 12; ++n) std::printf(" %llu", static_cast<unsigned long long>(all[n]));
+            for (std::size_t n = 0; n < all.size() && n < 12; ++n)
+                std::printf(" %llu", static_cast<unsigned long long>(all[n]));
             std::printf("\n");
         }
         return failed_ > 0 ? 1 : 0;
@@ -86,16 +90,19 @@ class Storm {
         by_rule_[verdict.rule].push_back(seed);
         if (const char* const reason = known_reason(verdict); reason != nullptr) {
             ++known_;
-            if (first) std::printf("seed %llu: %s\n  known: %s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(), reason);
+            if (first)
+                std::printf("seed %llu: %s\n  known: %s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(),
+                            reason);
             if (options_.seeds != 1) return;
         } else {
             ++failed_;
         }
-        std::printf("seed %llu: %s\n  %.2000s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(), verdict.detail.c_str());
+        std::printf("seed %llu: %s\n  %.2000s\n", static_cast<unsigned long long>(seed), verdict.rule.c_str(),
+                    verdict.detail.c_str());
         if (first && !options_.no_shrink) {
             const Plan small = shrink(plan, verdict.rule);
-            std::printf("made smaller (a test: put it into test/storm/plans/NAME.plan):\n\n# %s\n%s\n", verdict.rule.c_str(),
-                        to_text(small).c_str());
+            std::printf("made smaller (a test: put it into test/storm/plans/NAME.plan):\n\n# %s\n%s\n",
+                        verdict.rule.c_str(), to_text(small).c_str());
         }
         std::fflush(stdout);
     }
@@ -112,8 +119,9 @@ class Storm {
 
 int main(int argc, char** argv) {
     Options options;
-    CLI::App app("Random systems, random operations and random faults in virtual time, by seed; what must hold is checked "
-                 "at every step.");
+    CLI::App app(
+        "Random systems, random operations and random faults in virtual time, by seed; what must hold is checked "
+        "at every step.");
     app.add_option("--seed", options.first, "The first seed")->capture_default_str();
     app.add_option("--seeds", options.seeds, "How many seeds");
     app.add_option("--seconds", options.seconds, "For how long");

@@ -11,32 +11,19 @@ namespace margay::storm {
 namespace {
 
 constexpr OpInfo kOps[] = {
-    {"cut", 1, Actor::world, true},
-    {"mend", 1, Actor::world, true},
-    {"power_off", 1, Actor::world, true},
-    {"power_on", 1, Actor::world, true},
-    {"noise", 2, Actor::world, false},
-    {"eeprom_nacks", 2, Actor::world, true},
-    {"eeprom_word", 3, Actor::world, true},
-    {"halt", 1, Actor::world, true},
-    {"quirk", 2, Actor::world, true},
-    {"replug", 1, Actor::world, true},
-    {"drop", 2, Actor::world, false},
-    {"duplicate", 2, Actor::world, false},
-    {"delay", 2, Actor::world, false},
-    {"flip", 1, Actor::world, false},
-    {"busy", 2, Actor::world, false},
-    {"submit_other", 5, Actor::other, false},
-    {"ask_cancel", 1, Actor::other, false},
-    {"submit", 5, Actor::owner, false},
-    {"cancel", 1, Actor::owner, false},
-    {"destroy", 1, Actor::owner, false},
-    {"cycles", 1, Actor::owner, false},
-    {"map", 1, Actor::owner, false},
-    {"late", 1, Actor::owner, false},
-    {"watch", 1, Actor::owner, false},
-    {"configure", 3, Actor::owner, false},
-    {"write_state", 2, Actor::owner, false},
+    {"cut", 1, Actor::world, true},         {"mend", 1, Actor::world, true},
+    {"power_off", 1, Actor::world, true},   {"power_on", 1, Actor::world, true},
+    {"noise", 2, Actor::world, false},      {"eeprom_nacks", 2, Actor::world, true},
+    {"eeprom_word", 3, Actor::world, true}, {"halt", 1, Actor::world, true},
+    {"quirk", 2, Actor::world, true},       {"replug", 1, Actor::world, true},
+    {"drop", 2, Actor::world, false},       {"duplicate", 2, Actor::world, false},
+    {"delay", 2, Actor::world, false},      {"flip", 1, Actor::world, false},
+    {"busy", 2, Actor::world, false},       {"submit_other", 5, Actor::other, false},
+    {"ask_cancel", 1, Actor::other, false}, {"submit", 5, Actor::owner, false},
+    {"cancel", 1, Actor::owner, false},     {"destroy", 1, Actor::owner, false},
+    {"cycles", 1, Actor::owner, false},     {"map", 1, Actor::owner, false},
+    {"late", 1, Actor::owner, false},       {"watch", 1, Actor::owner, false},
+    {"configure", 3, Actor::owner, false},  {"write_state", 2, Actor::owner, false},
 };
 static_assert(std::size(kOps) == static_cast<std::size_t>(Op::count_of_ops));
 
@@ -62,7 +49,8 @@ bool read_device(std::istringstream& in, DevicePlan& device) {
 bool read_step(std::istringstream& in, Step& step) {
     std::string word;
     if (!read_number(in, step.after_us) || !(in >> word)) return false;
-    const auto* const found = std::find_if(std::begin(kOps), std::end(kOps), [&](const auto& o) { return o.name == word; });
+    const auto* const found =
+        std::find_if(std::begin(kOps), std::end(kOps), [&](const auto& o) { return o.name == word; });
     if (found == std::end(kOps)) return false;
     step.op = static_cast<Op>(found - std::begin(kOps));
     for (unsigned n = 0; n < found->args; ++n) {
@@ -126,7 +114,8 @@ std::string to_text(const Plan& plan) {
     out << "seed " << plan.seed << "\n";
     const Settings usual;
     for (const auto& one : setting_infos())
-        if (plan.settings.*one.value != usual.*one.value) out << "set " << one.name << " " << plan.settings.*one.value << "\n";
+        if (plan.settings.*one.value != usual.*one.value)
+            out << "set " << one.name << " " << plan.settings.*one.value << "\n";
     for (const auto& d : plan.devices) {
         out << "device " << d.id << " " << d.name << " " << d.parent << " " << d.port;
         for (const auto& quirk : d.quirks) out << " " << quirk;

@@ -24,11 +24,11 @@ enum class Actor : std::uint8_t { world, other, owner };
 
 enum class Op : std::uint8_t {
     // The segment.
-    cut,        // device: the cable that leads to it is interrupted
-    mend,       // device
-    power_off,  // device
-    power_on,   // device
-    noise,      // lost, corrupted: frames per million, on the wire
+    cut,           // device: the cable that leads to it is interrupted
+    mend,          // device
+    power_off,     // device
+    power_on,      // device
+    noise,         // lost, corrupted: frames per million, on the wire
     eeprom_nacks,  // device, count: its EEPROM does not acknowledge so many commands
     eeprom_word,   // device, word, value: somebody else writes its EEPROM
     halt,          // device: its processor stops until the power is switched
@@ -44,14 +44,14 @@ enum class Op : std::uint8_t {
     submit_other,  // slot, kind, slave, a, b
     ask_cancel,    // slot
     // The owner.
-    submit,     // slot, kind, slave, a, b
-    cancel,     // slot
-    destroy,    // slot
-    cycles,     // 0 or 1: whether cycles run
-    map,        // group: config_map(), which waits
-    late,       // microseconds by which the owner is late with each poll()
-    watch,      // microseconds: watch_mailboxes()
-    configure,  // slave, what, value: a field of its configuration
+    submit,       // slot, kind, slave, a, b
+    cancel,       // slot
+    destroy,      // slot
+    cycles,       // 0 or 1: whether cycles run
+    map,          // group: config_map(), which waits
+    late,         // microseconds by which the owner is late with each poll()
+    watch,        // microseconds: watch_mailboxes()
+    configure,    // slave, what, value: a field of its configuration
     write_state,  // slave, state: the blocking call
     count_of_ops,
 };
@@ -72,31 +72,32 @@ struct OpInfo {
 
 // Numbers that hold for the whole run.
 struct Settings {
-    std::uint32_t calm = 0;          // 1: the segment is in OP and supervised when the steps begin, and again at the end
-    std::uint32_t cycle_us = 1000;   // interval of the cycle
-    std::uint32_t groups = 1;        // slaves take turns in them
-    std::uint32_t bits = 0;          // 1: packing by bits
-    std::uint32_t overlapped = 0;    // inputs and outputs at the same logical address
-    std::uint32_t group_lrd_lwr = 0; // no LRW in any group
-    std::uint32_t slave_lrd_lwr = 0; // every so many slaves blocks LRW; 0: none
-    std::uint32_t in_flight = 1;     // cycles on their way
+    std::uint32_t calm = 0;         // 1: the segment is in OP and supervised when the steps begin, and again at the end
+    std::uint32_t cycle_us = 1000;  // interval of the cycle
+    std::uint32_t groups = 1;       // slaves take turns in them
+    std::uint32_t bits = 0;         // 1: packing by bits
+    std::uint32_t overlapped = 0;   // inputs and outputs at the same logical address
+    std::uint32_t group_lrd_lwr = 0;  // no LRW in any group
+    std::uint32_t slave_lrd_lwr = 0;  // every so many slaves blocks LRW; 0: none
+    std::uint32_t in_flight = 1;      // cycles on their way
     std::uint32_t acyclic_bytes = 1498;
     std::uint32_t reserve_bytes = 0;
-    std::uint32_t al_status = 0;     // a BRD of AL status with each cycle
+    std::uint32_t al_status = 0;       // a BRD of AL status with each cycle
     std::uint32_t mailbox_status = 0;  // every so many slaves maps its mailbox status; 0: none
-    std::uint32_t watchdog_us = 0;   // of process data; 0: the slave's own
-    std::uint32_t tasks = 0;         // Limits
+    std::uint32_t watchdog_us = 0;     // of process data; 0: the slave's own
+    std::uint32_t tasks = 0;           // Limits
     std::uint32_t frames = 64;
     std::uint32_t process_frames = 8;
-    std::uint32_t expect = 0;        // 1: the slaves that are there, 2: with a wrong one, 3: with a missing one
-    std::uint32_t hooks = 0;         // 1: transition hooks that are busy at first, 2: that fail now and then, 3: that read objects
-    std::uint32_t startup = 0;       // 1: a list of commands for every slave
-    std::uint32_t callback = 0;      // 1: events have a callback
-    std::uint32_t wire_time = 0;     // frames take their time on the wire
+    std::uint32_t expect = 0;  // 1: the slaves that are there, 2: with a wrong one, 3: with a missing one
+    std::uint32_t hooks =
+        0;  // 1: transition hooks that are busy at first, 2: that fail now and then, 3: that read objects
+    std::uint32_t startup = 0;    // 1: a list of commands for every slave
+    std::uint32_t callback = 0;   // 1: events have a callback
+    std::uint32_t wire_time = 0;  // frames take their time on the wire
     std::uint32_t round_trip_us = 100;
     std::uint32_t supervise_target = 8;
-    std::uint32_t line_ms = 0;       // error counters are read this often
-    std::uint32_t close_busy = 0;    // 1: the context goes away while requests are busy
+    std::uint32_t line_ms = 0;     // error counters are read this often
+    std::uint32_t close_busy = 0;  // 1: the context goes away while requests are busy
 };
 struct SettingInfo {
     std::string_view name;

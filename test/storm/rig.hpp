@@ -17,7 +17,7 @@
 #include <vector>
 
 // A test in its final form for what is not mended yet. The line goes with the mend; MARGAY_KNOWN=run runs it now.
-#define MARGAY_KNOWN_FAILURE(sentence) \
+#define MARGAY_KNOWN_FAILURE(sentence)                                                                   \
     if (const char* run = std::getenv("MARGAY_KNOWN"); run == nullptr || std::string_view(run) != "run") \
     GTEST_SKIP() << "known, issue 10: " << sentence
 
@@ -90,7 +90,9 @@ struct Rig {
         return run(request, most);
     }
     bool all_in(AlState state) {
-        return std::ranges::all_of(ctx->slaves(), [state](const Slave& s) { return s.al == AlStatus{state, false, 0}; });
+        return std::ranges::all_of(ctx->slaves(), [state](const Slave& s) {
+            return s.al == AlStatus{state, false, 0};
+        });
     }
 };
 

@@ -2,14 +2,14 @@
 
 #include "storm/world.hpp"
 
-#include <array>
-#include <csignal>
-#include <cstdio>
-#include <cstring>
 #include <execinfo.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <array>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
 
 namespace margay::storm {
 namespace {
@@ -139,7 +139,8 @@ namespace {
 
 class Shrinker {
   public:
-    Shrinker(Plan plan, std::string rule, unsigned most) : plan_(std::move(plan)), rule_(std::move(rule)), left_(most) {}
+    Shrinker(Plan plan, std::string rule, unsigned most)
+        : plan_(std::move(plan)), rule_(std::move(rule)), left_(most) {}
 
     Plan run() {
         for (bool smaller = true; smaller && left_ > 0;) {

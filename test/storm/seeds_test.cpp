@@ -17,7 +17,7 @@ namespace {
 #ifdef MARGAY_STORM_SEEDS
 constexpr std::uint64_t kSeeds = MARGAY_STORM_SEEDS;
 #else
-constexpr std::uint64_t kSeeds = 400;
+constexpr std::uint64_t kSeeds = 300;
 #endif
 
 TEST(Storm, Seeds) {
@@ -57,7 +57,8 @@ TEST(Storm, PlansThatOnceFailed) {
         const auto verdict = execute(*plan);
         const bool known = text.str().find("# known:") != std::string::npos;
         if (known)
-            std::printf("%s: %s\n", entry.path().filename().c_str(), verdict.good() ? "is mended: take its mark away" : verdict.rule.c_str());
+            std::printf("%s: %s\n", entry.path().filename().c_str(),
+                        verdict.good() ? "is mended: take its mark away" : verdict.rule.c_str());
         else
             EXPECT_TRUE(verdict.good()) << entry.path() << ": " << verdict.rule << "\n" << verdict.detail;
     }
@@ -86,8 +87,8 @@ TEST(Storm, ARunIsTheSameEachTime) {
     }
 }
 
-// What the storm is for: a rule that is broken is found, and the plan that breaks it gets smaller. Two devices at one port
-// are such a plan: one of the two is never found.
+// What the storm is for: a rule that is broken is found, and the plan that breaks it gets smaller. Two devices at one
+// port are such a plan: one of the two is never found.
 TEST(Storm, APlanThatFailsIsMadeSmaller) {
     Plan plan = make_plan(5);
     plan.steps.resize(6);

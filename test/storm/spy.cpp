@@ -24,7 +24,8 @@ void Spy::start(subdevice::EscAccess& esc, Time now) {
 }
 
 bool Spy::starts_sm(std::uint16_t address, std::size_t length, bool outputs) {
-    const auto count = std::min<unsigned>(subdevice::read_register<std::uint8_t>(*esc_, reg::kSyncManagerCount.address), 16);
+    const auto count =
+        std::min<unsigned>(subdevice::read_register<std::uint8_t>(*esc_, reg::kSyncManagerCount.address), 16);
     for (unsigned n = 0; n < count; ++n) {
         std::array<std::byte, reg::kSyncManagerStride> raw{};
         esc_->read(reg::sync_manager(n).address, raw);

@@ -16,7 +16,8 @@ Plan tree(std::uint64_t seed) {
     plan.settings.calm = 1;
     constexpr std::array<std::string_view, 4> kLeaves{"digital_io_16", "digital_out_8", "digital_in_16", "analog_in_4"};
     plan.devices.push_back({0, "junction", {}, -1, 0});
-    for (std::uint32_t j = 1; j <= 3; ++j) plan.devices.push_back({j, "junction", {}, static_cast<std::int32_t>(j - 1), 1});
+    for (std::uint32_t j = 1; j <= 3; ++j)
+        plan.devices.push_back({j, "junction", {}, static_cast<std::int32_t>(j - 1), 1});
     std::uint32_t id = 4;
     for (std::uint32_t j = 0; j < 4; ++j)
         for (const std::uint32_t port : {2U, 3U}) {
@@ -55,7 +56,8 @@ void hundred_thousand_cycles(std::uint64_t seed) {
 
 TEST(Torture, AHundredThousandCyclesOnABadLine) { hundred_thousand_cycles(1); }
 
-// While everything is in OP each cable is interrupted, each slave loses its supply, and again at moments of the recovery.
+// While everything is in OP each cable is interrupted, each slave loses its supply, and again at moments of the
+// recovery.
 TEST(Torture, EveryWireAndEverySlaveAgainDuringTheRecovery) {
     const Plan base = tree(2);
     for (std::uint32_t device = 0; device < base.devices.size(); ++device)
@@ -65,9 +67,10 @@ TEST(Torture, EveryWireAndEverySlaveAgainDuringTheRecovery) {
                 plan.seed = 100 * device + power;
                 const Op off = power ? Op::power_off : Op::cut;
                 const Op on = power ? Op::power_on : Op::mend;
-                plan.steps = {{1000, off, {device}}, {30'000, on, {device}}, {again, off, {device}}, {5'000, on, {device}}};
-                expect_good(plan, std::string(power ? "power" : "cable") + " of device " + std::to_string(device) + ", again after " +
-                                      std::to_string(again) + " us");
+                plan.steps = {
+                    {1000, off, {device}}, {30'000, on, {device}}, {again, off, {device}}, {5'000, on, {device}}};
+                expect_good(plan, std::string(power ? "power" : "cable") + " of device " + std::to_string(device) +
+                                      ", again after " + std::to_string(again) + " us");
             }
 }
 
@@ -98,8 +101,10 @@ TEST(Torture, EveryWireAndEverySlaveAtEveryStepOfTheBringUp) {
                 };
                 if (at > 280'000) {
                     add(map, 300'000);
-                    if (at > 300'000) add(off, at), add(on, at + 20'000);
-                    else continue;
+                    if (at > 300'000)
+                        add(off, at), add(on, at + 20'000);
+                    else
+                        continue;
                 } else {
                     add(off, at);
                     add(on, at + 20'000);
@@ -107,8 +112,8 @@ TEST(Torture, EveryWireAndEverySlaveAtEveryStepOfTheBringUp) {
                 }
                 add({0, Op::submit, {1, *kind_by_name("supervise"), 0, 0, 0}}, 1'000'000);
                 add({0, Op::late, {0}}, 1'100'000);
-                expect_good(plan, std::string(power ? "power" : "cable") + " of device " + std::to_string(device) + " at " +
-                                      std::to_string(at) + " us");
+                expect_good(plan, std::string(power ? "power" : "cable") + " of device " + std::to_string(device) +
+                                      " at " + std::to_string(at) + " us");
             }
 }
 

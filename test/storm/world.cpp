@@ -1,5 +1,5 @@
-#include "sim/library/quirks.hpp"
 #include "storm/world.hpp"
+#include "sim/library/quirks.hpp"
 
 #include "context_access.hpp"
 #include "network/network.hpp"
@@ -200,13 +200,14 @@ void World::cycle_group(std::uint8_t group) {
     // Overlapped cycles: nobody sends while the group is mapped anew.
     if (plan_.settings.in_flight > 1)
         for (const auto& slot : slots_)
-            if (slot.operation && slot.operation->request().busy() && (kinds()[slot.operation->kind()].name == "map" ||
-                                                                       kinds()[slot.operation->kind()].name == "scan"))
+            if (slot.operation && slot.operation->request().busy() &&
+                (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
                 return;
     set_outputs(group);
     note_outputs(group);
     const auto sent = send_processdata(*ctx_, group);
-    if (sent || sent.error().code != Errc::busy) on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
+    if (sent || sent.error().code != Errc::busy)
+        on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
     if (on_their_way_[group].size() >= std::max<std::size_t>(ctx_->group(group).config.cycles_in_flight, 1))
         receive_group(group);
 }

@@ -57,7 +57,9 @@ class World {
 
     // All of the plan. Comes back only when everything holds.
     void run();
-    [[nodiscard]] double simulated_seconds() { return std::chrono::duration<double>(osal_.now().time_since_epoch()).count(); }
+    [[nodiscard]] double simulated_seconds() {
+        return std::chrono::duration<double>(osal_.now().time_since_epoch()).count();
+    }
 
     // For StormOsal: time passes until then, or until somebody wakes the owner.
     void pass(Time until);
@@ -142,10 +144,10 @@ class World {
     std::unique_ptr<HostContext> ctx_;
     Chance chance_;
 
-    std::vector<Spy*> spies_;        // by number in the segment; nullptr: the device has no program
-    std::vector<bool> dirty_;        // it is not what it was
+    std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
+    std::vector<bool> dirty_;  // it is not what it was
     std::vector<bool> halted_;
-    std::vector<bool> reachable_;    // as of the last look_around()
+    std::vector<bool> reachable_;  // as of the last look_around()
     std::vector<std::uint16_t> station_;
     std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;  // by device: outputs the application had for it
     std::vector<std::uint32_t> ids_;

@@ -73,7 +73,8 @@ void World::expect_slaves() {
     const auto slaves = ctx_->slaves();
     expected_.clear();
     for (const Slave& slave : slaves)
-        expected_.push_back({.position = slave.position, .vendor = slave.identity.vendor, .product = slave.identity.product});
+        expected_.push_back(
+            {.position = slave.position, .vendor = slave.identity.vendor, .product = slave.identity.product});
     if (plan_.settings.expect == 2 && !expected_.empty()) {
         auto& one = expected_[plan_.seed % expected_.size()];
         one.product = *one.product + 0x7000'0000;
@@ -152,7 +153,8 @@ void World::expect_back() {
                 const Slave& slave = ctx_->slave(position);
                 std::array<char, 300> text{};
                 fail("a supervised slave does not come back",
-                     "device " + std::to_string(ids_[n]) + ", " + place(position) + ": " +
+                     "device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name +
+                         (station_[n] == 0 ? " without an address" : ", " + place(position)) + ": " +
                          std::string(to_text(slave.al.state)) + " code " + std::to_string(slave.al.code) + ", " +
                          std::string(describe(slave.error, text)) + story());
             }
@@ -181,8 +183,8 @@ void World::check_arena() {
     run_for(10s);
     const auto used = ContextAccess::network(*ctx_)->arena().used_bytes();
     if (used != arena_level_)
-        fail("the arena does not return to its level", std::to_string(used) + " octets are in use, " +
-                                                           std::to_string(arena_level_) + " were");
+        fail("the arena does not return to its level",
+             std::to_string(used) + " octets are in use, " + std::to_string(arena_level_) + " were");
 }
 
 // Everything is switched off and on, and must work as if nothing had been.
@@ -230,8 +232,8 @@ void World::fresh_start() {
         for (std::uint32_t n = 0; n < segment_.size(); ++n)
             if (clean(n) && !in_op(n)) {
                 const auto position = static_cast<std::uint16_t>(station_[n] - 0x1000);
-                fail("a fresh start fails",
-                     place(position) + " is not in OP: " + std::string(describe(ctx_->slave(position).error, text)) + story());
+                fail("a fresh start fails", place(position) + " is not in OP: " +
+                                                std::string(describe(ctx_->slave(position).error, text)) + story());
             }
     }
     run_for(30ms);

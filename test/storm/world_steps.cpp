@@ -146,7 +146,9 @@ void World::configure(std::uint32_t position, std::uint32_t what, std::uint32_t 
         case 1: slave.config.block_lrw = value % 2 != 0; break;
         case 2: slave.config.mailbox_status = value % 2 != 0; break;
         case 3: slave.config.optional = value % 2 != 0; break;
-        case 4: slave.config.highest = value % 3 == 0 ? AlState::preop : value % 3 == 1 ? AlState::safeop : AlState::op; break;
+        case 4:
+            slave.config.highest = value % 3 == 0 ? AlState::preop : value % 3 == 1 ? AlState::safeop : AlState::op;
+            break;
         case 5: slave.config.no_complete_access = value % 2 != 0; break;
         default: break;
     }
@@ -165,17 +167,19 @@ void World::map_now(std::uint8_t group) {
 void World::heal() {
     world_steps_.clear();
     owner_steps_.clear();
-    const Time now = osal_.now();
-    segment_.advance(now);
     nic_->settle();
     segment_.set_noise({});
     late_ = Duration{0};
+    segment_.advance(osal_.now());
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
         segment_.set_cable({n, 0}, true);
         segment_.slave(n).sii().fail_next(0);
-        if (halted_[n]) segment_.set_power(n, false, now);
+        if (halted_[n]) segment_.set_power(n, false, osal_.now());
+    }
+    run_for(std::chrono::milliseconds(5));
+    for (std::uint32_t n = 0; n < segment_.size(); ++n) {
         halted_[n] = false;
-        segment_.set_power(n, true, now);
+        segment_.set_power(n, true, osal_.now());
     }
 }
 
