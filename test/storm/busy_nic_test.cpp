@@ -45,7 +45,6 @@ TEST_F(BusyNic, WhileProcessDataIsMapped) {
 }
 
 TEST_F(BusyNic, DuringAnSdo) {
-    MARGAY_KNOWN_FAILURE(kSentence);
     ASSERT_EQ(scan().code, Errc::none);
     stays_busy();
     std::array<std::byte, 64> data{};

@@ -26,6 +26,9 @@ constexpr std::array kKnown{
           "2: two scans exclude each other"},
     Known{"the arena does not return to its level", "",
           "new: the pump of a slave that left during an exchange stays (plans/pump_of_a_slave_that_left.plan)"},
+    Known{"crashes: a call of nothing", "",
+          "2: hooks have one contract: a scan clears a hook that was busy and is called again "
+          "(plans/busy_hook_beside_scan)"},
     Known{"a supervised slave does not come back", "without an address",
           "new: a slave that has lost its supply for a moment is not noticed (plans/unnoticed_fall, "
           "fallen_during_recovery)"},

@@ -120,6 +120,7 @@ Verdict execute(const Plan& plan, unsigned cpu_seconds) {
         const int number = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
         const std::string where = in_words(output);
         verdict.rule = number == SIGXCPU || number == SIGKILL ? "hangs" : "crashes: " + headline(output);
+        if (where.empty() && number == SIGSEGV) verdict.rule += "a call of nothing";
         if (!where.empty()) verdict.rule += " at " + where.substr(0, where.find_first_of(" \n"));
         verdict.detail = where + output;
         return verdict;

@@ -122,7 +122,8 @@ void World::bring_up() {
                 fail("bring-up", "not in OP: " + place(static_cast<std::uint16_t>(station_[n] - 0x1000)) + story());
     run_for(50ms);
     for (std::uint32_t n = 0; n < segment_.size(); ++n)
-        if (in_op(n)) baseline_.push_back(n);
+        if (in_op(n) && (wrong_ == 0 || segment_.slave(n).station() != ctx_->slave(wrong_).station_address.value))
+            baseline_.push_back(n);
 }
 
 // A device without manners, whose EEPROM nobody has written. The bootloader of the library does not reach SAFEOP: its
