@@ -1,0 +1,87 @@
+// A NIC that takes no frame, from the start or from some moment on: every request ends in bounded time, and everything
+// works once it takes frames again.
+#include "storm/rig.hpp"
+
+namespace margay::storm {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kBound = 30s;
+
+struct BusyNic : testing::Test, Rig {
+    void SetUp() override {
+        plug_line({"coupler", "digital_io_16", "digital_out_8"});
+        start();
+    }
+    void stays_busy() { nic.rates = {.busy = Rate::always(), .busy_for = 10s}; }
+    void expect_works() {
+        nic.settle();
+        cycling = false;
+        ASSERT_EQ(scan().code, Errc::none);
+        ASSERT_EQ(ctx->slaves().size(), 3U);
+        ASSERT_EQ(map().code, Errc::none);
+    }
+};
+
+constexpr const char* kSentence =
+    "Queued datagrams have no deadline: with a NIC that stays busy config_init never returns.";
+
+TEST_F(BusyNic, FromTheStart) {
+    MARGAY_KNOWN_FAILURE(kSentence);
+    stays_busy();
+    const auto error = scan(kBound);
+    EXPECT_NE(error.code, Errc::none);
+    EXPECT_NE(error.code, Errc::busy) << "the scan never ends";
+    expect_works();
+}
+
+TEST_F(BusyNic, WhileProcessDataIsMapped) {
+    MARGAY_KNOWN_FAILURE(kSentence);
+    ASSERT_EQ(scan().code, Errc::none);
+    stays_busy();
+    EXPECT_NE(map(kBound).code, Errc::busy) << "the mapping never ends";
+    expect_works();
+}
+
+TEST_F(BusyNic, DuringAnSdo) {
+    ASSERT_EQ(scan().code, Errc::none);
+    stays_busy();
+    std::array<std::byte, 64> data{};
+    SdoUpload upload;
+    upload.slave = 2;
+    upload.index = 0x1008;
+    upload.data = data;
+    const auto error = run(upload, kBound);
+    EXPECT_NE(error.code, Errc::none);
+    EXPECT_NE(error.code, Errc::busy) << "the upload never ends";
+    expect_works();
+}
+
+// Every request of a bring-up, with a NIC that becomes busy at each frame of it in turn.
+TEST_F(BusyNic, FromEveryFrameOfTheBringUpOn) {
+    MARGAY_KNOWN_FAILURE(kSentence);
+    ASSERT_EQ(scan().code, Errc::none);
+    const auto frames = nic.sent();
+    for (std::uint64_t n = 0; n < frames; n += 7) {
+        const auto begin = nic.sent();
+        ScanRequest request;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        (void)until([&] { return nic.sent() >= begin + n || !request.busy(); }, kBound);
+        stays_busy();
+        EXPECT_TRUE(ends(request, kBound)) << "busy from frame " << n << " on";
+        nic.settle();
+    }
+    expect_works();
+}
+
+// It does not pass frames half of the time: slow, and nothing is wrong.
+TEST_F(BusyNic, EverySecondFrameIsOnlyLate) {
+    nic.rates = {.busy = Rate::percent(50), .busy_for = 200us};
+    EXPECT_EQ(scan().code, Errc::none);
+    EXPECT_EQ(map().code, Errc::none);
+    expect_works();
+}
+
+}  // namespace
+}  // namespace margay::storm

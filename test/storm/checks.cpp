@@ -1,0 +1,181 @@
+// What must hold of process data: no input that the slave never had, no output that the application never wrote, and no
+// cycle that is right without all of its slaves.
+#include "storm/world.hpp"
+
+namespace margay::storm {
+namespace {
+
+[[nodiscard]] Value bits_of(std::span<const std::byte> image, const ImagePart& part) {
+    Value value((part.bits + 7) / 8);
+    for (std::uint32_t n = 0; n < part.bits; ++n) {
+        const std::uint32_t at = part.offset_bits + n;
+        if (at / 8 >= image.size()) break;
+        if ((std::to_integer<unsigned>(image[at / 8]) >> (at % 8) & 1) != 0)
+            value[n / 8] |= static_cast<std::byte>(1U << (n % 8));
+    }
+    return value;
+}
+
+void set_bits(std::span<std::byte> image, const ImagePart& part, const Value& value) {
+    for (std::uint32_t n = 0; n < part.bits; ++n) {
+        const std::uint32_t at = part.offset_bits + n;
+        if (at / 8 >= image.size()) break;
+        const auto bit = static_cast<std::byte>(1U << (at % 8));
+        const bool on = (std::to_integer<unsigned>(value[n / 8]) >> (n % 8) & 1) != 0;
+        image[at / 8] = on ? image[at / 8] | bit : image[at / 8] & ~bit;
+    }
+}
+
+// 64 values in turn, other ones for each number.
+[[nodiscard]] std::byte pattern(std::uint32_t number, std::uint32_t turn, std::size_t octet) {
+    Chance chance(number * 1000003ULL + turn % 64 * 101ULL + octet * 7919ULL);
+    return static_cast<std::byte>(chance.next());
+}
+
+// Slaves whose data of a direction lies in one SyncManager: what is in the image is what is in the slave.
+[[nodiscard]] bool in_one_piece(const SlaveConfiguration& config, Direction direction) {
+    unsigned count = 0;
+    for (unsigned n = 0; n < config.sm_count; ++n)
+        if (config.sms[n].direction == direction && config.sms[n].bits != 0) ++count;
+    return count == 1;
+}
+
+// Whether the group carries the slave's data, whatever its configuration says since.
+[[nodiscard]] bool carries(const Group& group, const Slave& slave) {
+    const auto& bytes = slave.image.inputs.bits != 0 ? slave.image.inputs.bytes : slave.image.outputs.bytes;
+    return !bytes.empty() && !group.image.empty() && bytes.data() >= group.image.data() &&
+           bytes.data() < group.image.data() + group.image.size();
+}
+
+[[nodiscard]] bool zero(const Value& value) {
+    return std::ranges::all_of(value, [](std::byte b) { return b == std::byte{0}; });
+}
+
+std::string hex(const Value& value) {
+    std::string text;
+    for (const auto b : value) {
+        constexpr char kDigits[] = "0123456789abcdef";
+        text += kDigits[std::to_integer<unsigned>(b) >> 4];
+        text += kDigits[std::to_integer<unsigned>(b) & 15];
+        if (text.size() > 40) return text + "…";
+    }
+    return text;
+}
+
+}  // namespace
+
+void World::look_around() {
+    std::fill(reachable_.begin(), reachable_.end(), false);
+    for (const auto n : segment_.order()) reachable_[n] = segment_.powered(n);
+    for (std::uint32_t n = 0; n < segment_.size(); ++n) station_[n] = segment_.slave(n).station();
+}
+
+std::vector<std::uint32_t> World::devices_at(std::uint16_t position) {
+    std::vector<std::uint32_t> found;
+    const auto address = ctx_->slave(position).station_address.value;
+    for (std::uint32_t n = 0; n < station_.size(); ++n)
+        if (reachable_[n] && station_[n] == address) found.push_back(n);
+    return found;
+}
+
+std::string World::place(std::uint16_t position) {
+    std::string text = "slave " + std::to_string(position);
+    for (const auto n : devices_at(position))
+        text += ", device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name;
+    return text;
+}
+
+// Devices show new inputs before each cycle, drives what they measure by themselves.
+void World::show_inputs() {
+    for (std::uint32_t n = 0; n < segment_.size(); ++n) {
+        if (!segment_.powered(n) || halted_[n] || plan_.devices[n].name.find("drive") != std::string::npos) continue;
+        auto* const program = segment_.slave(n).process_data();
+        if (program == nullptr) continue;
+        const auto inputs = program->inputs();
+        for (std::size_t i = 0; i < inputs.size(); ++i) inputs[i] = pattern(n, counter_, i);
+        if (!inputs.empty()) program->poke();
+    }
+}
+
+void World::set_outputs(std::uint8_t group) {
+    const auto image = ctx_->group(group).image;
+    for (const Slave& slave : ctx_->slaves()) {
+        const auto& part = slave.image.outputs;
+        if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
+        // Drives are left in peace: what they do with commands is not the subject.
+        const bool quiet = slave.name().find("rive") != std::string_view::npos;
+        Value value((part.bits + 7) / 8);
+        for (std::size_t i = 0; i < value.size(); ++i)
+            value[i] = quiet ? std::byte{0} : pattern(1000U + slave.position, counter_, i);
+        set_bits(image, part, value);
+    }
+}
+
+void World::note_outputs(std::uint8_t group) {
+    const auto image = ctx_->group(group).image;
+    for (const Slave& slave : ctx_->slaves()) {
+        const auto& part = slave.image.outputs;
+        if (part.bits == 0 || !carries(ctx_->group(group), slave) || !in_one_piece(slave.config, Direction::outputs))
+            continue;
+        for (const auto n : devices_at(slave.position)) sent_[n][part.bits].insert(bits_of(image, part));
+    }
+}
+
+void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
+    if (hostile_ || !ctx_->group(group).mapped) return;
+    const auto at = [&](const Slave& slave) {  // devices that had the slave's address when the cycle passed
+        std::vector<std::uint32_t> found;
+        for (std::uint32_t n = 0; n < cycle.station.size(); ++n)
+            if (cycle.reachable[n] && cycle.station[n] == slave.station_address.value) found.push_back(n);
+        return found;
+    };
+    const auto image = ctx_->group(group).image;
+    for (const Slave& slave : ctx_->slaves()) {
+        const auto& part = slave.image.inputs;
+        const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional);
+        if (!carries(ctx_->group(group), slave)) continue;
+        const auto devices = at(slave);
+        if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
+            if (devices.empty()) fail("the cycle is right without a slave", place(slave.position));
+            if (slave.position == wrong_) fail("the cycle is right with a wrong slave", place(slave.position));
+        }
+        if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;
+        const Value value = bits_of(image, part);
+        if (right && wanted) {
+            Spy* const spy = spies_[devices[0]];
+            if (spy != nullptr && !spy->has_shown(value, part.bits, cycle.sent))
+                fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
+                         "an input is delivered as good that the slave did not have",
+                     place(slave.position) + ": " + hex(value) + ", it has shown " +
+                         (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
+                         ", sending said: " + std::string(to_text(cycle.send_error)));
+        } else if (!zero(value)) {
+            bool known = devices.empty();  // what it was last, which nobody can be asked about
+            for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)
+                known = spies_[n] != nullptr && cycle.station[n] == slave.station_address.value &&
+                        spies_[n]->has_ever_shown(value, part.bits);
+            bool watched = false;
+            for (const auto n : devices) watched = watched || spies_[n] != nullptr;
+            if (!known && watched)
+                fail("an input is in the image that the slave never had", place(slave.position) + ": " + hex(value));
+        }
+    }
+}
+
+void World::check_outputs() {
+    for (std::uint32_t n = 0; n < spies_.size(); ++n) {
+        if (spies_[n] == nullptr) continue;
+        for (const Value& value : spies_[n]->take_applied()) {
+            if (zero(value)) continue;
+            const bool written = std::ranges::any_of(
+                sent_[n], [&](const auto& one) { return one.second.contains(first_bits(value, one.first)); });
+            if (!written)
+                fail("a slave has outputs that the application did not write",
+                     "device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name + ": " + hex(value));
+            if (wrong_ != 0 && segment_.slave(n).station() == ctx_->slave(wrong_).station_address.value)
+                fail("a wrong slave has outputs", "device " + std::to_string(ids_[n]));
+        }
+    }
+}
+
+}  // namespace margay::storm

@@ -1,0 +1,184 @@
+// A plan from a seed.
+#include "storm/operations.hpp"
+#include "storm/plan.hpp"
+
+#include "oshw/filters/chance.hpp"
+#include "sim/devices.hpp"
+#include "sim/library/quirks.hpp"
+
+#include <algorithm>
+#include <initializer_list>
+
+namespace margay::storm {
+namespace {
+
+class Maker {
+  public:
+    explicit Maker(std::uint64_t seed) : chance_(seed) { plan_.seed = seed; }
+
+    Plan make() {
+        settings();
+        devices();
+        steps();
+        return std::move(plan_);
+    }
+
+  private:
+    std::uint32_t below(std::uint32_t bound) { return static_cast<std::uint32_t>(chance_.below(bound)); }
+    bool one_in(std::uint32_t count) { return below(count) == 0; }
+    std::uint32_t any(std::initializer_list<std::uint32_t> list) {
+        return list.begin()[below(static_cast<std::uint32_t>(list.size()))];
+    }
+    std::uint32_t rate() { return any({1'000, 10'000, 50'000, 100'000, 300'000}); }
+
+    void settings() {
+        Settings& s = plan_.settings;
+        s.calm = one_in(2) ? 1 : 0;
+        s.cycle_us = any({1000, 1000, 1000, 500, 2000, 4000});
+        s.groups = any({1, 1, 1, 2, 3});
+        s.bits = below(2);
+        s.overlapped = one_in(3) ? 1 : 0;
+        s.group_lrd_lwr = one_in(5) ? 1 : 0;
+        s.slave_lrd_lwr = one_in(5) ? 2 + below(3) : 0;
+        s.in_flight = one_in(5) ? 2 + below(3) : 1;
+        s.acyclic_bytes = any({1498, 1498, 0, 100, 20});
+        s.al_status = one_in(4) ? 1 : 0;
+        s.mailbox_status = one_in(3) ? 1 + below(2) : 0;
+        s.watchdog_us = any({0, 0, 0, 20'000, 100'000});
+        s.tasks = any({0, 0, 1, 2, 4});
+        s.frames = any({64, 64, 8, 2, 1, 128});
+        s.process_frames = 8 + 8 * s.in_flight * s.groups;
+        s.expect = any({0, 0, 0, 1, 2, 3});
+        s.hooks = any({0, 0, 1, 2, 3});
+        s.startup = one_in(4) ? 1 : 0;
+        s.callback = one_in(3) ? 1 : 0;
+        s.wire_time = one_in(3) ? 1 : 0;
+        s.round_trip_us = any({100, 100, 20, 300});
+        s.supervise_target = one_in(8) ? 4 : 8;
+        s.line_ms = one_in(3) ? 10 + below(500) : 0;
+        s.close_busy = one_in(4) ? 1 : 0;
+    }
+
+    void devices() {
+        const std::uint32_t count = 1 + below(one_in(4) ? 20 : 7);
+        std::vector<std::pair<std::uint32_t, std::uint32_t>> open;  // ports of devices that something may hang at
+        for (std::uint32_t id = 0; id < count; ++id) {
+            DevicePlan d;
+            d.id = id;
+            const auto names = sim::device_names();
+            d.name = std::string(one_in(6) ? std::string_view("junction")
+                                           : names[below(static_cast<std::uint32_t>(names.size()))]);
+            if (one_in(5)) {
+                const auto all = sim::quirks();
+                for (std::uint32_t n = 1 + below(2); n > 0; --n)
+                    d.quirks.emplace_back(all[below(static_cast<std::uint32_t>(all.size()))].name);
+            }
+            if (id != 0) {
+                const auto at = one_in(3) ? below(static_cast<std::uint32_t>(open.size()))
+                                          : static_cast<std::uint32_t>(open.size()) - 1;
+                d.parent = static_cast<std::int32_t>(open[at].first);
+                d.port = open[at].second;
+                open.erase(open.begin() + static_cast<std::ptrdiff_t>(at));
+            }
+            if (d.name == "junction") {
+                open.emplace_back(id, 2);
+                open.emplace_back(id, 3);
+            } else if (d.name == "coupler") {
+                open.emplace_back(id, 2);
+            }
+            open.emplace_back(id, 1);
+            plan_.devices.push_back(std::move(d));
+        }
+    }
+
+    Step fault() {
+        const auto device = below(static_cast<std::uint32_t>(plan_.devices.size()));
+        switch (below(22)) {
+            case 0:
+            case 1: return {0, Op::cut, {device}};
+            case 2:
+            case 3:
+            case 4: return {0, Op::mend, {device}};
+            case 5: return {0, Op::power_off, {device}};
+            case 6:
+            case 7:
+            case 8: return {0, Op::power_on, {device}};
+            case 9: return {0, Op::noise, {one_in(2) ? 0 : rate(), one_in(2) ? 0 : rate()}};
+            case 10: return {0, Op::eeprom_nacks, {device, 1 + below(20)}};
+            case 11: return {0, Op::halt, {device}};
+            case 12: return {0, Op::replug, {device}};
+            case 13: return {0, Op::drop, {one_in(2) ? 0 : rate(), one_in(2) ? 0 : rate()}};
+            case 14: return {0, Op::duplicate, {one_in(2) ? 0 : rate(), one_in(2) ? 0 : rate()}};
+            case 15: return {0, Op::delay, {one_in(2) ? 0 : rate(), any({50, 500, 5'000, 30'000})}};
+            case 16: return {0, Op::busy, {one_in(2) ? 0 : rate(), any({10, 100, 1'000, 50'000})}};
+            case 17:
+                if (plan_.settings.calm == 0 && one_in(3)) return {0, Op::flip, {rate()}};
+                return {0, Op::flip, {0}};
+            case 18:
+                if (plan_.settings.calm == 0) return {0, Op::eeprom_word, {device, below(0x80), below(0x10000)}};
+                return {0, Op::replug, {device}};
+            case 19: return {0, Op::quirk, {device, below(33)}};
+            case 20: return {0, Op::drop, {}};
+            default: return {0, Op::noise, {}};
+        }
+    }
+
+    Step operation() {
+        const auto slave = below(static_cast<std::uint32_t>(plan_.devices.size()) + 2);
+        const auto slot = below(24);
+        switch (below(20)) {
+            case 0: return {0, Op::cancel, {slot}};
+            case 1: return {0, Op::destroy, {slot}};
+            case 2: return {0, Op::ask_cancel, {slot}};
+            case 3: return {0, Op::late, {any({0, 0, 100, 3'000, 20'000})}};
+            case 4: return {0, Op::watch, {any({0, 1'000, 20'000})}};
+            case 5:
+                if (plan_.settings.calm == 0) return {0, Op::cycles, {below(2)}};
+                break;
+            case 6:
+                if (plan_.settings.calm == 0) return {0, Op::map, {below(4)}};
+                break;
+            case 7:
+                if (plan_.settings.calm == 0) return {0, Op::configure, {slave, below(6), below(6)}};
+                break;
+            case 8:
+                if (plan_.settings.calm == 0) return {0, Op::write_state, {slave, below(4)}};
+                break;
+            default: break;
+        }
+        for (;;) {
+            const auto kind = below(static_cast<std::uint32_t>(kinds().size()));
+            const KindInfo& of = kinds()[kind];
+            if (plan_.settings.calm != 0 && !of.reads) continue;
+            const bool other = of.mail && one_in(2);
+            return {0, other ? Op::submit_other : Op::submit, {slot, kind, slave, below(1 << 16), below(64)}};
+        }
+    }
+
+    void steps() {
+        const std::uint32_t count = 5 + below(one_in(3) ? 150 : 40);
+        const std::uint32_t pace = any({200, 2'000, 20'000, 100'000});
+        const std::uint32_t faults = any({0, 2, 3, 5});  // one in so many; 0: none
+        if (plan_.settings.calm == 0) {
+            // Mostly it begins with what a program begins with.
+            if (!one_in(4)) plan_.steps.push_back({0, Op::submit, {0, *kind_by_name("scan"), 0, 0, 0}});
+            if (!one_in(4)) plan_.steps.push_back({any({100'000, 1'000'000, 5'000'000}), Op::map, {0}});
+            if (!one_in(3))
+                plan_.steps.push_back({below(100'000), Op::submit, {1, *kind_by_name("supervise"), 0, 0, below(2)}});
+        }
+        for (std::uint32_t n = 0; n < count; ++n) {
+            Step step = faults != 0 && one_in(faults) ? fault() : operation();
+            step.after_us = one_in(4) ? 0 : below(pace);
+            plan_.steps.push_back(step);
+        }
+    }
+
+    Chance chance_;
+    Plan plan_;
+};
+
+}  // namespace
+
+Plan make_plan(std::uint64_t seed) { return Maker(seed).make(); }
+
+}  // namespace margay::storm

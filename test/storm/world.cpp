@@ -1,0 +1,255 @@
+#include "storm/world.hpp"
+#include "sim/library/quirks.hpp"
+
+#include "context_access.hpp"
+#include "network/network.hpp"
+
+namespace margay::storm {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+// Nothing that a master does takes longer: all timeouts of a start-up of slaves that never answer, one after the other.
+constexpr Duration kLongestCall = 600s;
+constexpr std::uint32_t kMostPollsAtOnce = 2000;
+constexpr std::uint32_t kMostPollsAMillisecond = 5000;
+
+}  // namespace
+
+void StormOsal::wait(Time until, int) noexcept { world_.wait_in_call(until); }
+
+World::World(const Plan& plan, Reporter reporter)
+    : plan_(plan), reporter_(std::move(reporter)), chance_(plan.seed ^ 0x5707A) {
+    build();
+}
+
+World::~World() {
+    for (auto& slot : slots_) slot.operation.reset();
+    supervision_.cancel();
+}
+
+void World::fail(std::string rule, const std::string& detail) {
+    reporter_({std::move(rule), detail + " (at " + std::to_string(simulated_seconds()) + " s)"});
+    std::abort();
+}
+
+void World::build() {
+    std::map<std::int32_t, std::uint32_t> numbers;
+    for (const auto& d : plan_.devices) {
+        auto device = sim::make_device(d.name);
+        if (!device) fail("bad plan", "no device " + d.name);
+        for (const auto& quirk : d.quirks) (void)sim::add_quirk(*device, quirk);
+        Spy* spy = nullptr;
+        if (device->firmware) {
+            auto watched = std::make_unique<Spy>(std::move(device->firmware));
+            spy = watched.get();
+            device->firmware = std::move(watched);
+        }
+        const auto number = segment_.add(std::move(*device).assemble());
+        spies_.push_back(spy);
+        ids_.push_back(d.id);
+        numbers[static_cast<std::int32_t>(d.id)] = number;
+        const auto port = static_cast<std::uint8_t>(d.port);
+        if (d.parent < 0)
+            (void)segment_.connect_master({number, 0});
+        else if (numbers.contains(d.parent))
+            (void)segment_.connect({numbers[d.parent], port}, {number, 0});
+    }
+    const std::size_t count = segment_.size();
+    dirty_.assign(count, false);
+    halted_.assign(count, false);
+    reachable_.assign(count, false);
+    station_.assign(count, 0);
+    sent_.resize(count);
+    const Settings& s = plan_.settings;
+    images_.assign(s.groups, std::vector<std::byte>(kImageBytes));
+    on_their_way_.resize(s.groups);
+    segment_.power_up(osal_.now());
+    wire_ = std::make_unique<SimulatedNic>(
+        segment_, osal_,
+        SimulatedNic::Options{.round_trip = std::chrono::microseconds(s.round_trip_us), .wire_time = s.wire_time != 0});
+    nic_ = std::make_unique<ChaosNic>(*wire_, osal_, plan_.seed);
+    ctx_ = std::make_unique<HostContext>(Limits{.slaves = static_cast<std::uint16_t>(count + 4),
+                                                .tasks = static_cast<std::uint16_t>(s.tasks),
+                                                .frames = static_cast<std::uint16_t>(s.frames),
+                                                .groups = static_cast<std::uint16_t>(s.groups),
+                                                .process_frames = static_cast<std::uint16_t>(s.process_frames)});
+    if (const auto ready = init(*ctx_, *nic_, osal_); !ready) fail("init", "refused");
+    arena_level_ = ContextAccess::network(*ctx_)->arena().used_bytes();
+    if (s.callback != 0) {
+        ctx_->events().callback = [](const Event&, void* user) { ++*static_cast<std::uint32_t*>(user); };
+        ctx_->events().user = &events_called_;
+    }
+}
+
+// ------------------------------------------------------------------ time
+
+void World::start_steps() {
+    Time at = osal_.now();
+    for (const auto& step : plan_.steps) {
+        at += std::chrono::microseconds(step.after_us);
+        (info(step.op).actor == Actor::owner ? owner_steps_ : world_steps_).push_back({at, step});
+    }
+}
+
+void World::pass(Time until) {
+    while (!in_step_ && !world_steps_.empty() && world_steps_.front().at <= until) {
+        const Due due = world_steps_.front();
+        world_steps_.pop_front();
+        osal_.set(due.at);
+        in_step_ = true;
+        do_step(due.step);
+        in_step_ = false;
+        if (osal_.woken) break;
+    }
+    if (std::exchange(osal_.woken, false)) return;
+    if (until != kNever) osal_.set(until);
+}
+
+// The owner waits in a call of the library.
+void World::wait_in_call(Time until) {
+    const Time before = osal_.now();
+    if (until == kNever && world_steps_.empty())
+        fail("a call waits for nothing", std::string(call_ == nullptr ? "the cycle" : call_));
+    if (until == kNever) until = world_steps_.front().at;
+    pass(until);
+    calls_waits_ = osal_.now() > before ? 0 : calls_waits_ + 1;
+    if (calls_waits_ > kMostPollsAtOnce) fail("a call loops without progress", call_ == nullptr ? "the cycle" : call_);
+    if (call_ != nullptr && osal_.now() - call_since_ > kLongestCall) fail("a call never returns", call_);
+}
+
+void World::poll_once() {
+    const Time now = osal_.now();
+    polls_at_once_ = now == last_poll_ ? polls_at_once_ + 1 : 0;
+    if (polls_at_once_ > kMostPollsAtOnce) fail("poll() makes no progress", "its deadline never lies in the future");
+    if (now - polls_since_ > 1ms) polls_since_ = now, polls_ = 0;
+    if (++polls_ > kMostPollsAMillisecond) fail("poll() asks for too many polls", "5000 in a millisecond");
+    last_poll_ = now;
+    deadline_ = poll(*ctx_, now);
+    if (late_ > Duration{0} && deadline_ != kNever)
+        deadline_ += Duration(static_cast<std::int64_t>(chance_.below(static_cast<std::uint64_t>(late_.count()))));
+}
+
+bool World::run_until(Time end, const std::function<bool()>& holds) {
+    while (osal_.now() < end) {
+        const Time now = osal_.now();
+        segment_.advance(now);
+        while (!owner_steps_.empty() && owner_steps_.front().at <= now) {
+            const Step step = owner_steps_.front().step;
+            owner_steps_.pop_front();
+            do_step(step);
+        }
+        if (cycling_ && osal_.now() >= next_cycle_) do_cycle();
+        poll_once();
+        drain_told();
+        check_outputs();
+        if (holds()) return true;
+        Time next = std::min(deadline_, end);
+        if (cycling_) next = std::min(next, next_cycle_);
+        if (!owner_steps_.empty()) next = std::min(next, owner_steps_.front().at);
+        pass(next);
+    }
+    return holds();
+}
+
+void World::keep(std::string_view told) {
+    constexpr std::size_t kMostKept = 24;
+    if (story_.size() == kMostKept) story_.pop_front();
+    story_.push_back(std::to_string(simulated_seconds()) + "  " + std::string(told));
+}
+
+std::string World::story() const {
+    std::string text;
+    for (const auto& line : story_) text += "\n    " + line;
+    return text;
+}
+
+void World::drain_told() {
+    most_slaves_ = std::max(most_slaves_, ctx_->slaves().size());
+    std::array<char, 300> text{};
+    while (const auto error = ctx_->errors().take()) {
+        if (error->slave > most_slaves_) fail("an error names no slave", std::string(describe(*error, text)));
+        if (describe(*error, text).empty()) fail("an error without words", "");
+        keep(describe(*error, text));
+    }
+    while (const auto event = ctx_->events().take()) {
+        if (event->slave > most_slaves_ || event->other > most_slaves_)
+            fail("an event names no slave", std::string(describe(*event, text)));
+        if (describe(*event, text).empty()) fail("an event without words", "");
+        keep(describe(*event, text));
+    }
+}
+
+// ------------------------------------------------------------------ the cycle
+
+void World::do_cycle() {
+    const Duration period = std::chrono::microseconds(plan_.settings.cycle_us);
+    next_cycle_ = std::max(next_cycle_ + period, osal_.now());
+    ++counter_;
+    look_around();
+    show_inputs();
+    for (std::uint8_t g = 0; g < images_.size(); ++g) cycle_group(g);
+}
+
+void World::cycle_group(std::uint8_t group) {
+    if (!ctx_->group(group).mapped) {
+        on_their_way_[group].clear();
+        return;
+    }
+    // Overlapped cycles: nobody sends while the group is mapped anew.
+    if (plan_.settings.in_flight > 1)
+        for (const auto& slot : slots_)
+            if (slot.operation && slot.operation->request().busy() &&
+                (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
+                return;
+    set_outputs(group);
+    note_outputs(group);
+    const auto sent = send_processdata(*ctx_, group);
+    if (sent || sent.error().code != Errc::busy)
+        on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
+    if (on_their_way_[group].size() >= std::max<std::size_t>(ctx_->group(group).config.cycles_in_flight, 1))
+        receive_group(group);
+}
+
+bool World::mapping() const {
+    return std::ranges::any_of(slots_, [](const Slot& slot) {
+        return slot.operation && slot.operation->request().busy() && kinds()[slot.operation->kind()].name == "map";
+    });
+}
+
+void World::receive_group(std::uint8_t group) {
+    const Cycle cycle = std::move(on_their_way_[group].front());
+    on_their_way_[group].pop_front();
+    const Duration patience = std::max<Duration>(std::chrono::microseconds(plan_.settings.cycle_us) / 2, 300us);
+    const auto wkc = receive_processdata(*ctx_, patience, group);
+    if (osal_.now() > cycle.sent + patience + 20ms && plan_.settings.in_flight == 1)
+        fail("receive_processdata() waits too long", "");
+    check_inputs(group, wkc.ok(), cycle);
+}
+
+// ------------------------------------------------------------------ all of it
+
+void World::run() {
+    if (plan_.settings.calm != 0) bring_up();
+    start_steps();
+    if (plan_.settings.calm == 0) {
+        next_cycle_ = osal_.now();
+        cycling_ = true;
+    }
+    while (!world_steps_.empty() || !owner_steps_.empty()) {
+        Time end = osal_.now();
+        if (!world_steps_.empty()) end = std::max(end, world_steps_.back().at);
+        if (!owner_steps_.empty()) end = std::max(end, owner_steps_.back().at);
+        (void)run_until(end + 1us, [] { return false; });
+    }
+    run_for(20ms);
+    heal();
+    if (plan_.settings.calm != 0) expect_back();
+    finish_requests();
+    check_arena();
+    fresh_start();
+    if (plan_.settings.close_busy != 0) close_busy();
+}
+
+}  // namespace margay::storm

@@ -1,0 +1,188 @@
+// A plan at work: the segment, the master on it, the time, and what must hold at every moment.
+#pragma once
+
+#include "osal/osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "sim/devices.hpp"
+#include "storm/chaos_nic.hpp"
+#include "storm/operations.hpp"
+#include "storm/plan.hpp"
+#include "storm/spy.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <deque>
+#include <functional>
+#include <map>
+
+namespace margay::storm {
+
+// What did not hold. `rule` is the same for all failures of one kind; `detail` is this one's.
+struct Failure {
+    std::string rule;
+    std::string detail;
+};
+// Called once, when something does not hold; does not return.
+using Reporter = std::function<void(const Failure&)>;
+
+class World;
+
+// Virtual time. While somebody waits the world goes on.
+class StormOsal final : public Osal {
+  public:
+    explicit StormOsal(World& world) : world_(world) {}
+    [[nodiscard]] Time now() noexcept override { return now_; }
+    void wait(Time until, int) noexcept override;
+    void wake() noexcept override { woken = true; }
+    [[nodiscard]] std::uintptr_t calling_thread() noexcept override { return thread; }
+
+    void set(Time now) {
+        if (now > now_) now_ = now;
+    }
+    bool woken = false;
+    std::uintptr_t thread = 1;  // who calls now: 1 is the owner
+
+  private:
+    World& world_;
+    Time now_{};
+};
+
+class World {
+  public:
+    World(const Plan& plan, Reporter reporter);
+    ~World();
+    World(const World&) = delete;
+    World& operator=(const World&) = delete;
+
+    // All of the plan. Comes back only when everything holds.
+    void run();
+    [[nodiscard]] double simulated_seconds() {
+        return std::chrono::duration<double>(osal_.now().time_since_epoch()).count();
+    }
+
+    // For StormOsal: time passes until then, or until somebody wakes the owner.
+    void pass(Time until);
+    void wait_in_call(Time until);
+
+  private:
+    friend struct Hooks;
+    struct Slot {
+        std::unique_ptr<Operation> operation;
+        Time since{};
+    };
+    struct Due {
+        Time at{};
+        Step step;
+    };
+    // A cycle, and who was there when its frames passed. Frames pass the simulated segment when they are sent.
+    struct Cycle {
+        Time sent{};
+        std::vector<bool> reachable;
+        std::vector<std::uint16_t> station;
+        Errc send_error = Errc::none;
+        bool mapping = false;  // its group, or another one, was being mapped
+    };
+    [[nodiscard]] bool mapping() const;
+    static constexpr std::size_t kSlots = 24;
+    static constexpr std::size_t kImageBytes = 4096;
+
+    [[noreturn]] void fail(std::string rule, const std::string& detail);
+
+    // world.cpp: building up, time
+    void build();
+    void start_steps();
+    void poll_once();
+    bool run_until(Time end, const std::function<bool()>& holds);
+    void run_for(Duration time) {
+        (void)run_until(osal_.now() + time, [] { return false; });
+    }
+    void do_cycle();
+    void cycle_group(std::uint8_t group);
+    void receive_group(std::uint8_t group);
+    void drain_told();
+    void keep(std::string_view told);
+    [[nodiscard]] std::string story() const;
+
+    // world_steps.cpp
+    void do_step(const Step& step);
+    void world_step(const Step& step);
+    void submit_slot(const Step& step, bool by_owner);
+    void configure(std::uint32_t slave, std::uint32_t what, std::uint32_t value);
+    void map_now(std::uint8_t group);
+    void heal();
+    [[nodiscard]] std::optional<std::uint32_t> number_of(std::uint32_t id) const;
+
+    // world_phases.cpp
+    void bring_up();
+    void expect_slaves();
+    void configure_all();
+    void expect_back();
+    void finish_requests();
+    void check_arena();
+    void fresh_start();
+    void close_busy();
+    [[nodiscard]] bool in_op(std::uint32_t device);
+    [[nodiscard]] bool clean(std::uint32_t device) const;
+
+    // checks.cpp
+    void show_inputs();
+    void set_outputs(std::uint8_t group);
+    void note_outputs(std::uint8_t group);
+    void check_inputs(std::uint8_t group, bool right, const Cycle& cycle);
+    void check_outputs();
+    [[nodiscard]] std::vector<std::uint32_t> devices_at(std::uint16_t position);
+    void look_around();
+    [[nodiscard]] std::string place(std::uint16_t position);
+
+    Plan plan_;
+    Reporter reporter_;
+    StormOsal osal_{*this};
+    sim::Segment segment_;
+    std::unique_ptr<SimulatedNic> wire_;
+    std::unique_ptr<ChaosNic> nic_;
+    std::unique_ptr<HostContext> ctx_;
+    Chance chance_;
+
+    std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
+    std::vector<bool> dirty_;  // it is not what it was
+    std::vector<bool> halted_;
+    std::vector<bool> reachable_;  // as of the last look_around()
+    std::vector<std::uint16_t> station_;
+    std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;  // by device: outputs the application had for it
+    std::vector<std::uint32_t> ids_;
+    bool hostile_ = false;  // frames were damaged behind the FCS's back: nothing can be said about data
+
+    std::vector<std::vector<std::byte>> images_;
+    std::vector<std::deque<Cycle>> on_their_way_;
+    std::vector<std::uint32_t> baseline_;  // devices that were in OP when the steps began
+    std::vector<ExpectedSlave> expected_;
+    std::uint16_t wrong_ = 0;  // the slave that is not what is expected
+    SlaveConfiguration expected_configuration_;
+    SuperviseRequest supervision_;
+    std::array<Slot, kSlots> slots_;
+
+    std::deque<Due> world_steps_;
+    std::deque<Due> owner_steps_;
+    bool cycling_ = false;
+    bool in_step_ = false;
+    Time next_cycle_{};
+    Duration late_{};
+    std::uint32_t counter_ = 0;
+    std::size_t most_slaves_ = 0;
+    std::deque<std::string> story_;  // errors and events told last, in words
+    std::uint32_t hook_calls_ = 0;
+    std::uint32_t events_called_ = 0;
+
+    const char* call_ = nullptr;  // the blocking call the owner is in
+    Time call_since_{};
+    std::uint32_t calls_waits_ = 0;
+    Time polls_since_{};
+    std::uint32_t polls_ = 0;
+    std::uint32_t polls_at_once_ = 0;
+    Time last_poll_ = Time::min();
+    Time deadline_{};
+    std::size_t arena_level_ = 0;
+};
+
+}  // namespace margay::storm
