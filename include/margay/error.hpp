@@ -65,8 +65,8 @@ enum class Errc : std::uint8_t {
     check_failed,     // a register is not as a command wants it (expected, actual: the lowest 32 bits)
     cycle_running,    // a call that waits, from the thread of a running cycle: submit the request of the same name
                       // instead
-    supervised,       // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
-                      // asked for)
+    supervised,       // the supervision keeps the slave in another state, see set_target() (expected: that state,
+                      // actual: asked for)
 };
 
 // What was being done.

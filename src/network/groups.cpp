@@ -65,8 +65,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
-        if (slave.config.group == number)
-            slave.takes_part = exchanges(slave);
+        if (slave.config.group == number) slave.takes_part = exchanges(slave);
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
@@ -91,7 +90,8 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     slave.unplaced = false;
     slave.pdos_failed = false;
     if (slave.config.highest < AlState::safeop) co_return Result<>();
-    const bool by_slave = slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
+    const bool by_slave =
+        slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
     if (slave.held && by_slave) {  // what is there said so, which is not what is wanted
         slave.config.sm_count = 0;
         slave.config.source = ConfigurationSource::none;
@@ -150,7 +150,9 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         if (slave.config.group != number) continue;
         faults.keep(held_error(slave, Step::identify));
         if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
-        if (slave.hook_failed) faults.keep(slave.error);
+        Error hook = slave.error;
+        hook.slave = slave.position;
+        if (slave.hook_failed) faults.keep(hook);
     }
 }
 

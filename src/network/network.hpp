@@ -67,12 +67,12 @@ struct Network {
     EventQueue events;
     std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
     std::span<const ExpectedSlave> expected;
-    Slave guest;                 // a newcomer while it is found out who it is
-    bool searching = false;      // somebody is at that
-    std::uint32_t scans = 0;     // how many scans have begun: whoever was at work before finds another table
+    Slave guest;              // a newcomer while it is found out who it is
+    bool searching = false;   // somebody is at that
+    std::uint32_t scans = 0;  // how many scans have begun: whoever was at work before finds another table
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves that have no target of their own
-    Context* context = nullptr;  // for hooks
+    Context* context = nullptr;    // for hooks
     bool supervised = false;
     Crew requests;  // those that are busy; last, so that they end first
 

@@ -117,7 +117,8 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
     }
     const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
-    if (!has_place(slave)) co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
+    if (!has_place(slave))
+        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
     const ProcessGroup& group = network.process.groups[slave.config.group];
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });

@@ -82,7 +82,8 @@ AlStatus lowest(std::span<const Slave> slaves) {
 
 Task<Result<AlStatus>> read_states(Network& network) {
     Error first;
-    auto all = co_await for_each_slave(network, [&network](Slave& s) { return read_state(network, s); }, &first);
+    auto all = co_await for_each_slave(
+        network, [&network](Slave& s) { return read_state(network, s); }, &first);
     if (!all) co_return all.error();
     if (first.code != Errc::none) co_return first;
     co_return lowest(network.slaves());
