@@ -169,7 +169,9 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         if (slave.config.group != number) continue;
         faults.keep(held_error(slave, Step::identify));
         if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
-        if (slave.hook_failed) faults.keep(slave.error);
+        Error hook = slave.error;
+        hook.slave = slave.position;
+        if (slave.hook_failed) faults.keep(hook);
     }
 }
 

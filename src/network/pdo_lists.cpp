@@ -119,7 +119,9 @@ bool tells_all(const Slave& slave) {
     return !lists.empty() && std::ranges::all_of(lists, [&](const SmPdos& list) {
         const bool once = std::ranges::count(lists, list.sync_manager, &SmPdos::sync_manager) == 1;
         return once && list.sync_manager < Slave::kSyncManagers && listed_bits(list).open == 0 &&
-               std::ranges::all_of(list.pdos, [](const Pdo& p) { return is_output(p.index) || is_input(p.index); });
+               std::ranges::all_of(list.pdos, [&](const Pdo& p) {
+                   return (is_output(p.index) || is_input(p.index)) && check_entries(slave, p).code == Errc::none;
+               });
     });
 }
 
@@ -132,6 +134,7 @@ bool keep_place(Slave& slave) {
         config.source == ConfigurationSource::file)
         return true;
     if (!tells_all(slave)) return false;
+    if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
     // In the order of the SyncManagers, as what the slave itself says will be.
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
         const SmPdos* list = find_list(slave, n);

@@ -54,8 +54,10 @@ class FirstFault {
   public:
     // Keeps it, in the slave and in errors() too.
     void note(Network& network, Slave& slave, const Error& error) {
-        network.note(slave, error);
-        keep(error);
+        Error named = error;
+        named.slave = slave.position;  // a hook need not say so
+        network.note(slave, named);
+        keep(named);
     }
     void keep(const Error& error) {
         if (error.code != Errc::none && (error_.code == Errc::none || error.slave < error_.slave)) error_ = error;

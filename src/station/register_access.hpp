@@ -40,8 +40,8 @@ struct Station {
     return error;
 }
 
-// The slave does not answer at its address: the frame came back and nobody took part. A frame that was lost, or an arena
-// that is full, says nothing of the slave.
+// The slave does not answer at its address: the frame came back and nobody took part. A frame that was lost, or an
+// arena that is full, says nothing of the slave.
 [[nodiscard]] inline bool says_gone(const Error& error) {
     return error.code == Errc::working_counter && error.actual == 0;
 }

@@ -6,6 +6,7 @@
 #include "network/network.hpp"
 #include "network/pdo_sii.hpp"
 #include "network/pdos.hpp"
+#include "network/preop.hpp"
 #include "network/scan.hpp"
 #include "network/startup.hpp"
 #include "network/states.hpp"

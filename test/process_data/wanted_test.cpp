@@ -218,7 +218,7 @@ TEST_F(Wanted, ARequestThatContradictsTheSupervisionIsRefused) {
     run();
     StateRequest request;
     request.slave = 2;
-    request.state = AlState::preop;
+    request.wanted = AlState::preop;
     ASSERT_TRUE(submit(*ctx, request).ok());
     cycles(50);
     ASSERT_FALSE(request.busy());
@@ -291,7 +291,7 @@ TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
     expect_held(set_target(*ctx, 2, AlState::op).error());
     StateRequest request;
     request.slave = 2;
-    request.state = AlState::op;
+    request.wanted = AlState::op;
     ASSERT_TRUE(submit(*ctx, request).ok());
     expect_held(wait(*ctx, request).error());
     EXPECT_EQ(reconfig_slave(*ctx, 2).ok(), true);

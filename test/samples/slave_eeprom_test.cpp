@@ -40,8 +40,8 @@ struct SlaveEepromTest : testing::Test {
         nic.emplace(segment, osal);
         ASSERT_TRUE(init(ctx, *nic, osal).ok());
         const auto found = config_init(ctx);
-        ASSERT_TRUE(found.ok());
-        ASSERT_EQ(*found, 2);
+        ASSERT_TRUE(found.ok() || found.error().slave != 0);  // a blank EEPROM is an error of its slave
+        ASSERT_EQ(ctx.slaves().size(), 2U);
     }
     [[nodiscard]] std::vector<std::byte>& memory(std::uint32_t slave) { return segment.slave(slave).sii().image(); }
 };

@@ -26,12 +26,26 @@ class FieldNotes : public SegmentTest {
     void start() {
         switch_on();
         const auto found = bring_up();
-        ASSERT_TRUE(found) << words(found.error());
+        expect_kept(found.error(), AlState::preop);
     }
     std::string told(std::size_t n) { return words(ctx.slave(n).error); }
     void map() {
         const auto bytes = config_map(ctx, image);
-        ASSERT_TRUE(bytes) << words(bytes.error());
+        ASSERT_TRUE(ctx.group(0).mapped) << words(bytes.error());
+        expect_kept(bytes.error(), AlState::safeop);
+    }
+    // Success is said of slaves that all are where they are wanted; an error names one of them, which says what is
+    // wrong with it.
+    void expect_kept(const Error& error, AlState state) {
+        if (error.code != Errc::none) {
+            ASSERT_NE(error.slave, 0) << words(error);
+            EXPECT_NE(ctx.slave(error.slave).error.code, Errc::none) << words(error);
+            return;
+        }
+        for (const Slave& slave : ctx.slaves()) {
+            if (slave.config.group != 0 && state != AlState::preop) continue;
+            EXPECT_EQ(slave.al.state, std::min(state, slave.config.highest)) << slave.position;
+        }
     }
 
     // One cycle of a millisecond.
