@@ -22,12 +22,11 @@ class Borrowed : public std::span<const T> {
     constexpr Borrowed(const T (&list)[N]) : Base(list) {}
     template <std::size_t N>
     constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would be gone at the end of the statement
+    constexpr Borrowed(const T* first, std::size_t count) : Base(first, count) {}
     template <std::ranges::contiguous_range R>
-    requires std::convertible_to<R&, Base>
-    constexpr Borrowed(R& list) : Base(list) {}
+    requires(std::ranges::borrowed_range<R>&& std::convertible_to<R, Base>) constexpr Borrowed(R&& list) : Base(list) {}
     template <std::ranges::contiguous_range R>
-    requires(!std::is_lvalue_reference_v<R> && !std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) =
-        delete;  // the list would be gone at the end of the statement
+    requires(!std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) = delete;  // the list would be gone at the end of the statement
 };
 
 }  // namespace margay

@@ -97,7 +97,7 @@ using MailRequest = SlaveRequest;
 // Finds all slaves, reads what they are and brings them to PREOP. See config_init().
 struct ScanRequest : Request {
     ScanRequest();
-    std::uint16_t slaves = 0;  // result: how many were found
+    std::uint16_t slaves = 0;  // result: how many there are, also when some slave is not as it should be
 };
 
 // Reads `data.size()` octets (an even number) of the SII EEPROM from word address `word` on.
@@ -146,7 +146,7 @@ struct MapRequest : Request {
     MapRequest();
     std::uint8_t group = 0;
     std::span<std::byte> image;
-    std::size_t bytes = 0;  // result: how many octets of it are used
+    std::size_t bytes = 0;  // result: how many octets of it are used, also when some slave is not mapped
 };
 
 // Starts a request; from any thread, without a lock, and callable from the cycle. The request begins with the next

@@ -16,7 +16,7 @@ static Error check(Network& network, const MapRequest& request) {
 
 static Task<Result<>> run(Network& network, MapRequest& request) {
     auto mapped = co_await map_group(network, request.group, request.image);
-    request.bytes = mapped ? *mapped : std::size_t{0};
+    request.bytes = mapped ? *mapped : network.process.groups[request.group].image.size();
     co_return mapped ? Result<>() : Result<>(mapped.error());
 }
 

@@ -16,7 +16,7 @@ static Error check(Network& network, const ScanRequest&) {
 
 static Task<Result<>> run(Network& network, ScanRequest& request) {
     auto count = co_await scan(network);
-    request.slaves = count ? *count : std::uint16_t{0};
+    request.slaves = count ? *count : network.count;  // some slave is not as wanted
     co_return count ? Result<>() : Result<>(count.error());
 }
 

@@ -23,11 +23,8 @@ static Error check(Network& network, const StateCheckRequest& request) {
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
     auto seen = co_await read_al_status(network.station(slave));
-    if (!seen) {
-        if (seen.error().code == Errc::working_counter) slave.al = {};  // the slave does not answer
-        co_return seen.error();
-    }
-    slave.al = *seen;
+    take_al_status(slave.al, seen);
+    if (!seen) co_return seen.error();
     auto changed = co_await change_state(network, slave, request.wanted, request.timeout);
     co_return changed ? Result<>() : Result<>(changed.error());
 }

@@ -2,8 +2,7 @@
 // asked for ends, and afterwards everything works.
 //
 // Arena::allocate() is wrapped by the linker (CMakeLists.txt), so that the library itself knows nothing of it.
-#include "context_access.hpp"
-#include "network/network.hpp"
+#include "api/master.hpp"
 #include "storm/rig.hpp"
 
 namespace {
@@ -115,7 +114,7 @@ void expect_works(Rig& rig, std::size_t n) {
     supervision.cancel();
     rig.cycling = false;
     rig.run_for(1s);
-    EXPECT_EQ(ContextAccess::network(*rig.ctx)->arena().used_bytes(), 0U) << "allocation " << n;
+    EXPECT_EQ(master_of(*rig.ctx)->network.arena().used_bytes(), 0U) << "allocation " << n;
 }
 
 void sweep(const Phase& phase, std::size_t how_many) {

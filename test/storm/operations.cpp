@@ -16,12 +16,6 @@ struct Of final : Operation {
     ~Of() override { r.cancel(); }  // before its buffers go
     Result<> submit(Context& ctx) override { return margay::submit(ctx, r); }
     Request& request() override { return r; }
-    MailRequest* mail() override {
-        if constexpr (std::is_base_of_v<MailRequest, R>)
-            return &r;
-        else
-            return nullptr;
-    }
     void cancel() override { r.cancel(); }
 };
 
@@ -74,7 +68,7 @@ constexpr Set kSiiWrite = [](Operation& o, std::uint32_t slave, std::uint32_t a,
 constexpr Set kState = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& r = as<StateRequest>(o).r;
     r.slave = position(slave);
-    r.state = state(a);
+    r.wanted = state(a);
     r.timeout = std::chrono::milliseconds(b % 4 * 100);
 };
 constexpr Set kWriteState = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t) {

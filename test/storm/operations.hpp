@@ -16,7 +16,6 @@ class Operation {
     [[nodiscard]] virtual Result<> submit(Context& ctx) = 0;
     [[nodiscard]] virtual Request& request() = 0;
     // The request where another thread may have submitted it; nullptr: its kind is for the owner.
-    [[nodiscard]] virtual MailRequest* mail() { return nullptr; }
     virtual void cancel() = 0;
     [[nodiscard]] std::uint32_t kind() const { return kind_; }
 

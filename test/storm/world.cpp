@@ -1,8 +1,7 @@
 #include "storm/world.hpp"
 #include "sim/library/quirks.hpp"
 
-#include "context_access.hpp"
-#include "network/network.hpp"
+#include "api/master.hpp"
 
 namespace margay::storm {
 
@@ -76,7 +75,7 @@ void World::build() {
                                                 .groups = static_cast<std::uint16_t>(s.groups),
                                                 .process_frames = static_cast<std::uint16_t>(s.process_frames)});
     if (const auto ready = init(*ctx_, *nic_, osal_); !ready) fail("init", "refused");
-    arena_level_ = ContextAccess::network(*ctx_)->arena().used_bytes();
+    arena_level_ = master_of(*ctx_)->network.arena().used_bytes();
     if (s.callback != 0) {
         ctx_->events().callback = [](const Event&, void* user) { ++*static_cast<std::uint32_t*>(user); };
         ctx_->events().user = &events_called_;

@@ -1,6 +1,5 @@
 // The parts of a run: bringing up, the end of the faults, and what must be as before then.
-#include "context_access.hpp"
-#include "network/network.hpp"
+#include "api/master.hpp"
 #include "storm/world.hpp"
 #include "wire/esc.hpp"
 
@@ -27,18 +26,19 @@ constexpr SlaveSetup kSetup{.startup = kStartup};
 
 // Hooks of the application.
 struct Hooks {
-    static Result<> transition(Context&, std::uint16_t slave, Transition, Moment, void* user) {
+    static Result<> transition(HookedSlave slave, Transition, Moment, void* user) {
         World& world = *static_cast<World*>(user);
         ++world.hook_calls_;
         if (world.plan_.settings.hooks == 1 && world.hook_calls_ % 4 != 0)
-            return Error{.code = Errc::busy, .slave = slave};
+            return Error{.code = Errc::busy, .slave = slave.number()};
         if (world.plan_.settings.hooks == 2 && world.hook_calls_ % 16 == 5)
-            return Error{.code = Errc::check_failed, .slave = slave};
+            return Error{.code = Errc::check_failed, .slave = slave.number()};
         return Result<>();
     }
-    static Result<> preop_to_safeop(Context& ctx, std::uint16_t slave, void*) {
-        (void)SDOread<std::uint32_t>(ctx, slave, 0x1000, 0);
-        return Result<>();
+    static Task<> preop_to_safeop(HookedSlave slave, void*) {
+        auto read = co_await slave.sdo_read<std::uint32_t>(0x1000, 0);
+        (void)read;
+        co_return Result<>();
     }
 };
 
@@ -182,7 +182,7 @@ void World::check_arena() {
     run_for(20ms);
     cycling_ = false;
     run_for(10s);
-    const auto used = ContextAccess::network(*ctx_)->arena().used_bytes();
+    const auto used = master_of(*ctx_)->network.arena().used_bytes();
     if (used != arena_level_)
         fail("the arena does not return to its level",
              std::to_string(used) + " octets are in use, " + std::to_string(arena_level_) + " were");

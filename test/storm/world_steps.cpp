@@ -25,9 +25,9 @@ void World::do_step(const Step& step) {
             break;
         case Op::destroy: slots_[a[0] % kSlots].operation.reset(); break;
         case Op::ask_cancel:
-            if (auto& slot = slots_[a[0] % kSlots]; slot.operation && slot.operation->mail() != nullptr) {
+            if (auto& slot = slots_[a[0] % kSlots]; slot.operation) {
                 osal_.thread = 2;
-                slot.operation->mail()->ask_cancel();
+                slot.operation->cancel();
                 osal_.thread = 1;
             }
             break;
