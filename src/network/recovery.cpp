@@ -121,7 +121,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
-    if (slave.pdos_failed || slave.place_kept || slave.unplaced) {
+    if (slave.pdos_failed || slave.place_kept || slave.unplaced || !slave.pdos_compared) {
         auto taken_in = co_await take_in(network, slave);
         if (!taken_in) co_return taken_in;
     }

@@ -49,22 +49,22 @@ TEST_F(FrameSizes, OfEachSequence) {
 
     expect("read_al_status", 512, read_al_status(station));
     expect("change_al_state", 512, change_al_state(station, AlState::preop, false, std::chrono::seconds(1)));
-    expect("sii_write", 256, sii_write(station, 4, word));
+    expect("sii_write", 512, sii_write(station, 4, word));
     expect("sii_assign", 512, sii_assign(station, false));
     expect("read_sii_contents", 512, read_sii_contents(station, slave));
-    expect("scan", 512, scan(network));
-    expect("count_slaves", 256, count_slaves(network));
+    expect("scan", 1024, scan(network));
+    expect("count_slaves", 512, count_slaves(network));
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));
     expect("read_states", 256, read_states(network));
-    expect("write_states", 256, write_states(network, 0, AlState::safeop));
+    expect("write_states", 512, write_states(network, 0, AlState::safeop));
     expect("wait_for_state", 512, wait_for_state(network, 0, AlState::safeop, std::chrono::seconds(1)));
     FoundSms found{};
     expect("find_sms_by_sii", 512, find_sms_by_sii(station, slave, found));
     expect("discover_pdos", 512, discover_pdos(network, slave));
-    expect("change_state", 512, change_state(network, slave, AlState::preop));
+    expect("change_state", 256, change_state(network, slave, AlState::preop));
     expect("run_commands", 512, run_commands(network, slave, Transition::init_to_preop, Moment::before));
-    expect("map_group", 512, map_group(network, 0, {}));
+    expect("map_group", 1024, map_group(network, 0, {}));
 }
 
 }  // namespace

@@ -154,7 +154,8 @@ void reach_op_and_exchange(Plant& plant) {
         std::size_t compared = 0;
         for (const Slave& slave : plant.ctx.slaves()) {
             auto* device = plant.device(slave.position);
-            const auto& [outputs, inputs, status] = slave.image;
+            const ImagePart& outputs = slave.image.outputs;
+            const ImagePart& inputs = slave.image.inputs;
             if (outputs.bits + inputs.bits == 0) continue;
             ASSERT_NE(device, nullptr) << slave.position;
             EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.position;

@@ -91,7 +91,7 @@ TEST_F(EntriesByDictionary, AreNotGuessedWhereTheSlaveDoesNotAnswer) {
     EntryHandle* const entries[] = {&silent, &other};
     ctx.group(0).config.entries = entries;
     const auto mapped = config_map(ctx, image);
-    EXPECT_EQ(mapped.error().code, Errc::entry_not_mapped) << words(mapped.error());
+    EXPECT_EQ(mapped.error().code, Errc::timeout) << words(mapped.error());
     EXPECT_EQ(mapped.error().slave, 1);
     EXPECT_FALSE(silent.mapped());
     EXPECT_TRUE(other.mapped());
