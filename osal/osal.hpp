@@ -1,10 +1,10 @@
 // The operating system as Margay needs it: a clock and a way to wait. Only the blocking wrappers and
 // applications use it; nothing in src/ below them reads a clock.
 //
-// To port: derive from Osal and implement the first two functions; with several threads the other four as well. now() must never go backwards and must count at a
-// steady rate (not wall-clock time). wait() returns when `until` has come, or earlier when the NIC behind
-// `nic_handle` has a frame, or earlier for no reason at all: the caller always looks again. A port that cannot wait on
-// a NIC may cap the wait at its tick.
+// To port: derive from Osal and implement the first two functions; with several threads the other four as well. now()
+// must never go backwards and must count at a steady rate (not wall-clock time). wait() returns when `until` has come,
+// or earlier when the NIC behind `nic_handle` has a frame, or earlier for no reason at all: the caller always looks
+// again. A port that cannot wait on a NIC may cap the wait at its tick.
 #pragma once
 
 #include <margay/time.hpp>

@@ -102,7 +102,9 @@ std::size_t Context::arena_peak_bytes() const {
     return master_ == nullptr ? 0 : master_->network.engine.arena().peak_bytes();
 }
 
-std::size_t Context::arena_bytes() const { return master_ == nullptr ? 0 : master_->network.engine.arena().capacity_bytes(); }
+std::size_t Context::arena_bytes() const {
+    return master_ == nullptr ? 0 : master_->network.engine.arena().capacity_bytes();
+}
 
 void Context::close() {
     if (master_ == nullptr) return;

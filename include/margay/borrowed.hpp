@@ -26,7 +26,7 @@ class Borrowed : public std::span<const T> {
     template <std::ranges::contiguous_range R>
     requires(std::ranges::borrowed_range<R>&& std::convertible_to<R, Base>) constexpr Borrowed(R&& list) : Base(list) {}
     template <std::ranges::contiguous_range R>
-    requires(!std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) = delete;  // the list would be gone at the end of the statement
+    requires(!std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) = delete;  // the same
 };
 
 }  // namespace margay

@@ -232,7 +232,10 @@ bool MailboxChannel::compose(MutableBytes buffer) {
 // The slave has it.
 void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
-    if (!exchange.options_.reply) return finish(exchange, {});
+    if (!exchange.options_.reply) {
+        unanswered_until_ = now() + timing.owed_patience;
+        return finish(exchange, {});
+    }
     if (first) {
         take_turn(queue_, exchange, [](const MailTurn&) { return true; });
         awaiting_.push_back(exchange);

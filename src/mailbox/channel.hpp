@@ -180,6 +180,7 @@ class MailboxChannel {
     Time lost_at_ = kNever;  // what was asked for by a repeat request, and has not come until then, is lost
     std::uint64_t owed_key_ = 0;
     Time owed_until_ = Time::min();
+    Time unanswered_until_ = Time::min();  // a message that wants no reply has left; its error may still come
     const std::byte* status_octet_ = nullptr;
     std::uint8_t status_bit_ = 0;
     Time fetched_at_ = Time::min();

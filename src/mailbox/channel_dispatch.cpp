@@ -55,10 +55,12 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     }
 }
 
-// It says of no request what it is the answer to: the oldest that is not answered.
+// An error reply does not say which message it answers. A message that wants no reply and has left a moment ago is the
+// most likely one: such a message is answered by nothing else. Otherwise it is the oldest that waits.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
-    if (awaiting_.empty()) return;
+    const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
+    if (of_unanswered || awaiting_.empty()) return;
     Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = position_};
     if (data.size() >= wire::kMailboxErrorBytes)
         error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));

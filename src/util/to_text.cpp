@@ -62,7 +62,8 @@ std::string_view to_text(Errc code) {
                    "threads know";
         case Errc::not_polled: return "the thread that owns the context does not call poll()";
         case Errc::waiting_forbidden:
-            return "this call waits, and allow_waiting() forbids that in the thread that owns the context: submit() the "
+            return "this call waits, and allow_waiting() forbids that in the thread that owns the context: submit() "
+                   "the "
                    "request of the same name and look at its state() between cycles";
         case Errc::in_callback:
             return "this call waits, and a callback or hook of the library must not: submit() a request, or write the "

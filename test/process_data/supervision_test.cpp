@@ -433,7 +433,8 @@ TEST_F(SupervisionTest, WrongCallsAreRefused) {
     ASSERT_TRUE(submit(ctx(), second).ok());
     EXPECT_EQ(wait(ctx(), second).error().code, Errc::busy);
     std::array<char, 256> text{};
-    EXPECT_EQ(describe(config_init(ctx()).error(), text), "counting slaves: already in progress (a supervision is busy)");
+    EXPECT_EQ(describe(config_init(ctx()).error(), text),
+              "counting slaves: already in progress (a supervision is busy)");
     EXPECT_EQ(submit(ctx(), second).error().code, Errc::busy);
     supervision.cancel();
     EXPECT_EQ(*config_init(ctx()), 2U);

@@ -24,11 +24,7 @@ struct BusyNic : testing::Test, Rig {
     }
 };
 
-constexpr const char* kSentence =
-    "Queued datagrams have no deadline: with a NIC that stays busy config_init never returns.";
-
 TEST_F(BusyNic, FromTheStart) {
-    MARGAY_KNOWN_FAILURE(kSentence);
     stays_busy();
     const auto error = scan(kBound);
     EXPECT_NE(error.code, Errc::none);
@@ -37,7 +33,6 @@ TEST_F(BusyNic, FromTheStart) {
 }
 
 TEST_F(BusyNic, WhileProcessDataIsMapped) {
-    MARGAY_KNOWN_FAILURE(kSentence);
     ASSERT_EQ(scan().code, Errc::none);
     stays_busy();
     EXPECT_NE(map(kBound).code, Errc::busy) << "the mapping never ends";
@@ -60,7 +55,6 @@ TEST_F(BusyNic, DuringAnSdo) {
 
 // Every request of a bring-up, with a NIC that becomes busy at each frame of it in turn.
 TEST_F(BusyNic, FromEveryFrameOfTheBringUpOn) {
-    MARGAY_KNOWN_FAILURE(kSentence);
     ASSERT_EQ(scan().code, Errc::none);
     const auto frames = nic.sent();
     for (std::uint64_t n = 0; n < frames; n += 7) {

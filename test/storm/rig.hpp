@@ -16,11 +16,6 @@
 #include <string>
 #include <vector>
 
-// A test in its final form for what is not mended yet. The line goes with the mend; MARGAY_KNOWN=run runs it now.
-#define MARGAY_KNOWN_FAILURE(sentence)                                                                   \
-    if (const char* run = std::getenv("MARGAY_KNOWN"); run == nullptr || std::string_view(run) != "run") \
-    GTEST_SKIP() << "known, issue 10: " << sentence
-
 namespace margay::storm {
 
 struct Rig {

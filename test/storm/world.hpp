@@ -115,6 +115,7 @@ class World {
 
     // world_phases.cpp
     void bring_up();
+    void blame(const char* rule, const Error& error);
     void expect_slaves();
     void configure_all();
     void expect_back();

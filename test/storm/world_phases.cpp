@@ -92,17 +92,35 @@ void World::expect_slaves() {
     }
     if (!expect(*ctx_, expected_)) fail("expect() is refused", "");
     call_ = "config_init()", call_since_ = osal_.now();
-    if (!config_init(*ctx_)) fail("bring-up", "config_init() with what is expected");
+    const auto found = config_init(*ctx_);
     call_ = nullptr;
+    look_around();
+    if (plan_.settings.expect >= 2 && found) fail("bring-up", "config_init() succeeds without a wanted slave");
+    blame("bring-up", found.error());
+}
+
+// An error of config_init() or config_map() is right where it names a slave that has manners, or that is not the wanted
+// one: all else has been done then.
+void World::blame(const char* rule, const Error& error) {
+    if (error.code == Errc::none) return;
+    std::array<char, 300> text{};
+    const auto words = std::string(describe(error, text));
+    if (error.slave == 0) fail(rule, words);
+    if (error.code == Errc::missing_slave || error.code == Errc::other_slave) {
+        if (plan_.settings.expect < 2) fail(rule, words);
+        return;
+    }
+    for (std::uint32_t n = 0; n < segment_.size(); ++n)
+        if (station_[n] == 0x1000 + error.slave && clean(n)) fail(rule, words);
 }
 
 void World::bring_up() {
     call_ = "config_init()", call_since_ = osal_.now();
     const auto found = config_init(*ctx_);
     call_ = nullptr;
-    if (!found) fail("bring-up", "config_init() fails without a fault");
     look_around();
-    if (*found != plan_.devices.size()) fail("bring-up", "config_init() does not find all slaves");
+    blame("bring-up", found.error());
+    if (ctx_->slaves().size() != plan_.devices.size()) fail("bring-up", "config_init() does not find all slaves");
     if (plan_.settings.expect != 0) expect_slaves();
     for (std::uint8_t g = 0; g < images_.size(); ++g) map_now(g);
     supervision_.target = plan_.settings.supervise_target == 4 ? AlState::safeop : AlState::op;
@@ -203,11 +221,13 @@ void World::fresh_start() {
     const auto found = config_init(*ctx_);
     call_ = nullptr;
     std::array<char, 300> text{};
-    if (!found) fail("a fresh start fails", std::string(describe(found.error(), text)));
     look_around();
+    plan_.settings.expect = 0;
+    blame("a fresh start fails", found.error());
     const auto there = std::ranges::count(reachable_, true);
-    if (*found != there)
-        fail("a fresh start fails", std::to_string(*found) + " slaves of " + std::to_string(there) + " are found");
+    if (std::ssize(ctx_->slaves()) != there)
+        fail("a fresh start fails",
+             std::to_string(ctx_->slaves().size()) + " slaves of " + std::to_string(there) + " are found");
     plan_.settings = {.groups = plan_.settings.groups, .frames = plan_.settings.frames};
     for (std::uint8_t g = 0; g < images_.size(); ++g) {
         ctx_->group(g).config = {.start = ctx_->group(g).config.start};
@@ -215,7 +235,7 @@ void World::fresh_start() {
         for (Slave& slave : ctx_->slaves()) slave.config.group = 0;
         const auto mapped = config_map(*ctx_, images_[g], g);
         call_ = nullptr;
-        if (!mapped && g == 0) fail("a fresh start fails", std::string(describe(mapped.error(), text)));
+        if (g == 0) blame("a fresh start fails", mapped.error());
         on_their_way_[g].clear();
     }
     supervision_.target = AlState::op;
