@@ -39,8 +39,8 @@ struct OperationDescription;
 
 class Request {
   public:
-    // How long the whole may take, from submit() on, waiting for its turn included. Zero: no limit, but where the
-    // request says otherwise.
+    // How long the whole may take, from the poll() that takes the request on, waiting for its turn included; then the
+    // request ends with Errc::timeout. Zero: no limit, but where the request says otherwise.
     Duration timeout{0};
     std::uint8_t priority = 0;  // 0 to 3
 
@@ -67,18 +67,23 @@ class Request {
 
   private:
     friend struct RequestAccess;
-    // As RequestState; besides, busy and some thread sleeps until it is not. 32 bits: what Osal::sleep_while() wants.
-    static constexpr std::uint32_t kAwaited = 0x100;
-    static constexpr RequestState plain(std::uint32_t state) { return static_cast<RequestState>(state & 0xFF); }
+    // As RequestState; besides: submit() is at it, the owner has taken it, some thread sleeps until it is not busy. 32
+    // bits: what Osal::sleep_while() wants.
+    static constexpr std::uint32_t kPreparing = 0x80;
+    static constexpr std::uint32_t kTaken = 0x100;
+    static constexpr std::uint32_t kAwaited = 0x200;
+    static constexpr RequestState plain(std::uint32_t state) { return static_cast<RequestState>(state & 0x7F); }
 
     const OperationDescription* operation_;
     Context* ctx_ = nullptr;
-    Request* next_ = nullptr;           // in one list: submitted, waiting to begin, or running
+    Request* next_ = nullptr;           // in one list: waiting to begin, or running
+    std::uint32_t ticket_ = 0;          // the order of submission
     std::coroutine_handle<> sequence_;  // once it has begun
     Time deadline_ = kNever;
     std::atomic<std::uint32_t> state_{0};
     std::atomic<bool> cancel_asked_{false};
-    std::uint8_t passed_ = 0;  // how often a younger request has begun before this one
+    Errc why_ = Errc::canceled;  // its sequence is destroyed, if it is
+    std::uint8_t passed_ = 0;    // how often a younger request has begun before this one
     Error error_;
 };
 
@@ -150,15 +155,16 @@ struct MapRequest : Request {
 };
 
 // Starts a request; from any thread, without a lock, and callable from the cycle. The request begins with the next
-// poll() of the owner. Errc::busy when the request is busy already, Errc::wrong_state before init(). The owner is told
-// at once what is wrong with the parameters of the request; of a request of another thread that is its error(). A
-// request that is refused is not busy.
+// poll() of the owner. Errc::busy when the request is busy already, Errc::wrong_state before init(), Errc::capacity
+// when 64 requests of other threads wait for that poll() already. The owner is told at once what is wrong with the
+// parameters of the request; of a request of another thread that is its error(). A request that is refused is not busy.
 Result<> submit(Context& ctx, Request& request);
 
 // Waits until a request that was submitted is not busy any more, and returns its error if it has one. The owner polls
 // meanwhile: its cycle stands still. Other threads sleep. Errors besides those of the request: not_polled (another
-// thread: the owner has not polled for 3 s and the request has not begun; it is withdrawn), waiting_forbidden,
-// in_callback (from a callback or hook of the library).
+// thread: the owner has not polled for 3 s, so that the request was not even taken; it is withdrawn),
+// waiting_forbidden, in_callback (from a callback or hook of the library). An owner that stops polling for good, or
+// destroys the context, first sees to it that no other thread is in a call of the context.
 Result<> wait(Context& ctx, Request& request);
 
 // Whether the owner may call functions that wait, as it may after init(). A program whose owner runs a cycle forbids it

@@ -59,8 +59,9 @@ struct ReconfigRequest : SlaveRequest {
     ReconfigRequest();
 };
 
-// Looks for slaves that are back without their station address. See recover_slave().
-struct RecoverRequest : Request {
+// Reads the states of all slaves and looks for slaves that are back without their station address. `slave` not 0: fails
+// where that slave does not answer afterwards. See recover_slave().
+struct RecoverRequest : SlaveRequest {
     RecoverRequest();
     std::uint16_t found = 0;  // result: how many
 };

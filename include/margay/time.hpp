@@ -22,4 +22,10 @@ using Time = MonotonicClock::time_point;
 // "No deadline": later than anything.
 inline constexpr Time kNever = Time::max();
 
+// `from` and `duration` later; kNever where that is past the end of all times. A negative duration counts as none.
+[[nodiscard]] constexpr Time later(Time from, Duration duration) {
+    if (duration <= Duration{0}) return from;
+    return from > Time{} && duration >= kNever - from ? kNever : from + duration;
+}
+
 }  // namespace margay

@@ -119,7 +119,7 @@ static Task<Result<>> run(Network& network, EntryNameRequest& request) {
 static constexpr OperationDescription kFind =
     describe_operation<EntryRequest, check, run>(Operation::find_entry, Step::map_process_data);
 static constexpr OperationDescription kName =
-    describe_operation<EntryNameRequest, check, run>(Operation::find_entry, Step::discover_pdos);
+    describe_mail<EntryNameRequest, check, run>(Operation::find_entry, Step::discover_pdos);
 EntryRequest::EntryRequest() : Request(kFind) {}
 EntryNameRequest::EntryNameRequest() : MailRequest(kName) {}
 

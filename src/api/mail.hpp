@@ -11,6 +11,12 @@
 
 namespace margay {
 
+// An operation that times its messages itself, by patience_of().
+template <class R, Error (*Check)(Network&, const R&), Task<Result<>> (*Run)(Network&, R&)>
+constexpr OperationDescription describe_mail(Operation operation, Step step) {
+    return describe_operation<R, Check, Run>(operation, step, Needs::nothing, Ends::by_itself, Timing::by_sequence);
+}
+
 [[nodiscard]] inline MailPatience patience_of(Request& request) {
     MailPatience patience{.give_up = RequestAccess::deadline(request),
                           .priority = std::min<std::uint8_t>(request.priority, 3)};

@@ -34,11 +34,11 @@ static Task<Result<>> run(Network& network, MailPdoFetch& request) {
 }
 
 static constexpr OperationDescription kSend =
-    describe_operation<MailPdoSend, check, run>(Operation::mail_pdo, Step::mailbox_send);
+    describe_mail<MailPdoSend, check, run>(Operation::mail_pdo, Step::mailbox_send);
 MailPdoSend::MailPdoSend() : SlaveRequest(kSend) {}
 
 static constexpr OperationDescription kFetch =
-    describe_operation<MailPdoFetch, check, run>(Operation::mail_pdo, Step::mailbox_receive);
+    describe_mail<MailPdoFetch, check, run>(Operation::mail_pdo, Step::mailbox_receive);
 MailPdoFetch::MailPdoFetch() : SlaveRequest(kFetch) {}
 
 }  // namespace margay

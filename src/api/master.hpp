@@ -17,7 +17,6 @@ struct Master {
 
     Osal& osal;
     std::atomic<std::uintptr_t> owner;
-    std::atomic<std::uint32_t> polls{0};    // of the owner
     std::atomic<bool> foreign_poll{false};  // another thread has called poll()
     bool owner_may_wait = true;
     bool in_poll = false;

@@ -16,16 +16,25 @@
 namespace margay {
 
 // What no other request may use as long as this one is busy.
-enum class Needs : std::uint8_t { nothing, its_slave, segment };
+enum class Needs : std::uint8_t {
+    nothing,
+    its_slave,  // of a SlaveRequest; slave 0: the segment
+    segment,
+    segment_to_begin,  // begins while no operation has the segment; later such operations may begin beside it
+};
 
 // How long a request of this kind stays busy: until its work is done, or until it is cancelled.
 enum class Ends : std::uint8_t { by_itself, when_canceled };
+
+// Who ends a request whose timeout is over: the queue, or its own sequence, which has more to say about it.
+enum class Timing : std::uint8_t { by_queue, by_sequence };
 
 struct OperationDescription {
     Operation operation;
     Step step;  // of errors that concern the request as a whole
     Needs needs;
     Ends ends;
+    Timing timing;
     // What is wrong with the parameters; code none: nothing. Asked again when the request begins.
     Error (*check)(Network& network, const Request& request);
     // The sequence of the operation. Its error becomes the error of the request.
@@ -34,11 +43,12 @@ struct OperationDescription {
 
 template <class R, Error (*Check)(Network&, const R&), Task<Result<>> (*Run)(Network&, R&)>
 constexpr OperationDescription describe_operation(Operation operation, Step step, Needs needs = Needs::nothing,
-                                                  Ends ends = Ends::by_itself) {
+                                                  Ends ends = Ends::by_itself, Timing timing = Timing::by_queue) {
     return {operation,
             step,
             needs,
             ends,
+            timing,
             [](Network& network, const Request& request) { return Check(network, static_cast<const R&>(request)); },
             [](Network& network, Request& request) { return Run(network, static_cast<R&>(request)); }};
 }

@@ -15,12 +15,15 @@ bool RequestAccess::claim(Request& r, Context& ctx) {
     std::uint32_t state = r.state_.load(std::memory_order_relaxed);
     do {
         if (Request::plain(state) == RequestState::busy) return false;
-    } while (!r.state_.compare_exchange_weak(state, kBusy, std::memory_order_acq_rel));
+    } while (!r.state_.compare_exchange_weak(state, kBusy | Request::kPreparing, std::memory_order_acq_rel));
     r.ctx_ = &ctx;
     r.error_ = {};
     r.passed_ = 0;
+    r.why_ = Errc::canceled;
     r.sequence_ = {};
+    r.deadline_ = kNever;
     r.cancel_asked_.store(false, std::memory_order_relaxed);
+    r.state_.fetch_and(~Request::kPreparing, std::memory_order_release);
     return true;
 }
 
@@ -51,13 +54,6 @@ const OperationDescription& operation(const Request& r) { return RequestAccess::
 Request*& next(Request& r) { return RequestAccess::next(r); }
 std::uint16_t slave_of(const Request& r) { return static_cast<const SlaveRequest&>(r).slave; }
 
-void append(Request*& list, Request& request) {
-    Request** at = &list;
-    while (*at != nullptr) at = &next(**at);
-    *at = &request;
-    next(request) = nullptr;
-}
-
 bool remove(Request*& list, Request& request) {
     for (Request** at = &list; *at != nullptr; at = &next(**at))
         if (*at == &request) {
@@ -67,31 +63,29 @@ bool remove(Request*& list, Request& request) {
     return false;
 }
 
-void push_submitted(RequestQueue& queue, Request& request) {
-    Request* head = queue.submitted.load(std::memory_order_relaxed);
-    do {
-        next(request) = head;
-    } while (
-        !queue.submitted.compare_exchange_weak(head, &request, std::memory_order_release, std::memory_order_relaxed));
+// What the request needs: slave 0 is all slaves.
+Needs needs_of(const Request& r) {
+    const Needs needs = operation(r).needs;
+    return needs == Needs::its_slave && slave_of(r) == 0 ? Needs::segment : needs;
 }
 
-// All that was submitted, oldest first.
-Request* pop_submitted(RequestQueue& queue) {
-    Request* newest = queue.submitted.exchange(nullptr, std::memory_order_acquire);
-    Request* oldest = nullptr;
-    while (newest != nullptr) {
-        Request* const before = std::exchange(next(*newest), oldest);
-        oldest = std::exchange(newest, before);
-    }
-    return oldest;
+// Into the list of those that wait, in the order of submission.
+void accept(RequestQueue& queue, Request& request, Time now) {
+    if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
+    RequestAccess::take(request);
+    Request** at = &queue.waiting;
+    const auto older = [&](Request& other) {
+        return static_cast<std::int32_t>(RequestAccess::ticket(other) - RequestAccess::ticket(request)) <= 0;
+    };
+    while (*at != nullptr && older(**at)) at = &next(**at);
+    next(request) = *at;
+    *at = &request;
 }
 
 void take_submitted(RequestQueue& queue, Time now) {
-    for (Request* request = pop_submitted(queue); request != nullptr;) {
-        Request& taken = *std::exchange(request, next(*request));
-        RequestAccess::deadline(taken) = taken.timeout > Duration{0} ? now + taken.timeout : kNever;
-        append(queue.waiting, taken);
-    }
+    if (!queue.any_submitted.exchange(false, std::memory_order_acquire)) return;
+    for (auto& place : queue.submitted)
+        if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
 }
 
 template <class Holds>
@@ -109,11 +103,14 @@ bool ends_some_day(const RequestQueue& queue) {
 // Whether no running operation uses what this request needs.
 bool is_free(Master& master, const Request& request) {
     const RequestQueue& queue = master.queue;
-    const auto needs_segment = [](const Request& r) { return operation(r).needs == Needs::segment; };
-    switch (operation(request).needs) {
+    const auto needs_segment = [](const Request& r) { return needs_of(r) == Needs::segment; };
+    switch (needs_of(request)) {
         case Needs::nothing: return true;
         case Needs::segment:
-            return !any_running(queue, [](const Request& r) { return operation(r).needs != Needs::nothing; });
+            return !any_running(queue, [](const Request& r) {
+                return needs_of(r) == Needs::segment || needs_of(r) == Needs::its_slave;
+            });
+        case Needs::segment_to_begin: return !any_running(queue, needs_segment);
         case Needs::its_slave: {
             const std::uint16_t slave = slave_of(request);
             if (slave >= 1 && slave <= master.network.count && master.network.slave(slave).recovering) return false;
@@ -130,7 +127,7 @@ Request* next_to_begin(Master& master) {
     Request* best = nullptr;
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
-        const Needs needs = operation(*r).needs;
+        const Needs needs = needs_of(*r);
         const bool free = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
         segment_wanted |= needs == Needs::segment;
         if (!free) continue;
@@ -153,13 +150,15 @@ class Running {
     ~Running() {
         (void)remove(master_.queue.running, request_);
         mark_slave(false);
+        if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
+            error_ = {.code = RequestAccess::why(request_), .step = operation(request_).step};
         RequestAccess::end(request_, error_, master_.osal);
     }
     void done(const Error& error) { error_ = error; }
 
   private:
     void mark_slave(bool used) {
-        if (operation(request_).needs == Needs::its_slave) master_.network.slave(slave_of(request_)).recovering = used;
+        if (needs_of(request_) == Needs::its_slave) master_.network.slave(slave_of(request_)).recovering = used;
     }
     Master& master_;
     Request& request_;
@@ -175,7 +174,9 @@ Task<Result<>> drive(Master& master, Request& request) {
 
 // False: there is no room for the request now.
 bool begin(Master& master, Request& request) {
-    const Error refused = operation(request).check(master.network, request);
+    Error refused = operation(request).check(master.network, request);
+    if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
+        refused = {.code = Errc::canceled, .step = operation(request).step};
     if (refused.code != Errc::none) {
         RequestAccess::end(request, refused, master.osal);
         return true;
@@ -193,6 +194,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
     for (Request* request = list; request != nullptr;) {
         Request* const after = next(*request);
         if (ends(*request)) {
+            RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
                 RequestAccess::sequence(*request).destroy();
             } else {
@@ -202,6 +204,19 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         }
         request = after;
     }
+}
+
+// The queue ends this running request, because its time is over.
+bool is_overdue(Request& request, Time now) {
+    return operation(request).timing == Timing::by_queue && RequestAccess::deadline(request) <= now;
+}
+
+// When the first request of a list is overdue.
+Time first_deadline(Request* list, bool running) {
+    Time first = kNever;
+    for (Request* r = list; r != nullptr; r = next(*r))
+        if (!running || operation(*r).timing == Timing::by_queue) first = std::min(first, RequestAccess::deadline(*r));
+    return first;
 }
 
 void begin_waiting(Master& master) {
@@ -230,38 +245,45 @@ void begin_waiting(Master& master) {
 
 }  // namespace
 
-void enqueue(Master& master, Request& request) {
-    push_submitted(master.queue, request);
-    if (!master.owned_by_caller()) master.osal.wake();
+bool enqueue(Master& master, Request& request) {
+    RequestQueue& queue = master.queue;
+    RequestAccess::ticket(request) = queue.tickets.fetch_add(1, std::memory_order_relaxed);
+    if (master.owned_by_caller()) {
+        accept(queue, request, master.in_poll ? master.network.engine.now() : master.osal.now());
+        return true;
+    }
+    for (auto& place : queue.submitted) {
+        Request* free = nullptr;
+        if (!place.compare_exchange_strong(free, &request, std::memory_order_acq_rel)) continue;
+        queue.any_submitted.store(true, std::memory_order_release);
+        master.osal.wake();
+        return true;
+    }
+    return false;
 }
 
 bool withdraw_submitted(RequestQueue& queue, Request& request) {
-    bool found = false;
-    for (Request* at = pop_submitted(queue); at != nullptr;) {
-        Request& one = *std::exchange(at, next(*at));
-        if (&one == &request)
-            found = true;
-        else
-            push_submitted(queue, one);
+    for (auto& place : queue.submitted) {
+        Request* it = &request;
+        if (place.compare_exchange_strong(it, nullptr, std::memory_order_acq_rel)) return true;
     }
-    return found;
+    return false;
 }
 
 Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
-    if (queue.submitted.load(std::memory_order_relaxed) != nullptr) take_submitted(queue, now);
+    take_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
         end_some(master, queue.waiting, Errc::canceled, asked);
         end_some(master, queue.running, Errc::canceled, asked);
     }
-    if (queue.waiting == nullptr) return kNever;
-    begin_waiting(master);
-    end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
-    Time soonest = kNever;
-    for (Request* r = queue.waiting; r != nullptr; r = next(*r))
-        soonest = std::min(soonest, RequestAccess::deadline(*r));
-    return soonest;
+    end_some(master, queue.running, Errc::timeout, [now](Request& r) { return is_overdue(r, now); });
+    if (queue.waiting != nullptr) {
+        begin_waiting(master);
+        end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
+    }
+    return std::min(first_deadline(queue.waiting, false), first_deadline(queue.running, true));
 }
 
 void cancel_queued(Master& master) {
@@ -283,16 +305,22 @@ Result<> submit(Context& ctx, Request& request) {
             return refused;
         }
     }
-    enqueue(*master, request);
-    return Result<>();
+    if (enqueue(*master, request)) return Result<>();
+    Error full{.code = Errc::capacity, .step = wanted.step};
+    full.expected = RequestQueue::kPlaces + 1;
+    full.actual = RequestQueue::kPlaces;
+    RequestAccess::end(request, full, master->osal);
+    return full;
 }
 
 void Request::cancel() {
-    if (!busy()) return;
+    std::uint32_t state = state_.load(std::memory_order_acquire);
+    while ((state & kPreparing) != 0) state = state_.load(std::memory_order_acquire);  // a few instructions of submit()
+    if (plain(state) != RequestState::busy) return;
     Master& master = *master_of(*ctx_);
-    const bool at_once = master.owned_by_caller() && !master.in_poll;
-    if (at_once && sequence_) return sequence_.destroy();
-    if (withdraw_submitted(master.queue, *this) || (at_once && remove(master.queue.waiting, *this)))
+    const bool owner = master.owned_by_caller();
+    if (owner && !master.in_poll && sequence_) return sequence_.destroy();
+    if (withdraw_submitted(master.queue, *this) || (owner && remove(master.queue.waiting, *this)))
         return RequestAccess::end(*this, {.code = Errc::canceled, .step = operation_->step}, master.osal);
     cancel_asked_.store(true, std::memory_order_release);
     master.queue.cancel_asked.store(true, std::memory_order_release);

@@ -3,6 +3,7 @@
 
 #include <margay/request.hpp>
 
+#include <array>
 #include <atomic>
 
 namespace margay {
@@ -20,25 +21,39 @@ struct RequestAccess {
     static std::atomic<bool>& cancel_asked(Request& r) { return r.cancel_asked_; }
     static std::atomic<std::uint32_t>& state(Request& r) { return r.state_; }
 
+    static Errc& why(Request& r) { return r.why_; }
+    static std::uint32_t& ticket(Request& r) { return r.ticket_; }
+
     // Makes the request busy; false when it is busy already. Of several threads one succeeds.
     [[nodiscard]] static bool claim(Request& r, Context& ctx);
+    // The owner has the request from now on.
+    static void take(Request& r) { r.state_.fetch_or(Request::kTaken, std::memory_order_acq_rel); }
+    [[nodiscard]] static bool taken(const Request& r) {
+        return (r.state_.load(std::memory_order_acquire) & Request::kTaken) != 0;
+    }
     // Ends the request and wakes the threads that sleep until then. The request may be gone afterwards.
     static void end(Request& r, const Error& error, Osal& osal);
     // Sleeps until the request is over, or until `until`. For a thread that does not own the context.
     static void sleep(Request& r, Osal& osal, Time until);
 };
 
+// Where other threads put their requests: each into a place that is free. A thread can take its request out again as
+// long as the owner has not, and no thread ever waits for another one.
 struct RequestQueue {
-    std::atomic<Request*> submitted{nullptr};  // newest first
+    static constexpr std::size_t kPlaces = 64;
+
+    std::array<std::atomic<Request*>, kPlaces> submitted{};
+    std::atomic<std::uint32_t> tickets{0};
+    std::atomic<bool> any_submitted{false};
     std::atomic<bool> cancel_asked{false};
     Request* waiting = nullptr;  // to begin; oldest first
     Request* running = nullptr;
 };
 
-// Queues a request that has been claimed.
-void enqueue(Master& master, Request& request);
+// Queues a request that has been claimed. False: there is no free place.
+[[nodiscard]] bool enqueue(Master& master, Request& request);
 
-// Takes a request out of the queue that has not begun. From any thread; false when the owner has taken it already.
+// Takes back a request that another thread has submitted. From any thread; false when the owner has taken it already.
 [[nodiscard]] bool withdraw_submitted(RequestQueue& queue, Request& request);
 
 // For poll(): begins what waits as far as there is room and nothing is in the way, ends what is to be cancelled and

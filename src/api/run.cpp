@@ -184,7 +184,7 @@ static Task<Result<>> run(Network& network, TargetRequest& request) {
 }
 
 static constexpr OperationDescription kTarget =
-    describe_operation<TargetRequest, check, run>(Operation::set_target, Step::request_state, Needs::segment);
+    describe_operation<TargetRequest, check, run>(Operation::set_target, Step::request_state, Needs::its_slave);
 TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
 
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
@@ -227,7 +227,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     }
     ReadStateRequest look;  // what is known of the states may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;
-    const Time give_up = osal.now() + timeout;
+    const Time give_up = later(osal.now(), timeout);
     Schedule schedule(osal.now(), cycle.period);
     for (;;) {
         const Error exchanged = exchange(ctx, cycle);

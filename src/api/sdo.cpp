@@ -44,11 +44,11 @@ static Task<Result<>> run(Network& network, SdoDownload& request) {
 }
 
 static constexpr OperationDescription kUpload =
-    describe_operation<SdoUpload, check, run>(Operation::sdo_upload, Step::sdo_upload);
+    describe_mail<SdoUpload, check, run>(Operation::sdo_upload, Step::sdo_upload);
 SdoUpload::SdoUpload() : SlaveRequest(kUpload) {}
 
 static constexpr OperationDescription kDownload =
-    describe_operation<SdoDownload, check, run>(Operation::sdo_download, Step::sdo_download);
+    describe_mail<SdoDownload, check, run>(Operation::sdo_download, Step::sdo_download);
 SdoDownload::SdoDownload() : SlaveRequest(kDownload) {}
 
 Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,

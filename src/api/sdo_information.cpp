@@ -50,15 +50,15 @@ static Task<Result<>> run(Network& network, EntryDescriptionRequest& request) {
 }
 
 static constexpr OperationDescription kList =
-    describe_operation<ObjectListRequest, check, run>(Operation::sdo_information, Step::sdo_information);
+    describe_mail<ObjectListRequest, check, run>(Operation::sdo_information, Step::sdo_information);
 ObjectListRequest::ObjectListRequest() : SlaveRequest(kList) {}
 
 static constexpr OperationDescription kObject =
-    describe_operation<ObjectDescriptionRequest, check, run>(Operation::sdo_information, Step::sdo_information);
+    describe_mail<ObjectDescriptionRequest, check, run>(Operation::sdo_information, Step::sdo_information);
 ObjectDescriptionRequest::ObjectDescriptionRequest() : SlaveRequest(kObject) {}
 
 static constexpr OperationDescription kEntry =
-    describe_operation<EntryDescriptionRequest, check, run>(Operation::sdo_information, Step::sdo_information);
+    describe_mail<EntryDescriptionRequest, check, run>(Operation::sdo_information, Step::sdo_information);
 EntryDescriptionRequest::EntryDescriptionRequest() : SlaveRequest(kEntry) {}
 
 Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,

@@ -49,16 +49,15 @@ static Task<Result<>> run(Network& network, SoeCommand& r) {
     co_return co_await soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience);
 }
 
-static constexpr OperationDescription kRead =
-    describe_operation<SoeRead, check, run>(Operation::soe_read, Step::soe_read);
+static constexpr OperationDescription kRead = describe_mail<SoeRead, check, run>(Operation::soe_read, Step::soe_read);
 SoeRead::SoeRead() : SlaveRequest(kRead) {}
 
 static constexpr OperationDescription kWrite =
-    describe_operation<SoeWrite, check, run>(Operation::soe_write, Step::soe_write);
+    describe_mail<SoeWrite, check, run>(Operation::soe_write, Step::soe_write);
 SoeWrite::SoeWrite() : SlaveRequest(kWrite) {}
 
 static constexpr OperationDescription kCommand =
-    describe_operation<SoeCommand, check, run>(Operation::soe_command, Step::soe_command);
+    describe_mail<SoeCommand, check, run>(Operation::soe_command, Step::soe_command);
 SoeCommand::SoeCommand() : SlaveRequest(kCommand) {}
 
 // ------------------------------------------------------------------ calls that wait

@@ -8,7 +8,15 @@
 
 #include <margay/margay.hpp>
 
+#include <algorithm>
+
 namespace margay {
+
+// Of the timeout of a request; zero where the request has none.
+static Duration time_left(Network& network, Request& request) {
+    if (request.timeout <= Duration{0}) return Duration{0};
+    return std::max(RequestAccess::deadline(request) - network.engine.now(), Duration{1});
+}
 
 static Error check(Network& network, const StateRequest& request) {
     return check_slave(network, request.slave, Step::request_state);
@@ -25,7 +33,7 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
     auto seen = co_await read_al_status(network.station(slave));
     take_al_status(slave.al, seen);
     if (!seen) co_return seen.error();
-    auto changed = co_await change_state(network, slave, request.wanted, request.timeout);
+    auto changed = co_await change_state(network, slave, request.wanted, time_left(network, request));
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 
@@ -40,20 +48,20 @@ static Task<Result<>> run(Network& network, WriteStateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {
-    auto reached = co_await wait_for_state(network, request.slave, request.wanted, request.timeout);
+    auto reached = co_await wait_for_state(network, request.slave, request.wanted, time_left(network, request));
     request.reached = *reached;
     co_return reached ? Result<>() : Result<>(reached.error());
 }
 
-static constexpr OperationDescription kChange =
-    describe_operation<StateRequest, check, run>(Operation::change_state, Step::request_state, Needs::its_slave);
+static constexpr OperationDescription kChange = describe_operation<StateRequest, check, run>(
+    Operation::change_state, Step::request_state, Needs::its_slave, Ends::by_itself, Timing::by_sequence);
 static constexpr OperationDescription kRead =
     describe_operation<ReadStateRequest, check_nothing<ReadStateRequest>, run>(Operation::read_states,
                                                                                Step::read_state);
 static constexpr OperationDescription kWrite =
-    describe_operation<WriteStateRequest, check, run>(Operation::write_states, Step::request_state);
-static constexpr OperationDescription kCheck =
-    describe_operation<StateCheckRequest, check, run>(Operation::check_states, Step::read_state);
+    describe_operation<WriteStateRequest, check, run>(Operation::write_states, Step::request_state, Needs::its_slave);
+static constexpr OperationDescription kCheck = describe_operation<StateCheckRequest, check, run>(
+    Operation::check_states, Step::read_state, Needs::nothing, Ends::by_itself, Timing::by_sequence);
 StateRequest::StateRequest() : SlaveRequest(kChange) {}
 ReadStateRequest::ReadStateRequest() : Request(kRead) {}
 WriteStateRequest::WriteStateRequest() : SlaveRequest(kWrite) {}

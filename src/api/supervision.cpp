@@ -5,6 +5,7 @@
 #include "api/operation.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
+#include "network/states.hpp"
 #include "network/wanted.hpp"
 
 #include <margay/margay.hpp>
@@ -17,6 +18,9 @@ static Error check(Network& network, const SuperviseRequest& request) {
         return {.code = Errc::busy, .step = Step::recover, .detail = static_cast<std::uint32_t>(Operation::supervise)};
     if (can_be_target(request.target)) return {};
     return {.code = Errc::invalid_argument, .step = Step::recover};
+}
+static Error check(Network& network, const RecoverRequest& request) {
+    return check_slave_or_all(network, request.slave, Step::recover);
 }
 static Error check(Network& network, const ReconfigRequest& request) {
     return check_slave(network, request.slave, Step::recover);
@@ -44,21 +48,36 @@ static Task<Result<>> run(Network& network, ReconfigRequest& request) {
     return reconfigure(network, network.slave(request.slave));
 }
 
+// The slave answers, or why it does not.
+static Error absence(Network& network, std::uint16_t number) {
+    const Slave& slave = network.slave(number);
+    if (slave.al.state != AlState::none) return {};
+    if (slave.error.code == Errc::other_slave) return slave.error;
+    return {.code = Errc::unknown_slave, .step = Step::recover, .slave = number, .expected = network.count};
+}
+
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
+    request.found = 0;
+    auto states = co_await read_states(network);
+    if (!states) co_return states.error();
+    if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Result<>();
     auto found = co_await find_lost(network);
+    if (!found) co_return found.error();
     request.found = *found;
-    co_return found ? Result<>() : Result<>(found.error());
+    if (request.slave == 0) co_return Result<>();
+    const Error absent = absence(network, request.slave);
+    co_return absent.code == Errc::none ? Result<>() : Result<>(absent);
 }
 
 static constexpr OperationDescription kSupervise = describe_operation<SuperviseRequest, check, run>(
-    Operation::supervise, Step::recover, Needs::nothing, Ends::when_canceled);
+    Operation::supervise, Step::recover, Needs::segment_to_begin, Ends::when_canceled);
 static constexpr OperationDescription kReconfigure =
     describe_operation<ReconfigRequest, check, run>(Operation::reconfigure, Step::recover, Needs::its_slave);
-static constexpr OperationDescription kRecover = describe_operation<RecoverRequest, check_nothing<RecoverRequest>, run>(
-    Operation::recover, Step::recover, Needs::segment);
+static constexpr OperationDescription kRecover =
+    describe_operation<RecoverRequest, check, run>(Operation::recover, Step::recover, Needs::segment);
 SuperviseRequest::SuperviseRequest() : Request(kSupervise) {}
 ReconfigRequest::ReconfigRequest() : SlaveRequest(kReconfigure) {}
-RecoverRequest::RecoverRequest() : Request(kRecover) {}
+RecoverRequest::RecoverRequest() : SlaveRequest(kRecover) {}
 
 Result<> reconfig_slave(Context& ctx, std::uint16_t slave) {
     ReconfigRequest request;
@@ -67,22 +86,11 @@ Result<> reconfig_slave(Context& ctx, std::uint16_t slave) {
 }
 
 Result<> recover_slave(Context& ctx, std::uint16_t slave) {
-    Master* master = master_of(ctx);
-    if (master == nullptr) return Error{.code = Errc::wrong_state, .step = Step::recover};
-    const Error refused = slave != 0 ? check_slave(master->network, slave, Step::recover) : Error{};
-    if (refused.code != Errc::none) return refused;
-    if (const auto states = readstate(ctx); !states) return states.error();
-    if (slave != 0 && ctx.slave(slave).al.state != AlState::none) return Result<>();
     RecoverRequest request;
+    request.slave = slave;
     const auto done = submit_and_wait(ctx, request);
-    if (!done) return done;
-    const bool there = slave == 0 ? request.found > 0 : ctx.slave(slave).al.state != AlState::none;
-    if (there) return Result<>();
-    if (slave != 0 && ctx.slave(slave).error.code == Errc::other_slave) return ctx.slave(slave).error;
-    return Error{.code = Errc::unknown_slave,
-                 .step = Step::recover,
-                 .slave = slave,
-                 .expected = static_cast<std::uint32_t>(ctx.slaves().size())};
+    if (!done || slave != 0 || request.found > 0) return done;
+    return Error{.code = Errc::unknown_slave, .step = Step::recover};
 }
 
 }  // namespace margay

@@ -28,16 +28,15 @@ void poll_until_over(Context& ctx, Master& master, Request& request) {
     }
 }
 
-// Of a request that another thread has submitted. Says false when the owner does not poll.
+// Of a request that another thread has submitted. Says false when the owner does not poll. Once the owner has taken the
+// request, only the request and the system are looked at: the context may go away, and ends the request then.
 bool sleep_until_over(Master& master, Request& request) {
-    const std::uint32_t polls = master.polls.load(std::memory_order_relaxed);
-    const Time patience = master.osal.now() + kOwnerSilent;
-    while (request.busy()) {
-        const bool polled = master.polls.load(std::memory_order_relaxed) != polls;
-        RequestAccess::sleep(request, master.osal, polled ? kNever : patience);
-        if (polled || master.osal.now() < patience || master.polls.load(std::memory_order_relaxed) != polls) continue;
-        if (withdraw_submitted(master.queue, request)) return false;
-    }
+    Osal& osal = master.osal;
+    const Time patience = osal.now() + kOwnerSilent;
+    while (request.busy() && !RequestAccess::taken(request) && osal.now() < patience)
+        RequestAccess::sleep(request, osal, patience);
+    if (request.busy() && !RequestAccess::taken(request) && withdraw_submitted(master.queue, request)) return false;
+    while (request.busy()) RequestAccess::sleep(request, osal, kNever);
     return true;
 }
 
@@ -105,13 +104,12 @@ Time poll(Context& ctx, Time now) {
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);
     const RequestQueue& queue = master->queue;
-    if (queue.waiting != nullptr || queue.submitted.load(std::memory_order_relaxed) != nullptr ||
+    if (queue.waiting != nullptr || queue.any_submitted.load(std::memory_order_relaxed) ||
         queue.cancel_asked.load(std::memory_order_relaxed)) {
         queued = serve_queue(*master, now);
         next = network.engine.poll(now);
     }
     master->in_poll = false;
-    master->polls.store(master->polls.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
     return std::min(next, queued);
 }
 

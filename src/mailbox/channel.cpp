@@ -131,6 +131,9 @@ Task<Result<>> MailboxChannel::pump() {
 
 MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();
+    // A slave that is gone is not looked at for ever on behalf of nobody. What is to be looked for is kept for later.
+    const bool nobody_waits = queue_.empty() && awaiting_.empty() && farewell_bytes_ == 0;
+    if (nobody_waits && silent_looks_ >= kMostSilentLooks) return Action::stop;
     if (repeat_ == Repeated::ready) return Action::ask_repeat;
     if (full_ && repeat_ == Repeated::no) return Action::fetch;
     if (unsure_ != nullptr && resend_) {
@@ -320,8 +323,10 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     if (!reply.ok() || reply.wkc != 1) {
         trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
         look_at_ = now() + timing.longest_pause;
+        if (silent_looks_ < kMostSilentLooks) ++silent_looks_;
         return;
     }
+    silent_looks_ = 0;
     if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {

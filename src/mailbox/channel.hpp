@@ -170,6 +170,8 @@ class MailboxChannel {
     bool parked_ = false;  // the watch over all slaves looks for us
     Time look_at_ = Time::min();
     Duration pause_{0};
+    std::uint8_t silent_looks_ = 0;  // in a row that the slave has not answered
+    static constexpr std::uint8_t kMostSilentLooks = 100;  // of a millisecond each
     unsigned looks_ = 0;  // in vain, one behind the other
     std::uint8_t in_counter_ = 0;
     bool counts_ = true;  // the slave has not been seen without a counter

@@ -151,6 +151,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
     counts_ = true;
     in_counter_ = out_counter_ = 0;
+    silent_looks_ = 0;
     glance_ = true;  // before the first message is sent, what an earlier master has left is fetched
 }
 
@@ -201,6 +202,7 @@ void MailboxChannel::glance() {
     glance_ = true;
     look_at_ = now();
     parked_ = false;
+    silent_looks_ = 0;
     ensure_pump();
     kick();
 }

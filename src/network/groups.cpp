@@ -92,6 +92,11 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
 
 // A slave that was held, or has not come beyond INIT: its start-up is done now.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+    // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is switched off, and count as right.
+    if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
+        auto cleared = co_await clear_fmmus(network, slave);
+        (void)cleared;  // a slave that does not answer maps nothing
+    }
     const bool due = slave.held_back || slave.al.state == AlState::init;
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)

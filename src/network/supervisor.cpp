@@ -32,6 +32,8 @@ struct Watch {
     std::uint64_t lost_before = 0;  // and lost, when one was received last
     std::uint32_t walked = 0;       // of slaves in the ring, when it was gone through last
     Time retry_at = Time::min();
+    Time look_at = Time::min();   // when all slaves are asked again, whatever the roll says
+    std::size_t next_helped = 0;  // with which slave the next choice begins, so that no slave starves another
     Time search_at = Time::min();
     Time lines_at = Time::min();
     Time groups_at = kNever;  // when a hot connect group should be complete
@@ -136,6 +138,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         }
     }
     slave.attempts = static_cast<std::uint8_t>(std::min(slave.attempts + 1, 255));
+    watch.look_at = network.engine.now();  // the slave may have fallen since the last roll, which does not tell that
     watch.retry_at = network.engine.now() + watch.wanted.retry;
     co_return Result<>();
 }
@@ -221,10 +224,15 @@ void segment_silent(Watch& watch) {
 void start_helpers(Watch& watch, Crew& crew) {
     const Time now = watch.network.engine.now();
     const bool again = now >= watch.retry_at;
-    for (Slave& slave : watch.network.slaves()) {
-        update_counted(watch.network, slave);
+    const auto slaves = watch.network.slaves();
+    const std::size_t first = watch.next_helped;
+    for (Slave& slave : slaves) update_counted(watch.network, slave);
+    for (std::size_t n = 0; n < slaves.size(); ++n) {
+        const std::size_t at = (first + n) % slaves.size();
+        Slave& slave = slaves[at];
         if (crew.full() || !needs_help(watch.network, slave) || (slave.attempts > 0 && !again)) continue;
         if (!crew.start(help(watch, slave))) return;
+        watch.next_helped = at + 1;
     }
 }
 
@@ -268,7 +276,10 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const bool unexpected = judge_groups(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
-    if (changed || unexpected || walk_is_due(watch, *roll)) {
+    // A slave that falls between two rolls is hidden by another slave in the same state: the roll has the OR of all.
+    const bool look_is_due = network.engine.now() >= watch.look_at;
+    if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
+        watch.look_at = network.engine.now() + watch.wanted.retry;
         auto looked = co_await look(watch, crew, *roll, unexpected);
         if (!looked) co_return looked;
     }
