@@ -53,8 +53,16 @@ void write_command(TextWriter& out, const Error& e) {
     out << ")";
 }
 
+// The call itself was refused, whatever it was about.
+bool is_refused_call(const Error& e) {
+    const bool of_call = e.code == Errc::not_owner || e.code == Errc::not_polled || e.code == Errc::waiting_forbidden ||
+                         e.code == Errc::in_callback || e.code == Errc::wrong_state || e.code == Errc::busy;
+    return of_call && e.slave == 0 && e.index == 0;
+}
+
 // What `index` and `subindex` of an error mean depends on the step.
 void write_place(TextWriter& out, const Error& e) {
+    if (is_refused_call(e)) return;
     if (is_entry(e.code)) return write_entry_place(out, e);
     switch (e.step) {
         case Step::read_sii:
@@ -178,6 +186,7 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::sm_shortage:
         case Errc::too_many_frames:
         case Errc::capacity:
+            if (e.step == Step::count_slaves || e.step == Step::identify) out << " (Limits::slaves)";
             if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
             break;
         case Errc::sii_verify:
@@ -219,6 +228,11 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
+            break;
+        case Errc::wrong_state:
+            if (is_refused_call(e))
+                out << (e.step == Step::open_nic ? " (init() was called before)"
+                                                 : " (call init(), then config_init(), then submit or wait)");
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";

@@ -22,7 +22,7 @@ Error refused(Errc code, std::uint8_t group) {
     Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
     Time now = osal.now();
-    const Time give_up = now + timeout;
+    const Time give_up = later(now, timeout);
     while (now < give_up) {
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
         now = osal.now();
@@ -50,7 +50,7 @@ Error refused(Errc code, std::uint8_t group) {
         const bool all = !none && engine.receive_overlapped(frames, now);
         while (none && engine.receive_one(now)) {
         }
-        const Time give_up = (none ? start : std::max(from, sent_at(group))) + timeout;
+        const Time give_up = later(none ? start : std::max(from, sent_at(group)), timeout);
         if (all || (now >= give_up && !none)) return end_overlapped(group, engine.link(), now);
         if (now >= give_up) return refused(Errc::timeout, group.number);
         osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());

@@ -129,6 +129,7 @@ enum class Step : std::uint8_t {
     command_pi,
     command_ib,
     command_bi,
+    application_hook,
 };
 
 // What a request does: so that an error can name the operation that is in the way.

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <deque>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace margay {
@@ -28,15 +29,15 @@ class HostConfiguration {
 
     // Adds a slave; `slave.config` is copied where it is set.
     void add(const ExpectedSlave& slave) {
-        expected_.push_back(slave);
-        if (slave.config != nullptr) expected_.back().config = keep(*slave.config);
+        room().push_back(slave);
+        if (slave.config != nullptr) expected_.back().back().config = keep(*slave.config);
     }
     void add(const ExpectedSlave& slave, const SlaveConfiguration& config) {
-        expected_.push_back(slave);
-        expected_.back().config = keep(config);
+        room().push_back(slave);
+        expected_.back().back().config = keep(config);
     }
 
-    [[nodiscard]] Borrowed<ExpectedSlave> expected() const { return expected_; }
+    [[nodiscard]] Borrowed<ExpectedSlave> expected() const { return expected_.back(); }
 
     // Copies a configuration with all that it points at; the copy lives as long as this object.
     [[nodiscard]] const SlaveConfiguration* keep(const SlaveConfiguration& config) {
@@ -72,7 +73,16 @@ class HostConfiguration {
         return copy;
     }
 
-    std::vector<ExpectedSlave> expected_;
+    // The list, with room for one more. A list that is full stays for the contexts that use it, and is copied.
+    std::vector<ExpectedSlave>& room() {
+        if (expected_.back().size() < expected_.back().capacity()) return expected_.back();
+        std::vector<ExpectedSlave> larger;
+        larger.reserve(2 * expected_.back().size() + 8);
+        larger.assign(expected_.back().begin(), expected_.back().end());
+        return expected_.emplace_back(std::move(larger));
+    }
+
+    std::deque<std::vector<ExpectedSlave>> expected_{std::vector<ExpectedSlave>()};
     // Lists of lists that grow at their end only: no element moves.
     std::deque<SlaveConfiguration> configurations_;
     std::deque<SlaveSetup> setups_;

@@ -112,8 +112,10 @@ struct SiiReadRequest : SlaveRequest {
     std::span<std::byte> data;
 };
 
-// Writes an even number of octets to the SII EEPROM, each word read back. On an error error().index is the first word
-// that is not sure to hold what was asked for; the words before it do.
+// Writes an even number of octets to the SII EEPROM, each word read back: first words 0x08 and up in rising order, then
+// the configuration area (words 0x00 to 0x07), of which only the words that differ are written. On an error,
+// error().index is the word that failed. Words of the area that were written get their old values again; words from
+// 0x08 up to the failed one keep the new values.
 struct SiiWriteRequest : SlaveRequest {
     SiiWriteRequest();
     std::uint32_t word = 0;
@@ -169,8 +171,8 @@ Result<> wait(Context& ctx, Request& request);
 
 // Whether the owner may call functions that wait, as it may after init(). A program whose owner runs a cycle forbids it
 // once the cycle has begun: then each of these calls fails in the thread of the owner with Errc::waiting_forbidden, and
-// none can stop the cycle by mistake. Other threads may wait at any time. Owner.
-void allow_waiting(Context& ctx, bool allowed);
+// none can stop the cycle by mistake. Other threads may wait at any time. Errors: not_owner, wrong_state before init().
+Result<> allow_waiting(Context& ctx, bool allowed);
 
 // The calling thread owns the context from now on. The former owner must not be in a call of this context, and both
 // threads must know of the change: one thread ends its last call before the other one makes this call.

@@ -100,6 +100,8 @@ static Task<Result<>> run(Network& network, EntryRequest& request) {
     EntryMatcher matcher(handles, slave);
     auto walked = co_await find_entries(network, slave, matcher);
     if (!walked) co_return walked;
+    const Error changed = check(network, request);  // the configuration of the slave may be another one now
+    if (changed.code != Errc::none) co_return changed;
     Wanted& first = request.one_direction && request.wanted == Direction::inputs ? in : out;
     const bool other = !request.one_direction && !EntryAccess::found(first).any;
     const auto place =
@@ -117,9 +119,9 @@ static Task<Result<>> run(Network& network, EntryNameRequest& request) {
 }
 
 static constexpr OperationDescription kFind =
-    describe_operation<EntryRequest, check, run>(Operation::find_entry, Step::map_process_data);
+    describe_operation<EntryRequest, check, run>(Operation::find_entry, Step::map_process_data, Needs::its_slave);
 static constexpr OperationDescription kName =
-    describe_mail<EntryNameRequest, check, run>(Operation::find_entry, Step::discover_pdos);
+    describe_operation<EntryNameRequest, check, run>(Operation::find_entry, Step::discover_pdos, Needs::its_slave);
 EntryRequest::EntryRequest() : Request(kFind) {}
 EntryNameRequest::EntryNameRequest() : MailRequest(kName) {}
 

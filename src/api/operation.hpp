@@ -35,11 +35,23 @@ struct OperationDescription {
     Needs needs;
     Ends ends;
     Timing timing;
+    // The slave that the request is for; 0: all slaves, or none in particular.
+    std::uint16_t (*slave)(const Request& request);
     // What is wrong with the parameters; code none: nothing. Asked again when the request begins.
     Error (*check)(Network& network, const Request& request);
     // The sequence of the operation. Its error becomes the error of the request.
     Task<Result<>> (*sequence)(Network& network, Request& request);
 };
+
+template <class R>
+constexpr std::uint16_t slave_number(const R& request) {
+    if constexpr (requires { request.address.slave; })
+        return request.address.slave;
+    else if constexpr (requires { request.slave; })
+        return request.slave;
+    else
+        return 0;
+}
 
 template <class R, Error (*Check)(Network&, const R&), Task<Result<>> (*Run)(Network&, R&)>
 constexpr OperationDescription describe_operation(Operation operation, Step step, Needs needs = Needs::nothing,
@@ -49,6 +61,7 @@ constexpr OperationDescription describe_operation(Operation operation, Step step
             needs,
             ends,
             timing,
+            [](const Request& request) { return slave_number(static_cast<const R&>(request)); },
             [](Network& network, const Request& request) { return Check(network, static_cast<const R&>(request)); },
             [](Network& network, Request& request) { return Run(network, static_cast<R&>(request)); }};
 }

@@ -52,7 +52,7 @@ constexpr std::uint8_t kMostPassed = 8;
 
 const OperationDescription& operation(const Request& r) { return RequestAccess::operation(r); }
 Request*& next(Request& r) { return RequestAccess::next(r); }
-std::uint16_t slave_of(const Request& r) { return static_cast<const SlaveRequest&>(r).slave; }
+std::uint16_t slave_of(const Request& r) { return operation(r).slave(r); }
 
 bool remove(Request*& list, Request& request) {
     for (Request** at = &list; *at != nullptr; at = &next(**at))
@@ -107,7 +107,7 @@ bool is_free(Master& master, const Request& request) {
     switch (needs_of(request)) {
         case Needs::nothing: return true;
         case Needs::segment:
-            return !any_running(queue, [](const Request& r) {
+            return !master.network.searching && !any_running(queue, [](const Request& r) {
                 return needs_of(r) == Needs::segment || needs_of(r) == Needs::its_slave;
             });
         case Needs::segment_to_begin: return !any_running(queue, needs_segment);

@@ -218,6 +218,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
     if (cycle.period <= Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::request_state};
     Osal& osal = master_of(ctx)->osal;
+    (void)poll(ctx, osal.now());  // a SuperviseRequest that waits begins now, with its own target
     SuperviseRequest supervision;
     supervision.target = state;
     network.target = state;
@@ -234,7 +235,13 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         if (ends_the_cycle(exchanged.code)) return exchanged;
         (void)schedule.next(osal.now());
         poll_until(ctx, schedule.due());
-        if (look.busy() && osal.now() < give_up) continue;
+        const bool in_time = osal.now() < give_up;
+        if (look.busy() && in_time) continue;
+        if (look.busy() || look.state() == RequestState::error) {  // nothing is known of the states
+            if (!in_time) return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
+            if (const auto again = submit(ctx, look); !again) return again;
+            continue;
+        }
         const Standing now = standing(network);
         const Error cycles = now.first.code == Errc::none ? cycles_trouble(network) : Error{};
         if (now.first.code == Errc::none && cycles.code == Errc::none) return Result<>();

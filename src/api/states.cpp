@@ -4,6 +4,7 @@
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "network/transition.hpp"
+#include "network/wanted.hpp"
 #include "station/al_state.hpp"
 
 #include <margay/margay.hpp>
@@ -18,14 +19,27 @@ static Duration time_left(Network& network, Request& request) {
     return std::max(RequestAccess::deadline(request) - network.engine.now(), Duration{1});
 }
 
+// There are slaves, `slave` is one of them or all (0), and `wanted` is a state.
+static Error check_state(Network& network, std::uint16_t slave, AlState wanted, Step step) {
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = step};
+    const Error refused = check_slave_or_all(network, slave, step);
+    if (refused.code != Errc::none || can_be_target(wanted) || wanted == AlState::boot) return refused;
+    return {.code = Errc::invalid_argument, .step = step, .slave = slave};
+}
+
 static Error check(Network& network, const StateRequest& request) {
-    return check_slave(network, request.slave, Step::request_state);
+    const Error refused = check_slave(network, request.slave, Step::request_state);
+    if (refused.code != Errc::none) return refused;
+    return check_state(network, request.slave, request.wanted, Step::request_state);
 }
 static Error check(Network& network, const WriteStateRequest& request) {
-    return check_slave_or_all(network, request.slave, Step::request_state);
+    return check_state(network, request.slave, request.wanted, Step::request_state);
 }
 static Error check(Network& network, const StateCheckRequest& request) {
-    return check_slave_or_all(network, request.slave, Step::read_state);
+    return check_state(network, request.slave, request.wanted, Step::read_state);
+}
+static Error check(Network& network, const ReadStateRequest&) {
+    return network.count == 0 ? Error{.code = Errc::wrong_state, .step = Step::read_state} : Error{};
 }
 
 static Task<Result<>> run(Network& network, StateRequest& request) {
@@ -56,8 +70,7 @@ static Task<Result<>> run(Network& network, StateCheckRequest& request) {
 static constexpr OperationDescription kChange = describe_operation<StateRequest, check, run>(
     Operation::change_state, Step::request_state, Needs::its_slave, Ends::by_itself, Timing::by_sequence);
 static constexpr OperationDescription kRead =
-    describe_operation<ReadStateRequest, check_nothing<ReadStateRequest>, run>(Operation::read_states,
-                                                                               Step::read_state);
+    describe_operation<ReadStateRequest, check, run>(Operation::read_states, Step::read_state);
 static constexpr OperationDescription kWrite =
     describe_operation<WriteStateRequest, check, run>(Operation::write_states, Step::request_state, Needs::its_slave);
 static constexpr OperationDescription kCheck = describe_operation<StateCheckRequest, check, run>(

@@ -62,6 +62,8 @@ Result<> wait(Context& ctx, Request& request) {
         poll_until_over(ctx, *master, request);
     else if (!sleep_until_over(*master, request))
         RequestAccess::end(request, {.code = Errc::not_polled, .step = step}, master->osal);
+    if (request.state() == RequestState::unused)
+        return Error{.code = Errc::wrong_state, .step = step};  // not submitted
     return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
 }
 
@@ -74,8 +76,10 @@ Result<> submit_and_wait(Context& ctx, Request& request) {
     return submitted ? wait(ctx, request) : submitted;
 }
 
-void allow_waiting(Context& ctx, bool allowed) {
-    if (Master* master = master_of(ctx); master != nullptr) master->owner_may_wait = allowed;
+Result<> allow_waiting(Context& ctx, bool allowed) {
+    if (const Error refused = check_owner(ctx, Step::none); refused.code != Errc::none) return refused;
+    master_of(ctx)->owner_may_wait = allowed;
+    return Result<>();
 }
 
 Result<> take_ownership(Context& ctx) {

@@ -16,6 +16,8 @@
 
 #include <margay/error.hpp>
 
+#include <algorithm>
+
 namespace margay {
 
 class MailboxChannel;
@@ -53,7 +55,7 @@ struct MailPatience {
     Time give_up = kNever;
     Duration each = std::chrono::seconds(3);
     MailPriority priority = 0;
-    [[nodiscard]] Time for_one(Time now) const { return give_up - now < each ? give_up : now + each; }
+    [[nodiscard]] Time for_one(Time now) const { return std::min(give_up, later(now, each)); }
 };
 
 class MailExchange : public MailTurn {

@@ -233,8 +233,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.ring == 0) {
             const Error error = missing_error(network, slave);
-            if (error.code != Errc::none) network.errors.add(error);
-            faults.keep(error);
+            if (error.code != Errc::none) faults.note(network, slave, error);
         }
         Error error;
         if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position};

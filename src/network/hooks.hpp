@@ -12,6 +12,15 @@ struct HookAccess {
     [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
 };
 
+// An error that a hook has made itself names its slave and says where it comes from.
+[[nodiscard]] inline Result<> of_slave(const Result<>& done, const Slave& slave) {
+    if (done) return done;
+    Error error = done.error();
+    error.slave = slave.position;
+    if (error.step == Step::none) error.step = Step::application_hook;
+    return error;
+}
+
 // Calls a hook and waits until it is done: a plain function is called again as long as it returns Errc::busy. `args`
 // are values. Without a hook: success.
 template <class... Args>
@@ -19,13 +28,13 @@ Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void*
     const HookedSlave hooked = HookAccess::slave(network, slave.position);
     if (hook.sequence() != nullptr) {
         auto done = co_await hook.sequence()(hooked, args..., user);
-        co_return done;
+        co_return of_slave(done, slave);
     }
     while (hook.plain() != nullptr) {
         // An exception must not pass through the library: noexcept ends the program instead.
         const auto call = [&]() noexcept { return hook.plain()(hooked, args..., user); };
         const Result<> done = call();
-        if (done.error().code != Errc::busy) co_return done;
+        if (done.error().code != Errc::busy) co_return of_slave(done, slave);
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
     co_return Result<>();

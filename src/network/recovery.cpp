@@ -57,8 +57,10 @@ Task<Result<>> get_to_know(Network& network, Slave& slave) {
     auto assigned = co_await sii_assign(network.station(slave), false);
     if (!assigned) co_return assigned;
     auto surveyed = co_await survey(network, slave);
+    auto offered = co_await sii_assign(network.station(slave), true);
     if (!surveyed) co_return surveyed;
     if (!slave.seen) co_return slave.error;
+    if (!offered) co_return offered;
     const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
     if (other.code == Errc::none) {
         slave.other = false;
@@ -108,9 +110,10 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
         co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
+    if (!is_mapped(network, slave)) co_return Result<>();
     ProcessGroup& group = network.process.groups[slave.config.group];
     const Error entries = place_entries(network, group, &slave);
-    (void)entries;  // it is in errors(); the slave goes on
+    if (entries.code != Errc::none) co_return entries;  // what the application writes would go nowhere
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
@@ -121,6 +124,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
+    if (!is_mapped(network, slave)) co_return Result<>();  // the hook may have changed the group
     if (slave.pdos_failed || slave.place_kept || slave.unplaced || !slave.pdos_compared) {
         auto taken_in = co_await take_in(network, slave);
         if (!taken_in) co_return taken_in;

@@ -110,7 +110,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
 }
 
 Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Duration timeout) {
-    const Time give_up = network.engine.now() + timeout;
+    const Time give_up = later(network.engine.now(), timeout);
     Duration pause = kFirstPause;
     for (;;) {
         auto all = co_await read_states(network);

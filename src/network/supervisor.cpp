@@ -124,7 +124,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (done) {
         slave.attempts = 0;
         slave.settled = slave.al.state;
-        const bool there = slave.al.state == goal(network, slave) && !slave.al.error && !slave.held;
+        const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
         if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
     }
@@ -139,7 +139,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     }
     slave.attempts = static_cast<std::uint8_t>(std::min(slave.attempts + 1, 255));
     watch.look_at = network.engine.now();  // the slave may have fallen since the last roll, which does not tell that
-    watch.retry_at = network.engine.now() + watch.wanted.retry;
+    watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Result<>();
 }
 
@@ -149,7 +149,7 @@ Task<Result<>> search(Watch& watch) {
     // Whoever is nobody we know stays that for a while; a ring that changes meanwhile is gone through again.
     watch.search_at = now + (found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
-    if (found && *found > 0) watch.groups_at = now + watch.wanted.retry;
+    if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
     co_return Result<>();
 }
 
@@ -279,7 +279,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     // A slave that falls between two rolls is hidden by another slave in the same state: the roll has the OR of all.
     const bool look_is_due = network.engine.now() >= watch.look_at;
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
-        watch.look_at = network.engine.now() + watch.wanted.retry;
+        watch.look_at = later(network.engine.now(), watch.wanted.retry);
         auto looked = co_await look(watch, crew, *roll, unexpected);
         if (!looked) co_return looked;
     }
@@ -313,7 +313,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         if (!done) co_return done;
         const Time now = network.engine.now();
         if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {
-            watch.lines_at = now + wanted.line_interval;
+            watch.lines_at = later(now, wanted.line_interval);
             (void)crew.start(read_all_line_errors(network, wanted.line_errors));
         }
         const Duration rest = pause(watch);

@@ -103,8 +103,8 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 
 Error trouble(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
-    if (wanted == AlState::init) return slave.al.state == AlState::none ? Error{} : state_trouble(slave, wanted);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
+    if (wanted == AlState::init) return state_trouble(slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
@@ -130,6 +130,10 @@ Error refusal(const Network& network, const Slave& slave, AlState state) {
         return error;
     }
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
+    if ((slave.hook_failed || slave.pdos_failed) && state >= AlState::safeop) {
+        error.code = Errc::wrong_state;
+        return start_up_error(slave, error);
+    }
     const bool mapping =
         slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
     if (!network.supervised || mapping || state == goal(network, slave)) return {};

@@ -43,7 +43,7 @@ Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool devi
 
 Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state, bool device_emulation,
                                             Duration timeout) {
-    const Time give_up = station.engine.now() + timeout;
+    const Time give_up = later(station.engine.now(), timeout);
     const bool acknowledge = before.error && !device_emulation;
     const auto request =
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));

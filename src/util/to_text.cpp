@@ -126,6 +126,7 @@ std::string_view to_text(Step step) {
         case Step::command_pi: return "command at PI";
         case Step::command_ib: return "command at IB";
         case Step::command_bi: return "command at BI";
+        case Step::application_hook: return "the hook of the application";
         case Step::recover: return "bringing it back";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";

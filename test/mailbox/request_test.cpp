@@ -153,7 +153,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     ASSERT_TRUE(config_map(*bus.ctx, image).ok());
     ASSERT_TRUE(send_processdata(*bus.ctx).ok());
     ASSERT_TRUE(SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0).ok()) << "the owner polls, and the cycle stands still";
-    allow_waiting(*bus.ctx, false);
+    ASSERT_TRUE(allow_waiting(*bus.ctx, false));
     const auto refused = SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(refused.error().code, Errc::waiting_forbidden);
     EXPECT_NE(bus.words(refused.error()).find("submit() the request of the same name"), std::string::npos)
@@ -163,7 +163,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     EXPECT_EQ(config_init(*bus.ctx).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(config_map(*bus.ctx, image).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(readstate(*bus.ctx).error().code, Errc::waiting_forbidden);
-    allow_waiting(*bus.ctx, true);
+    ASSERT_TRUE(allow_waiting(*bus.ctx, true));
     EXPECT_EQ(*SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0), 100);
 }
 
