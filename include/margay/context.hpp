@@ -45,7 +45,7 @@ class Context {
     Context(const Context&) = delete;
     Context& operator=(const Context&) = delete;
 
-    // The slaves found by the last config_init(), in the order of the ring.
+    // The slaves of the last config_init(), in the order of their numbers (expected.hpp).
     [[nodiscard]] std::span<Slave> slaves();
     // Slave number `position`, 1 the first. For a position where there is none, 0 included: a slave whose position is
     // 0, and whose image has no bits. Its image octets read as zero, and what is written to them is dropped.

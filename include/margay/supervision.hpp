@@ -42,7 +42,7 @@ struct LineErrors {
 // Errc::supervised. EventKind::recovered tells that a slave is where it is wanted again, never less than that.
 //
 // Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of
-// slaves are called from poll() here: they must not wait, but may return Errc::busy to be asked again.
+// slaves mean the same as at the first start-up: see hook.hpp.
 struct SuperviseRequest : Request {
     SuperviseRequest();
     AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; of all slaves without a target of their own
