@@ -119,7 +119,8 @@ inline void store_raw(std::byte* to, Raw raw) {
 enum class EntryKind : std::uint8_t { any, boolean, unsigned_integer, signed_integer, real, octets };
 
 // What an Input or an Output is for config_map(): which entry, of which type, and where it was found. It must live as
-// long as GroupConfiguration::entries names it.
+// long as GroupConfiguration::entries names it, and the list stays as it is while its group is mapped: a handle that is
+// taken out of the list is not told of the next mapping, and points into an image that may be gone.
 class EntryHandle {
   public:
     EntryHandle(const EntryHandle&) = delete;
