@@ -18,8 +18,8 @@ namespace margay {
 // Says what of the segment may differ from what expect() describes; nothing may before the first call. Holds at once
 // and for all that follows: after config_init() has ended with an error, tolerate() and config_map() are the
 // application's decision to go on with what is there. A slave that was held until then gets its start-up commands from
-// config_map(). A slave that is tolerated no more is brought down by the supervision, or by the next config_map(): until
-// then it keeps its state and its outputs. Never waits. Errors: wrong_state before init(), not_owner.
+// config_map(). A slave that is tolerated no more is brought down by the supervision, or by the next config_map():
+// until then it keeps its state and its outputs. Never waits. Errors: wrong_state before init(), not_owner.
 Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 
 // ------------------------------------------------------------------ states
