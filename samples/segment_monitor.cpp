@@ -80,8 +80,9 @@ class Monitor {
 
     Result<> bring_up() {
         if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return ready.error();
-        if (const auto found = config_init(ctx_); !found) return found.error();
-        if (const auto bytes = config_map(ctx_, image_); !bytes) return bytes.error();
+        // Errors of single slaves are what the monitor shows: it goes on with the others.
+        if (const auto found = config_init(ctx_); !found && found.error().slave == 0) return found.error();
+        if (const auto bytes = config_map(ctx_, image_); !bytes && !ctx_.group(0).mapped) return bytes.error();
         line_errors_.resize(ctx_.slaves().size());
         supervise_.line_interval = std::chrono::milliseconds(100);
         supervise_.line_errors = line_errors_;
@@ -122,14 +123,18 @@ class Monitor {
     // Keeps what errors() holds, as lines for the screen and for the end.
     void take_errors() {
         while (const auto error = ctx_.errors().take()) {
-            if (!is_warning(error->code)) failed_ = true;
-            const auto text = (is_warning(error->code) ? "warning: " : "error: ") + samples::sentence(*error);
-            add_line(text);
-            if (errors_.size() < kEventsKept)
-                errors_.push_back(text);
-            else
-                ++errors_dropped_;
+            failed_ = true;
+            keep("error: " + samples::sentence(*error));
         }
+        while (const auto odd = ctx_.warnings().take()) keep("warning: " + samples::sentence(*odd));
+    }
+
+    void keep(const std::string& text) {
+        add_line(text);
+        if (errors_.size() < kEventsKept)
+            errors_.push_back(text);
+        else
+            ++errors_dropped_;
     }
 
   private:
