@@ -95,16 +95,18 @@ Task<Result<std::size_t>> read_string(SiiReader& reader, SiiName name, std::span
     if (*count < name.number) co_return std::size_t{0};
     std::uint32_t at = 1;
     for (unsigned n = 1;; ++n) {
-        auto length = co_await octet_at(reader, name.strings, at++);
+        auto length = co_await octet_at(reader, name.strings, at);
         if (!length) co_return length.error();
+        ++at;
         if (n < name.number) {
             at += *length;
             continue;
         }
         std::array<std::byte, 255> text{};
         for (unsigned i = 0; i < *length; ++i) {
-            auto octet = co_await octet_at(reader, name.strings, at++);
+            auto octet = co_await octet_at(reader, name.strings, at);
             if (!octet) co_return octet.error();
+            ++at;
             text[i] = std::byte{*octet};
         }
         co_return sii::to_utf8(Bytes(text).first(*length), into).size();
