@@ -1,5 +1,5 @@
 // What a hook may do with its slave.
-#include "api/operation.hpp"
+#include "api/mail.hpp"
 #include "mailbox/coe_sdo.hpp"
 #include "mailbox/soe.hpp"
 #include "network/hooks.hpp"
@@ -11,21 +11,9 @@ namespace {
 
 Network& network_of(const HookedSlave& slave) { return HookAccess::network(slave); }
 
-// What forbids a message of this protocol to the slave.
-Error check_mailbox(const HookedSlave& hooked, std::uint16_t protocol, Error where) {
-    Network& network = network_of(hooked);
-    const Slave& slave = hooked.slave();
-    where.slave = hooked.number();
-    if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
-        where.code = Errc::unsupported;
-    else if (!network.mailbox(slave).is_open())
-        where.code = Errc::wrong_state;
-    return where.code == Errc::none ? Error{} : where;
-}
-
 Task<Result<std::size_t>> read_object(HookedSlave hooked, SdoObject object, MutableBytes into) {
-    const Error refused = check_mailbox(hooked, mailbox_protocol::kCoE,
-                                        {.step = Step::sdo_upload, .index = object.index, .subindex = object.subindex});
+    const Error refused =
+        check_coe(network_of(hooked), hooked.number(), Step::sdo_upload, object.index, object.subindex);
     if (refused.code != Errc::none) co_return refused;
     auto read =
         co_await sdo_upload(network_of(hooked).mailbox(hooked.slave()), object, into, startup_patience(hooked.slave()));
@@ -34,8 +22,7 @@ Task<Result<std::size_t>> read_object(HookedSlave hooked, SdoObject object, Muta
 
 Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
     const Error refused =
-        check_mailbox(hooked, mailbox_protocol::kCoE,
-                      {.step = Step::sdo_download, .index = object.index, .subindex = object.subindex});
+        check_coe(network_of(hooked), hooked.number(), Step::sdo_download, object.index, object.subindex);
     if (refused.code != Errc::none) co_return refused;
     auto written = co_await sdo_download(network_of(hooked).mailbox(hooked.slave()), object, value,
                                          startup_patience(hooked.slave()));
@@ -43,8 +30,8 @@ Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
 }
 
 Error check_drive(const HookedSlave& hooked, Step step, std::uint8_t drive, Idn idn) {
-    Error refused =
-        check_mailbox(hooked, mailbox_protocol::kSoE, {.step = step, .index = idn.value, .subindex = drive});
+    Error refused = check_mailbox(network_of(hooked), mailbox_protocol::kSoE,
+                                  {.step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive});
     if (refused.code != Errc::none || drive < wire::soe::kDrives) return refused;
     return {
         .code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive};

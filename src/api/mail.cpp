@@ -15,6 +15,11 @@ Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
     return where.code == Errc::none ? Error{} : where;
 }
 
+Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
+    return check_mailbox(network, mailbox_protocol::kCoE,
+                         {.step = step, .slave = slave, .index = index, .subindex = subindex});
+}
+
 // ------------------------------------------------------------------ what slaves report on their own
 
 EmergencyRing& emergencies(Context& ctx, std::uint16_t slave) {

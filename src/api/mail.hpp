@@ -31,4 +31,8 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
 // Whether the slave that `where` names can be asked by this protocol; otherwise `where` with the reason.
 [[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);
 
+// The same for an object of the dictionary.
+[[nodiscard]] Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index,
+                              std::uint8_t subindex);
+
 }  // namespace margay

@@ -7,15 +7,6 @@
 #include <algorithm>
 
 namespace margay {
-namespace {
-
-Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
-    return check_mailbox(network, mailbox_protocol::kCoE,
-                         {.step = step, .slave = slave, .index = index, .subindex = subindex});
-}
-
-}  // namespace
-
 static Error check(Network& network, const MailPdoSend& r) {
     return check_coe(network, r.slave, Step::mailbox_send, r.number, 0);
 }

@@ -9,11 +9,6 @@
 namespace margay {
 namespace {
 
-Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
-    return check_mailbox(network, mailbox_protocol::kCoE,
-                         {.step = step, .slave = slave, .index = index, .subindex = subindex});
-}
-
 // Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
 Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex,
                 bool complete) {

@@ -97,9 +97,7 @@ bool is_well(const Slave& slave) {
 // wanted.target may be changed by the application at any time.
 void take_target(Watch& watch) {
     const AlState target = watch.wanted.target;
-    const bool known =
-        target == AlState::init || target == AlState::preop || target == AlState::safeop || target == AlState::op;
-    if (target == watch.target_before || !known) return;
+    if (target == watch.target_before || !can_be_target(target)) return;
     watch.target_before = target;
     watch.network.target = target;
 }
