@@ -25,9 +25,16 @@ class Osal {
     // Ends a wait() of another thread. A port with one thread leaves it empty.
     virtual void wake() noexcept {}
 
-    // Tells threads apart: the same number for the same thread, never 0 for one of several. A port with one thread
-    // leaves it. Called in each cycle: a few instructions, no system call.
-    [[nodiscard]] virtual std::uintptr_t calling_thread() noexcept { return 0; }
+    // A number of the calling thread: the same number for the same thread, never 0 where there are several threads.
+    // Compared in each cycle, thus inline: where the compiler can read the thread pointer of the processor, a port says
+    // so by `thread_pointer` in its constructor; every other port answers by calling_thread().
+    [[nodiscard]] std::uintptr_t this_thread() noexcept {
+#if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
+        if (identity_ == ThreadIdentity::thread_pointer)
+            return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#endif
+        return calling_thread();
+    }
 
     // For a thread that does not own the context and waits for a request: sleeps while `word` holds `value`, at most
     // until `until`, and may end earlier for no reason: the caller looks again. wake_sleepers() ends it, of all threads
@@ -41,7 +48,17 @@ class Osal {
     virtual void wake_sleepers(const void* word) noexcept { static_cast<void>(word); }
 
   protected:
+    // How this_thread() tells threads apart. `thread_pointer` has an effect only on Linux with x86-64 or AArch64.
+    enum class ThreadIdentity : std::uint8_t { calling_thread, thread_pointer };
+    explicit Osal(ThreadIdentity identity = ThreadIdentity::calling_thread) noexcept : identity_(identity) {}
     ~Osal() = default;
+
+    // A number of the calling thread for ports without a thread pointer; a few instructions, no system call. A port
+    // with one thread leaves it as it is.
+    [[nodiscard]] virtual std::uintptr_t calling_thread() noexcept { return 0; }
+
+  private:
+    ThreadIdentity identity_;
 };
 
 }  // namespace margay

@@ -14,7 +14,8 @@
 
 namespace margay {
 
-LinuxOsal::LinuxOsal() noexcept : event_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
+LinuxOsal::LinuxOsal() noexcept
+    : Osal(ThreadIdentity::thread_pointer), event_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
 LinuxOsal::~LinuxOsal() {
     if (event_ >= 0) ::close(event_);

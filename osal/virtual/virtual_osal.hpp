@@ -8,7 +8,7 @@ namespace margay {
 class VirtualOsal final : public Osal {
   public:
     // The clock starts at `start`; a test that wants to see a wrap starts it close before.
-    explicit VirtualOsal(Time start = Time{}) noexcept : now_(start) {}
+    explicit VirtualOsal(Time start = Time{}) noexcept : Osal(ThreadIdentity::thread_pointer), now_(start) {}
 
     [[nodiscard]] Time now() noexcept override { return now_; }
 
@@ -18,17 +18,17 @@ class VirtualOsal final : public Osal {
         if (until > now_ && until != kNever) now_ = until;
     }
 
-    [[nodiscard]] std::uintptr_t calling_thread() noexcept override {
-        static thread_local const char tag = 0;
-        return reinterpret_cast<std::uintptr_t>(&tag);
-    }
-
     // Lets time pass; a negative duration is ignored, the clock never goes backwards.
     void advance(Duration by) noexcept {
         if (by > Duration::zero()) now_ += by;
     }
 
   private:
+    [[nodiscard]] std::uintptr_t calling_thread() noexcept override {
+        static thread_local const char tag = 0;
+        return reinterpret_cast<std::uintptr_t>(&tag);
+    }
+
     Time now_;
 };
 

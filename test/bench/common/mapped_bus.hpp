@@ -36,17 +36,13 @@ class SwitchNic final : public Nic {
 // Virtual time first, the system's from `live` on.
 class SwitchOsal final : public Osal {
   public:
+    SwitchOsal() : Osal(ThreadIdentity::thread_pointer) {}
     VirtualOsal simulated;
     LinuxOsal real;
     bool live = false;
     Time now() noexcept override { return live ? real.now() : simulated.now(); }
     void wait(Time until, int handle) noexcept override {
         live ? real.wait(until, handle) : simulated.wait(until, handle);
-    }
-    // As the two do it, without another call.
-    std::uintptr_t calling_thread() noexcept override {
-        static thread_local const char tag = 0;
-        return reinterpret_cast<std::uintptr_t>(&tag);
     }
     void wake() noexcept override { live ? real.wake() : simulated.wake(); }
 };
