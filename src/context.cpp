@@ -14,6 +14,7 @@ static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
+static_assert(sizeof(SlaveMarks) <= 8, "context_bytes(): kMarksBytes");
 static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) +
                       ProcessTables::datagrams_for(1) *
@@ -73,9 +74,11 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
 
 }  // namespace
 
-std::span<Slave> Context::slaves() { return master_ == nullptr ? std::span<Slave>() : master_->network.slaves(); }
+std::span<const Slave> Context::slaves() {
+    return master_ == nullptr ? std::span<const Slave>() : master_->network.slaves();
+}
 
-Slave& Context::slave(std::size_t position) {
+const Slave& Context::slave(std::size_t position) {
     if (master_ == nullptr || position < 1 || position > master_->network.count) return none_;
     return master_->network.slave(position);
 }
@@ -108,6 +111,7 @@ std::size_t Context::arena_bytes() const {
 
 void Context::close() {
     if (master_ == nullptr) return;
+    master_->network.events.callback = nullptr;  // the application may have ended what the callback uses
     cancel_queued(*master_);
     std::destroy_at(master_);
     master_ = nullptr;
@@ -121,17 +125,16 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     Carver carver(ContextAccess::memory(ctx));
     void* place = carver.raw(sizeof(Master), alignof(Master));
-    const auto slaves = carver.take<Slave>(limits.slaves);
+    const SlaveTable table{carver.take<Slave>(limits.slaves), carver.take<SlaveMarks>(limits.slaves)};
     const auto frames = carver.take<FrameSlot>(limits.frames);
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
     const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
-    if (place == nullptr || ring.empty() || slaves.empty() || frames.empty() || mailboxes.empty())
+    if (place == nullptr || ring.empty() || table.marks.empty() || frames.empty() || mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
-    Master* master =
-        ::new (place) Master(osal, nic, slaves, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
+    Master* master = ::new (place) Master(osal, nic, table, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     Network& network = master->network;
     network.process = process;
     network.engine.link().settings = ContextAccess::early_settings(ctx);

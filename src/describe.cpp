@@ -91,6 +91,10 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::exchange_process_data:
             if (e.code == Errc::unknown_group)
                 out << " of group " << e.index;
+            else if (e.code == Errc::image_overlaps)
+                break;
+            else if (e.code == Errc::unknown_slave && e.index != 0)
+                (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
             else if (is_sync_manager(e.index))
                 out << " at SyncManager " << sync_manager(e.index);
             else if (e.index != 0)
@@ -117,6 +121,35 @@ void write_difference(TextWriter& out, const Error& e) {
         << ")";
 }
 
+std::string_view pdo_list_text(PdoListFault why) {
+    switch (why) {
+        case PdoListFault::sync_manager_twice: return "two lists name this SyncManager";
+        case PdoListFault::too_many_pdos: return "a SyncManager has room for 254 PDOs";
+        case PdoListFault::pdo_twice: return "the PDO is listed twice";
+        case PdoListFault::no_pdo_index: return "PDOs are 0x1600 to 0x17FF and 0x1A00 to 0x1BFF";
+        case PdoListFault::too_many_entries: return "a PDO has room for 254 entries";
+        case PdoListFault::no_bits: return "an entry has 0 bits";
+        case PdoListFault::none: break;
+    }
+    return "reason unknown";
+}
+
+// The memory that the application gives and that is too small, by its name in the API.
+std::string_view capacity_text(const Error& e) {
+    if (e.detail == Error::kTasks) return "Limits::tasks";
+    if (e.detail == Error::kPlaces) return "places for requests of other threads";
+    switch (e.step) {
+        case Step::count_slaves:
+        case Step::identify: return "Limits::slaves";
+        case Step::open_nic: return "the memory of the context";
+        case Step::sdo_upload:
+        case Step::soe_read:
+        case Step::mailbox_receive: return "the buffer of the call";
+        case Step::map_process_data: return "SharedImage";
+        default: return "Limits::tasks";
+    }
+}
+
 // Of what the application has configured.
 void write_configuration_cause(TextWriter& out, const Error& e) {
     switch (e.code) {
@@ -127,6 +160,14 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::supervised:
             out << " (wanted " << to_text(static_cast<AlState>(e.actual)) << ", the supervision keeps it in "
                 << to_text(static_cast<AlState>(e.expected)) << ")";
+            break;
+        case Errc::pdo_list: out << " (" << pdo_list_text(static_cast<PdoListFault>(e.detail)) << ")"; break;
+        case Errc::image_overlaps: out << " (group " << e.index << ")"; break;
+        case Errc::invalid_argument:
+            if (e.step == Step::identify && e.actual != 0)
+                out << " (entry " << e.actual
+                    << " of the list: without position, alias or device id, in a place that is taken, or apart from "
+                       "its hot connect group)";
             break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
@@ -162,6 +203,7 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::al_status:
         case Errc::timeout:
+        case Errc::other_state:
             if (e.step != Step::request_state) break;
             out << " (wanted " << to_text(static_cast<AlState>(e.expected)) << ", is in "
                 << to_text(static_cast<AlState>(e.actual));
@@ -181,12 +223,14 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
                 out << ", the inputs of the other slaves are fresh";
             break;
+        case Errc::capacity:
+            out << ": " << capacity_text(e);
+            if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
+            break;
+        case Errc::too_many_frames: out << ": Limits::process_frames"; [[fallthrough]];
         case Errc::image_too_large:
         case Errc::fmmu_shortage:
         case Errc::sm_shortage:
-        case Errc::too_many_frames:
-        case Errc::capacity:
-            if (e.step == Step::count_slaves || e.step == Step::identify) out << " (Limits::slaves)";
             if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
             break;
         case Errc::sii_verify:

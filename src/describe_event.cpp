@@ -46,6 +46,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::line_errors: return "CRC errors";
         case EventKind::link_lost: return "link interrupted";
         case EventKind::emergency: return "emergency";
+        case EventKind::unsupervised: return "supervision ended";
         case EventKind::overrun: return "cycles left out";
     }
     return "unknown event";
@@ -122,6 +123,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
                 << ": " << wire::emergency_text(static_cast<std::uint16_t>(e.detail));
             (out << ", error register ").hex(e.actual, 2);
             break;
+        case EventKind::unsupervised: out << "the supervision has ended: lost slaves are not brought back"; break;
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual
                 << (e.actual == 1 ? " cycle" : " cycles") << " left out, " << e.expected << " since the cycle began";

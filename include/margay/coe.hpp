@@ -209,15 +209,18 @@ Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, s
 
 // ------------------------------------------------------------------ what slaves report on their own
 
-// The emergencies of a slave; take() may be called by one other thread. Of a slave that does not exist: an empty ring.
+// The emergencies of a slave. From any thread; take() is for one thread at a time. For a slave that does not exist: an
+// empty ring.
 [[nodiscard]] EmergencyRing& emergencies(Context& ctx, std::uint16_t slave);
 
 // Has poll() look every so often, with one datagram for all slaves, for mail that nobody has asked for. Zero, as after
 // init(): such mail is found when a request has to do with the slave, or in the cycle of a slave whose mailbox status
 // is mapped (SlaveConfiguration::mailbox_status).
-void watch_mailboxes(Context& ctx, Duration every);
+// Never waits. Errors: wrong_state before init(), not_owner, invalid_argument (a negative time).
+Result<> watch_mailboxes(Context& ctx, Duration every);
 
-// What the mailbox of a slave has counted since it was found.
-[[nodiscard]] MailboxStatistics mailbox_statistics(Context& ctx, std::uint16_t slave);
+// The counters of the mailbox of a slave since the slave was found. Never waits; callable from the cycle. Errors:
+// wrong_state before init(), not_owner, unknown_slave.
+[[nodiscard]] Result<MailboxStatistics> mailbox_statistics(Context& ctx, std::uint16_t slave);
 
 }  // namespace margay

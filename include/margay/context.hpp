@@ -34,7 +34,9 @@ struct Master;
     constexpr std::size_t kProcessFrameBytes = 2048;  // with its datagrams
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 of them for strangers
-    const std::size_t slave = kRingBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+    constexpr std::size_t kMarksBytes = 8;            // what the library remembers of a slave
+    const std::size_t slave =
+        kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
            limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * kRingBytes + 256;
 }
@@ -46,10 +48,10 @@ class Context {
     Context& operator=(const Context&) = delete;
 
     // The slaves of the last config_init(), in the order of their numbers (expected.hpp).
-    [[nodiscard]] std::span<Slave> slaves();
+    [[nodiscard]] std::span<const Slave> slaves();
     // Slave number `position`, 1 the first. For a position where there is none, 0 included: a slave whose position is
     // 0, and whose image has no bits. Its image octets read as zero, and what is written to them is dropped.
-    [[nodiscard]] Slave& slave(std::size_t position);
+    [[nodiscard]] const Slave& slave(std::size_t position);
 
     // A group of process data, from 0. For a number where there is none: one that is never mapped.
     [[nodiscard]] Group& group(std::size_t number);

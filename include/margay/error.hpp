@@ -20,7 +20,7 @@ enum class Errc : std::uint8_t {
     no_slaves,         // nobody answered a broadcast
     unstable,          // the number of slaves changed while it was being counted (expected, actual)
     unknown_slave,     // no slave at this position
-    invalid_argument,  // a parameter outside its range
+    invalid_argument,  // a parameter outside its range (of expect(): actual: the entry of the list, 1 the first)
     wrong_state,       // the call does not fit the state of the context or of the slave (expected, actual)
     busy,              // another operation is in the way (detail: the Operation, 0: the request itself)
     canceled,          // given up by the caller
@@ -53,7 +53,8 @@ enum class Errc : std::uint8_t {
     too_many_frames,  // process data needs more frames than the context has prepared ones (expected, actual)
     mailbox_full,     // the slave does not take mail: its mailbox is full, or not enabled in this state
     wrong_size,       // a value has another size than was asked for (expected, actual: octets)
-    pdo_list,         // a list of PDOs that cannot be (index: PDO or SyncManager's register, subindex: the entry)
+    pdo_list,         // a list of PDOs that no slave can have (index: PDO or SyncManager's register, subindex: the
+                      // entry, detail: PdoListFault)
     pdo_unknown,      // nobody tells what a PDO of a list has in it (index: the PDO)
     not_process_sm,   // a list of PDOs for a SyncManager of the mailbox (index: its register)
     wrong_direction,  // a PDO of outputs at a SyncManager of inputs, or the reverse (index: the PDO)
@@ -80,6 +81,9 @@ enum class Errc : std::uint8_t {
     entry_type,         // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE
                         // data type)
     entry_stale,        // the group was mapped again since the entry was found
+    other_state,        // the slave is not in the state that is wanted (expected: that state, actual: the state it has)
+    image_overlaps,     // the image of a group overlaps the image of another mapped group (index: that group)
+    configuration_lost,  // a warning: `config` or `hooks` that were written before a scan do not outlive it
     supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
                  // asked for)
 };
@@ -180,6 +184,10 @@ struct Error {
     // Detail of Errc::working_counter from receive_processdata(): the slaves that are missing are known to be lost, and
     // the inputs of all other slaves are fresh.
     static constexpr std::uint32_t kOthersFresh = 1;
+    // Detail of Errc::capacity: no memory for another operation (Limits::tasks); no place for another request of
+    // another thread. 0: the step tells which memory it is.
+    static constexpr std::uint32_t kTasks = 1;
+    static constexpr std::uint32_t kPlaces = 2;
 
     friend constexpr bool operator==(const Error&, const Error&) = default;
 };
@@ -187,8 +195,21 @@ struct Error {
 // Errc::other_slave: what about it is not as expected.
 enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
 
-// What is told in warnings(): nothing has failed, and the slave goes on.
-[[nodiscard]] constexpr bool is_warning(Errc code) { return code == Errc::sizes_differ || code == Errc::types_differ; }
+// Errc::pdo_list: why a slave cannot have the list.
+enum class PdoListFault : std::uint8_t {
+    none,
+    sync_manager_twice,  // two lists for one SyncManager
+    too_many_pdos,       // more than 254 PDOs for one SyncManager
+    pdo_twice,           // a PDO in two places
+    no_pdo_index,        // neither 0x1600 to 0x17FF nor 0x1A00 to 0x1BFF
+    too_many_entries,    // more than 254 entries in one PDO
+    no_bits,             // an entry of 0 bits
+};
+
+// Codes that are reported in warnings(): nothing has failed, and the slave goes on.
+[[nodiscard]] constexpr bool is_warning(Errc code) {
+    return code == Errc::sizes_differ || code == Errc::types_differ || code == Errc::configuration_lost;
+}
 
 // The kind and the step in words. Static strings, callable from anywhere.
 [[nodiscard]] std::string_view to_text(Errc code);

@@ -32,6 +32,8 @@ enum class EventKind : std::uint8_t {
                       // (actual: how many)
     link_lost,        // that cable was interrupted (actual: how often)
     emergency,        // a slave has sent a CoE emergency (detail: its code, actual: its error register)
+    unsupervised,     // a SuperviseRequest has ended, by cancel(), by an error (`error`) or because it was destroyed:
+                      // slaves that fall out from now on stay out
     overrun,          // the work of run_cycle() takes longer than a period (actual: periods left out since it was told
                       // last, expected: since run_cycle() began)
 };

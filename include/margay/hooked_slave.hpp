@@ -18,7 +18,7 @@ class HookedSlave {
   public:
     [[nodiscard]] std::uint16_t number() const { return number_; }
     // What is known of the slave, and its configuration, which a hook may change.
-    [[nodiscard]] Slave& slave() const;
+    [[nodiscard]] const Slave& slave() const;
     // Of the context: the memory of sequences.
     [[nodiscard]] Arena& arena() const;
 

@@ -42,7 +42,7 @@ class Request {
     // How long the whole may take, from the poll() that takes the request on, waiting for its turn included; then the
     // request ends with Errc::timeout. Zero: no limit, but where the request says otherwise.
     Duration timeout{0};
-    std::uint8_t priority = 0;  // 0 to 3
+    std::uint8_t priority = 0;  // 0 to 3; submit() refuses more, and a negative timeout: invalid_argument
 
     Request(const Request&) = delete;
     Request& operator=(const Request&) = delete;

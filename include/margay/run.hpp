@@ -25,14 +25,15 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 // ------------------------------------------------------------------ states
 
 // Says to which state a slave shall be brought and kept: INIT, PREOP, SAFEOP or OP; slave 0: all slaves, whose own
-// targets end with that. Works in both directions. While a SuperviseRequest is busy set_target() returns at once, is
-// callable from the cycle, and the supervision brings the slaves there. Without one set_target() brings them there
-// itself and waits; OP wants process data, which reach() sends. A slave whose target is below SAFEOP is not wanted in
-// the exchange: the expected working counters do without it. Targets last until the next config_init(); the target of
-// all slaves is OP then. SuperviseRequest::target counts as that of all slaves when the request is submitted and when
-// it is changed. Errors: wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), above_highest,
-// other_slave and unexpected_slave (the slave is held); without a supervision those of what fails, with the first slave
-// that is not there.
+// targets end with that. `state` NONE ends the own target of one slave: the target of all slaves counts for it again.
+// Works in both directions. While a SuperviseRequest is busy set_target() returns at once, is callable from the cycle,
+// and the supervision brings the slaves there. Without one set_target() brings them there itself and waits; OP wants
+// process data, which reach() sends. A slave whose target is below SAFEOP is not wanted in the exchange: the expected
+// working counters do without it. Targets last until the next config_init(); the target of all slaves is OP then.
+// SuperviseRequest::target counts as that of all slaves when the request is submitted and when it is changed. Errors:
+// wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), above_highest, other_slave and
+// unexpected_slave (the slave is held); without a supervision those of what fails, with the first slave that is not
+// there.
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state);
 
 // The same as a request: without a supervision it is busy until the slaves are where they are wanted.
@@ -55,7 +56,8 @@ struct CycleSettings {
 // busy. Returns the first slave that is not there: at once when all the others are and waiting cannot help (a slave
 // that is held, that no place was kept for, or whose group is not mapped), else when `timeout` is over. `state` stays
 // the target of all slaves. Waits; not for the cycle. Errors besides: wrong_state (no slaves yet), invalid_argument
-// (neither INIT, PREOP, SAFEOP nor OP), those of what_is_wrong().
+// (neither INIT, PREOP, SAFEOP nor OP; a period of 0, a negative time), in_callback (called by the work of
+// run_cycle()), those of what_is_wrong().
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle = {});
 
 // Whether every wanted slave is in its target state without an error and with its process data configured, by what was
@@ -63,9 +65,10 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // of them. To be called after receive_processdata(), from the cycle too: never waits, looks at each slave once.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none when it is true. missing_slave, other_slave,
-// unexpected_slave, unknown_group (its group is not mapped), no_place, al_status, timeout (it is in another state),
+// unexpected_slave, unknown_group (its group is not mapped), no_place, al_status, other_state (it is in another state),
 // what its start-up has failed with, working_counter (it does not take part in the cycle, or a datagram falls short),
-// no_frame (no cycle has come back), wrong_state (no slaves yet).
+// no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled (requests are busy, and the owner has
+// exchanged process data for a second without a call of poll()).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle
@@ -88,7 +91,7 @@ using CycleWork = bool (*)(Context& ctx, const CycleInfo& cycle, void* user);
 // that could not begin in their period are left out, counted, and told as EventKind::overrun, once a second at most. A
 // cycle whose frames are lost or whose working counter is short does not end it: CycleInfo::error tells. Returns
 // success when `work` has returned false. Waits. Errors: wrong_state before init(), unknown_group (nothing is mapped),
-// invalid_argument (no period).
+// invalid_argument (a period of 0, a negative time), in_callback (called by the work of run_cycle()).
 Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, void* user);
 
 // The same with anything that is called as bool(const CycleInfo&).

@@ -1,5 +1,7 @@
-// What is known of a slave: plain values, filled by config_init() and kept up by the calls that say so. Read them from
-// the thread that polls.
+// A slave as the application sees it. The facts are plain values that the library fills in; a context hands out a const
+// Slave, so the application reads the facts and does not write them. The wishes, `config` and `hooks`, belong to the
+// application, which may write them at any time that their comments allow. Read and write from the thread that owns the
+// context.
 #pragma once
 
 #include <margay/address.hpp>
@@ -151,29 +153,21 @@ struct Slave {
     std::uint16_t ring = 0;
     // Explicit device id (ETG.1020), of a switch on the device mostly; asked for where expect() wants one.
     std::optional<std::uint16_t> device_id{};
-    // Requested and not yet seen: what comes after it is still to come.
-    Transition requested = Transition::none;
     bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error here
     bool seen : 1 = false;              // it has been there since config_init() began: what ESC and SII say is known
-    bool hook_failed : 1 = false;    // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
-    bool pdos_failed : 1 = false;    // its PDOs cannot be made what its configuration wants: likewise
-    bool pdos_compared : 1 = false;  // that sources differ on its PDOs has been told
-    bool takes_part : 1 = false;     // its process data is configured and, as far as known, exchanged
-    bool recovering : 1 = false;     // the supervision is bringing it back
-    bool told_missing : 1 = false;   // the supervision has told that its hot connect group is there without it
-    bool other : 1 = false;          // config_init() has found another slave than ExpectedSlave wants here
-    bool unexpected : 1 = false;     // config_init() has found it, and the list of expect() does not have it
+    bool hook_failed : 1 = false;  // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
+    bool pdos_failed : 1 = false;  // its PDOs cannot be made what its configuration wants: likewise
+    bool takes_part : 1 = false;   // its process data is configured and, as far as known, exchanged
+    bool other : 1 = false;        // config_init() has found another slave than ExpectedSlave wants here
+    bool unexpected : 1 = false;   // config_init() has found it, and the list of expect() does not have it
     // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT where it has no mailbox, and
     // gets no outputs.
     bool held : 1 = false;
-    bool held_back : 1 = false;   // it was brought to PREOP while it was held: without its start-up commands
     bool place_kept : 1 = false;  // its place in the image follows from SlaveSetup::pdos; the slave was not asked yet
     bool unplaced : 1 = false;    // it is wanted in the image, but its sizes were not known when that was laid out
     bool counted : 1 = false;     // its share is in the expected working counters of its group
-    std::uint8_t attempts = 0;    // of the supervision since it was last where it belongs
     // What set_target() has said of this slave; NONE: nothing, the target of all slaves counts.
     AlState target = AlState::none;
-    AlState settled = AlState::none;  // where the supervision has brought it last without an error
 
     // Topology: every slave but the first hangs at a port of another one.
     std::uint16_t parent = 0;  // 0: the master
@@ -204,10 +198,12 @@ struct Slave {
     // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
     const ExpectedSlave* wanted = nullptr;
 
-    // What its process data shall be, and where it lies in the image once it is mapped.
-    SlaveConfiguration config;
+    // Where the process data of the slave is located in the image, once its group is mapped. The octets are writable.
     SlaveImage image;
-    SlaveHooks hooks;
+
+    // The wishes of the application. They are mutable because a context hands out a const Slave.
+    mutable SlaveConfiguration config;
+    mutable SlaveHooks hooks;
 
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};

@@ -99,7 +99,6 @@ class [[nodiscard]] Task {
     [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
     // The coroutine, which can be destroyed by this wherever the task is kept.
     [[nodiscard]] std::coroutine_handle<> handle() const { return handle_; }
-    [[nodiscard]] void* address() const { return handle_.address(); }
     // Begins a task that no coroutine awaits; its owner asks done().
     void start() {
         if (handle_) handle_.resume();

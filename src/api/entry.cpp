@@ -136,9 +136,7 @@ Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration tim
     EntryRequest request;
     request.address = address;
     request.timeout = timeout;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.place;
+    return submit_and_wait(ctx, request, request.place);
 }
 
 Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,

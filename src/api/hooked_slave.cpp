@@ -86,7 +86,7 @@ Task<> sleep_for(HookedSlave hooked, Duration duration) {
 
 }  // namespace
 
-Slave& HookedSlave::slave() const { return network_->slave(number_); }
+const Slave& HookedSlave::slave() const { return network_->slave(number_); }
 Arena& HookedSlave::arena() const { return network_->arena(); }
 
 Task<Result<std::size_t>> HookedSlave::sdo_read(std::uint16_t index, std::uint8_t subindex, std::span<std::byte> into,

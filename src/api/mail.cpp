@@ -24,18 +24,24 @@ Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t 
 
 EmergencyRing& emergencies(Context& ctx, std::uint16_t slave) {
     Master* master = master_of(ctx);
-    if (master == nullptr || slave < 1 || slave > master->network.count) return ContextAccess::no_emergencies(ctx);
+    if (master == nullptr || slave < 1 || slave > master->network.mailboxes.count())
+        return ContextAccess::no_emergencies(ctx);
     return master->network.mailboxes.channel(slave).emergencies();
 }
 
-void watch_mailboxes(Context& ctx, Duration every) {
-    if (Master* master = master_of(ctx); master != nullptr) master->network.mailboxes.watch(every);
+Result<> watch_mailboxes(Context& ctx, Duration every) {
+    if (const Error refused = check_owner(ctx, Step::mailbox_receive); refused.code != Errc::none) return refused;
+    if (every < Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::mailbox_receive};
+    master_of(ctx)->network.mailboxes.watch(every);
+    return Result<>();
 }
 
-MailboxStatistics mailbox_statistics(Context& ctx, std::uint16_t slave) {
-    Master* master = master_of(ctx);
-    if (master == nullptr || slave < 1 || slave > master->network.count) return {};
-    return master->network.mailboxes.channel(slave).statistics();
+Result<MailboxStatistics> mailbox_statistics(Context& ctx, std::uint16_t slave) {
+    if (const Error refused = check_owner(ctx, Step::mailbox_receive); refused.code != Errc::none) return refused;
+    Network& network = master_of(ctx)->network;
+    const Error refused = check_slave(network, slave, Step::mailbox_receive);
+    if (refused.code != Errc::none) return refused;
+    return network.mailboxes.channel(slave).statistics();
 }
 
 }  // namespace margay

@@ -16,6 +16,7 @@ static Error check(Network& network, const MapRequest& request) {
 
 static Task<Result<>> run(Network& network, MapRequest& request) {
     auto mapped = co_await map_group(network, request.group, request.image);
+    note_of_segment(network, mapped.error());
     request.bytes = mapped ? *mapped : network.process.groups[request.group].image.size();
     co_return mapped ? Result<>() : Result<>(mapped.error());
 }
@@ -28,9 +29,7 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
     MapRequest request;
     request.group = group;
     request.image = image;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.bytes;
+    return submit_and_wait(ctx, request, request.bytes);
 }
 
 }  // namespace margay

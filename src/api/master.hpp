@@ -13,25 +13,27 @@ namespace margay {
 
 struct Master {
     template <class... Args>
-    Master(Osal& system, Args&&... args) : osal(system), owner(system.calling_thread()), network(args...) {}
+    Master(Osal& system, Args&&... args) : osal(system), owner(system.this_thread()), network(args...) {}
 
     Osal& osal;
     std::atomic<std::uintptr_t> owner;
     std::atomic<bool> foreign_poll{false};  // another thread has called poll()
     bool owner_may_wait = true;
     bool in_poll = false;
+    bool in_work = false;       // the work of run_cycle() is being called
+    Time polled = Time::min();  // the last poll()
     RequestQueue queue;
     Network network;  // its requests end before the queue does
 
-    [[nodiscard]] bool owned_by_caller() const {
-        return owner.load(std::memory_order_relaxed) == osal.calling_thread();
-    }
+    [[nodiscard]] bool owned_by_caller() const { return owner.load(std::memory_order_relaxed) == osal.this_thread(); }
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
 
 struct ContextAccess {
     static Master*& master(Context& ctx) { return ctx.master_; }
     static LinkSettings& early_settings(Context& ctx) { return ctx.early_settings_; }
+    // The slave of all positions without a slave.
+    static Slave& nobody(Context& ctx) { return ctx.none_; }
     static EventQueue& no_events(Context& ctx) { return ctx.no_events_; }
     static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
     static std::span<std::byte> memory(Context& ctx) { return ctx.memory_; }
@@ -48,5 +50,12 @@ struct ContextAccess {
 
 // For functions that wait: refuses where waiting is not allowed, submits the request and waits for its end.
 Result<> submit_and_wait(Context& ctx, Request& request);
+
+// The same for a request with a result: `value` is the member of the request that holds the result.
+template <class T>
+Result<T> submit_and_wait(Context& ctx, Request& request, const T& value) {
+    const auto done = submit_and_wait(ctx, request);
+    return done ? Result<T>(value) : Result<T>(done.error());
+}
 
 }  // namespace margay

@@ -66,6 +66,11 @@ constexpr OperationDescription describe_operation(Operation operation, Step step
             [](Network& network, Request& request) { return Run(network, static_cast<R&>(request)); }};
 }
 
+// Adds an error that belongs to no slave to errors(); errors of slaves are there already.
+inline void note_of_segment(Network& network, const Error& error) {
+    if (error.code != Errc::none && error.slave == 0) network.note(error);
+}
+
 // ------------------------------------------------------------------ checks that several operations have in common
 
 template <class R>

@@ -4,6 +4,7 @@
 #include "api/operation.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace margay {
@@ -49,6 +50,7 @@ namespace {
 // What a request needs to get on once it has begun, and the pump of the mailbox of its slave.
 constexpr std::size_t kHeadroomBytes = 1024 * sizeof(void*);
 constexpr std::uint8_t kMostPassed = 8;
+constexpr std::uint8_t kHighestPriority = 3;
 
 const OperationDescription& operation(const Request& r) { return RequestAccess::operation(r); }
 Request*& next(Request& r) { return RequestAccess::next(r); }
@@ -113,7 +115,7 @@ bool is_free(Master& master, const Request& request) {
         case Needs::segment_to_begin: return !any_running(queue, needs_segment);
         case Needs::its_slave: {
             const std::uint16_t slave = slave_of(request);
-            if (slave >= 1 && slave <= master.network.count && master.network.slave(slave).recovering) return false;
+            if (slave >= 1 && slave <= master.network.count && master.network.marks(slave).in_use) return false;
             return !any_running(queue, needs_segment);
         }
     }
@@ -143,13 +145,15 @@ class Running {
     Running(Master& master, Request& request) : master_(master), request_(request) {
         next(request) = master.queue.running;
         master.queue.running = &request;
-        mark_slave(true);
+        if (needs_of(request) == Needs::segment) master.network.segment_in_use = true;
+        if (needs_of(request) == Needs::its_slave) token_.emplace(master.network.marks(slave_of(request)));
     }
     Running(const Running&) = delete;
     Running& operator=(const Running&) = delete;
     ~Running() {
         (void)remove(master_.queue.running, request_);
-        mark_slave(false);
+        token_.reset();
+        if (needs_of(request_) == Needs::segment) master_.network.segment_in_use = false;
         if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
             error_ = {.code = RequestAccess::why(request_), .step = operation(request_).step};
         RequestAccess::end(request_, error_, master_.osal);
@@ -157,11 +161,9 @@ class Running {
     void done(const Error& error) { error_ = error; }
 
   private:
-    void mark_slave(bool used) {
-        if (needs_of(request_) == Needs::its_slave) master_.network.slave(slave_of(request_)).recovering = used;
-    }
     Master& master_;
     Request& request_;
+    std::optional<SlaveToken> token_;
     Error error_{.code = Errc::canceled};
 };
 
@@ -236,7 +238,7 @@ void begin_waiting(Master& master) {
             queue.waiting = request;
             return;
         }
-        Error error{.code = Errc::capacity, .step = operation(*request).step};
+        Error error{.code = Errc::capacity, .step = operation(*request).step, .detail = Error::kTasks};
         error.expected = static_cast<std::uint32_t>(kHeadroomBytes);
         error.actual = static_cast<std::uint32_t>(arena.capacity_bytes() - arena.used_bytes());
         RequestAccess::end(*request, error, master.osal);
@@ -297,6 +299,8 @@ Result<> submit(Context& ctx, Request& request) {
     Master* master = master_of(ctx);
     const OperationDescription& wanted = operation(request);
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = wanted.step};
+    if (request.priority > kHighestPriority || request.timeout < Duration{0})
+        return Error{.code = Errc::invalid_argument, .step = wanted.step};
     if (!RequestAccess::claim(request, ctx)) return Error{.code = Errc::busy, .step = wanted.step};
     if (master->owned_by_caller()) {
         const Error refused = wanted.check(master->network, request);
@@ -306,7 +310,7 @@ Result<> submit(Context& ctx, Request& request) {
         }
     }
     if (enqueue(*master, request)) return Result<>();
-    Error full{.code = Errc::capacity, .step = wanted.step};
+    Error full{.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
     full.expected = RequestQueue::kPlaces + 1;
     full.actual = RequestQueue::kPlaces;
     RequestAccess::end(request, full, master->osal);

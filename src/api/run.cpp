@@ -16,6 +16,7 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::request_state};
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
+    if (slave != 0 && state == AlState::none) return {};  // the target of all slaves counts again
     if (!can_be_target(state)) return {.code = Errc::invalid_argument, .step = Step::request_state, .slave = slave};
     if (slave == 0) return {};
     const Error refused = refusal(network, network.slave(slave), state);
@@ -139,6 +140,38 @@ class OverrunNews {
     Time next_ = Time::min();
 };
 
+// The owner exchanges process data and does not call poll(), so that its requests make no progress.
+bool is_starved(Master& master) {
+    constexpr Duration kLongest = std::chrono::seconds(1);
+    const bool requests = master.queue.waiting != nullptr || master.queue.running != nullptr;
+    return requests && later(master.polled, kLongest) < master.network.engine.link().last_cycle();
+}
+
+// What forbids reach() and run_cycle(): besides the usual, that they were called by the work of run_cycle().
+Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
+    const Error refused = check_waiting_owner(ctx, step);
+    if (refused.code != Errc::none) return refused;
+    if (master_of(ctx)->in_work) return {.code = Errc::in_callback, .step = step};
+    if (cycle.period > Duration{0} && cycle.reply_timeout >= Duration{0}) return {};
+    return {.code = Errc::invalid_argument, .step = step};
+}
+
+// The supervision of reach() itself: the application is not told of its end.
+class OwnSupervision : public SuperviseRequest {
+  public:
+    explicit OwnSupervision(Network& network) : network_(network) {}
+    OwnSupervision(const OwnSupervision&) = delete;
+    OwnSupervision& operator=(const OwnSupervision&) = delete;
+    ~OwnSupervision() {
+        network_.reaching = busy();
+        cancel();
+        network_.reaching = false;
+    }
+
+  private:
+    Network& network_;
+};
+
 // Lets everything else go on until `due`, and once in any case.
 void poll_until(Context& ctx, Time due) {
     Osal& osal = master_of(ctx)->osal;
@@ -205,6 +238,7 @@ Error what_is_wrong(Context& ctx) {
     if (const Error refused = check_owner(ctx, Step::read_state); refused.code != Errc::none) return refused;
     Network& network = master_of(ctx)->network;
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
+    if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
     for (const Slave& slave : network.slaves())
         if (const Error error = trouble(network, slave); error.code != Errc::none) return error;
     return cycles_trouble(network);
@@ -213,13 +247,13 @@ Error what_is_wrong(Context& ctx) {
 bool all_right(Context& ctx) { return what_is_wrong(ctx).code == Errc::none; }
 
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle) {
-    if (const Error refused = check_waiting_owner(ctx, Step::request_state); refused.code != Errc::none) return refused;
+    if (const Error refused = check_cycling(ctx, cycle, Step::request_state); refused.code != Errc::none)
+        return refused;
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
-    if (cycle.period <= Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::request_state};
     Osal& osal = master_of(ctx)->osal;
     (void)poll(ctx, osal.now());  // a SuperviseRequest that waits begins now, with its own target
-    SuperviseRequest supervision;
+    OwnSupervision supervision(network);
     supervision.target = state;
     network.target = state;
     for (Slave& slave : network.slaves()) update_counted(network, slave);
@@ -251,12 +285,11 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 }
 
 Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, void* user) {
-    const Error refused = check_waiting_owner(ctx, Step::exchange_process_data);
+    const Error refused = check_cycling(ctx, settings, Step::exchange_process_data);
     if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
     Network& network = master_of(ctx)->network;
     if (!any_mapped(network)) return Error{.code = Errc::unknown_group, .step = Step::exchange_process_data};
-    if (settings.period <= Duration{0} || work == nullptr)
-        return Error{.code = Errc::invalid_argument, .step = Step::exchange_process_data};
+    if (work == nullptr) return Error{.code = Errc::invalid_argument, .step = Step::exchange_process_data};
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule(osal.now(), settings.period);
     OverrunNews news(network);
@@ -267,7 +300,10 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
         cycle.lateness = osal.now() - cycle.due;
         cycle.error = exchange(ctx, settings);
         if (ends_the_cycle(cycle.error.code)) return cycle.error;
-        if (!work(ctx, cycle, user)) return Result<>();
+        master_of(ctx)->in_work = true;
+        const bool goes_on = work(ctx, cycle, user);
+        master_of(ctx)->in_work = false;
+        if (!goes_on) return Result<>();
         const Time done = osal.now();
         const std::uint64_t late = schedule.next(done);
         cycle.left_out += late;

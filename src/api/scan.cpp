@@ -16,6 +16,7 @@ static Error check(Network& network, const ScanRequest&) {
 
 static Task<Result<>> run(Network& network, ScanRequest& request) {
     auto count = co_await scan(network);
+    note_of_segment(network, count.error());
     request.slaves = count ? *count : network.count;  // some slave is not as wanted
     co_return count ? Result<>() : Result<>(count.error());
 }
@@ -24,11 +25,24 @@ static constexpr OperationDescription kScan =
     describe_operation<ScanRequest, check, run>(Operation::scan, Step::count_slaves, Needs::segment);
 ScanRequest::ScanRequest() : Request(kScan) {}
 
+// The application has written wishes for slaves that nobody knew yet.
+static bool has_wishes(const Slave& slave) {
+    const SlaveConfiguration& config = slave.config;
+    const bool flags = config.block_lrw || config.mailbox_status || config.optional || config.no_mailbox ||
+                       config.no_complete_access || config.fixed_pdos;
+    return flags || config.setup != nullptr || config.group != 0 || config.sm_count != 0 ||
+           config.highest != AlState::op || config.process_data_watchdog || slave.hooks.preop_to_safeop ||
+           slave.hooks.transition;
+}
+
 Result<std::uint16_t> config_init(Context& ctx) {
+    Slave& nobody = ContextAccess::nobody(ctx);
+    if (check_owner(ctx, Step::count_slaves).code == Errc::none && has_wishes(nobody)) {
+        nobody = Slave{};
+        master_of(ctx)->network.note({.code = Errc::configuration_lost, .step = Step::count_slaves});
+    }
     ScanRequest request;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.slaves;
+    return submit_and_wait(ctx, request, request.slaves);
 }
 
 }  // namespace margay

@@ -55,9 +55,7 @@ Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t ind
     request.subindex = subindex;
     request.complete_access = complete_access;
     request.data = into;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.bytes;
+    return submit_and_wait(ctx, request, request.bytes);
 }
 
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,

@@ -61,9 +61,7 @@ Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList 
     request.list = list;
     request.found = found;
     request.user = user;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.count;
+    return submit_and_wait(ctx, request, request.count);
 }
 
 Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index, Duration timeout) {
@@ -71,9 +69,7 @@ Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, 
     request.slave = slave;
     request.timeout = timeout;
     request.index = index;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.description;
+    return submit_and_wait(ctx, request, request.description);
 }
 
 Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
@@ -84,9 +80,7 @@ Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, st
     request.index = index;
     request.subindex = subindex;
     request.with_values = with_values;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.description;
+    return submit_and_wait(ctx, request, request.description);
 }
 
 }  // namespace margay

@@ -71,9 +71,7 @@ Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t driv
     request.idn = idn;
     request.elements = elements;
     request.data = into;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.bytes;
+    return submit_and_wait(ctx, request, request.bytes);
 }
 
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,

@@ -82,9 +82,7 @@ StateCheckRequest::StateCheckRequest() : SlaveRequest(kCheck) {}
 
 Result<AlStatus> readstate(Context& ctx) {
     ReadStateRequest request;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.lowest;
+    return submit_and_wait(ctx, request, request.lowest);
 }
 
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state) {
@@ -99,9 +97,7 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
     request.slave = slave;
     request.wanted = state;
     request.timeout = timeout;
-    const auto done = submit_and_wait(ctx, request);
-    if (!done) return done.error();
-    return request.reached;
+    return submit_and_wait(ctx, request, request.reached);
 }
 
 }  // namespace margay

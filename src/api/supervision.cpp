@@ -32,7 +32,10 @@ class Supervised {
     explicit Supervised(Network& network) : network_(network) { network_.supervised = true; }
     Supervised(const Supervised&) = delete;
     Supervised& operator=(const Supervised&) = delete;
-    ~Supervised() { network_.supervised = false; }
+    ~Supervised() {
+        network_.supervised = false;
+        if (!network_.reaching) network_.tell({.kind = EventKind::unsupervised});
+    }
 
   private:
     Network& network_;

@@ -85,7 +85,7 @@ Result<> allow_waiting(Context& ctx, bool allowed) {
 Result<> take_ownership(Context& ctx) {
     Master* master = master_of(ctx);
     if (master == nullptr) return Error{.code = Errc::wrong_state};
-    master->owner.store(master->osal.calling_thread(), std::memory_order_relaxed);
+    master->owner.store(master->osal.this_thread(), std::memory_order_relaxed);
     return Result<>();
 }
 
@@ -103,6 +103,7 @@ Time poll(Context& ctx, Time now) {
     }
     if (master->foreign_poll.exchange(false, std::memory_order_relaxed)) network.errors.add({.code = Errc::not_owner});
     master->in_poll = true;
+    master->polled = now;
     network.engine.set_now(now);
     // What ends in this poll() may make room for requests that wait.
     Time queued = serve_queue(*master, now);

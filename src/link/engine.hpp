@@ -44,10 +44,7 @@ class Engine {
         Timer timer;
         Sleep(Engine& e, Time until) : engine(e) { timer.until = until; }
         bool await_ready() const noexcept { return timer.until <= engine.now_; }
-        void await_suspend(std::coroutine_handle<> h) noexcept {
-            timer.handle = h;
-            engine.add_timer(timer);
-        }
+        void await_suspend(std::coroutine_handle<> h) noexcept { engine.sleep(timer, h, timer.until); }
         void await_resume() const noexcept {}
     };
     // Awaitable: until the next poll(), from which on now() is the time.
@@ -63,10 +60,16 @@ class Engine {
 
     // For awaitables of other layers: resumes the timer's coroutine when its time has come, or any waiter in this
     // poll() or the next one, whatever it was waiting for. Never resumes at once.
-    void add_timer(Sleep::Timer& timer);
+    void sleep(Sleep::Timer& timer, std::coroutine_handle<> waiting, Time until) {
+        timer.handle = waiting;
+        timer.until = until;
+        add_timer(timer);
+    }
     void wake(Waiter& waiter) { ready_.push_back(waiter); }
 
   private:
+    void add_timer(Sleep::Timer& timer);
+
     Link link_;
     Arena arena_;
     List<Waiter> ready_;

@@ -54,10 +54,8 @@ class MailboxChannel::Doze {
     Doze(MailboxChannel& channel, Time until) : channel_(channel), until_(until) {}
     bool await_ready() const noexcept { return false; }
     void await_suspend(std::coroutine_handle<> h) const noexcept {
-        channel_.doze_.handle = h;
-        channel_.doze_.until = until_;
         channel_.dozing_ = true;
-        channel_.engine_->add_timer(channel_.doze_);
+        channel_.engine_->sleep(channel_.doze_, h, until_);
     }
     void await_resume() const noexcept { channel_.dozing_ = false; }
 

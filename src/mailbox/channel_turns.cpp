@@ -18,10 +18,8 @@ bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
         error_.code = Errc::wrong_state;
         return false;
     }
-    timer_.handle = h;
-    timer_.until = options_.patience.for_one(channel_.engine().now());
     state_ = State::queued;
-    channel_.engine().add_timer(timer_);
+    channel_.engine().sleep(timer_, h, options_.patience.for_one(channel_.engine().now()));
     channel_.enqueue(*this);
     return true;
 }
@@ -44,8 +42,7 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
 // Part of the answer is there, and the slave has as long again for the next.
 void MailboxChannel::prolong(MailExchange& exchange) {
     exchange.timer_.unlink();
-    exchange.timer_.until = exchange.options_.patience.for_one(now());
-    engine_->add_timer(exchange.timer_);
+    engine_->sleep(exchange.timer_, exchange.timer_.handle, exchange.options_.patience.for_one(now()));
 }
 
 void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
@@ -95,9 +92,7 @@ bool MailSession::await_ready() noexcept {
 }
 
 void MailSession::await_suspend(std::coroutine_handle<> h) noexcept {
-    timer_.handle = h;
-    timer_.until = give_up_;
-    channel_.engine().add_timer(timer_);
+    channel_.engine().sleep(timer_, h, give_up_);
     channel_.wait_turn(*this);
 }
 

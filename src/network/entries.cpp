@@ -199,7 +199,7 @@ Error place_entries(Network& network, ProcessGroup& group, const Slave* only) {
         const std::uint16_t position = handle->address().slave;
         if (only != nullptr && only->position != position) continue;
         EntryAccess::release(*handle);
-        Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = position};
+        Error error = fault(Errc::unknown_slave, handle->address());
         error.expected = network.count;
         if (position >= 1 && position <= network.count) {
             const Slave& slave = network.slave(position);

@@ -197,7 +197,10 @@ Result<bool> number_slaves(Network& network) {
         error.actual = static_cast<std::uint32_t>(network.table.size());
         return error;
     }
-    for (std::size_t n = found; n < numbers; ++n) network.table[n] = Slave{};
+    for (std::size_t n = found; n < numbers; ++n) {
+        network.table[n] = Slave{};
+        network.mark_table[n] = {};
+    }
     network.count = static_cast<std::uint16_t>(numbers);
     bool moved = false;
     for (std::size_t n = 1; n <= numbers; ++n) {

@@ -13,6 +13,7 @@
 #include <margay/shared_image.hpp>
 
 #include <algorithm>
+#include <functional>
 
 namespace margay {
 namespace {
@@ -53,6 +54,11 @@ Result<> check_extras(ProcessGroup& group) {
     return error;
 }
 
+bool share_octets(Bytes a, Bytes b) {
+    const std::less<> before;
+    return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
+}
+
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
@@ -64,6 +70,12 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.input_bytes = layout->input_bytes;
     if (++group.mappings == 0) group.mappings = 1;
     if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
+    for (const ProcessGroup& other : tables.groups) {
+        if (!other.mapped || other.number == number || !share_octets(other.image, group.image)) continue;
+        Error error = fault(Errc::image_overlaps, 0);
+        error.index = other.number;
+        return error;
+    }
     group.slaves = network.slaves();
     const auto extras = check_extras(group);
     if (!extras) return extras;
@@ -97,7 +109,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
     }
-    const bool due = slave.held_back || slave.al.state == AlState::init;
+    const bool due = network.marks(slave).held_back || slave.al.state == AlState::init;
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)
         co_return Result<>();
@@ -213,7 +225,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     Mapping mapping(network.process.groups[number]);
     // The supervision begins nothing any more with these slaves. What it has begun ends first.
     for (Slave& slave : network.slaves())
-        while (slave.config.group == number && slave.recovering)
+        while (slave.config.group == number && network.marks(slave).in_use)
             co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     FirstFault faults;
     auto started = co_await for_each_slave(

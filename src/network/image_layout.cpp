@@ -159,8 +159,8 @@ Layer::Place measure(std::span<Slave> slaves, std::uint8_t group, const GroupCon
 Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
                    std::span<std::byte> image, const Layer::Place& halves) {
     const std::uint64_t room = std::min<std::uint64_t>(std::uint64_t{image.size()} * 8, kMostImageBits);
-    const auto too_large = [&](const Slave& slave) {
-        Error error = fault(Errc::image_too_large, slave);
+    const auto too_large = [&] {
+        Error error{.code = Errc::image_too_large, .step = Step::map_process_data};
         error.expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(halves.inputs.end / 8, 0xFFFF'FFFF));
         error.actual = static_cast<std::uint32_t>(room / 8);
         return error;
@@ -169,14 +169,14 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
     for (Slave& slave : slaves) {
         if (slave.config.group != group) continue;
         const auto place = layer.place(slave);
-        if (std::max(place.outputs.end, place.inputs.end) > room) return too_large(slave);
+        if (std::max(place.outputs.end, place.inputs.end) > room) return too_large();
         slave.image.outputs = part(place.outputs, image);
         slave.image.inputs = part(place.inputs, image);
     }
     for (Slave& slave : slaves) {
         if (slave.config.group != group || !wants_mailbox_status(slave)) continue;
         const std::uint64_t bit = layer.place_mailbox_status(slave);
-        if (bit >= room) return too_large(slave);
+        if (bit >= room) return too_large();
         slave.image.mailbox_status_bit = static_cast<std::uint32_t>(bit);
     }
     return Result<>();

@@ -4,6 +4,7 @@
 #include "link/engine.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "network/process_data.hpp"
+#include "network/slave_marks.hpp"
 #include "network/topology.hpp"
 #include "station/register_access.hpp"
 #include "util/task.hpp"
@@ -24,12 +25,19 @@ struct ScanSettings {
     std::uint16_t first_station_address = 0x1001;
 };
 
+// The memory of all slaves that a context has room for; both spans have the same length.
+struct SlaveTable {
+    std::span<Slave> slaves;
+    std::span<SlaveMarks> marks;
+};
+
 struct Network {
-    Network(Nic& nic, std::span<Slave> slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
+    Network(Nic& nic, SlaveTable slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
             std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {},
             std::span<RingPlace> ring_places = {})
         : engine(nic, slots, arena_memory),
-          table(slave_table),
+          table(slave_table.slaves),
+          mark_table(slave_table.marks),
           ring(ring_places),
           tasks(most_tasks),
           mailboxes(engine, channels, emergencies) {
@@ -39,6 +47,7 @@ struct Network {
 
     Engine engine;
     std::span<Slave> table;
+    std::span<SlaveMarks> mark_table;
     std::uint16_t count = 0;  // of slaves in the table: found, or expected
     std::span<RingPlace> ring;
     std::uint16_t ring_count = 0;     // of slaves that were in the ring when it was looked at last
@@ -59,7 +68,9 @@ struct Network {
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves that have no target of their own
     bool supervised = false;
-    Crew requests;  // those that are busy; last, so that they end first
+    bool segment_in_use = false;  // a request that needs the whole segment is running
+    bool reaching = false;        // reach() supervises for itself
+    Crew requests;                // those that are busy; last, so that they end first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
@@ -71,6 +82,10 @@ struct Network {
     }
     // By position, 1 the first.
     [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
+    // The marks of a slave of the table; `guest` has none.
+    [[nodiscard]] SlaveMarks& marks(std::size_t position) { return mark_table[position - 1]; }
+    [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.position); }
+    [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.position - 1U]; }
     [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const {

@@ -22,11 +22,18 @@ Error fault(const Slave& slave, Errc code, std::uint16_t index, std::size_t subi
 
 std::uint16_t sm_register(const SmPdos& list) { return wire::reg::sync_manager(list.sync_manager & 0xFU).address; }
 
+Error list_fault(const Slave& slave, PdoListFault why, std::uint16_t index, std::size_t subindex = 0) {
+    Error error = fault(slave, Errc::pdo_list, index, subindex);
+    error.detail = static_cast<std::uint32_t>(why);
+    return error;
+}
+
 Error check_entries(const Slave& slave, const Pdo& pdo) {
-    if (pdo.entries.size() > kMostElements) return fault(slave, Errc::pdo_list, pdo.index);
+    if (pdo.entries.size() > kMostElements) return list_fault(slave, PdoListFault::too_many_entries, pdo.index);
     const auto empty = std::ranges::find(pdo.entries, 0, &PdoEntry::bits);
     if (empty == pdo.entries.end()) return {};
-    return fault(slave, Errc::pdo_list, pdo.index, static_cast<std::size_t>(empty - pdo.entries.begin()) + 1);
+    const auto number = static_cast<std::size_t>(empty - pdo.entries.begin()) + 1;
+    return list_fault(slave, PdoListFault::no_bits, pdo.index, number);
 }
 
 // How often the PDO is listed.
@@ -47,12 +54,13 @@ Error check_list(const Slave& slave, const SmPdos& list) {
     }
     const SmType type = slave.sync_managers[list.sync_manager].type;
     if (type == SmType::mailbox_out || type == SmType::mailbox_in) return fault(slave, Errc::not_process_sm, place);
-    if (std::ranges::count(slave.config.pdos(), list.sync_manager, &SmPdos::sync_manager) > 1 ||
-        list.pdos.size() > kMostElements)
-        return fault(slave, Errc::pdo_list, place);
+    if (std::ranges::count(slave.config.pdos(), list.sync_manager, &SmPdos::sync_manager) > 1)
+        return list_fault(slave, PdoListFault::sync_manager_twice, place);
+    if (list.pdos.size() > kMostElements) return list_fault(slave, PdoListFault::too_many_pdos, place);
     for (const Pdo& pdo : list.pdos) {
-        if ((!is_output(pdo.index) && !is_input(pdo.index)) || times_listed(slave, pdo.index) > 1)
-            return fault(slave, Errc::pdo_list, pdo.index);
+        if (!is_output(pdo.index) && !is_input(pdo.index))
+            return list_fault(slave, PdoListFault::no_pdo_index, pdo.index);
+        if (times_listed(slave, pdo.index) > 1) return list_fault(slave, PdoListFault::pdo_twice, pdo.index);
         const bool other = (type == SmType::outputs && is_input(pdo.index)) ||
                            (type == SmType::inputs && is_output(pdo.index)) ||
                            is_input(pdo.index) != is_input(list.pdos.front().index);

@@ -205,8 +205,8 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     SlaveConfiguration& config = slave.config;
-    const bool compare = !slave.pdos_compared;
-    slave.pdos_compared = true;
+    const bool compare = !network.marks(slave).pdos_compared;
+    network.marks(slave).pdos_compared = true;
     const bool said = by_application(config);
     EntryMatcher entries(entries_of(network, slave), slave);
     EntrySink* const sink = entries.wanted() ? &entries : nullptr;

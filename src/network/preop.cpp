@@ -37,8 +37,8 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         if (!written) co_return written.error();
     }
     // What the application has listed is for the slave that it wants.
-    slave.held_back = slave.held;
-    const Transition which = slave.held_back ? Transition::none : Transition::init_to_preop;
+    network.marks(slave).held_back = slave.held;
+    const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     auto before = co_await around_transition(network, slave, which, Moment::before);
     if (!before) co_return before;
     if (slave.al.state == AlState::none) {

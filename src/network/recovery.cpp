@@ -125,7 +125,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Result<>();  // the hook may have changed the group
-    if (slave.pdos_failed || slave.place_kept || slave.unplaced || !slave.pdos_compared) {
+    if (slave.pdos_failed || slave.place_kept || slave.unplaced || !network.marks(slave).pdos_compared) {
         auto taken_in = co_await take_in(network, slave);
         if (!taken_in) co_return taken_in;
     }
@@ -205,8 +205,9 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     }
     if (configured) co_return Result<>();
     // It was brought to PREOP and has been there since: there is nothing to begin anew with.
-    const bool waits = slave.al.state == AlState::preop && !slave.al.error && slave.settled == AlState::preop &&
-                       slave.seen && !slave.held && to >= AlState::safeop;
+    const bool waits = slave.al.state == AlState::preop && !slave.al.error &&
+                       network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
+                       to >= AlState::safeop;
     Result<> again;
     if (waits) again = co_await back_to_safeop(network, slave);
     if (!waits || !again) again = co_await reconfigure(network, slave);

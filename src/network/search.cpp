@@ -21,7 +21,9 @@ namespace sii = wire::sii;
 // Nobody else has it: slaves of ours begin one above.
 StationAddress guest_address(const Network& network) { return network.station_address(0); }
 
-bool is_lost(const Slave& slave) { return slave.al.state == AlState::none && !slave.recovering; }
+bool is_lost(const Network& network, const Slave& slave) {
+    return slave.al.state == AlState::none && !network.marks(slave).in_use;
+}
 
 bool fits(const Slave& slave, const Slave& guest) {
     const bool same = slave.identity.vendor == guest.identity.vendor &&
@@ -79,7 +81,7 @@ void recognise(Network& network) {
     for (RingPlace& place : network.seen_ring()) {
         if (place.address < first || place.address >= first + network.count) continue;
         Slave& slave = network.slave(place.address - first + 1);
-        if (slave.ring != 0 || is_lost(slave)) continue;
+        if (slave.ring != 0 || is_lost(network, slave)) continue;
         slave.ring = 1;
         place.slave = slave.position;
     }
@@ -114,9 +116,10 @@ Task<Result<>> read_ring(Network& network, const Searching& searching) {
 // Those of whom nothing is in the ring, though nobody has noticed yet: a newcomer may be one of them.
 Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
-        if (slave.ring != 0 || slave.recovering || slave.al.state == AlState::none) continue;
+        if (slave.ring != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
         auto there = co_await read_al_status(network.station(slave));
-        if (says_gone(there.error()) && !slave.recovering && slave.al.state != AlState::none) note_lost(network, slave);
+        if (says_gone(there.error()) && !network.marks(slave).in_use && slave.al.state != AlState::none)
+            note_lost(network, slave);
     }
     co_return Result<>();
 }
@@ -184,8 +187,9 @@ Task<Result<>> ask_guest(Network& network) {
     const Station station = network.station(guest);
     auto al = co_await read_al_status(station);
     if (!al) co_return al.error();
-    const bool by_id = std::ranges::any_of(
-        network.slaves(), [](const Slave& s) { return is_lost(s) && s.wanted != nullptr && s.wanted->device_id; });
+    const bool by_id = std::ranges::any_of(network.slaves(), [&](const Slave& s) {
+        return is_lost(network, s) && s.wanted != nullptr && s.wanted->device_id;
+    });
     if (by_id) {
         auto assigned = co_await sii_assign(station, false);
         if (!assigned) co_return assigned;
@@ -228,7 +232,8 @@ Verdict choose(Network& network, const Slave* after, Holds holds) {
     Verdict verdict;
     for (const bool behind : {true, false}) {
         for (Slave& slave : network.slaves()) {
-            if (!is_lost(slave) || !holds(slave) || (after == nullptr || slave.position > after->position) != behind)
+            if (!is_lost(network, slave) || !holds(slave) ||
+                (after == nullptr || slave.position > after->position) != behind)
                 continue;
             if (fits(slave, network.guest)) return {&slave, nullptr};
             if (verdict.instead_of == nullptr && behind) verdict.instead_of = &slave;
@@ -239,7 +244,7 @@ Verdict choose(Network& network, const Slave* after, Holds holds) {
 
 Verdict who_is(Network& network, std::uint16_t n) {
     for (Slave& slave : network.slaves()) {
-        if (!is_lost(slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
+        if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
         return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
     }
     if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
@@ -268,9 +273,9 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     store_topology(network.seen_ring(), network.slaves());
     network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
-    slave.attempts = 0;
-    slave.told_missing = false;
-    slave.settled = AlState::none;
+    network.marks(slave).attempts = 0;
+    network.marks(slave).told_missing = false;
+    network.marks(slave).settled = AlState::none;
     if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
         slave.seen = false;
         slave.other = false;
@@ -411,7 +416,7 @@ void note_lost(Network& network, Slave& slave) {
     network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
     slave.al = {};
     slave.ring = 0;
-    slave.settled = AlState::none;
+    network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
 }
 
@@ -429,7 +434,7 @@ Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
     }
     network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
-    slave.attempts = 0;
+    network.marks(slave).attempts = 0;
     if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);
     co_return Result<>();
 }

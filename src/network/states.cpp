@@ -19,7 +19,7 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     take_al_status(slave.al, seen);
     if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
     if (!seen && !says_gone(seen.error())) co_return seen.error();
-    if (request_is_met(slave)) co_return co_await settle_request(network, slave);
+    if (request_is_met(network, slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
 }
 
@@ -30,7 +30,7 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
         network.note(slave, before.error());
         co_return before;
     }
-    slave.requested = which;
+    network.marks(slave).requested = which;
     const bool acknowledge = slave.al.error && !slave.device_emulation;
     const auto request =
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));

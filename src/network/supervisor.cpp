@@ -53,12 +53,12 @@ std::uint16_t answering(Network& network) {
 
 // Asks one slave how it is.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (slave.recovering || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
+    if (network.marks(slave).in_use || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
         co_return Result<>();
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || slave.recovering)
+        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || network.marks(slave).in_use)
             co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
@@ -72,7 +72,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
 
 // All answer and claim to be well, and still the working counter is short: who has lost his configuration?
 Task<Result<>> doubt(Network& network, Slave& slave) {
-    if (slave.recovering || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
+    if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
         co_return Result<>();
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
     if (!same || *same) co_return Result<>();
@@ -81,16 +81,16 @@ Task<Result<>> doubt(Network& network, Slave& slave) {
 }
 
 bool needs_help(const Network& network, const Slave& slave) {
-    if (slave.recovering || slave.al.state == AlState::none || left_alone(network, slave)) return false;
+    if (network.marks(slave).in_use || slave.al.state == AlState::none || left_alone(network, slave)) return false;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to) return true;
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 
 // The slave is as the supervision has left it, or on its way up for the first time: no recovery.
-bool is_well(const Slave& slave) {
-    if (slave.al.error || slave.attempts != 0) return false;
-    if (slave.settled != AlState::none) return slave.al.state == slave.settled;
+bool is_well(const Network& network, const Slave& slave) {
+    if (slave.al.error || network.marks(slave).attempts != 0) return false;
+    if (network.marks(slave).settled != AlState::none) return slave.al.state == network.marks(slave).settled;
     return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
 }
 
@@ -102,26 +102,14 @@ void take_target(Watch& watch) {
     watch.network.target = target;
 }
 
-// Marks a slave as being worked on for as long as it lives.
-class Recovering {
-  public:
-    explicit Recovering(Slave& slave) : slave_(slave) { slave_.recovering = true; }
-    Recovering(const Recovering&) = delete;
-    Recovering& operator=(const Recovering&) = delete;
-    ~Recovering() { slave_.recovering = false; }
-
-  private:
-    Slave& slave_;
-};
-
 Task<Result<>> help(Watch& watch, Slave& slave) {
     Network& network = watch.network;
-    const Recovering recovering(slave);
-    const bool well = is_well(slave);
+    const SlaveToken token(network.marks(slave));
+    const bool well = is_well(network, slave);
     auto done = co_await bring_back(network, slave);
     if (done) {
-        slave.attempts = 0;
-        slave.settled = slave.al.state;
+        network.marks(slave).attempts = 0;
+        network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
         if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
@@ -130,12 +118,12 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (!says_gone(done.error())) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
         event.error = done.error();
-        if (slave.attempts == 0) {
+        if (network.marks(slave).attempts == 0) {
             network.tell(event);
             network.note(slave, done.error());
         }
     }
-    slave.attempts = static_cast<std::uint8_t>(std::min(slave.attempts + 1, 255));
+    network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
     watch.look_at = network.engine.now();  // the slave may have fallen since the last roll, which does not tell that
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Result<>();
@@ -158,14 +146,14 @@ void tell_missing(Watch& watch) {
     for (Slave& slave : network.slaves()) {
         const ExpectedSlave* wanted = slave.wanted;
         if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none ||
-            slave.told_missing)
+            network.marks(slave).told_missing)
             continue;
         const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
             return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect &&
                    is_located(network.expected, *s.wanted);
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
-        slave.told_missing = true;
+        network.marks(slave).told_missing = true;
         network.tell({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
     }
 }
@@ -228,7 +216,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         const std::size_t at = (first + n) % slaves.size();
         Slave& slave = slaves[at];
-        if (crew.full() || !needs_help(watch.network, slave) || (slave.attempts > 0 && !again)) continue;
+        if (crew.full() || !needs_help(watch.network, slave) || (watch.network.marks(slave).attempts > 0 && !again))
+            continue;
         if (!crew.start(help(watch, slave))) return;
         watch.next_helped = at + 1;
     }
@@ -301,8 +290,8 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
-        slave.attempts = 0;
-        slave.settled = AlState::none;
+        network.marks(slave).attempts = 0;
+        network.marks(slave).settled = AlState::none;
     }
     watch.target_before = wanted.target;  // which submit() has taken over
     Crew crew(network.tasks);

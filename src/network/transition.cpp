@@ -90,7 +90,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         auto before = co_await around_transition(network, slave, which, Moment::before);
         if (!before) co_return before.error();
     }
-    slave.requested = Transition::none;
+    network.marks(slave).requested = Transition::none;
     const Duration patience = timeout == Duration{0} ? al_timeout(slave, state) : timeout;
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
     if (!changed) {
@@ -106,14 +106,15 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     co_return changed;
 }
 
-bool request_is_met(const Slave& slave) {
-    const Row* row = row_of(slave.requested);
+bool request_is_met(const Network& network, const Slave& slave) {
+    const Row* row = row_of(network.marks(slave).requested);
     return row != nullptr && slave.al.state == row->to && !slave.al.error;
 }
 
 Task<Result<>> settle_request(Network& network, Slave& slave) {
-    if (!request_is_met(slave)) co_return Result<>();
-    const Transition which = std::exchange(slave.requested, Transition::none);
+    if (!request_is_met(network, slave) || network.marks(slave).in_use || network.segment_in_use) co_return Result<>();
+    const SlaveToken token(network.marks(slave));
+    const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
     co_return Result<>();

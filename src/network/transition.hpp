@@ -22,7 +22,7 @@ namespace margay {
 // A state that was requested without waiting for it may be there now: then what comes after it is done.
 [[nodiscard]] Task<Result<>> settle_request(Network& network, Slave& slave);
 // Whether there is anything to do for it.
-[[nodiscard]] bool request_is_met(const Slave& slave);
+[[nodiscard]] bool request_is_met(const Network& network, const Slave& slave);
 
 // How long the slave may take from where it is.
 [[nodiscard]] Duration al_timeout(const Slave& slave, AlState state);

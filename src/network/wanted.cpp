@@ -34,14 +34,14 @@ Error start_up_error(const Slave& slave, const Error& otherwise) {
     return told ? slave.error : otherwise;
 }
 
-Error state_trouble(const Slave& slave, AlState wanted) {
-    Error error = fault(slave, slave.al.error ? Errc::al_status : Errc::timeout, Step::request_state);
+Error state_trouble(const Network& network, const Slave& slave, AlState wanted) {
+    Error error = fault(slave, slave.al.error ? Errc::al_status : Errc::other_state, Step::request_state);
     error.expected = static_cast<std::uint32_t>(wanted);
     error.actual = static_cast<std::uint32_t>(slave.al.state);
     error.detail = slave.al.code;
     if (slave.al.error) return error;
     if (slave.al.state == wanted) return {};
-    const bool failed = slave.hook_failed || slave.pdos_failed || slave.attempts > 0;
+    const bool failed = slave.hook_failed || slave.pdos_failed || network.marks(slave).attempts > 0;
     return failed ? start_up_error(slave, error) : error;
 }
 
@@ -104,7 +104,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 Error trouble(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
-    if (wanted == AlState::init) return state_trouble(slave, wanted);
+    if (wanted == AlState::init) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
@@ -116,7 +116,7 @@ Error trouble(Network& network, const Slave& slave) {
         const Error no_place = fault(slave, Errc::no_place, Step::map_process_data);
         return slave.pdos_failed ? start_up_error(slave, no_place) : no_place;
     }
-    const Error state = state_trouble(slave, wanted);
+    const Error state = state_trouble(network, slave, wanted);
     if (state.code != Errc::none || !process || !exchanges(slave) || slave.takes_part) return state;
     return fault(slave, Errc::working_counter, Step::exchange_process_data);
 }

@@ -13,7 +13,7 @@ std::string_view to_text(Errc code) {
         case Errc::working_counter: return "wrong working counter";
         case Errc::link_down: return "no link: is the cable plugged in and the other end powered?";
         case Errc::nic: return "the network interface refused the frame";
-        case Errc::capacity: return "out of the capacity that the application set";
+        case Errc::capacity: return "the application gives too little memory for it";
         case Errc::no_slaves: return "no slave answered";
         case Errc::unstable: return "the number of slaves changed while they were counted";
         case Errc::unknown_slave: return "there is no such slave";
@@ -48,7 +48,7 @@ std::string_view to_text(Errc code) {
         case Errc::too_many_frames: return "more frames than the application provided for";
         case Errc::mailbox_full: return "the slave takes no mail: its mailbox is full, or off in this state";
         case Errc::wrong_size: return "the value has another size";
-        case Errc::pdo_list: return "a list of PDOs that cannot be";
+        case Errc::pdo_list: return "no slave can have this list of PDOs";
         case Errc::pdo_unknown: return "neither the list nor the slave tells what the PDO has in it";
         case Errc::not_process_sm: return "a list of PDOs for a SyncManager that carries mail";
         case Errc::wrong_direction: return "the PDO is of the other direction than its SyncManager";
@@ -80,6 +80,11 @@ std::string_view to_text(Errc code) {
         case Errc::entry_size: return "the entry does not have the size of the type";
         case Errc::entry_stale: return "the group was mapped again since the entry was found: find it again";
         case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
+        case Errc::other_state: return "the slave is not in the state that is wanted";
+        case Errc::image_overlaps: return "the image overlaps that of another group: give each group octets of its own";
+        case Errc::configuration_lost:
+            return "config and hooks that were written before config_init() are gone: write them after it, or use "
+                   "expect()";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";

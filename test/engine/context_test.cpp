@@ -92,7 +92,7 @@ TEST_F(ContextTest, CallbackOfEventsSetBeforeInitStays) {
 TEST_F(ContextTest, SlaveThatIsNotThereHasAnImageThatDoesNoHarm) {
     for (int round = 0; round < 2; ++round) {
         for (const std::size_t position : {std::size_t{0}, std::size_t{1}, std::size_t{99}}) {
-            SlaveImage& image = ctx.slave(position).image;
+            const SlaveImage& image = ctx.slave(position).image;
             EXPECT_TRUE(image.inputs.bytes.empty());
             EXPECT_EQ(image.inputs.bytes[0], std::byte{0});
             image.outputs.bytes[7] = std::byte{0x55};

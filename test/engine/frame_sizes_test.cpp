@@ -24,9 +24,10 @@ class FrameSizes : public testing::Test {
   protected:
     ScriptedNic nic;
     std::vector<Slave> slaves = std::vector<Slave>(1);
+    std::vector<SlaveMarks> marks = std::vector<SlaveMarks>(1);
     std::vector<FrameSlot> slots = std::vector<FrameSlot>(4);
     std::vector<std::byte> memory = std::vector<std::byte>(Arena::memory_for(32 * 1024));
-    Network network{nic, slaves, slots, memory, 1};
+    Network network{nic, {slaves, marks}, slots, memory, 1};
 
     // What a task that was just made holds of the arena.
     template <class T>

@@ -44,10 +44,10 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
         }
     }
     // It is not asked again: as many messages as subindices.
-    const auto before = mailbox_statistics(*bus.ctx, 2).sent;
+    const auto before = mailbox_statistics(*bus.ctx, 2)->sent;
     std::array<std::byte, 64> memory{};
     EXPECT_TRUE(SDOread(*bus.ctx, 2, 0x1018, 0, true, memory).ok());
-    EXPECT_EQ(mailbox_statistics(*bus.ctx, 2).sent - before, 5U);
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 2)->sent - before, 5U);
     std::array<std::byte, 4> little{};
     const auto too_long = SDOread(*bus.ctx, 2, 0x1018, 0, true, little);
     EXPECT_EQ(too_long.error().code, Errc::capacity);

@@ -151,7 +151,7 @@ TEST_F(CycleTest, AMappedBitTakesThePlaceOfLooking) {
 
 TEST_F(CycleTest, AnEmergencyIsSeenByTheMappedBitWithoutADatagramOfItsOwn) {
     start(2, true);
-    watch_mailboxes(*bus.ctx, 5ms);
+    (void)watch_mailboxes(*bus.ctx, 5ms);
     for (int n = 0; n < 20; ++n) cycle();
     ASSERT_TRUE(slaves[1]->application.emergencies()->raise({.error_code = 0x4210, .error_register = 8}));
     for (int n = 0; n < 30; ++n) cycle();

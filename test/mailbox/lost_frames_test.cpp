@@ -170,7 +170,7 @@ TEST(LostFrames, WhereNothingIsRepeated) {
         SCOPED_TRACE(testing::Message() << "reply " << at << " of " << frames);
         run_all(bus);
         if (at == 0) frames = bus.nic->sent - before;
-        repeats += mailbox_statistics(*bus.ctx, 1).repeats;
+        repeats += mailbox_statistics(*bus.ctx, 1)->repeats;
         if (testing::Test::HasFailure()) return;
     }
     EXPECT_GT(repeats, 10U);

@@ -78,7 +78,7 @@ TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
     EXPECT_EQ(seen.last.idn, Idn::standard(148));
     EXPECT_EQ(seen.state, 3);
     EXPECT_EQ(emergencies(*bus.ctx, 1).count(), 1U);
-    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1).unexpected, 3U);
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 3U);
 
     // One octet too few: how many are needed is told all the same, and nothing is written behind the buffer.
     memory.fill(std::byte{0xEE});
@@ -100,14 +100,14 @@ TEST_F(SoeTest, AnEmergencyOfADriveReachesTheHook) {
         *static_cast<unsigned*>(user) = static_cast<unsigned>(told.data.size());
     };
     reply({0x46, 0x00, 0x00, 0x00, 1, 2, 3});
-    watch_mailboxes(*bus.ctx, 1ms);
+    (void)watch_mailboxes(*bus.ctx, 1ms);
     bus.idle(20ms);
     EXPECT_EQ(octets, 3U);
     // Without a hook it is mail that nobody wants.
     hooks.soe_notification = nullptr;
     reply({0x46, 0x00, 0x00, 0x00, 1, 2, 3});
     bus.idle(20ms);
-    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1).unexpected, 1U);
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 1U);
 }
 
 TEST_F(SoeTest, ErrorsAreToldInWords) {

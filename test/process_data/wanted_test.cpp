@@ -326,7 +326,7 @@ TEST_F(Wanted, TargetsAreReachedInBothDirectionsUnderSupervision) {
     run();
     for (const AlState state : {AlState::preop, AlState::op, AlState::init, AlState::safeop, AlState::op}) {
         ASSERT_TRUE(set_target(*ctx, 2, state).ok());
-        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && !ctx->slave(2).recovering; }))
+        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && all_right(*ctx); }))
             << to_text(state) << "\n"
             << joined(events());
         cycles(20);

@@ -53,7 +53,7 @@ TEST_F(FieldNotesMail, TheValueComesWhateverComesBeforeIt) {
         EXPECT_TRUE(reads_identity_whole(n));
         const bool long_ones = manners[n - 1] != "slow_replies" && manners[n - 1] != "replies_twice";
         EXPECT_TRUE(!long_ones || reads_block(n));
-        EXPECT_EQ(mailbox_statistics(ctx, static_cast<std::uint16_t>(n)).resent, 0U) << "nothing is written twice";
+        EXPECT_EQ(mailbox_statistics(ctx, static_cast<std::uint16_t>(n))->resent, 0U) << "nothing is written twice";
     }
     EXPECT_GE(emergencies(ctx, 4).count(), 9U);
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));

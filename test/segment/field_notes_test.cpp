@@ -260,7 +260,7 @@ TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx, supervision));
     cycles(5);
-    const auto sent = mailbox_statistics(ctx, 2).sent;
+    const auto sent = mailbox_statistics(ctx, 2)->sent;
     segment.set_power(1, false, osal.now());
     cycles(100);
     segment.set_power(1, true, osal.now());
@@ -268,7 +268,7 @@ TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
     for (int n = 0; n < 3000 && !right; ++n) right = cycle().ok() && ctx.slave(2).al == AlStatus{AlState::op, false, 0};
     EXPECT_TRUE(right) << told(2);
     EXPECT_EQ(choice.done, 2);
-    EXPECT_EQ(mailbox_statistics(ctx, 2).sent, sent + 1) << "the replay's";
+    EXPECT_EQ(mailbox_statistics(ctx, 2)->sent, sent + 1) << "the replay's";
     EXPECT_EQ(beside_the_cycle(1, 0x1C12, 1), 0x1600U) << "nobody else was asked";
     EXPECT_EQ(beside_the_cycle(2, 0x1C12, 1), 0x1601U);
 }

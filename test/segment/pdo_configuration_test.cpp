@@ -77,9 +77,9 @@ TEST_F(PdoConfiguration, WhatIsThereIsNotWrittenAgain) {
     start();
     ctx.slave(1).config.setup = &kSetup;
     map();
-    const auto first = mailbox_statistics(ctx, 1).sent;
+    const auto first = mailbox_statistics(ctx, 1)->sent;
     map();
-    const auto second = mailbox_statistics(ctx, 1).sent - first;
+    const auto second = mailbox_statistics(ctx, 1)->sent - first;
     EXPECT_LE(second + 5, first) << "it is only looked at: an empty list, a mapping, another, and an assignment less";
     EXPECT_EQ(ctx.slave(1).al.state, AlState::safeop) << told(1);
     EXPECT_EQ(errors(), std::vector<std::string>());

@@ -351,11 +351,11 @@ TEST_F(Startup, AMailboxOrCompleteAccessIsLeftAloneWhereTheApplicationSaysSo) {
     EXPECT_FALSE(product(1));
     EXPECT_EQ(*product(2), kProduct);
     std::array<std::byte, 32> whole{};
-    const auto before = mailbox_statistics(ctx, 2).sent;
+    const auto before = mailbox_statistics(ctx, 2)->sent;
     const auto read = SDOread(ctx, 2, 0x1018, 0, true, whole, 1s);
     ASSERT_TRUE(read) << words(read.error());
     EXPECT_EQ(*read, 18U);
-    EXPECT_EQ(mailbox_statistics(ctx, 2).sent - before, 5U) << "the count and four values";
+    EXPECT_EQ(mailbox_statistics(ctx, 2)->sent - before, 5U) << "the count and four values";
 }
 
 // ------------------------------------------------------------------ sources that differ

@@ -196,7 +196,7 @@ void World::check_arena() {
     for (auto& slot : slots_)
         if (slot.operation) slot.operation->cancel();
     supervision_.cancel();
-    watch_mailboxes(*ctx_, Duration{0});
+    (void)watch_mailboxes(*ctx_, Duration{0});
     run_for(20ms);
     cycling_ = false;
     run_for(10s);

@@ -37,7 +37,7 @@ void World::do_step(const Step& step) {
             break;
         case Op::map: map_now(static_cast<std::uint8_t>(a[0] % images_.size())); break;
         case Op::late: late_ = std::chrono::microseconds(a[0]); break;
-        case Op::watch: watch_mailboxes(*ctx_, std::chrono::microseconds(a[0])); break;
+        case Op::watch: (void)watch_mailboxes(*ctx_, std::chrono::microseconds(a[0])); break;
         case Op::configure: configure(a[0], a[1], a[2]); break;
         case Op::write_state: {
             call_ = "writestate()", call_since_ = osal_.now();

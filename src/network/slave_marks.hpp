@@ -1,0 +1,36 @@
+// What the library remembers of a slave beside the facts that the application sees, and the token of a slave.
+#pragma once
+
+#include <margay/al_state.hpp>
+#include <margay/startup.hpp>
+
+#include <cstdint>
+
+namespace margay {
+
+struct SlaveMarks {
+    // The transition that was requested and is not confirmed yet; its after-commands are pending.
+    Transition requested = Transition::none;
+    // The state to which the supervision brought the slave last without an error.
+    AlState settled = AlState::none;
+    std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
+    bool in_use : 1 = false;         // see SlaveToken
+    bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
+    bool told_missing : 1 = false;   // reported as missing while its hot connect group is present
+    bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
+};
+
+// The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on
+// construction and returned on destruction, thus also when the sequence that holds it is destroyed.
+class SlaveToken {
+  public:
+    explicit SlaveToken(SlaveMarks& marks) : marks_(marks) { marks_.in_use = true; }
+    SlaveToken(const SlaveToken&) = delete;
+    SlaveToken& operator=(const SlaveToken&) = delete;
+    ~SlaveToken() { marks_.in_use = false; }
+
+  private:
+    SlaveMarks& marks_;
+};
+
+}  // namespace margay
