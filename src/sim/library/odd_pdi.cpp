@@ -19,7 +19,7 @@ constexpr auto kReceiveStatus =
 
 void OddPdi::read(std::uint16_t address, MutableBytes into) noexcept {
     esc_->read(address, into);
-    // S#249: only a request for INIT acknowledges an error.
+    // SOEM issue 249: only a request for INIT acknowledges an error.
     if (quirks_.has(Quirk::ignores_acknowledge) && address == reg::kAlControl.address && !into.empty() &&
         (std::to_integer<unsigned>(into[0]) & 0x0F) != 1)
         into[0] &= ~std::byte{wire::al::kErrorAcknowledge};
