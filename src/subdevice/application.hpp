@@ -36,8 +36,8 @@ class Application {
     // have their initial values again.
     virtual void safe_outputs(Time now) { (void)now; }
 
-    // Current sizes of the process data in octets; overrides the PDO assignment of the dictionary. nullopt: the sizes
-    // follow from the PDO assignment, or are the maximum of the description when there is no assignment.
+    // Current sizes in octets of process data that have no PDO assignment object (0x1C12, 0x1C13) in the dictionary.
+    // With an assignment object, its mapping determines the size. nullopt: the maximum sizes of the description.
     [[nodiscard]] virtual std::optional<ProcessDataSizes> process_data_sizes() { return std::nullopt; }
 
     // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of SM2, pack_inputs() writes the

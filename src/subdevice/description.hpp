@@ -36,7 +36,7 @@ struct ProcessDataArea {
     std::uint8_t sync_manager = 0;  // normally 2 (outputs) and 3 (inputs) on devices with a mailbox
     std::uint16_t start = 0;
     std::uint16_t max_bytes = 0;  // 0: the device has no process data in this direction
-    // length in the SII when the application chooses the size at run time; 0: max_bytes
+    // Length in the SII when the application chooses the size at run time; 0: max_bytes.
     std::uint16_t sii_bytes = 0;
     bool three_buffers = true;       // false: mailbox mode, that is one buffer with handshake
     bool watchdog = false;           // outputs: the SII and the default control octet enable the watchdog trigger
@@ -78,9 +78,9 @@ struct DeviceDescription {
     ProcessDataArea inputs{};
     DcDescription dc{};
     Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
-    // watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
+    // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
     Duration output_timeout{};
-    // without DC, Application::cycle() is called at least this often; zero: only when process data arrive
+    // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive.
     Duration free_run_cycle{};
     // DC: the device leaves OP after this many consecutive SYNC0 events without new outputs; 0: no limit
     unsigned sync_error_limit = 4;

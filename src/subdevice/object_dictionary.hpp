@@ -38,7 +38,7 @@ namespace od {
 using namespace wire::coe::access;
 inline constexpr std::uint16_t kReadOnly = kRead;
 inline constexpr std::uint16_t kReadWrite = kRead | kWrite;
-// for settings that must not change in SAFEOP and OP
+// For settings that must not change in SAFEOP and OP.
 inline constexpr std::uint16_t kReadWritePreop = kRead | kWritePreop;
 }  // namespace od
 

@@ -84,7 +84,7 @@ class PdoMapping {
 
 // --- Objects of a device whose PDOs the master may change: the values are in the image, and hooks check the rules ---
 
-// The memory of `Fields`: `count` is one octet, `first` is the first of `Max` consecutive values.
+// Subindex 0 is the count (one octet), the other subindices are values of equal size.
 namespace pdo_rules {
 [[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);

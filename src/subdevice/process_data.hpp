@@ -19,7 +19,7 @@ struct ProcessDataMemory {
 };
 
 enum class SyncMode : std::uint8_t {
-    // the application is called when outputs arrive (without outputs: when the master has read the inputs)
+    // The application is called when outputs arrive (without outputs: when the master has read the inputs).
     process_data,
     dc_sync0,  // the application is called at each SYNC0
 };

@@ -127,7 +127,7 @@ void SdoServer::upload_now(Outbox& out, Time now) {
         return out.commit(wire::MailboxType::coe, coe::kSdoBytes, address_);
     }
     const auto first = std::min(size, at.size() - SdoLayout::normal_data);
-    // copied, because the application may change the value during the transfer
+    // Copied, because the application may change the value during the transfer.
     if (first < size && !complete_ && size <= staging_.size()) {
         std::copy(source_.begin(), source_.end(), staging_.begin());
         source_ = staging_.first(size);

@@ -9,12 +9,12 @@ namespace margay::subdevice {
 
 // Hardware properties of the board that the description does not contain.
 struct BoardDescription {
-    // for register 0x0140: SPI; the high octet has more bits for register 0x0141
+    // For register 0x0140: SPI; the high octet has more bits for register 0x0141.
     std::uint16_t pdi_control = 0x0005;
     std::uint16_t pdi_configuration = 0;       // for register 0x0150
     std::uint16_t sync_pulse_length_10ns = 0;  // for register 0x0982
     std::uint16_t alias = 0;
-    // four bits per port, see wire::sii::physical_port(); default: two MII ports
+    // Four bits per port, see wire::sii::physical_port(); default: two MII ports.
     std::uint16_t physical_ports = 0x0011;
 };
 

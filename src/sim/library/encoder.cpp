@@ -178,7 +178,7 @@ class Encoder final : public Model {
     std::int64_t origin_ = 0;  // position at since_
     Time since_{};
     std::int64_t position_ = 0;
-    std::int64_t shift_ = 0;  // of the counter
+    std::int64_t shift_ = 0;  // offset of the counter, set by the master
     bool index_armed_ = false;
     bool input_armed_ = false;
 };

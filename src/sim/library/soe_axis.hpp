@@ -25,7 +25,7 @@ class SoeAxis final : public subdevice::SoeApplication {
     // Load torque in thousandths of the rated torque, in addition to P-0-0002.
     void set_load(std::int16_t permille) { load_ = permille; }
     void state_changed(AlState state) { operational_ = state == AlState::op; }
-    // The master has stopped to send set points.
+    // The master no longer sends set points.
     void stop();
 
     // Size in octets of the axis in the process data; take() reads the MDT, give() writes the AT.
