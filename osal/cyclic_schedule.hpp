@@ -1,5 +1,5 @@
-// When a periodic task is due: deadlines on a fixed grid of the clock, however late the task was. Arithmetic only; who
-// waits, and how, is another matter (osal/linux/cyclic_runner.hpp).
+// Deadlines of a periodic task on a fixed grid of the clock, independent of how late the task was. This class only
+// calculates; CyclicRunner (osal/linux/cyclic_runner.hpp) does the waiting.
 #pragma once
 
 #include <margay/time.hpp>
@@ -8,20 +8,20 @@
 
 namespace margay {
 
-// One time that the task was let go on.
+// The result of one wait: the deadline that has passed.
 struct CyclicTick {
-    std::uint64_t cycle = 0;    // 1 the first; counts deadlines, also those that were skipped
-    Time deadline{};            // the one that has come
-    Duration lateness{};        // how long ago
-    std::uint64_t skipped = 0;  // deadlines passed over since the tick before: the work took too long
+    std::uint64_t cycle = 0;    // number of the deadline, from 1; skipped deadlines are counted too
+    Time deadline{};            // the deadline that has passed
+    Duration lateness{};        // time from the deadline until the task continued
+    std::uint64_t skipped = 0;  // deadlines skipped since the previous tick because the task took too long
 };
 
 class CyclicSchedule {
   public:
-    // Deadlines are those times of the clock that are `phase` after a multiple of `period`, which is not zero.
+    // Deadlines are the times that are `phase` after a multiple of `period`. `period` must not be zero.
     constexpr CyclicSchedule(Duration period, Duration phase) : period_(period), phase_(phase % period) {}
 
-    // The first deadline is at least half a period ahead of `now`.
+    // Sets the first deadline at least half a period after `now`.
     constexpr void start(Time now) {
         const Duration since = (now - Time{}) - phase_ + period_ / 2;
         deadline_ = Time{} + phase_ + (since / period_ + 1) * period_;
@@ -31,8 +31,8 @@ class CyclicSchedule {
     [[nodiscard]] constexpr Time deadline() const { return deadline_; }
     [[nodiscard]] constexpr Duration period() const { return period_; }
 
-    // The task goes on at `now`, which is not before deadline(). A deadline that is a whole period ago or more is
-    // skipped: the task answers to the newest one.
+    // The task continues at `now`, which must not be before deadline(). Deadlines that are a whole period old or older
+    // are skipped: the result is the newest deadline that has passed.
     constexpr CyclicTick wake(Time now) {
         CyclicTick tick;
         tick.skipped = static_cast<std::uint64_t>((now - deadline_) / period_);
@@ -51,9 +51,9 @@ class CyclicSchedule {
     std::uint64_t cycle_ = 0;
 };
 
-// A phase that keeps deadlines away from the kernel's timer tick. Ticks come at multiples of 1, 2, 4 or 10 ms of the
-// monotonic clock, and what they do delays whoever wants to wake up then: halfway between two milliseconds, or between
-// two deadlines where those come more often, is farthest from all of them.
+// A phase that keeps deadlines away from the kernel's timer tick. Ticks occur at multiples of 1, 2, 4 or 10 ms of the
+// monotonic clock, and the work of the kernel at a tick delays threads that wake up at the same time. The farthest time
+// from all ticks is halfway between two milliseconds, or halfway between two deadlines when the period is shorter.
 [[nodiscard]] constexpr Duration phase_off_the_tick(Duration period) {
     constexpr Duration kFinestTick = std::chrono::milliseconds(1);
     return (period < kFinestTick ? period : kFinestTick) / 2;

@@ -1,6 +1,6 @@
-// How often durations came: counts in buckets of a sixteenth of their power of two, so that every quantile is right
-// within 6.25 % from nanoseconds to hours, in memory that is fixed. Recording is a handful of instructions and may be
-// done in the cycle; one thread records.
+// A histogram of durations. Each power of two has 16 buckets, so every quantile is correct to 6.25 % from nanoseconds
+// to hours, with a fixed amount of memory. Recording takes a few instructions and is callable from the cycle; only one
+// thread may record.
 #pragma once
 
 #include <margay/time.hpp>
@@ -16,8 +16,8 @@ namespace margay {
 class DurationHistogram {
   public:
     struct Bucket {
-        Duration from{};  // the least duration that falls into it
-        Duration to{};    // the least that does not
+        Duration from{};  // the smallest duration in the bucket
+        Duration to{};    // the smallest duration above the bucket
         std::uint64_t count = 0;
     };
 
@@ -37,7 +37,7 @@ class DurationHistogram {
     [[nodiscard]] constexpr Duration max() const { return ns(most_); }
     [[nodiscard]] constexpr Duration mean() const { return ns(count_ == 0 ? 0 : sum_ / count_); }
 
-    // No more than a share of 1 - `q` of all were longer than this (and than a sixteenth of it more).
+    // At most a share of 1 - `q` of all durations is longer than the returned value (plus one sixteenth of it).
     [[nodiscard]] constexpr Duration quantile(double q) const {
         const auto wanted = static_cast<std::uint64_t>(static_cast<double>(count_) * q + 0.999999);
         std::uint64_t seen = 0;
@@ -48,12 +48,13 @@ class DurationHistogram {
         return max();
     }
 
-    static constexpr std::size_t kBuckets = 16 * 39;  // up to 2^42 ns, 73 minutes; what is longer is counted there
+    // Up to 2^42 ns, 73 minutes; the last bucket also counts longer durations.
+    static constexpr std::size_t kBuckets = 16 * 39;
     [[nodiscard]] constexpr Bucket bucket(std::size_t i) const { return {ns(start(i)), ns(start(i + 1)), counts_[i]}; }
 
   private:
     static constexpr Duration ns(std::uint64_t n) { return Duration(static_cast<Duration::rep>(n)); }
-    // 0 to 15 each have a bucket; from there on sixteen to a doubling.
+    // 0 to 15 have one bucket each; larger values have sixteen buckets per power of two.
     static constexpr std::size_t index(std::uint64_t n) {
         if (n < 16) return n;
         const auto power = static_cast<unsigned>(std::bit_width(n)) - 5;

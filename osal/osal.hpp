@@ -1,10 +1,10 @@
-// The operating system as Margay needs it: a clock and a way to wait. Only the blocking wrappers and
-// applications use it; nothing in src/ below them reads a clock.
+// The interface to the operating system: a clock and a way to wait. Only the blocking functions and applications use
+// it; the rest of src/ never reads a clock.
 //
-// To port: derive from Osal and implement the first two functions; with several threads the other four as well. now()
-// must never go backwards and must count at a steady rate (not wall-clock time). wait() returns when `until` has come,
-// or earlier when the NIC behind `nic_handle` has a frame, or earlier for no reason at all: the caller always looks
-// again. A port that cannot wait on a NIC may cap the wait at its tick.
+// To port: derive from Osal and implement the first two functions; with several threads, implement the other four too.
+// now() must never go backwards and must count at a steady rate (not the wall clock). wait() returns at `until`, or
+// earlier when the NIC behind `nic_handle` has received a frame. It may also return earlier without any reason, because
+// the caller always checks again. A port that cannot wait for a NIC may limit each wait to its tick.
 #pragma once
 
 #include <margay/time.hpp>
@@ -16,13 +16,14 @@ namespace margay {
 
 class Osal {
   public:
-    // The time now. Callable from any thread.
+    // Returns the current time. Callable from any thread.
     [[nodiscard]] virtual Time now() noexcept = 0;
 
-    // Waits until `until`, a frame at the NIC, or a wake(); `nic_handle` is what Nic::wait_handle() returned.
+    // Waits until `until`, until the NIC receives a frame, or until wake(). `nic_handle` is the result of
+    // Nic::wait_handle().
     virtual void wait(Time until, int nic_handle) noexcept = 0;
 
-    // Ends a wait() of another thread. A port with one thread leaves it empty.
+    // Ends a wait() of another thread. Leave it empty when there is only one thread.
     virtual void wake() noexcept {}
 
     // A number of the calling thread: the same number for the same thread, never 0 where there are several threads.
@@ -36,10 +37,10 @@ class Osal {
         return calling_thread();
     }
 
-    // For a thread that does not own the context and waits for a request: sleeps while `word` holds `value`, at most
-    // until `until`, and may end earlier for no reason: the caller looks again. wake_sleepers() ends it, of all threads
-    // that sleep on the word at this address; the word itself may be gone by then. As they are here, the two work with
-    // any wait(): the sleeper looks again every millisecond.
+    // For a thread that does not own the context and waits for a request: sleeps while `word` contains `value`, at most
+    // until `until`. It may return earlier without any reason, because the caller checks again. wake_sleepers() ends
+    // the sleep of all threads that sleep on the word at this address; the word itself may no longer exist at that
+    // time. These defaults work with any wait(): the sleeping thread checks every millisecond.
     virtual void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept {
         if (word.load(std::memory_order_acquire) != value) return;
         const Time again = now() + std::chrono::milliseconds(1);

@@ -1,4 +1,5 @@
-// What all filters are: a NIC that wraps a NIC and passes everything on. A filter overrides what it changes.
+// Base class of all filters: a NIC that contains another NIC and forwards all calls to it. A filter overrides the
+// functions that it changes.
 #pragma once
 
 #include "oshw/nic.hpp"

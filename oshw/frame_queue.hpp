@@ -1,5 +1,5 @@
-// Frames on their way, each with the time it will be there: what NICs in virtual time and delaying filters
-// hold. The memory is the caller's; nothing is allocated.
+// A queue of frames with their delivery times, for NICs in virtual time and delaying filters. The caller owns the
+// memory; the queue does not allocate.
 #pragma once
 
 #include <margay/time.hpp>
@@ -13,15 +13,15 @@
 namespace margay {
 
 struct HeldFrame {
-    static constexpr std::size_t kMaxBytes = 1518;  // what the NIC contract allows
+    static constexpr std::size_t kMaxBytes = 1518;  // maximum of the NIC interface
     Time due = kNever;                              // kNever: the slot is free
     std::uint64_t order = 0;
     std::size_t length = 0;
     std::array<std::byte, kMaxBytes> bytes;
 };
 
-// Delivers by time, and frames of one time in the order they were put in. Putting and taking look at every
-// slot: meant for some dozens of them.
+// Delivers frames in the order of their times; frames with equal times in the order of put(). put() and take() search
+// all slots, so the queue is suitable for a few dozen slots.
 class FrameQueue {
   public:
     // `memory` must outlive the queue.
@@ -35,7 +35,7 @@ class FrameQueue {
         count_ = 0;
     }
 
-    // Takes a copy of the frame, cut to HeldFrame::kMaxBytes. False, and nothing taken, when full or when
+    // Copies the frame, at most HeldFrame::kMaxBytes octets. Returns false and copies nothing when the queue is full or
     // `due` is kNever.
     [[nodiscard]] bool put(Time due, std::span<const std::byte> frame) noexcept {
         if (due == kNever) return false;
@@ -51,14 +51,14 @@ class FrameQueue {
         return false;
     }
 
-    // When the next frame will be there, kNever when none is held.
+    // Time of the next delivery; kNever when the queue is empty.
     [[nodiscard]] Time next_due() const noexcept {
         const auto* slot = first();
         return slot == nullptr ? kNever : slot->due;
     }
 
-    // Moves the next frame that is due by `now` into `into`, cut to it, and returns its length; 0 when there
-    // is none.
+    // Moves the next frame that is due at `now` into `into`, cut to its size, and returns the length; 0 when no frame
+    // is due.
     [[nodiscard]] std::size_t take(Time now, std::span<std::byte> into) noexcept {
         const auto* found = first();
         if (found == nullptr || found->due > now) return 0;

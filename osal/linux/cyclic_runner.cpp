@@ -16,10 +16,10 @@
 namespace margay {
 namespace {
 
-// Of the share that real-time threads may take, what the work itself is left at the least: a fifth.
+// The spin may use at most 80 % of the processor time that real-time threads may use; the rest is for the task itself.
 constexpr int kSpinPercentOfShare = 80;
 
-// A number out of a file of /proc; `otherwise` when there is none.
+// Reads a number from a file in /proc; returns `otherwise` when that fails.
 long read_number(const char* path, long otherwise) noexcept {
     const int file = ::open(path, O_RDONLY | O_CLOEXEC);
     if (file < 0) return otherwise;

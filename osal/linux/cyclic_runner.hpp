@@ -1,9 +1,9 @@
-// A periodic task on Linux that is woken as punctually as the system lets it: absolute deadlines off the kernel's tick,
-// an optional spin before each, and what a thread can ask of the system for it.
+// Runs a periodic task on Linux and wakes it up as exactly as the system permits: absolute deadlines that avoid the
+// kernel's tick, an optional spin before each deadline, and the real-time settings that a thread can request.
 //
 //     CyclicRunner runner(
 //         {.period = std::chrono::milliseconds(1), .spin = std::chrono::microseconds(50), .priority = 80});
-//     for (const auto& refusal : runner.prepare()) …;      // tell the user what was not granted
+//     for (const auto& refusal : runner.prepare()) …;      // report what the system did not grant
 //     runner.start();
 //     for (;;) {
 //         const CyclicTick tick = runner.wait();
@@ -21,18 +21,18 @@ namespace margay {
 
 struct CyclicOptions {
     Duration period = std::chrono::milliseconds(1);
-    // How long before a deadline sleeping ends and watching the clock begins. It costs that share of a processor and
-    // hides how late the kernel wakes threads; 50 to 100 µs cover most of it.
+    // Time before a deadline at which the thread stops sleeping and polls the clock instead. The spin uses this share
+    // of a processor and hides the wake-up latency of the kernel; 50 to 100 µs cover most of it.
     Duration spin{};
-    int priority = 0;          // of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
-    int cpu = -1;              // the processor to stay on; -1: any
-    bool lock_memory = true;   // mlockall(): no page fault later
-    bool hold_latency = true;  // /dev/cpu_dma_latency at 0: processors do not go into deep sleep
+    int priority = 0;          // priority of SCHED_FIFO, 1 to 99; 0: the thread keeps its policy
+    int cpu = -1;              // the processor for the thread; -1: any
+    bool lock_memory = true;   // mlockall(): prevents later page faults
+    bool hold_latency = true;  // sets /dev/cpu_dma_latency to 0, so that processors do not enter deep sleep states
 };
 
-// What the system did not grant. The task runs nevertheless, less punctually.
+// A setting that the system did not grant. The task runs anyway, with more jitter.
 struct CyclicRefusal {
-    const char* what = "";  // and what would help
+    const char* what = "";  // the setting, and a hint how to get it
     int error = 0;          // errno
 };
 
@@ -43,20 +43,20 @@ class CyclicRunner {
     CyclicRunner(const CyclicRunner&) = delete;
     CyclicRunner& operator=(const CyclicRunner&) = delete;
 
-    // For the calling thread, which is the one that will wait(). The span stays valid as long as the runner. What was
-    // granted lasts: the policy for the thread's life, the latency until the runner is destroyed.
+    // Applies the settings to the calling thread, which must also call wait(). The returned span is valid as long as
+    // the runner. The policy stays for the life of the thread, the latency setting until the runner is destroyed.
     std::span<const CyclicRefusal> prepare() noexcept;
 
-    // The first deadline comes half a period to one and a half from now.
+    // Sets the first deadline, half a period to one and a half periods from now.
     void start() noexcept;
 
-    // Sleeps until the next deadline, or not at all where it has passed. One system call, none when late.
+    // Sleeps until the next deadline; returns at once when it has passed. One system call, none when late.
     CyclicTick wait() noexcept;
 
     [[nodiscard]] Time deadline() const { return schedule_.deadline(); }
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
-    // As asked for, or less: a thread of SCHED_FIFO that used up its share of a second (sched_rt_runtime_us) would be
-    // stopped until the second is over.
+    // The spin that is used. It may be shorter than requested: the kernel stops a SCHED_FIFO thread that has used its
+    // share of a second (sched_rt_runtime_us) until the second is over.
     [[nodiscard]] Duration spin() const { return options_.spin; }
 
   private:

@@ -29,7 +29,7 @@ void LinuxOsal::wait(Time until, int nic_handle) noexcept {
     if (until <= start) return;
     if (event_ < 0 && until - start > kWithoutEvent) until = start + kWithoutEvent;
 
-    pollfd fds[] = {{event_, POLLIN, 0}, {nic_handle, POLLIN, 0}};  // ppoll() passes over a negative one
+    pollfd fds[] = {{event_, POLLIN, 0}, {nic_handle, POLLIN, 0}};  // ppoll() ignores negative file descriptors
     timespec timeout{};
     if (until != kNever) {
         const auto left = until - start;
@@ -37,10 +37,10 @@ void LinuxOsal::wait(Time until, int nic_handle) noexcept {
         timeout.tv_sec = static_cast<time_t>(seconds.count());
         timeout.tv_nsec = static_cast<long>((left - seconds).count());
     }
-    if (::ppoll(fds, 2, until == kNever ? nullptr : &timeout, nullptr) <= 0) return;  // in time, or a signal
+    if (::ppoll(fds, 2, until == kNever ? nullptr : &timeout, nullptr) <= 0) return;  // timeout, or a signal
     if ((fds[0].revents & POLLIN) != 0) {
         std::uint64_t wakes = 0;
-        // Another waiter may have taken it: then there is nothing left to clear.
+        // Another waiting thread may have read the counter already; then nothing is left to clear.
         [[maybe_unused]] const auto cleared = ::read(event_, &wakes, sizeof wakes);
     }
 }
@@ -52,7 +52,7 @@ std::uintptr_t LinuxOsal::calling_thread() noexcept {
 
 void LinuxOsal::wake() noexcept {
     const std::uint64_t one = 1;
-    // Fails only when the counter is full, and then the wait ends anyway.
+    // Fails only when the counter is full. In this case the wait ends anyway.
     [[maybe_unused]] const auto written = ::write(event_, &one, sizeof one);
 }
 
@@ -65,7 +65,7 @@ void LinuxOsal::sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_
         timeout.tv_sec = static_cast<time_t>(seconds.count());
         timeout.tv_nsec = static_cast<long>((since - seconds).count());
     }
-    // The bitset form takes an absolute time of CLOCK_MONOTONIC.
+    // The bitset operation uses an absolute time of CLOCK_MONOTONIC.
     (void)::syscall(SYS_futex, &word, FUTEX_WAIT_BITSET_PRIVATE, value, until == kNever ? nullptr : &timeout, nullptr,
                     FUTEX_BITSET_MATCH_ANY);
 }

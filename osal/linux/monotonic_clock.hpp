@@ -1,4 +1,4 @@
-// CLOCK_MONOTONIC as a Time: the one clock of everything on Linux.
+// CLOCK_MONOTONIC as a Time. All parts for Linux use this clock.
 #pragma once
 
 #include <margay/time.hpp>

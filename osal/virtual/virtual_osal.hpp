@@ -1,4 +1,4 @@
-// A clock that only moves when told: for tests, simulations and replays.
+// A clock that only the program advances, for tests, simulations and replays.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -7,18 +7,18 @@ namespace margay {
 
 class VirtualOsal final : public Osal {
   public:
-    // The clock starts at `start`; a test that wants to see a wrap starts it close before.
+    // The clock starts at `start`. A test of a clock overflow starts it shortly before the overflow.
     explicit VirtualOsal(Time start = Time{}) noexcept : Osal(ThreadIdentity::thread_pointer), now_(start) {}
 
     [[nodiscard]] Time now() noexcept override { return now_; }
 
-    // Nobody else is there to make something happen, so waiting is jumping. Waiting for kNever would never
-    // end and leaves the clock alone.
+    // No other thread can cause an event, so a wait sets the clock to `until`. Waiting for kNever would not end, so it
+    // leaves the clock unchanged.
     void wait(Time until, int) noexcept override {
         if (until > now_ && until != kNever) now_ = until;
     }
 
-    // Lets time pass; a negative duration is ignored, the clock never goes backwards.
+    // Advances the clock. A negative duration is ignored; the clock never goes backwards.
     void advance(Duration by) noexcept {
         if (by > Duration::zero()) now_ += by;
     }

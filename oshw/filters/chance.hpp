@@ -1,11 +1,11 @@
-// Seeded chance for the filters: the same seed gives the same run on every machine.
+// Seeded pseudo-random numbers for the filters: the same seed gives the same sequence on every machine.
 #pragma once
 
 #include <cstdint>
 
 namespace margay {
 
-// How often something happens, in parts per million: integers, so that it is the same with every compiler and
+// Probability of an event in parts per million. It is an integer, so that results are equal with every compiler and
 // FPU.
 struct Rate {
     std::uint32_t per_million = 0;
@@ -13,7 +13,7 @@ struct Rate {
     [[nodiscard]] static constexpr Rate always() noexcept { return {1'000'000}; }
 };
 
-// SplitMix64 (Steele, Lea, Flood 2014): every seed is a good one, zero included.
+// SplitMix64 (Steele, Lea, Flood 2014). Every seed is suitable, including zero.
 class Chance {
   public:
     explicit constexpr Chance(std::uint64_t seed) noexcept : state_(seed) {}
@@ -25,11 +25,11 @@ class Chance {
         z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
         return z ^ (z >> 31);
     }
-    // 0 … bound − 1, and 0 for a bound of 0. The bias is below bound / 2⁶⁴.
+    // Returns 0 … bound − 1, and 0 for a bound of 0. The bias is below bound / 2⁶⁴.
     [[nodiscard]] constexpr std::uint64_t below(std::uint64_t bound) noexcept {
         return bound == 0 ? 0 : next() % bound;
     }
-    // Draws one number whatever the rate is, so that changing a rate leaves the rest of the run alone.
+    // Uses one random number for every rate, so that another rate does not change the rest of the sequence.
     [[nodiscard]] constexpr bool happens(Rate rate) noexcept { return below(1'000'000) < rate.per_million; }
 
   private:

@@ -17,7 +17,7 @@ std::size_t CorruptNic::receive(std::span<std::byte> into) noexcept {
     return corrupt(into.first(length));
 }
 
-// Returns the new length. It never becomes 0: that would read as "no frame".
+// Returns the new length. It is never 0, because 0 means "no frame".
 std::size_t CorruptNic::corrupt(std::span<std::byte> frame) noexcept {
     const auto from = options_.from_octet;
     if (frame.size() <= from) return frame.size();

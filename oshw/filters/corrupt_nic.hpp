@@ -1,5 +1,5 @@
-// Changes frames. On a real wire the FCS catches this and the frame is lost; what is let through here is what
-// broken switches, drivers and memory do, and what a master must survive.
+// A filter that changes frames. On a real wire the FCS detects such errors and the frame is lost; this filter simulates
+// broken switches, drivers and memory, which a master must tolerate.
 #pragma once
 
 #include "oshw/filter_nic.hpp"
@@ -13,17 +13,17 @@ class CorruptNic final : public FilterNic {
   public:
     struct Options {
         std::uint64_t seed = 1;
-        Rate sent{};                  // frames changed on the way to the segment
-        Rate received{};              // frames changed on the way back
-        std::uint32_t max_flips = 8;  // 1 to so many bits are turned over
-        Rate cut{};                   // of the changed frames, those that are cut short instead
-        std::size_t from_octet = 0;   // the first octet that may be hit: 14 spares the Ethernet header
+        Rate sent{};                  // share of the frames to the segment that are changed
+        Rate received{};              // share of the received frames that are changed
+        std::uint32_t max_flips = 8;  // 1 to max_flips bits are inverted
+        Rate cut{};                   // share of the changed frames that are shortened instead
+        std::size_t from_octet = 0;   // the first octet that may be changed; 14 leaves the Ethernet header unchanged
     };
 
     CorruptNic(Nic& inner, const Options& options) noexcept
         : FilterNic(inner), options_(options), chance_(options.seed) {}
 
-    // Frames of more than 1518 octets, which the contract does not allow, pass as they are.
+    // Frames longer than 1518 octets, which the NIC interface does not permit, are not changed.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
 

@@ -1,4 +1,4 @@
-// Loses frames: a wire with a bad contact.
+// A filter that loses frames, like a wire with a bad contact.
 #pragma once
 
 #include "oshw/filter_nic.hpp"
@@ -10,13 +10,13 @@ class DropNic final : public FilterNic {
   public:
     struct Options {
         std::uint64_t seed = 1;
-        Rate sent{};      // lost before the first slave: nobody has acted on it
-        Rate received{};  // lost behind the last slave: all have acted on it
+        Rate sent{};      // lost before the first slave: no slave has processed the frame
+        Rate received{};  // lost after the last slave: all slaves have processed the frame
     };
 
     DropNic(Nic& inner, const Options& options) noexcept : FilterNic(inner), options_(options), chance_(options.seed) {}
 
-    // A lost frame counts as sent, as it does for a real NIC.
+    // A lost frame is reported as sent, as by a real NIC.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (!chance_.happens(options_.sent)) return inner().send(frame);
         ++dropped_;

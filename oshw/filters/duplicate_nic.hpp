@@ -1,4 +1,4 @@
-// Delivers frames twice: what a bridge that learns the wrong thing, or a second listener, does.
+// A filter that delivers frames twice, like a wrongly configured bridge or a second listener.
 #pragma once
 
 #include "oshw/filter_nic.hpp"
@@ -13,21 +13,21 @@ class DuplicateNic final : public FilterNic {
   public:
     struct Options {
         std::uint64_t seed = 1;
-        Rate sent{};      // sent twice: the segment acts twice
+        Rate sent{};      // sent twice: the slaves process the frame twice
         Rate received{};  // received twice
     };
 
     DuplicateNic(Nic& inner, const Options& options) noexcept
         : FilterNic(inner), options_(options), chance_(options.seed) {}
 
-    // The answer is that for the first of the two.
+    // Returns the status of the first of the two frames.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override {
         const auto status = inner().send(frame);
         if (chance_.happens(options_.sent) && status == SendStatus::sent && inner().send(frame) == SendStatus::sent)
             ++duplicated_;
         return status;
     }
-    // The second one is there at once, ahead of all frames behind the first.
+    // The second copy is delivered immediately after the first, before all later frames.
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override {
         if (length_ != 0) {
             const auto length = std::min(length_, into.size());
@@ -43,7 +43,7 @@ class DuplicateNic final : public FilterNic {
         }
         return length;
     }
-    // A duplicate that waits is there already, which any time in the past says.
+    // A waiting copy has already arrived; any time in the past reports this.
     [[nodiscard]] Time next_arrival() const noexcept override { return length_ != 0 ? Time{} : inner().next_arrival(); }
 
     [[nodiscard]] std::uint64_t duplicated() const noexcept { return duplicated_; }

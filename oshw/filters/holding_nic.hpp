@@ -1,7 +1,7 @@
-// Filters that hold received frames back: late ones and overtaken ones.
+// Filters that delay received frames, or let later frames overtake them.
 //
-// Held frames cannot wake a wait on the inner NIC's handle: whoever waits takes next_arrival() into account,
-// as for any NIC in virtual time.
+// A delayed frame does not end a wait on the handle of the inner NIC. Therefore a caller that waits must also use
+// next_arrival(), as for any NIC in virtual time.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -13,20 +13,21 @@ namespace margay {
 
 class HoldingNic : public FilterNic {
   public:
-    // Takes what the inner NIC has, then delivers what is due. A frame that finds the memory full is lost and
-    // counted.
+    // Reads all frames of the inner NIC, then delivers the frames that are due. When the memory is full, a frame is
+    // lost and counted.
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept final;
     [[nodiscard]] Time next_arrival() const noexcept final;
 
     [[nodiscard]] std::uint64_t lost() const noexcept { return lost_; }
 
   protected:
-    // `memory` holds so many frames at a time; it, the clock and the inner NIC must outlive the filter.
+    // `memory` is the maximum number of delayed frames. The memory, the clock and the inner NIC must outlive the
+    // filter.
     HoldingNic(Nic& inner, Osal& clock, std::span<HeldFrame> memory) noexcept
         : FilterNic(inner), clock_(clock), queue_(memory) {}
     ~HoldingNic() = default;
 
-    // When a frame that came at `now` shall be delivered.
+    // Returns the delivery time of a frame that arrived at `now`.
     [[nodiscard]] virtual Time due(Time now) noexcept = 0;
 
   private:
@@ -36,7 +37,7 @@ class HoldingNic : public FilterNic {
     std::array<std::byte, HeldFrame::kMaxBytes> buffer_;
 };
 
-// Every frame comes later, by `delay` and up to `jitter` more; the order is kept.
+// Delays every frame by `delay` plus at most `jitter`. The order is kept.
 class DelayNic final : public HoldingNic {
   public:
     struct Options {
@@ -55,7 +56,7 @@ class DelayNic final : public HoldingNic {
     Time last_{Time::min()};
 };
 
-// Some frames are held for `hold`, and what comes meanwhile overtakes them.
+// Delays some frames by `hold`; frames that arrive in the meantime overtake them.
 class ReorderNic final : public HoldingNic {
   public:
     struct Options {

@@ -1,4 +1,4 @@
-// Shows every datagram sent and received as one readable line.
+// A filter that prints each sent and received datagram as one readable line.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -8,23 +8,23 @@
 
 namespace margay {
 
-// Where the lines go.
+// Receives the lines.
 class TraceSink {
   public:
-    // One line without an end of line; valid only during the call.
+    // One line without end-of-line character. Valid only during the call.
     virtual void line(std::string_view text) noexcept = 0;
 
   protected:
     ~TraceSink() = default;
 };
 
-// A line is: time in seconds, "tx" or "rx", number of the frame in this direction, and the datagram
-// (wire::describe()). A frame with a fault gets a line that names it, behind those of the datagrams that
-// could be read. Frames that the inner NIC did not take are shown as "tx busy" or "tx failed". As fast as the
-// sink; not for a cycle that has to be met.
+// A line contains: time in seconds, "tx" or "rx", the number of the frame in this direction, and the datagram
+// (wire::describe()). A malformed frame gets an additional line with the error after the lines of its readable
+// datagrams. Frames that the inner NIC did not send are shown as "tx busy" or "tx failed". The filter is as fast as the
+// sink; do not use it in a cycle with deadlines.
 class TraceNic final : public FilterNic {
   public:
-    // All three must outlive the filter.
+    // All three arguments must outlive the filter.
     TraceNic(Nic& inner, Osal& clock, TraceSink& sink) noexcept : FilterNic(inner), clock_(clock), sink_(sink) {}
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;

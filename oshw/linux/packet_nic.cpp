@@ -22,11 +22,11 @@
 namespace margay {
 namespace {
 
-constexpr int kReceiveBufferBytes = 4 << 20;  // a burst of more than a thousand full frames
+constexpr int kReceiveBufferBytes = 4 << 20;  // room for a burst of more than a thousand full-size frames
 constexpr int kNeededMtu = static_cast<int>(wire::kMaxFrameBytes - wire::kEthernetHeaderBytes);
 
-// Passes incoming EtherCAT frames without a VLAN tag. The kernel has taken a tag out of the frame by then,
-// only the ancillary word tells; a tagged frame belongs to somebody else's virtual network.
+// Accepts incoming EtherCAT frames without a VLAN tag. The kernel has already removed the tag from the frame, and only
+// the ancillary word shows it. A tagged frame belongs to another virtual network.
 bool attach_filter(int socket) {
     constexpr auto ancillary = [](int word) { return static_cast<std::uint32_t>(SKF_AD_OFF + word); };
     sock_filter program[] = {
@@ -78,7 +78,7 @@ Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
 }
 
 Result<> PacketNic::set_up(Side side) noexcept {
-    // Protocol 0 receives nothing until bind(), so no frame gets in before the filter is there.
+    // Protocol 0 receives nothing until bind(), so no frame can arrive before the filter is installed.
     socket_ = ::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (socket_ < 0 && (errno == EPERM || errno == EACCES)) return fail_no_permission();
     if (socket_ < 0 && errno == EAFNOSUPPORT)
@@ -87,19 +87,19 @@ Result<> PacketNic::set_up(Side side) noexcept {
     if (auto checked = check_interface(side); !checked) return checked;
 
     if (!attach_filter(socket_)) return fail(errno, "the receive filter was refused");
-    // Spares a copy of each frame sent; kernels before 4.20 do not know it, and then the filter does it
-    // alone.
+    // Avoids a copy of each sent frame. Kernels before 4.20 do not support the option; then only the filter drops these
+    // frames.
     (void)set_option(socket_, SOL_PACKET, PACKET_IGNORE_OUTGOING, 1);
     qdisc_bypassed_ = set_option(socket_, SOL_PACKET, PACKET_QDISC_BYPASS, 1);
-    // The first needs CAP_NET_ADMIN, the second is cut to net.core.rmem_max. Smaller is no failure, only less
-    // burst.
+    // SO_RCVBUFFORCE needs CAP_NET_ADMIN, SO_RCVBUF is limited to net.core.rmem_max. A smaller buffer is not an error,
+    // it only stores shorter bursts.
     if (!set_option(socket_, SOL_SOCKET, SO_RCVBUFFORCE, kReceiveBufferBytes))
         (void)set_option(socket_, SOL_SOCKET, SO_RCVBUF, kReceiveBufferBytes);
 
     sockaddr_ll address{};
     address.sll_family = AF_PACKET;
-    // Not EtherCAT's: a socket bound to one protocol comes behind the removal of VLAN tags, where nobody can
-    // tell any more, and behind a bridge that takes everything.
+    // Not the EtherCAT protocol: a socket bound to one protocol receives a frame after the kernel has removed its VLAN
+    // tag, so that the tag can no longer be detected, and after a bridge that may consume all frames.
     address.sll_protocol = htons(ETH_P_ALL);
     address.sll_ifindex = static_cast<int>(::if_nametoindex(name_.data()));
     if (side == Side::segment) {
@@ -182,7 +182,7 @@ Result<> PacketNic::fail_no_permission() noexcept {
 std::uint64_t PacketNic::overruns() noexcept {
     tpacket_stats stats{};
     socklen_t size = sizeof stats;
-    // Reading clears the kernel's counter.
+    // Reading clears the counter of the kernel.
     if (::getsockopt(socket_, SOL_PACKET, PACKET_STATISTICS, &stats, &size) == 0) overruns_ += stats.tp_drops;
     return overruns_;
 }
@@ -192,7 +192,7 @@ SendStatus PacketNic::send(std::span<const std::byte> frame) noexcept {
     const int error = errno;
     last_error_ = error;
     if (error == EAGAIN || error == EINTR) return SendStatus::busy;
-    // Past the queueing discipline the kernel says ENOBUFS both for a full ring and for a missing carrier.
+    // Without the queueing discipline the kernel returns ENOBUFS both for a full ring and for a missing carrier.
     if (error == ENOBUFS && link_state() != LinkState::down) return SendStatus::busy;
     return SendStatus::failed;
 }
@@ -204,14 +204,14 @@ std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
     return 0;
 }
 
-// The carrier itself, from the driver: IFF_RUNNING follows it by up to a second.
+// Reads the carrier from the driver, because IFF_RUNNING changes up to one second later.
 LinkState PacketNic::link_state() noexcept {
     auto request = request_for(name_);
     ethtool_value carrier{};
     carrier.cmd = ETHTOOL_GLINK;
     request.ifr_data = reinterpret_cast<char*>(&carrier);
     if (::ioctl(socket_, SIOCETHTOOL, &request) == 0) return carrier.data != 0 ? LinkState::up : LinkState::down;
-    if (errno != EOPNOTSUPP) return LinkState::down;  // pulled out, or never opened
+    if (errno != EOPNOTSUPP) return LinkState::down;  // interface removed, or never opened
     request = request_for(name_);
     constexpr auto kBoth = IFF_UP | IFF_RUNNING;
     const bool up = ::ioctl(socket_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & kBoth) == kBoth;

@@ -1,5 +1,5 @@
-// A network interface of Linux through an AF_PACKET socket: one system call a frame sent, one a frame
-// received. Once it is open, threads may be in send(), receive(), link_state() and last_error() at the same time.
+// A network interface of Linux, accessed by an AF_PACKET socket: one system call per sent frame and one per received
+// frame. After open(), several threads may call send(), receive(), link_state() and last_error() at the same time.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -14,13 +14,13 @@ namespace margay {
 
 class PacketNic final : public Nic {
   public:
-    // Which end of the cable this is.
+    // The end of the cable that this NIC represents.
     enum class Side : std::uint8_t {
-        // A master: frames come back with destination broadcast, so no promiscuous mode; source_mac() has the
-        // mark bits clear.
+        // A master. Replies have the broadcast address as destination, so promiscuous mode is not needed. source_mac()
+        // has the mark bits cleared.
         master,
-        // A simulated segment: masters choose any destination and source address and all must be seen, so
-        // promiscuous; the replies keep the source address of the request.
+        // A simulated segment. Masters use any destination and source address and the segment must receive all frames,
+        // so promiscuous mode is on. The replies keep the source address of the request.
         segment
     };
 
@@ -29,31 +29,29 @@ class PacketNic final : public Nic {
     PacketNic(const PacketNic&) = delete;
     PacketNic& operator=(const PacketNic&) = delete;
 
-    // Opens the interface. On failure problem() says in words what is wrong and what to do about it; the
-    // error's `actual` is errno. An unplugged cable is no failure here, see link_state(). Needs CAP_NET_RAW.
-    // Not callable from the cycle.
+    // Opens the interface. On failure, problem() describes the cause and the remedy; `actual` of the error is errno. An
+    // unplugged cable is not an error, see link_state(). Needs CAP_NET_RAW. Not callable from the cycle.
     [[nodiscard]] Result<> open(std::string_view interface, Side side = Side::master) noexcept;
     void close() noexcept;
 
-    // One sentence about the last failed open(), empty when it went well. Valid until the next open().
+    // One sentence about the last failed open(); empty after success. Valid until the next open().
     [[nodiscard]] std::string_view problem() const noexcept { return {problem_.data(), problem_size_}; }
 
-    // Whether frames go to the driver past the queueing discipline; some kernels refuse that. Packet sniffers
-    // on the same interface then see only what is received: record with a PcapRecorder instead.
+    // Whether frames bypass the queueing discipline on the way to the driver; some kernels refuse this. Packet sniffers
+    // on the same interface then see only received frames: use a PcapRecorder for recordings.
     [[nodiscard]] bool qdisc_bypassed() const noexcept { return qdisc_bypassed_; }
 
-    // How many received frames the kernel has thrown away since open() because nobody fetched them. One
+    // Number of received frames since open() that the kernel dropped because the program did not read them in time. One
     // system call.
     [[nodiscard]] std::uint64_t overruns() noexcept;
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
-    // One system call; not for every cycle.
+    // One system call; do not call it in every cycle.
     [[nodiscard]] LinkState link_state() noexcept override;
-    // The kernel marks own frames (PACKET_OUTGOING), and the receive filter drops them.
+    // The kernel marks the frames that this interface has sent (PACKET_OUTGOING), and the receive filter drops them.
     [[nodiscard]] bool hides_own_frames() const noexcept override { return true; }
-    // The interface's own address with bits 0 (group) and 1 (mark of the first ESC) of the first octet
-    // cleared.
+    // The address of the interface with bits 0 (group) and 1 (mark of the first ESC) of the first octet cleared.
     [[nodiscard]] MacAddress source_mac() const noexcept override { return source_mac_; }
     [[nodiscard]] int wait_handle() const noexcept override { return socket_; }
     [[nodiscard]] int last_error() const noexcept override { return last_error_.load(std::memory_order_relaxed); }

@@ -15,11 +15,11 @@ struct PcapCloser {
 };
 
 constexpr std::size_t kVlanTagBytes = 4;
-constexpr std::int64_t kLongestSeconds = 10LL * 366 * 86'400;  // far from where a Duration ends
+constexpr std::int64_t kLongestSeconds = 10LL * 366 * 86'400;  // far below the maximum of a Duration
 
 bool is_vlan_tag(std::uint16_t ether_type) { return ether_type == 0x8100 || ether_type == 0x88A8; }
 
-// What libpcap says about a file it cannot open, in our words where those say more.
+// Translates an error text of libpcap for a file that cannot be opened, where this text is not clear.
 std::string open_problem(std::string_view said) {
     if (said.find("unknown file format") != said.npos || said.find("bad dump file format") != said.npos)
         return "it is neither pcap nor pcapng";
@@ -58,13 +58,13 @@ Result<> CaptureFile::load(const std::string& path, CutOff cut_off) {
     int got = 0;
     while ((got = pcap_next_ex(file.get(), &header, &data)) == 1) {
         if (++number == 1) first = *header;
-        // Without a sign on the way: a damaged stamp may be anything.
+        // Unsigned arithmetic, because a damaged time stamp may have any value.
         const auto seconds = static_cast<std::int64_t>(static_cast<std::uint64_t>(header->ts.tv_sec) -
                                                        static_cast<std::uint64_t>(first.ts.tv_sec));
         if (seconds < -kLongestSeconds || seconds > kLongestSeconds)
             return fail(path,
                         "packet " + std::to_string(number) + " is years away from the first; its time is damaged");
-        // With the precision asked for, the second field counts nanoseconds.
+        // With nanosecond precision, the field tv_usec counts nanoseconds.
         const Duration at = std::chrono::seconds(seconds) + Duration(header->ts.tv_usec - first.ts.tv_usec);
         const auto problem = add(at, number, std::as_bytes(std::span(data, header->caplen)), header->len);
         if (!problem.empty()) return fail(path, "packet " + std::to_string(number) + " " + problem);

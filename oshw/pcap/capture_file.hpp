@@ -1,4 +1,4 @@
-// The EtherCAT frames of a recording: pcap or pcapng, micro- or nanoseconds, read as a whole.
+// Reads all EtherCAT frames of a recording: pcap or pcapng, with microseconds or nanoseconds.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -14,28 +14,29 @@
 namespace margay {
 
 struct CapturedFrame {
-    Duration at{};             // since the first packet of the file
-    bool reply = false;        // bit 1 of the first octet of the source address: it has passed a slave
-    std::uint64_t number = 0;  // of the packet in the file, from 1, as Wireshark counts
+    Duration at{};             // time since the first packet of the file
+    bool reply = false;        // bit 1 of the first octet of the source address is set: the frame has passed a slave
+    std::uint64_t number = 0;  // number of the packet in the file, from 1, as in Wireshark
     std::size_t offset = 0;
     std::size_t length = 0;
 };
 
 class CaptureFile {
   public:
-    // What is done with a file that ends in the middle of a packet, as after a full disk or a killed recorder.
+    // How load() treats a file that ends in the middle of a packet, for example after a full disk or a killed recorder.
     enum class CutOff : std::uint8_t { refuse, accept };
 
-    // Reads the file. Refused, with problem() saying why and where: what is no recording or ends in the
-    // middle of a packet, link types other than Ethernet, EtherCAT in VLAN tags, packets that were recorded
-    // cut, and files without any EtherCAT frame. Packets that are not EtherCAT are passed over. Allocates.
-    // With CutOff::accept, the whole packets of a file that ends in the middle of one are taken, and remark() says so.
+    // Reads the file. problem() describes the reason and the place of an error. These files are refused: files that are
+    // not recordings or end in the middle of a packet, link types other than Ethernet, EtherCAT frames in VLAN tags,
+    // packets that were cut by the recorder, and files without any EtherCAT frame. Packets that are not EtherCAT are
+    // skipped. Allocates memory. With CutOff::accept, the complete packets of a file that ends in the middle of a
+    // packet are read, and remark() reports this.
     [[nodiscard]] Result<> load(const std::string& path, CutOff cut_off = CutOff::refuse);
 
-    // One sentence about the last load() that failed, empty when it went well.
+    // One sentence about the last load() if it failed, otherwise empty.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
-    // One sentence about the end that was cut off in the last load(), empty where the file is whole.
+    // One sentence about the incomplete end found by the last load(); empty if the file is complete.
     [[nodiscard]] const std::string& remark() const noexcept { return remark_; }
 
     [[nodiscard]] const std::vector<CapturedFrame>& frames() const noexcept { return frames_; }
@@ -43,12 +44,12 @@ class CaptureFile {
     [[nodiscard]] Bytes bytes(const CapturedFrame& frame) const noexcept {
         return Bytes(bytes_).subspan(frame.offset, frame.length);
     }
-    // Packets passed over.
+    // Number of skipped packets.
     [[nodiscard]] std::uint64_t skipped() const noexcept { return skipped_; }
 
   private:
     [[nodiscard]] Result<> fail(const std::string& path, const std::string& what);
-    // Empty when the packet was taken or passed over, else what is wrong with it.
+    // Returns an empty string when the packet was read or skipped, otherwise the error.
     [[nodiscard]] std::string add(Duration at, std::uint64_t number, Bytes packet, std::size_t length_on_wire);
 
     std::string problem_;

@@ -33,7 +33,7 @@ Result<> PcapRecorder::open(const std::string& path, Duration epoch) {
 
 Result<> PcapRecorder::close() {
     if (file_ == nullptr) return {};
-    // A failed write leaves its mark in the stream and in errno only when it happens; the last one is this
+    // A failed write sets the error flag of the stream and errno only at the time of the write; the last write is this
     // flush.
     errno = 0;
     const bool whole = pcap_dump_flush(file_) == 0 && std::ferror(pcap_dump_file(file_)) == 0;
@@ -64,7 +64,8 @@ void PcapRecorder::write(std::span<const std::byte> frame) noexcept {
     const auto seconds = std::chrono::floor<std::chrono::seconds>(at);
     pcap_pkthdr header{};
     header.ts.tv_sec = static_cast<decltype(header.ts.tv_sec)>(seconds.count());
-    header.ts.tv_usec = static_cast<decltype(header.ts.tv_usec)>((at - seconds).count());  // nanoseconds here
+    // Nanoseconds in this file format.
+    header.ts.tv_usec = static_cast<decltype(header.ts.tv_usec)>((at - seconds).count());
     header.caplen = header.len = static_cast<bpf_u_int32>(frame.size());
     pcap_dump(reinterpret_cast<u_char*>(file_), &header, reinterpret_cast<const u_char*>(frame.data()));
 }

@@ -1,5 +1,5 @@
-// Writes every frame sent and received into a file that Wireshark and PcapReplayNic read: pcap with
-// nanoseconds.
+// A filter that writes each sent and received frame into a file for Wireshark and PcapReplayNic: pcap with nanosecond
+// time stamps.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -16,24 +16,25 @@ namespace margay {
 
 class PcapRecorder final : public FilterNic {
   public:
-    // Both must outlive the recorder.
+    // Both arguments must outlive the recorder.
     PcapRecorder(Nic& inner, Osal& clock) noexcept : FilterNic(inner), clock_(clock) {}
     ~PcapRecorder();
 
-    // Creates the file, over one that is there. `epoch` is the wall-clock time at Time{}, as time since 1970:
-    // the stamps in the file are the clock's time on top of it. With 0, two runs in virtual time give the
-    // same file octet by octet.
+    // Creates the file and overwrites an existing file. `epoch` is the wall-clock time at Time{}, as duration since
+    // 1970; the time stamps in the file are `epoch` plus the time of the clock. With 0, two runs in virtual time create
+    // identical files.
     [[nodiscard]] Result<> open(const std::string& path, Duration epoch = {});
 
-    // Writes out what is buffered and closes the file. An error means that the file is not complete (disk
-    // full, …). Closing twice, or without open(), is no error. The destructor closes, but has nobody to tell.
+    // Writes the buffered data and closes the file. An error means that the file is not complete (for example, disk
+    // full). It is not an error to close twice or without open(). The destructor also closes the file, but cannot
+    // report an error.
     [[nodiscard]] Result<> close();
 
-    // One sentence about what went wrong last, empty when nothing did.
+    // One sentence about the last error; empty if there was none.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
-    // A frame is recorded when the inner NIC has taken it. File I/O, buffered: not for a cycle that has to be
-    // met.
+    // A frame is recorded after the inner NIC has accepted it. Buffered file I/O: do not use it in a cycle with
+    // deadlines.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
 

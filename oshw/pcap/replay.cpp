@@ -14,7 +14,7 @@ std::uint64_t key_of(const wire::DatagramHeader& header) {
            (std::uint64_t{static_cast<std::uint8_t>(header.command)} << 48);
 }
 
-// Octets behind the last datagram do no harm, and there are masters that announce some.
+// Octets after the last datagram are ignored; some masters announce too many octets.
 bool readable(Bytes frame) {
     wire::DatagramReader reader(frame);
     while (reader.next()) {
@@ -22,7 +22,7 @@ bool readable(Bytes frame) {
     return reader.fault() == wire::FrameFault::none || reader.fault() == wire::FrameFault::trailing;
 }
 
-// Writes keep the data they were sent with; it is not part of what tells requests apart.
+// The data of write commands returns unchanged. Data is not used to identify requests.
 bool data_comes_back_changed(wire::Command command) {
     using enum wire::Command;
     return command != NOP && command != APWR && command != FPWR && command != BWR && command != LWR;
@@ -84,7 +84,7 @@ void PcapReplayNic::prepare() {
 }
 
 void PcapReplayNic::take_request(std::size_t frame) {
-    constexpr std::size_t kRemembered = 256;  // as many as there are frame indices
+    constexpr std::size_t kRemembered = 256;  // the number of datagram indices
     Outstanding request{frame, {}};
     wire::DatagramReader reader(capture().bytes(capture().frames()[frame]));
     while (const auto datagram = reader.next()) {
@@ -96,7 +96,8 @@ void PcapReplayNic::take_request(std::size_t frame) {
     if (outstanding_.size() > kRemembered) outstanding_.pop_front();
 }
 
-// Whether a reply can be the one to a request: the same datagrams with the same indices, only counted on.
+// Whether a frame can be the reply to a request: the same datagrams with the same indices; only the working counters
+// may differ.
 bool PcapReplayNic::answers(const Outstanding& request, Bytes reply) const {
     wire::DatagramReader asked(capture().bytes(capture().frames()[request.frame]));
     wire::DatagramReader said(reply);
@@ -113,9 +114,9 @@ bool PcapReplayNic::answers(const Outstanding& request, Bytes reply) const {
     }
 }
 
-// Two requests that look the same may be outstanding: sent back to back, and then replies come in order; or
-// the older one was lost and sent again, and then the reply is to the newer one. Their ages tell: a retry
-// waits for several round trips first.
+// Two equal requests may be outstanding: either they were sent one after the other, and the replies arrive in order; or
+// the older one was lost and repeated, and the reply belongs to the newer one. The age of the requests distinguishes
+// the two cases: a retry is sent only after several round trips.
 void PcapReplayNic::take_reply(std::size_t frame) {
     constexpr int kRoundTripsUntilRetry = 4;
     const auto& reply = capture().frames()[frame];
@@ -145,7 +146,7 @@ void PcapReplayNic::connect(const Outstanding& request, std::size_t reply_frame)
     for (const auto at : request.at) {
         const auto a = requests.next();
         const auto b = replies.next();
-        if (!a || !b) return;  // cannot be: answers() has walked both
+        if (!a || !b) return;  // not possible: answers() has compared both frames
         series_[key_of(a->header)].exchanges[at] = {.answered = true,
                                                     .used = false,
                                                     .answer_offset = static_cast<std::uint32_t>(b->offset),
@@ -213,8 +214,8 @@ SendStatus PcapReplayNic::send(std::span<const std::byte> frame) noexcept {
         counters_.repeated += repeated;
         return queue().put(clock().now() + latency, answer) ? SendStatus::sent : SendStatus::busy;
     }
-    // The frame does not come back. Answers that it would have brought stay; a loss has now happened, unless
-    // something that was never recorded is to blame.
+    // The frame does not return. The answers for its other datagrams remain available. A recorded loss is now used up,
+    // unless a datagram without any recording is the cause.
     for (const auto& use : std::span(uses).first(count)) {
         auto& exchange = use.series->exchanges[use.at];
         if (!use.fresh || (!missing && !exchange.answered)) continue;

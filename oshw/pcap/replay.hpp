@@ -1,8 +1,8 @@
-// NICs that answer from a recording, in virtual time: no segment is there.
+// NICs that answer from a recording in virtual time, without a segment.
 //
-// PcapReplayNic answers datagram by datagram, so that the order and the packing of requests may differ from
-// the recorded ones. PcapStrictReplayNic wants every frame octet by octet and in order: for golden recordings
-// of our own. Both deliver an answer as long after its request as it was recorded, and take the source
+// PcapReplayNic answers single datagrams, so the requests may have another order or another grouping into frames than
+// in the recording. PcapStrictReplayNic requires every frame to be identical and in the recorded order: it is for
+// golden recordings of our own. Both deliver an answer with the recorded delay after its request, and use the source
 // address of the recorded requests as their own.
 #pragma once
 
@@ -25,12 +25,12 @@ class ReplayNic : public Nic {
     ReplayNic(const ReplayNic&) = delete;
     ReplayNic& operator=(const ReplayNic&) = delete;
 
-    // Reads a recording; on failure problem() says why. Allocates; afterwards nothing does but the text of
-    // problem().
+    // Reads a recording; on failure, problem() describes the reason. Allocates memory; after load(), only the text of
+    // problem() allocates.
     [[nodiscard]] Result<> load(const std::string& path);
 
-    // One sentence: why load() failed, or the first request that the recording has no answer for. Empty when
-    // all is well.
+    // One sentence: the reason why load() failed, or the first request without an answer in the recording. Empty if
+    // there is no error.
     [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
@@ -42,9 +42,9 @@ class ReplayNic : public Nic {
     explicit ReplayNic(Osal& clock) noexcept;
     ~ReplayNic() = default;
 
-    // Called by load() once the frames are there.
+    // Called by load() after the frames are read.
     virtual void prepare() = 0;
-    // Keeps the first complaint: what comes behind it is mostly its consequence.
+    // Keeps the first error, because later errors are mostly its consequence.
     void complain(const std::string& what);
     [[nodiscard]] const CaptureFile& capture() const noexcept { return capture_; }
     [[nodiscard]] Osal& clock() noexcept { return clock_; }
@@ -61,54 +61,56 @@ class ReplayNic : public Nic {
 
 class PcapReplayNic final : public ReplayNic {
   public:
-    // What becomes of a request that was recorded less often than it is now sent.
+    // What the NIC does with a request that is sent more often than it was recorded.
     enum class UsedUp : std::uint8_t {
-        repeat_last,  // its last answer again: what a master that polls a little more often needs
+        repeat_last,  // repeats the last answer, for a master that polls slightly more often
         unanswered
     };
     struct Counters {
-        std::uint64_t answered = 0;          // frames
-        std::uint64_t lost_as_recorded = 0;  // frames left unanswered because a datagram of theirs was, then
-        std::uint64_t unknown = 0;           // frames left unanswered because a datagram is not in the recording
-        std::uint64_t used_up = 0;           // … or not so often
-        std::uint64_t repeated = 0;          // datagrams answered by the last answer again
-        std::uint64_t malformed = 0;         // frames whose datagrams cannot be read, sent or in the file
-        std::uint64_t stray = 0;             // replies in the file that belong to no request
+        std::uint64_t answered = 0;  // frames
+        // Frames without answer because one of their datagrams had no answer in the recording.
+        std::uint64_t lost_as_recorded = 0;
+        std::uint64_t unknown = 0;  // frames without answer because a datagram is not in the recording
+        // Frames without answer because a datagram was sent more often than recorded.
+        std::uint64_t used_up = 0;
+        std::uint64_t repeated = 0;   // datagrams that got a repeated last answer
+        std::uint64_t malformed = 0;  // sent or recorded frames whose datagrams cannot be read
+        std::uint64_t stray = 0;      // replies in the file without a request
     };
 
     explicit PcapReplayNic(Osal& clock, UsedUp used_up = UsedUp::repeat_last) noexcept
         : ReplayNic(clock), used_up_(used_up) {}
 
-    // The n-th request of the same command, address and length gets the n-th recorded answer. Reads and
-    // read-writes get the recorded data, writes keep theirs. A frame is answered as a whole or not at all; if
-    // not, the answers to its other datagrams stay for the next time.
+    // The n-th request with the same command, address and length gets the n-th recorded answer. Reads and read-writes
+    // get the recorded data, writes keep their data. A frame is answered completely or not at all; if it is not
+    // answered, the answers to its other datagrams remain for the next request.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
 
     [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
 
   private:
-    // One recorded datagram, request and answer.
+    // One recorded datagram: request and answer.
     struct Exchange {
         bool answered = false;
         bool used = false;
-        std::uint32_t answer_offset = 0;  // of the datagram header, from the start of the frame
-        std::uint32_t answer_frame = 0;   // in capture().frames()
+        std::uint32_t answer_offset = 0;  // offset of the datagram header from the start of the frame
+        std::uint32_t answer_frame = 0;   // index in capture().frames()
         Duration latency{};
     };
-    // All recorded datagrams of one command, address and length, in order.
+    // All recorded datagrams with one command, address and length, in order.
     struct Series {
         std::vector<Exchange> exchanges;
-        std::size_t next = 0;  // none before it is unused
+        std::size_t next = 0;  // all exchanges before this index are used
     };
-    // A recorded request frame whose answer has not come yet.
+    // A recorded request frame without a reply yet.
     struct Outstanding {
         std::size_t frame = 0;
-        std::vector<std::size_t> at;  // per datagram, its place in its series
+        std::vector<std::size_t> at;  // for each datagram, its index in its series
     };
     struct Use {
         Series* series = nullptr;
         std::size_t at = 0;
-        bool fresh = false;  // not a repetition
+        bool fresh = false;  // false: a repeated answer
     };
     static constexpr std::size_t kMaxDatagrams = wire::kMaxDatagramsBytes / wire::kDatagramOverheadBytes;
 
@@ -117,7 +119,7 @@ class PcapReplayNic final : public ReplayNic {
     void take_reply(std::size_t frame);
     [[nodiscard]] bool answers(const Outstanding& request, Bytes reply) const;
     void connect(const Outstanding& request, std::size_t reply_frame);
-    // The exchange that answers this datagram now; no series when there is none.
+    // Finds the exchange that answers this datagram now; the series is nullptr if there is none.
     [[nodiscard]] Use find(const wire::DatagramHeader& header) noexcept;
     void write_answer(const Exchange& exchange, const wire::DatagramView& request, MutableBytes frame) const noexcept;
 
@@ -131,13 +133,13 @@ class PcapStrictReplayNic final : public ReplayNic {
   public:
     explicit PcapStrictReplayNic(Osal& clock) noexcept : ReplayNic(clock) {}
 
-    // The frame must be the next request of the recording, octet by octet. From the first that is not,
-    // nothing is answered any more.
+    // The frame must be identical to the next request of the recording. After the first difference no frame is answered
+    // any more.
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
 
-    // Whether a request differed from the recording; problem() says which and where.
+    // Whether a request differed from the recording; problem() describes the difference.
     [[nodiscard]] bool diverged() const noexcept { return diverged_; }
-    // Whether all requests of the recording have been made.
+    // Whether all requests of the recording have been sent.
     [[nodiscard]] bool finished() const noexcept { return !diverged_ && next_ == capture().frames().size(); }
 
   private:

@@ -6,7 +6,7 @@
 namespace margay {
 namespace {
 
-// The first datagram of a frame in words, or what the frame is instead.
+// Describes the first datagram of a frame, or the frame if it has no readable datagram.
 std::string in_words(Bytes frame) {
     std::array<char, 192> buffer;
     wire::DatagramReader reader(frame);
@@ -19,7 +19,7 @@ std::string in_words(Bytes frame) {
 void PcapStrictReplayNic::prepare() {
     diverged_ = false;
     next_ = 0;
-    // Replies ahead of the first request are left-overs of an earlier run.
+    // Replies before the first request belong to an earlier run.
     while (next_ < capture().frames().size() && capture().frames()[next_].reply) ++next_;
 }
 

@@ -30,7 +30,7 @@ SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     return SendStatus::sent;
 }
 
-// A cable does not reorder.
+// The due time never decreases, because a cable does not reorder frames.
 void SimulatedNic::put(Time due, std::span<const std::byte> frame) noexcept {
     if (full()) return;
     auto& slot = slots_[(first_ + count_++) % slots_.size()];

@@ -1,4 +1,4 @@
-// A NIC whose cable leads into a simulated segment, in the time of an Osal.
+// A NIC connected to a simulated segment, in the time of an Osal.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -12,18 +12,22 @@ namespace margay {
 class SimulatedNic final : public Nic {
   public:
     struct Options {
-        Duration round_trip = std::chrono::microseconds(100);  // of the host: both drivers and what lies between
-        bool wire_time = false;                                // frames take 80 ns an octet and queue behind each other
-        unsigned master_port = 0;                              // of the segment
-        std::size_t queue_frames = 256;                        // frames on their way at most; more are "busy"
+        // Delay of the host: both drivers and the system between them.
+        Duration round_trip = std::chrono::microseconds(100);
+        // Frames need 80 ns per octet and are sent one after the other.
+        bool wire_time = false;
+        unsigned master_port = 0;  // port of the segment that this NIC is connected to
+        // Maximum number of frames in transit; further frames are "busy".
+        std::size_t queue_frames = 256;
         MacAddress mac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
     };
 
-    // Both must outlive the NIC. The queue is allocated here, nothing later.
+    // Both arguments must outlive the NIC. The constructor allocates the queue; nothing is allocated later.
     SimulatedNic(sim::Segment& segment, Osal& osal, const Options& options);
     SimulatedNic(sim::Segment& segment, Osal& osal) : SimulatedNic(segment, osal, Options{}) {}
 
-    // For a segment with both ends on the master: frames that leave at the other's port arrive there.
+    // For a segment with both ends connected to the master: frames that leave at the port of the other NIC are
+    // delivered there.
     void set_other_end(SimulatedNic* other) noexcept { other_ = other; }
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;

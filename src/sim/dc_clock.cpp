@@ -9,13 +9,13 @@ namespace {
 
 namespace reg = wire::reg;
 
-// The gains of the chips' loops are not published. These, in units of the speed counter difference (0x0932),
-// bring a clock of tens of ppm home within some tenths of a second and are stable up to a comparison every 20
-// ms.
+// The gains of the chips' control loops are not published. These values, in units of the speed counter difference
+// (0x0932), correct a clock error of some 10 ppm within some tenths of a second, and are stable with comparisons every
+// 20 ms or more often.
 constexpr double kProportional = 4.0;  // per nanosecond of difference
 constexpr double kIntegral = 40.0;     // per nanosecond of difference and second
 
-// What a speed counter difference means for the rate; the data sheets give it for reading 0x0932.
+// The clock rate for a speed counter difference, by the formula of the data sheets for 0x0932.
 double rate_of(double difference, double start) {
     return difference / (5.0 * (start + difference + 2) * (start - difference + 2));
 }
@@ -62,7 +62,7 @@ std::int64_t DcClock::ahead(std::uint64_t copy_time, Time at) const {
                    : std::int64_t{static_cast<std::int32_t>(copy_time - copy(at))};
 }
 
-// What is further away than a Duration can tell (the master may write any offset) is as far as it can.
+// The master may write any offset, so limit differences that do not fit into a Duration.
 Time DcClock::moment_of(std::uint64_t copy_time, Time near) const {
     constexpr std::int64_t kFar = std::int64_t{1} << 60;
     const auto ahead = std::clamp(this->ahead(copy_time, near), -kFar, kFar);
@@ -91,7 +91,7 @@ void DcClock::set_drift(std::int32_t ppb, Time at) {
     drift_ = ppb * 1e-9;
 }
 
-// A write of the speed counter start starts the loop over.
+// A write to the speed counter start restarts the control loop.
 void DcClock::reset_loop(Time at) {
     mean_ = integral_ = 0;
     compared_ = kNever;
@@ -110,12 +110,12 @@ void DcClock::compare(std::uint32_t received, Time at) {
         static_cast<double>(static_cast<std::int32_t>(static_cast<std::uint32_t>(system(at)) - received));
     const auto depth = registers_->get<std::uint8_t>(reg::kSystemTimeDifferenceFilter.address) & 0x0F;
     mean_ += (difference - mean_) / (1u << depth);
-    // 0x092C: sign and magnitude; the sign is set where the local copy is behind.
+    // 0x092C contains sign and magnitude; the sign is set when the local copy is behind.
     const auto shown = static_cast<std::uint32_t>(std::min(std::abs(std::round(mean_)), 2147483647.0));
     registers_->set(reg::kSystemTimeDifference.address, shown | (mean_ < 0 && shown != 0 ? 0x80000000u : 0u));
 
     const double start = registers_->get<std::uint16_t>(reg::kSpeedCounterStart.address);
-    const double limit = std::clamp(start - 0x7F, 0.0, 32767.0);  // the difference is signed
+    const double limit = std::clamp(start - 0x7F, 0.0, 32767.0);  // the difference is a signed value
     const double seconds =
         compared_ == kNever ? 0.0 : std::min(static_cast<double>((at - compared_).count()) * 1e-9, 0.02);
     compared_ = at;

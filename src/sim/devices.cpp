@@ -21,7 +21,7 @@ constexpr std::uint8_t kInt16 = 0x03;
 constexpr std::uint8_t kInt32 = 0x04;
 constexpr std::uint8_t kUint16 = 0x06;
 
-// --- Simple terminals: no processor, or one that only moves process data ---
+// --- Simple terminals: without a processor, or with a processor that only copies process data ---
 
 constexpr std::array<std::string_view, 16> kChannelNames{
     "Channel 1", "Channel 2",  "Channel 3",  "Channel 4",  "Channel 5",  "Channel 6",  "Channel 7",  "Channel 8",
@@ -33,7 +33,7 @@ struct Terminal {
     std::string_view text;
     std::uint32_t product;
     std::uint8_t channels;
-    std::uint8_t bits;  // of a channel
+    std::uint8_t bits;  // of one channel
     bool outputs;
     std::int16_t ebus_current_ma;
 };
@@ -75,7 +75,7 @@ std::vector<std::byte> image_of(const sii::Description& description) {
 Device make_coupler(bool junction) {
     using Port = sii::PhysicalPort;
     sii::Description d;
-    d.configuration.pdi_control = 0x0D00;  // no PDI, device emulation, DC units on
+    d.configuration.pdi_control = 0x0D00;  // no PDI, device emulation, DC units enabled
     d.identity = {kVendorId, junction ? kJunctionProduct : kCouplerProduct, 1, 0};
     d.group = "Couplers";
     d.order = junction ? "MG0122" : "MG0100";
@@ -109,7 +109,7 @@ Device make_terminal(const Terminal& terminal) {
     }
     const auto bytes = static_cast<std::uint16_t>((terminal.channels * terminal.bits + 7) / 8);
     const std::array sync_managers{SmInfo{
-        // Digital outputs are registers of the ESC and need no PDI interrupt; all others are in RAM, behind
+        // Digital outputs are registers of the ESC and need no PDI interrupt. All other process data are in RAM with
         // three buffers.
         .start = digital && terminal.outputs ? std::uint16_t{0x0F00} : std::uint16_t{0x1000},
         .length_bytes = bytes,
@@ -119,7 +119,7 @@ Device make_terminal(const Terminal& terminal) {
     const std::array fmmus{terminal.outputs ? FmmuUse::outputs : FmmuUse::inputs, FmmuUse::unused};
 
     sii::Description d;
-    // Digital I/O by the ESC alone, or a processor behind SPI.
+    // Digital I/O by the ESC itself, or a processor connected by SPI.
     d.configuration.pdi_control = digital ? 0x0104 : 0x0005;
     d.identity = {kVendorId, terminal.product, 1, 0};
     d.group = digital ? "Digital" : "Analogue";
@@ -138,8 +138,8 @@ Device make_terminal(const Terminal& terminal) {
     return device;
 }
 
-// A box that gives pulses and directions to a stepper drive: no mailbox, fixed process data, and a clock that SYNC0
-// comes from.
+// A device that sends pulses and direction to a stepper drive: no mailbox, fixed process data, and SYNC0 from its
+// clock.
 Device make_pulse_axis() {
     using Port = sii::PhysicalPort;
     constexpr std::array outputs{
@@ -164,7 +164,7 @@ Device make_pulse_axis() {
         sii::DcDescription{.mode = {}, .name = "FreeRun", .description = "Free run"},
         sii::DcDescription{.mode = {.assign_activate = 0x0300}, .name = "DC", .description = "Synchronous to SYNC0"}};
     sii::Description d;
-    d.configuration.pdi_control = 0x0C05;  // a processor behind SPI, SYNC and latch units on
+    d.configuration.pdi_control = 0x0C05;  // a processor connected by SPI, SYNC and latch units enabled
     d.configuration.sync_pulse_length_10ns = 1000;
     d.identity = {kVendorId, kPulseAxisProduct, 1, 0};
     d.group = "Motion";
@@ -182,7 +182,7 @@ Device make_pulse_axis() {
     return device;
 }
 
-// Without anything to run, the ESC is left alone.
+// A device without process data and with device emulation needs no program.
 std::unique_ptr<Firmware> firmware_for(Bytes image) {
     const auto model = read_sii_model(image);
     if (model.device_emulation() && model.areas.empty()) return nullptr;

@@ -11,7 +11,7 @@ namespace reg = wire::reg;
 namespace {
 
 constexpr std::uint8_t kPdiDigitalIo = 0x04;
-constexpr Duration kLeastStep = std::chrono::microseconds(1);  // of a program, whatever it asks for
+constexpr Duration kLeastStep = std::chrono::microseconds(1);  // minimum time between two steps of a program
 
 }  // namespace
 
@@ -54,10 +54,10 @@ void Esc::power_up(Time now) {
     schedule();
 }
 
-// ESC data sheets, "SII EEPROM" and DL status bit 0: the PDI works once the EEPROM is loaded with a right checksum, at
-// power-up or by a reload command. Until then no program reaches the ESC, PDI control and device emulation are 0, and
-// nobody answers an AL control: the AL status stays INIT, and AL control is full after the first write. Registers and
-// memory work from the EtherCAT side. (With EEPROM emulation the PDI works from power-up on.)
+// ESC data sheets, "SII EEPROM" and DL status bit 0: the PDI works after the EEPROM was loaded with a correct checksum,
+// at power-up or by a reload command. Before that, no program can access the ESC, and PDI control and device emulation
+// are 0. No side answers to AL control: the AL status stays INIT, and AL control accepts only the first write.
+// Registers and memory work from the EtherCAT side. (With EEPROM emulation the PDI works from power-up on.)
 void Esc::start_pdi(Time now) {
     pdi_operational_ = true;
     if (!firmware_) return;
@@ -75,7 +75,7 @@ void Esc::power_up_registers() {
     registers_.set(reg::kRamSize.address, description_.ram_kib);
     registers_.set(reg::kPortDescriptor.address, description_.port_descriptor());
     registers_.set(reg::kFeatures.address, description_.features);
-    // Foreign frames die, loops automatic, FIFO full.
+    // Frames that are not EtherCAT are destroyed, loops are automatic, FIFO size is maximum.
     registers_.set<std::uint32_t>(reg::kDlControl.address, description_.without_ebus() ? 0x00070001u : 0x00C70001u);
     registers_.set<std::uint16_t>(reg::kAlControl.address, 0x0001);
     registers_.set<std::uint16_t>(reg::kAlStatus.address, 0x0001);
@@ -100,7 +100,7 @@ void Esc::set_dl_status(std::uint16_t link_bits) {
     update_dl_status();
 }
 
-// The chip's part of 0x0110 is made here, that of the ports by the segment.
+// This function creates the bits of 0x0110 that belong to the chip; the segment creates the bits of the ports.
 void Esc::update_dl_status() {
     unsigned status = link_bits_;
     const auto sii_status = registers_.get<std::uint16_t>(reg::kSiiControl.address);
@@ -140,7 +140,7 @@ void Esc::advance(Time now) {
         const auto expired = watchdogs_.settle(now_);
         if (expired.process_data) {
             set_al_events(wire::al_event::kWatchdog, now_);
-            // Without a processor the chip itself takes digital outputs back.
+            // Without a processor, the chip itself resets digital outputs.
             if (registers_.get<std::uint8_t>(reg::kPdiControl.address) == kPdiDigitalIo)
                 registers_.set<std::uint32_t>(0x0F00, 0);
         }
@@ -150,7 +150,7 @@ void Esc::advance(Time now) {
             firmware_due_ = kNever;
             const auto wanted = firmware_->step(now_);
             firmware_due_ = std::min(firmware_due_, wanted);
-            firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);  // time must pass
+            firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);  // time must advance
         }
         schedule();
     }
@@ -202,7 +202,7 @@ void Esc::change_ecat_events(std::uint16_t set, std::uint16_t clear) {
 }
 
 void Esc::carry_out(const SyncManagers::Events& events, Time at) {
-    if (events.watchdog) {  // an event that is due too early only looks and finds nothing
+    if (events.watchdog) {  // an event that is due too early does no harm: it finds nothing to do
         watchdogs_.feed_process_data(at);
         next_event_ = std::min(next_event_, watchdogs_.next());
     }
@@ -217,7 +217,7 @@ void Esc::read(std::uint16_t address, MutableBytes into) noexcept {
 }
 
 void Esc::write(std::uint16_t address, Bytes data) noexcept {
-    // access() serves both directions and leaves the data of a write alone.
+    // access() handles both directions and does not change the data of a write.
     (void)access(Side::pdi, true, address, const_cast<std::byte*>(data.data()), data.size(), now_);
 }
 

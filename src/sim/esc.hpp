@@ -1,9 +1,9 @@
-// One EtherCAT slave controller: its registers, its memory and what happens when the master or the PDI
-// touches them. The master's side is driven by Segment, the PDI's side is subdevice::EscAccess.
+// One EtherCAT slave controller: its registers, its memory, and the effects of accesses by the master or the PDI.
+// Segment calls the functions of the master's side; the PDI side is subdevice::EscAccess.
 //
-// As on the chip, what a frame writes into registers counts from the end of the frame on, and only if its FCS
-// is right ("shadow buffers for register write operations"); process memory is written at once, but its
-// SyncManagers hand buffers over at the end of the frame as well.
+// As on the chip, register writes take effect at the end of the frame, and only if the FCS is correct ("shadow buffers
+// for register write operations"). Process memory is written at once, but SyncManagers exchange their buffers at the
+// end of the frame as well.
 #pragma once
 
 #include "sim/dc_clock.hpp"
@@ -25,24 +25,24 @@
 
 namespace margay::sim {
 
-// What an ESC knows of a frame when it has passed.
+// Information about a frame after it has passed the ESC.
 struct FrameEnd {
-    bool good = true;   // FCS and structure
-    Time at{};          // the last octet is through
+    bool good = true;   // FCS and structure are correct
+    Time at{};          // the last octet has passed
     Time processing{};  // the first bit reached the processing unit
-    std::array<Time, kMaxPorts> ports{kNever, kNever, kNever,
-                                      kNever};  // the first bit came in at a port; kNever: not there
+    // Arrival of the first bit at each port; kNever: the frame did not arrive at this port.
+    std::array<Time, kMaxPorts> ports{kNever, kNever, kNever, kNever};
 };
 
 class Esc final : public subdevice::EscAccess {
   public:
-    // `sii` is the content of the EEPROM. The device is without power until power_up().
+    // `sii` is the content of the EEPROM. The device has no power until power_up().
     Esc(const EscDescription& description, std::vector<std::byte> sii);
 
-    // Takes the program that runs behind the PDI; nothing: an ESC without a processor. Before power_up().
+    // Sets the program behind the PDI; nullptr: an ESC without a processor. Call it before power_up().
     void set_firmware(std::unique_ptr<Firmware> firmware) { firmware_ = std::move(firmware); }
     [[nodiscard]] Firmware* firmware() { return firmware_.get(); }
-    // The process data of the firmware; nullptr where there is none, and while the PDI does not work (start_pdi()).
+    // The process data of the firmware; nullptr if there is none, or while the PDI does not work (start_pdi()).
     [[nodiscard]] ProcessDataFirmware* process_data() {
         return firmware_ && pdi_operational_ ? firmware_->process_data() : nullptr;
     }
@@ -50,19 +50,21 @@ class Esc final : public subdevice::EscAccess {
     void power_up(Time now);
     [[nodiscard]] const EscDescription& description() const { return description_; }
 
-    // --- The master's side. `at`: when the frame begins to pass the processing unit. ---
+    // --- The master's side. `at`: the time when the frame reaches the processing unit. ---
 
-    // Physical memory, both the register and the process data area. Octets that cannot be read stay as they
-    // are in `data`. True when at least one octet could.
+    // Access to physical memory: registers and process memory. Octets of `data` that cannot be read stay unchanged.
+    // Returns true when at least one octet was accessed.
     bool ecat_read(std::uint32_t address, MutableBytes data, Time at);
     bool ecat_write(std::uint32_t address, Bytes data, Time at);
-    // LRD, LWR, LRW: returns what it adds to the working counter.
+    // LRD, LWR, LRW: returns the increment of the working counter.
     std::uint16_t ecat_logical(bool read, bool write, std::uint32_t address, MutableBytes data, Time at);
-    // The end of a frame in which the ESC was touched: takes over what was written, unless the frame was bad.
+    // The end of a frame that accessed the ESC: executes the pending register writes, or discards them when the frame
+    // is bad.
     void frame_end(const FrameEnd& end);
-    // The same, once a frame.
+    // The same as frame_pending(), but true only once per frame.
     [[nodiscard]] bool newly_pending() { return !end_expected_ && (end_expected_ = frame_pending()); }
-    // Asks the processor's cache for what ecat_logical() will need: the ESC itself, then what it points to.
+    // Prefetch the data that ecat_logical() needs into the processor's cache: fetch_state() the ESC itself,
+    // fetch_buffers() the memory that it points to.
     void fetch_state() const {
         for (std::size_t line = 0; line < 8; ++line)
             __builtin_prefetch(reinterpret_cast<const std::byte*>(&now_) + 64 * line);
@@ -88,58 +90,58 @@ class Esc final : public subdevice::EscAccess {
         return registers_.get<std::uint16_t>(wire::reg::kPhysicalReadWriteOffset.address);
     }
     [[nodiscard]] bool alias_enabled() const { return alias_enabled_; }
-    // What it ORs into the IRQ field of every datagram.
+    // The bits that this ESC ORs into the IRQ field of every datagram.
     [[nodiscard]] std::uint16_t irq() const { return irq_; }
-    // First and last logical address of all FMMUs; first > last: none.
+    // First and last logical address of all FMMUs; first > last: no active FMMU.
     [[nodiscard]] std::uint32_t logical_first() const { return logical_first_; }
     [[nodiscard]] std::uint32_t logical_last() const { return logical_last_; }
-    // Counts up whenever one of the five above may have changed.
+    // Incremented when station(), alias(), alias_enabled(), irq() or the logical range may have changed.
     [[nodiscard]] std::uint32_t configuration() const { return configuration_; }
 
-    // --- Ports, seen by the segment ---
+    // --- Ports, used by the segment ---
     void set_dl_status(std::uint16_t link_bits);
     void set_link(unsigned port, bool link) { mii_.set_link(port, link); }
-    // Counts up whenever loops are to be set anew: written, with the same value too, or reset.
+    // Incremented when the loop control was written (also with the same value) or reset.
     [[nodiscard]] std::uint32_t loops_written() const { return loops_written_; }
     [[nodiscard]] std::uint32_t dl_control() const {
         return registers_.get<std::uint32_t>(wire::reg::kDlControl.address);
     }
 
-    // Error counters, which stop at 255. Forwarded: somebody before has seen the error already.
+    // Error counters, which stop at 255. `forwarded`: an earlier slave has already detected the error.
     void count_rx_error(unsigned port, bool forwarded);
     void count_lost_link(unsigned port);
     void count_processing_error();
 
     // --- Time ---
-    // When advance() has something to do.
+    // The next time at which advance() has work to do.
     [[nodiscard]] Time next_event() const { return next_event_; }
     void advance(Time now);
-    // How many events advance() has worked off since the ESC was made. Whatever a master writes, this grows by less
-    // than 1.3 million for each second of simulated time: pulses come in bundles of 10 µs, and a program steps once a
-    // microsecond at most.
+    // Number of events that advance() has processed since construction. Whatever a master writes, this number grows by
+    // less than 1.3 million per second of simulated time, because pulses are processed in groups of 10 µs and a program
+    // steps at most once per microsecond.
     [[nodiscard]] std::uint64_t work() const { return work_; }
 
-    // --- The PDI's side ---
+    // --- The PDI side ---
     void read(std::uint16_t address, MutableBytes into) noexcept override;
     void write(std::uint16_t address, Bytes data) noexcept override;
     [[nodiscard]] Time now() noexcept override { return now_; }
 
-    // --- The world outside ---
+    // --- External signals and faults ---
     // An edge at a latch input.
     void latch(unsigned input, bool rising, Time at);
-    // The firmware hangs, until the next power-up.
+    // The firmware stops until the next power-up.
     void halt_firmware(Time now);
-    // From now on the clock runs at another rate.
+    // Changes the drift of the clock from now on.
     void set_drift(std::int32_t ppb, Time now);
     [[nodiscard]] const DcClock& clock() const { return clock_; }
     [[nodiscard]] const SyncUnit& sync() const { return sync_; }
 
-    // --- For tests and faults ---
+    // --- For tests and fault injection ---
     [[nodiscard]] SiiUnit& sii() { return sii_; }
     [[nodiscard]] const SyncManagers& sync_managers() const { return sync_managers_; }
     [[nodiscard]] RegisterFile& registers() { return registers_; }
     [[nodiscard]] const RegisterFile& registers() const { return registers_; }
-    // Octets as they stand in registers and RAM, without any effect.
+    // Reads octets from registers and RAM without side effects.
     [[nodiscard]] std::vector<std::byte> peek(std::uint16_t address, std::size_t count) const;
     [[nodiscard]] std::span<std::byte> ram() { return ram_; }
 
@@ -149,14 +151,14 @@ class Esc final : public subdevice::EscAccess {
         std::uint16_t length = 0;
         std::uint16_t offset = 0;
     };
-    struct Mapping {  // what an active FMMU maps in one direction, in bits
+    struct Mapping {  // the mapping of an active FMMU for one direction, in bits
         std::uint64_t logical = 0;
         std::uint64_t logical_end = 0;
         std::uint64_t physical = 0;
-        bool octets = false;       // whole octets on both sides
-        std::int8_t channel = -1;  // the SyncManager whose buffer it maps, the whole of it and nothing else
+        bool octets = false;       // both sides start and end at octet boundaries
+        std::int8_t channel = -1;  // the SyncManager whose whole buffer is mapped, and nothing else; -1: none
     };
-    // Of one direction, without overlaps: n FMMUs make 2n − 1 parts at most.
+    // The mappings of one direction, without overlaps: n FMMUs result in at most 2n − 1 parts.
     struct Mappings {
         unsigned count = 0;
         std::array<Mapping, 2 * kMaxFmmus> at{};
@@ -210,7 +212,7 @@ class Esc final : public subdevice::EscAccess {
     void lay_out();
     void schedule();
 
-    // What every frame looks at comes first: a thousand ESCs do not fit into a cache with all they have.
+    // Members that every frame accesses are first, because a thousand complete ESCs do not fit into a cache.
     Time now_{};
     Time firmware_due_ = kNever;
     Time next_event_ = kNever;
@@ -222,18 +224,18 @@ class Esc final : public subdevice::EscAccess {
     std::uint32_t al_events_ = 0;  // AL event request, 0x0220
     std::size_t writes_ = 0;
     std::size_t write_bytes_used_ = 0;
-    std::uint16_t effects_ = 0;  // bits of Effect: registers read that do something at the end of the frame
+    std::uint16_t effects_ = 0;  // bits of Effect: registers that were read and act at the end of the frame
     std::uint16_t irq_ = 0;
     bool alias_enabled_ = false;
     bool al_control_unread_ = false;
-    bool register_writes_enabled_ = false;  // by 0x0020 in this frame
-    bool esc_writes_enabled_ = false;       // by 0x0030 in this frame
-    bool protected_ = false;                // 0x0021 or 0x0031
+    bool register_writes_enabled_ = false;  // enabled by a write to 0x0020 in this frame
+    bool esc_writes_enabled_ = false;       // enabled by a write to 0x0030 in this frame
+    bool protected_ = false;                // write protection by 0x0021 or 0x0031
     bool halted_ = false;
     bool pdi_operational_ = false;
     bool dc_on_ = false;
-    bool end_expected_ = false;  // of the frame now passing
-    bool exchanges_ = false;     // a logical octet is read and written
+    bool end_expected_ = false;  // for the current frame
+    bool exchanges_ = false;     // some logical octets are both read and written
     std::vector<std::byte> ram_;
     SyncManagers sync_managers_;
     Mappings read_mappings_;
@@ -246,17 +248,17 @@ class Esc final : public subdevice::EscAccess {
     DcClock clock_;
     SyncUnit sync_;
 
-    // What the frame now passing has written into registers, and read with an effect.
+    // Register writes of the current frame, and registers read with an effect.
     static constexpr std::size_t kMaxWrites = 128;
     std::array<Write, kMaxWrites> write_list_{};
     std::array<std::byte, 1536> write_bytes_{};
-    std::array<std::uint8_t, 2> reset_step_{};  // of the magic word in 0x0040 and 0x0041
+    std::array<std::uint8_t, 2> reset_step_{};  // position in the reset sequence of 0x0040 and 0x0041
     bool reset_wanted_ = false;
     std::uint8_t lasting_loops_ = 0;
     std::uint16_t link_bits_ = 0;
-    std::uint32_t compare_with_ = 0;  // low half of what was written to the system time
+    std::uint32_t compare_with_ = 0;  // low 32 bits of the value written to the system time
     std::uint64_t work_ = 0;
-    Time loops_end_ = kNever;  // of temporary loop settings
+    Time loops_end_ = kNever;  // end of temporary loop settings
 };
 
 }  // namespace margay::sim

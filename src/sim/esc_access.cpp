@@ -1,4 +1,4 @@
-// Esc: how an access finds its memory, by address.
+// Esc: accesses by physical address.
 #include "sim/esc.hpp"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ bool Esc::ecat_write(std::uint32_t address, Bytes data, Time at) {
     return access(Side::ecat, true, address, const_cast<std::byte*>(data.data()), data.size(), at);
 }
 
-// Cuts an access into parts of one owner each: a SyncManager, or nobody.
+// Splits an access into parts with one owner each: a SyncManager, or none.
 bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at) {
     const auto end = static_cast<std::uint32_t>(std::min<std::size_t>(address + length, kAddressSpace));
     if (!sync_managers_.any_enabled()) {
@@ -92,7 +92,7 @@ bool Esc::read_registers(Side side, std::uint32_t address, std::byte* data, std:
     return true;
 }
 
-// May the master write here at all? ESC data sheets, "Write protection".
+// Whether the master may write to this address. ESC data sheets, "Write protection".
 bool Esc::writable(std::uint32_t address) const {
     if (!protected_) return true;
     const auto protects = [this](wire::Register r) { return (registers_.get<std::uint8_t>(r.address) & 1) != 0; };
@@ -104,7 +104,7 @@ bool Esc::writable(std::uint32_t address) const {
 }
 
 bool Esc::write_registers(std::uint32_t address, const std::byte* data, std::size_t length) {
-    if (address >= reg::kUserRam) {  // no shadow buffers there
+    if (address >= reg::kUserRam) {  // user RAM has no shadow buffers
         if (!writable(address)) return false;
         std::copy_n(data, length, registers_.bytes().begin() + address);
         return true;
@@ -116,14 +116,14 @@ bool Esc::write_registers(std::uint32_t address, const std::byte* data, std::siz
         any = (registers_.flags(a) & access::kEcatWrite) != 0 && !blocked && writable(a);
     }
     if (!any) return false;
-    if (address >= kDigitalOutputs) {  // process data, handed over by its SyncManager and not by a shadow buffer
+    if (address >= kDigitalOutputs) {  // process data: handed over by its SyncManager, not by a shadow buffer
         for (std::size_t i = 0; i < length; ++i)
             if ((registers_.flags(static_cast<std::uint32_t>(address + i)) & access::kEcatWrite) != 0)
                 registers_.bytes()[address + i] = data[i];
         return true;
     }
     if (writes_ == kMaxWrites || write_bytes_used_ + length > write_bytes_.size())
-        return true;  // only FMMUs mapped over each other get here: more octets than a frame has
+        return true;  // only overlapping FMMUs can cause this, because they write more octets than the frame contains
     const auto covers = [&](wire::Register r) { return address <= r.address && r.address < address + length; };
     if (covers(reg::kWriteRegisterEnable)) register_writes_enabled_ = true;
     if (covers(reg::kEscWriteEnable)) esc_writes_enabled_ = true;

@@ -1,5 +1,5 @@
-// What an ESC is, as data: the chip's size and abilities, the times of its EEPROM, its clock and its ports.
-// What hangs on it (PDI, process data, mailboxes) is in the SII image and in the firmware.
+// The description of an ESC as data: size and features of the chip, timing of its EEPROM, its clock and its ports. The
+// parts connected to the ESC (PDI, process data, mailboxes) are described by the SII image and the firmware.
 #pragma once
 
 #include "wire/esc.hpp"
@@ -16,34 +16,34 @@ inline constexpr unsigned kMaxFmmus = 16;
 inline constexpr unsigned kMaxSyncManagers = 16;
 
 enum class DcUnit : std::uint8_t {
-    none,           // no clock at all
-    receive_times,  // port receive times only
+    none,           // no clock
+    receive_times,  // only port receive times
     bits32,
     bits64,
 };
 
 struct PortDescription {
     wire::PortKind kind = wire::PortKind::not_implemented;
-    Duration delay{};  // from the port to the wire and from the wire to the port, together with half a cable hop
+    Duration delay{};  // delay between port and wire (the same in both directions), including half a cable hop
 };
 
-// The times of the EEPROM. A write command leaves "busy" when the word is on its way to the EEPROM; the EEPROM then
-// stores the word and acknowledges no command before it has finished. (Recorded on an EK1100: 0.3 ms and 3.8 ms.)
+// Timing of the EEPROM. After a write command, the interface is busy until the word is sent to the EEPROM. Then the
+// EEPROM stores the word and acknowledges no command until it has finished. (Recorded on an EK1100: 0.3 ms and 3.8 ms.)
 struct SiiTiming {
-    Duration read = std::chrono::microseconds(300);        // one read command, of 4 or 8 octets
-    Duration write = std::chrono::microseconds(3800);      // from a write command until the EEPROM has stored the word
-    Duration write_busy = std::chrono::microseconds(300);  // from a write command until the interface is not busy; at
-                                                           // most `write`
+    Duration read = std::chrono::microseconds(300);    // one read command of 4 or 8 octets
+    Duration write = std::chrono::microseconds(3800);  // from a write command until the EEPROM has stored the word
+    // From a write command until the interface is not busy; at most `write`.
+    Duration write_busy = std::chrono::microseconds(300);
     Duration reload = std::chrono::microseconds(700);
     bool reads_8_bytes = true;
-    unsigned nacks = 0;             // commands after power-up that the EEPROM does not acknowledge
-    bool emulated = false;          // the firmware answers the commands (EEPROM emulation)
-    std::uint16_t status_bits = 0;  // further bits that 0x0502 always shows (bit 4 of some chips)
+    unsigned nacks = 0;             // number of commands after power-up that the EEPROM does not acknowledge
+    bool emulated = false;          // EEPROM emulation: the firmware executes the commands
+    std::uint16_t status_bits = 0;  // additional bits that 0x0502 always shows (bit 4 on some chips)
 };
 
 struct ClockDescription {
     std::int32_t drift_ppb = 0;
-    std::uint64_t start_ns = 0;  // local time when the segment's time is zero
+    std::uint64_t start_ns = 0;  // local time at time zero of the segment
 };
 
 struct EscDescription {
@@ -59,18 +59,17 @@ struct EscDescription {
     bool mii_management = false;
     std::array<PortDescription, kMaxPorts> ports{};
     Duration processing_delay = std::chrono::nanoseconds(120);  // through the processing unit
-    Duration forwarding_delay = std::chrono::nanoseconds(20);   // from port to port behind it
-    Duration firmware_latency = std::chrono::microseconds(20);  // from an AL event to the firmware's next step
+    Duration forwarding_delay = std::chrono::nanoseconds(20);   // from a port to the next port
+    Duration firmware_latency = std::chrono::microseconds(20);  // from an AL event to the next step of the firmware
     SiiTiming sii;
     ClockDescription clock;
     std::uint64_t product_id = 0;  // 0x0E00
     std::uint64_t vendor_id = 0;   // 0x0E08
 
-    // The kinds of chips that have no E-bus at all: of DL control they show 0x07 where those with one show 0xC7
-    // (0x0102, recorded).
+    // Chip types that have no E-bus. In DL control they show 0x07 where chips with E-bus show 0xC7 (0x0102, recorded).
     [[nodiscard]] constexpr bool without_ebus() const { return type == 0x04 || type == 0x05 || type == 0xC0; }
 
-    // The 0x0007 octet that the ports make.
+    // The octet of register 0x0007 for these ports.
     [[nodiscard]] constexpr std::uint8_t port_descriptor() const {
         unsigned value = 0;
         for (unsigned p = 0; p < kMaxPorts; ++p) value |= static_cast<unsigned>(ports[p].kind) << (2 * p);
@@ -78,10 +77,10 @@ struct EscDescription {
     }
 };
 
-// Chips as their data sheets describe them. All can be changed before a slave is made of them.
+// Chips as in their data sheets. All values can be changed before an Esc is created.
 [[nodiscard]] EscDescription
-et1100();  // 4 ports, 8 FMMUs, 8 SMs, 8 KiB, DC 64 bits; a coupler: port 0 MII, others E-bus
-[[nodiscard]] EscDescription et1200();    // 3 FMMUs, 4 SMs, 1 KiB; a terminal on the E-bus
+et1100();  // 4 ports, 8 FMMUs, 8 SMs, 8 KiB, DC 64 bits; a coupler: port 0 MII, other ports E-bus
+[[nodiscard]] EscDescription et1200();    // 3 FMMUs, 4 SMs, 1 KiB; an E-bus terminal
 [[nodiscard]] EscDescription ip_core();   // FPGA with two MII ports, DC 64 bits
 [[nodiscard]] EscDescription lan9252();   // 3 FMMUs, 4 SMs, 4 KiB, two MII ports
 [[nodiscard]] EscDescription junction();  // ET1100 with four MII ports

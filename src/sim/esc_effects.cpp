@@ -1,4 +1,4 @@
-// Esc: what reading and writing registers does.
+// Esc: the effects of register reads and writes.
 #include "sim/esc.hpp"
 
 #include "sim/events.hpp"
@@ -21,13 +21,13 @@ struct Range {
     [[nodiscard]] bool meets(std::uint32_t from, std::uint32_t to) const { return begin < to && from < end; }
 };
 
-// Reads by the master that do something when the frame is through.
+// Accesses by the master that have an effect at the end of the frame.
 enum Effect : std::uint16_t {
     kDlStatusRead = 1,
     kAlStatusRead = 2,
     kReceiveTimes = 4,
     kCompare = 8,
-    kLatchRead = 16  // and three more: the edges in the order of their registers
+    kLatchRead = 16  // and the next three bits: the edges in the order of their registers
 };
 
 constexpr std::uint16_t latch_time(unsigned edge) {
@@ -52,7 +52,8 @@ void Esc::frame_end(const FrameEnd& end) {
     if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
     if (good && (effects & kAlStatusRead) != 0) change_ecat_events(0, ecat_event::kAlStatus);
     if (good && effects >= kLatchRead) latches_read(effects / kLatchRead);
-    if (const auto wanted = std::exchange(effects_, std::uint16_t{0}); wanted != 0) {  // by what was just taken over
+    // Set by the register writes above.
+    if (const auto wanted = std::exchange(effects_, std::uint16_t{0}); wanted != 0) {
         if ((wanted & kReceiveTimes) != 0) latch_receive_times(end);
         if ((wanted & kCompare) != 0) {
             clock_.compare(compare_with_, end.processing);
@@ -67,7 +68,7 @@ void Esc::frame_end(const FrameEnd& end) {
     }
 }
 
-// Reading the time of an edge makes room for the next one.
+// Reading the time of an edge enables the latch for the next edge.
 void Esc::latches_read(unsigned edges) {
     std::uint32_t cleared = 0;
     for (unsigned edge = 0; edge < 4; ++edge)
@@ -76,11 +77,12 @@ void Esc::latches_read(unsigned edges) {
     if ((cleared & wire::al_event::kDcLatch) != 0) change_ecat_events(0, ecat_event::kLatch);
 }
 
-// One write out of the shadow buffer into the registers, octet by octet as far as each may be written.
+// Executes one write of the shadow buffer: copies the octets that are writable into the registers.
 void Esc::take_over(const Write& write, const FrameEnd& end) {
     const Time at = end.at;
     const Range range{write.address, static_cast<std::uint32_t>(write.address) + write.length};
-    // Whether the EEPROM is busy is seen where the frame passes: what it reads there fits what it writes.
+    // The state of the EEPROM (busy or not) is that of the time when the frame passes, so that reads and writes in one
+    // frame match.
     if (range.meets(reg::kSiiConfig.address, reg::kSiiData.end())) settle_sii(end.processing);
     const bool sii_free = sii_.accepts(false);
     bool effect = false;
@@ -162,7 +164,8 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
     }
 }
 
-// 0x0100 bit 1: the loop settings written with it are for about a second, then those before come back.
+// 0x0100 bit 1: the loop settings of this write are valid for about one second; then the previous settings are
+// restored.
 void Esc::temporary_loops(Time at) {
     const bool temporary = (registers_.get<std::uint8_t>(reg::kDlControl.address) & 0x02) != 0;
     const auto loops = registers_.get<std::uint8_t>(reg::kDlControl.address + 1);
@@ -185,7 +188,7 @@ void Esc::end_temporary_loops() {
     ++configuration_;
 }
 
-// 0x0980 bit 0: the master or the PDI sets up SYNC; bits 4 and 5: latch inputs 0 and 1.
+// 0x0980 bit 0: the PDI, not the master, controls the SYNC registers; bits 4 and 5: the same for latch inputs 0 and 1.
 bool Esc::sync_registers_are_pdis(std::uint32_t address) const {
     if (!dc_on_ || address <= reg::kCyclicUnitControl.address || address >= reg::kLatch0Status.address) return false;
     const auto control = registers_.get<std::uint8_t>(reg::kCyclicUnitControl.address);
@@ -193,8 +196,8 @@ bool Esc::sync_registers_are_pdis(std::uint32_t address) const {
     return (control >> bit & 1) != 0;
 }
 
-// ETG.1000.4 "AL control": with device emulation the status follows by itself, otherwise the register is full
-// until the PDI has read it.
+// ETG.1000.4 "AL control": with device emulation, AL status follows AL control automatically. Otherwise AL control
+// cannot be written again until the PDI has read it.
 void Esc::al_control_written() {
     const auto configured = registers_.get<std::uint8_t>(reg::kEscConfiguration.address);
     if ((configured & wire::esc_configuration::kDeviceEmulation) == 0) {
@@ -240,7 +243,8 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
         sync_managers_.settle();
     if (!dc_on_) return;
     if (range.meets(reg::kSystemTime)) {
-        // The master reads what the copy was when the frame passed the reference clock, the PDI what it is.
+        // The master reads the copy of the time when the frame passed the reference clock; the PDI reads the present
+        // copy.
         const auto time = side == Side::ecat ? clock_.system(at) : clock_.copy(at);
         registers_.set(reg::kSystemTime.address, time);
     }
@@ -283,8 +287,8 @@ void Esc::written_dc(std::uint32_t address, std::size_t length, Time at) {
     schedule();
 }
 
-// A write to the first receive time latches when this frame came in at each port, and at the processing unit
-// (ETG.1000.4 "Distributed clock local time parameter"). A port where it did not keeps what it had.
+// A write to the first receive time register latches the arrival time of this frame at each port and at the processing
+// unit (ETG.1000.4 "Distributed clock local time parameter"). A port at which the frame did not arrive keeps its value.
 void Esc::latch_receive_times(const FrameEnd& end) {
     for (unsigned p = 0; p < kMaxPorts; ++p)
         if (end.ports[p] != kNever)
@@ -296,8 +300,8 @@ void Esc::latch_receive_times(const FrameEnd& end) {
                    description_.dc == DcUnit::bits64 ? received : received & 0xFFFFFFFF);
 }
 
-// "RES", one letter a frame, resets the chip (ESC data sheets, "ESC reset"). Reading shows how far it has
-// got.
+// "RES", one letter per frame, resets the chip (ESC data sheets, "ESC reset"). A read shows the number of accepted
+// letters.
 void Esc::reset_written(bool from_pdi, Time at) {
     constexpr std::array<std::uint8_t, 3> kLetters{0x52, 0x45, 0x53};
     const auto address = from_pdi ? reg::kEscResetPdi.address : reg::kEscResetEcat.address;

@@ -13,7 +13,7 @@ namespace reg = wire::reg;
 }  // namespace
 
 // "If two or more FMMUs with the same direction are configured for the same logical byte, the FMMU with the lower
-// number is used, the other ones are ignored": what FMMUs before have is cut out.
+// number is used, the other ones are ignored": octets that earlier FMMUs map are removed from the new mapping.
 void Esc::Mappings::add(Mapping mapping) {
     const auto taken = count;
     for (unsigned n = 0; n < taken; ++n) {
@@ -64,7 +64,7 @@ void Esc::reload_mappings() {
     ++configuration_;
 }
 
-// The usual case, found once: an FMMU over one SyncManager's buffer.
+// Detects the common case once: an FMMU that maps exactly the buffer of one SyncManager.
 void Esc::link_mappings() {
     for (auto* mappings : {&read_mappings_, &write_mappings_})
         for (unsigned n = 0; n < mappings->count; ++n) {
@@ -88,7 +88,8 @@ std::uint16_t Esc::ecat_logical(bool read, bool write, std::uint32_t address, Mu
     return static_cast<std::uint16_t>((was_read ? 1 : 0) + (was_written ? 2 : 0));
 }
 
-// What goes into the slave is what came in, though its own data goes out at the same place: what is read waits aside.
+// The slave must write the data that arrived in the frame, although it reads its own data into the same octets.
+// Therefore the data that is read goes into a separate buffer first.
 std::uint16_t Esc::ecat_exchange(std::uint32_t address, MutableBytes data, Time at) {
     const auto end = std::min<std::uint64_t>(std::uint64_t{logical_last_} + 1, std::uint64_t{address} + data.size());
     const std::uint64_t begin = std::max<std::uint64_t>(logical_first_, address);
@@ -136,7 +137,7 @@ bool Esc::map_buffer(const Mapping& mapping, bool write, std::byte* data, Time a
     return done;
 }
 
-// Bits that do not lie on octets. A write leaves the slave's other bits of an octet as they are.
+// Mappings that do not start and end at octet boundaries. A write keeps the other bits of an octet.
 bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end, std::uint32_t address,
                    MutableBytes data, Time at) {
     const std::uint64_t physical = mapping.physical + (first - mapping.logical);
@@ -164,7 +165,7 @@ bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std:
     return access(Side::ecat, true, at_address, memory.data(), octets, at);
 }
 
-// What a write of these octets would overwrite.
+// Reads the present content of the octets that a write would overwrite.
 void Esc::before_write(std::uint32_t address, MutableBytes into) const {
     for (std::size_t i = 0; i < into.size(); ++i) {
         const auto a = static_cast<std::uint32_t>(address + i);

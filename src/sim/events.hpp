@@ -1,4 +1,4 @@
-// Bits of the ECAT event request (0x0210): what the ESC tells the master in the IRQ field of datagrams.
+// Bits of the ECAT event request (0x0210), which the ESC reports to the master in the IRQ field of datagrams.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The program of a simulated slave: steps in the segment's time, on the PDI side of its ESC.
+// The program of a simulated slave. It uses the PDI side of its ESC and executes steps in the time of the segment.
 #pragma once
 
 #include "sim/library/quirk.hpp"
@@ -16,22 +16,22 @@ class Firmware {
   public:
     virtual ~Firmware() = default;
 
-    // The device has been switched on; the ESC has just loaded its EEPROM. `esc` stays valid until the next
-    // start.
+    // The device has been switched on, and the ESC has loaded its EEPROM. `esc` is valid until the next start().
     virtual void start(subdevice::EscAccess& esc, Time now) = 0;
 
-    // Called when the AL event request (0x0220) has got a new bit, when the master has handed a buffer over, as
-    // a program that polls would notice, and when the time has come that the last call returned. Returns when it wants
-    // to be called at the latest, kNever when only events matter.
+    // Executes one step. Called when a new bit is set in the AL event request (0x0220), when the master has handed over
+    // a buffer (a program that polls would notice this), and at the time that the previous call returned. Returns the
+    // latest time for the next call; kNever when only events matter.
     virtual Time step(Time now) = 0;
 
-    // A manner to show from the next start on; `sii` is the device's image. False: this firmware has none.
+    // Activates a quirk from the next start on. `sii` is the image of the device. Returns false when this firmware does
+    // not support quirks.
     virtual bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
         (void)quirk, (void)sii;
         return false;
     }
 
-    // The device's process data, where others may set and look at it; nullptr: it has none.
+    // The process data of the device, for tests and programs that set or read it; nullptr: the device has none.
     [[nodiscard]] virtual ProcessDataFirmware* process_data() { return nullptr; }
 };
 

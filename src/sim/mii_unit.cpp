@@ -35,7 +35,7 @@ void MiiUnit::set_link(unsigned port, bool link) {
     link_[port] = link;
     if (!present_[port]) return;
     const auto at = static_cast<std::uint16_t>(reg::kMiiPortStatus.address + port);
-    registers_->set<std::uint8_t>(at, link ? 0x03 : 0x00);  // PHY link, link by the ESC's judgement
+    registers_->set<std::uint8_t>(at, link ? 0x03 : 0x00);  // link of the PHY, link detected by the ESC
 }
 
 void MiiUnit::show(std::uint16_t status) {
@@ -84,7 +84,7 @@ std::uint16_t MiiUnit::phy_register(unsigned port, unsigned number) const {
     switch (number) {
         case 0: return 0x3100;  // 100 Mbit/s, full duplex, negotiated
         case 1: return static_cast<std::uint16_t>(0x7809 | (link_[port] ? 0x0024 : 0));  // link, negotiation complete
-        case 2: return 0x4D47;                                                           // PHY identifiers of our own
+        case 2: return 0x4D47;                                                           // own PHY identifiers
         case 3: return 0x0010;
         case 4: return 0x0101;
         case 5: return link_[port] ? 0x4101 : 0x0000;

@@ -1,5 +1,5 @@
-// MII management, registers 0x0510–0x051B, and the PHYs it reaches: one a MII port, at the port's number
-// (ETG.1000.4 "MII management"; IEEE 802.3 clause 22 for what is in a PHY).
+// MII management, registers 0x0510–0x051B, and the PHYs: one PHY per MII port, with the number of the port as its
+// address (ETG.1000.4 "MII management"; IEEE 802.3 clause 22 for the registers of a PHY).
 #pragma once
 
 #include "sim/register_file.hpp"

@@ -1,4 +1,4 @@
-// Process data of a simulated device: copied from and to whatever SyncManagers the master has set up for it.
+// Process data of a simulated device, copied from and to the SyncManagers that the master has configured.
 #pragma once
 
 #include "sim/firmware.hpp"
@@ -10,22 +10,21 @@ namespace margay::sim {
 
 class ProcessDataFirmware : public Firmware {
   public:
-    // What the device measures and what it was told, all SyncManagers of a direction one behind the other.
-    // Setting is seen by the master after poke(); both spans are as long as the master has configured, and
-    // change with that.
+    // The inputs and outputs of the device, with all SyncManagers of one direction in sequence. The master sees new
+    // inputs after poke(). The length of both spans is the length that the master has configured, and changes with it.
     [[nodiscard]] virtual MutableBytes inputs() { return MutableBytes(inputs_).first(input_bytes_); }
     [[nodiscard]] virtual Bytes outputs() { return Bytes(outputs_).first(output_bytes_); }
-    // Puts the inputs where the master finds them.
+    // Writes the inputs into the SyncManager buffers.
     virtual void poke() { write_inputs(); }
     [[nodiscard]] ProcessDataFirmware* process_data() override { return this; }
 
   protected:
     void begin(subdevice::EscAccess& esc);
-    // Looks at the SyncManagers anew. To be called when one was switched on or off.
+    // Reads the configuration of the SyncManagers. Call it when a SyncManager was activated or deactivated.
     void configure();
     void write_inputs();
     void read_outputs();
-    // Outputs go to their safe value.
+    // Sets the outputs to zero, their safe value.
     void clear_outputs();
 
   private:

@@ -91,7 +91,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
 void RegisterFile::add_dc(const EscDescription& esc, bool enabled) {
     if (esc.dc == DcUnit::none) return;
     add(reg::kPortReceiveTime, kPlain);
-    add({reg::kPortReceiveTime.address, 4}, kActing);  // any write latches
+    add({reg::kPortReceiveTime.address, 4}, kActing);  // any write latches the receive times
     if (!enabled || esc.dc == DcUnit::receive_times) return;
     add(reg::kSystemTime, kActing | kDynamic);
     add(reg::kProcessingUnitReceiveTime, kPlain);
@@ -102,7 +102,7 @@ void RegisterFile::add_dc(const EscDescription& esc, bool enabled) {
     add(reg::kSpeedCounterDifference, kPlain);
     add(reg::kSystemTimeDifferenceFilter, kActing);
     add(reg::kSpeedCounterFilter, kActing);
-    add(reg::kCyclicUnitControl, kWritable);  // who of the two may write what follows
+    add(reg::kCyclicUnitControl, kWritable);  // selects which side may write the following registers
     add(reg::kSyncActivation, kActing | kPdiWrite);
     add(reg::kSyncPulseLength, kPlain);
     add(reg::kActivationStatus, kRead | kDynamic);

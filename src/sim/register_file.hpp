@@ -1,4 +1,4 @@
-// The register area of an ESC, 0x0000–0x0FFF: the octets themselves, and for each what may be done with it.
+// The register area of an ESC, 0x0000–0x0FFF: the octets, and access flags for each octet.
 #pragma once
 
 #include "sim/esc_description.hpp"
@@ -11,19 +11,19 @@
 namespace margay::sim {
 
 namespace access {
-inline constexpr std::uint8_t kRead = 0x01;  // implemented; what is not reads as nothing
+inline constexpr std::uint8_t kRead = 0x01;  // implemented; octets without this flag cannot be read
 inline constexpr std::uint8_t kEcatWrite = 0x02;
 inline constexpr std::uint8_t kPdiWrite = 0x04;
-inline constexpr std::uint8_t kDynamic = 0x08;      // to be brought up to date before it is read
-inline constexpr std::uint8_t kReadEffect = 0x10;   // being read does something
-inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write does more, or less, than to store the octet
+inline constexpr std::uint8_t kDynamic = 0x08;      // must be updated before it is read
+inline constexpr std::uint8_t kReadEffect = 0x10;   // a read has side effects
+inline constexpr std::uint8_t kWriteEffect = 0x20;  // a write does something else than to store the octet
 }  // namespace access
 
 class RegisterFile {
   public:
     static constexpr std::uint32_t kSize = 0x1000;
 
-    // Which registers there are: by the chip, and whether its DC unit is switched on.
+    // Sets the flags for the registers of a chip. `dc_enabled`: the DC unit is switched on.
     void lay_out(const EscDescription& esc, bool dc_enabled);
     void clear() { bytes_.fill(std::byte{0}); }
 
@@ -39,7 +39,7 @@ class RegisterFile {
     [[nodiscard]] Bytes bytes() const { return bytes_; }
 
     [[nodiscard]] std::uint8_t flags(std::uint32_t address) const { return flags_[address]; }
-    // All flags that occur in [address, address + length).
+    // All flags of the octets in [address, address + length), combined by OR.
     [[nodiscard]] std::uint8_t flags_in(std::uint32_t address, std::size_t length) const {
         unsigned found = 0;
         for (std::size_t i = 0; i < length; ++i) found |= flags_[address + i];

@@ -1,4 +1,4 @@
-// A segment: slaves with their ports, the cables between them, and the way a frame takes through all of it.
+// A segment: slaves with their ports, the cables between them, and the path of frames.
 //
 //     Segment segment;
 //     const auto coupler = segment.add(std::make_unique<Esc>(et1100(), image));
@@ -8,9 +8,8 @@
 //     segment.power_up(now);
 //     const auto passage = segment.process(frame, now);
 //
-// Building it up allocates; process() and advance() do not. A cable is named by the end farther from the
-// master or by any of its two ends. Slave numbers are those that add() gave, from 0, and need not be ring
-// positions.
+// Building a segment allocates memory; process() and advance() do not. Either end identifies a cable. Slave numbers are
+// the results of add(), from 0; they are not necessarily ring positions.
 #pragma once
 
 #include "sim/esc.hpp"
@@ -37,57 +36,58 @@ class Segment {
     static constexpr unsigned kMasterPorts = 2;
 
     struct Passage {
-        bool returned = false;     // else the frame was lost on the way, or destroyed
-        unsigned master_port = 0;  // where it came back
-        Time at{};                 // when its first bit did
-        bool changed = false;      // it may have been altered: it passed at least one ESC
+        bool returned = false;     // false: the frame was lost or destroyed
+        unsigned master_port = 0;  // master port at which the frame returned
+        Time at{};                 // time at which the first bit returned
+        bool changed = false;      // the frame passed at least one ESC, so it may have changed
     };
 
-    // How often what happens to a frame somewhere on its way; by a fixed sequence from the seed.
+    // Probability of faults on the path of a frame. The sequence of random numbers depends only on the seed.
     struct Noise {
-        double lost = 0;       // 0 … 1
-        double corrupted = 0;  // the FCS no longer fits: counted at the next port, and dropped by the master's NIC
+        double lost = 0;  // 0 … 1
+        // The FCS becomes wrong: the next port counts an error, and the NIC of the master drops the frame.
+        double corrupted = 0;
         std::uint64_t seed = 1;
     };
 
     // --- Building ---
     std::uint32_t add(std::unique_ptr<Esc> esc);
-    // Plugs a cable in. Both ports must be free; false otherwise, or when one does not exist.
+    // Connects a cable. Returns false when a port is not free or does not exist.
     bool connect(PortRef a, PortRef b, Duration cable = std::chrono::nanoseconds(5));
     bool connect_master(PortRef to, unsigned master_port = 0, Duration cable = std::chrono::nanoseconds(50));
-    // Pulls the cable out of both its ports.
+    // Removes the cable from both of its ports.
     void disconnect(PortRef end);
-    // Switches everything on.
+    // Switches all slaves on.
     void power_up(Time now);
 
     // --- Running ---
-    // Sends a frame from a master port through the segment, altering it in place. `duration` is its time on
-    // the wire; what it causes happens when its last octet is through. Calls must come in order of time.
+    // Sends a frame from a master port through the segment and changes it in place. `duration` is the time of the frame
+    // on the wire; its effects occur when its last octet has passed. Calls must be in order of time.
     Passage process(MutableBytes frame, Time now, unsigned master_port = 0, Duration duration = Duration::zero());
-    // Lets the slaves' firmware, EEPROMs, watchdogs and clocks run up to `now`.
+    // Advances firmware, EEPROMs, watchdogs and clocks of the slaves to `now`.
     void advance(Time now);
-    // When advance() has something to do.
+    // The next time at which advance() has work to do.
     [[nodiscard]] Time next_event() const { return next_event_; }
 
-    // --- What happens to segments ---
-    void set_cable(PortRef end, bool intact);  // wire break and heal
+    // --- Faults ---
+    void set_cable(PortRef end, bool intact);  // breaks or repairs the wire
     void set_power(std::uint32_t slave, bool on, Time now);
     void set_noise(const Noise& noise);
     [[nodiscard]] const Noise& noise() const { return noise_; }
-    // The next frame that passes the cable at `end` towards it is lost, or damaged.
+    // The next frame that passes the cable at `end`, in the direction of `end`, is lost or corrupted.
     void lose_next(PortRef end) { next_fault_ = {end, FaultKind::loss}; }
     void corrupt_next(PortRef end) { next_fault_ = {end, FaultKind::corruption}; }
 
-    // Somebody else than a frame has changed registers of slaves: looks at all of them anew.
+    // Reads the state of all slaves again. Call it when registers of slaves were changed other than by a frame.
     void reconsider();
 
-    // --- Looking in ---
+    // --- Inspection ---
     [[nodiscard]] std::size_t size() const { return nodes_.size(); }
     [[nodiscard]] Esc& slave(std::uint32_t number) { return *nodes_[number].esc; }
     [[nodiscard]] const Esc& slave(std::uint32_t number) const { return *nodes_[number].esc; }
     [[nodiscard]] bool powered(std::uint32_t number) const { return nodes_[number].powered; }
     [[nodiscard]] bool master_link(unsigned master_port = 0) const;
-    // Slaves in the order in which a frame from this master port is processed.
+    // Slaves in the order in which they process a frame from this master port.
     [[nodiscard]] std::vector<std::uint32_t> order(unsigned master_port = 0);
 
   private:
@@ -96,7 +96,7 @@ class Segment {
 
     struct Cable {
         Peer peer = Peer::nobody;
-        PortRef to;  // slave, or master port in `slave`
+        PortRef to;  // slave and port; for a master, its port is in `slave`
         Duration delay{};
         bool intact = true;
     };
@@ -109,33 +109,34 @@ class Segment {
         std::array<bool, kMaxPorts> open{};
         std::array<Cable, kMaxPorts> cables{};
     };
-    struct Visit {  // a processing unit on the way
+    struct Visit {  // a processing unit on the path
         std::uint32_t slave = 0;
         Duration offset{};
-        bool marks_circulating = false;  // came through a port 0 that is closed for want of a link
+        bool marks_circulating = false;  // the frame arrived through port 0, which is closed because it has no link
     };
-    struct Hop {  // a port that the frame comes in at
+    struct Hop {  // a port at which the frame arrives
         PortRef at;
         Duration offset{};
         std::uint32_t visits_before = 0;
     };
-    // What the commands look for, side by side for the whole way: a datagram is matched without touching the
-    // slaves.
+    // The values that the commands compare with, in one array per value for the whole path, so that a datagram can be
+    // matched without access to the slaves.
     struct Route {
         std::vector<Visit> visits;
         std::vector<Hop> hops;
-        std::vector<std::array<Duration, kMaxPorts>> ports;  // by visit; negative: nothing came in there
-        std::vector<std::uint32_t> visit_of;                 // by slave
+        // By visit; negative: the frame did not arrive at this port.
+        std::vector<std::array<Duration, kMaxPorts>> ports;
+        std::vector<std::uint32_t> visit_of;  // by slave
         std::vector<Esc*> esc;
         std::vector<std::uint32_t> configuration;
         std::vector<std::uint16_t> station;
-        std::vector<std::uint32_t> alias;  // above 0xFFFF: not enabled
+        std::vector<std::uint32_t> alias;  // above 0xFFFF: alias not enabled
         std::vector<std::uint32_t> logical_first;
         std::vector<std::uint32_t> logical_last;
         std::vector<std::uint16_t> irq;
         std::uint16_t any_irq = 0;
         bool aliases = false;
-        std::uint32_t circulating_at = kNobody;  // first visit that marks
+        std::uint32_t circulating_at = kNobody;  // first visit that marks the frame as circulating
         bool returns = false;
         unsigned exit_port = 0;
         Duration exit_offset{};
@@ -145,11 +146,11 @@ class Segment {
         PortRef end;
         FaultKind kind = FaultKind::none;
     };
-    struct Frame;  // one in passage
+    struct Frame;  // a frame on its way
 
     static constexpr std::uint32_t kNobody = UINT32_MAX;
 
-    // Ways (segment_route.cpp)
+    // Paths (segment_route.cpp)
     [[nodiscard]] bool linked(const Node& node, unsigned port) const;
     void update_ports(std::uint32_t slave, bool control_written);
     void update_all_ports();

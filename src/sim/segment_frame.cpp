@@ -1,6 +1,6 @@
-// Segment: a frame on its way. Datagrams are taken one after the other and each through all slaves; as a
-// slave sees them in the same order and slaves meet only in the frame, this is what slaves one after the
-// other would do.
+// Segment: processing of a frame. Each datagram is processed in all slaves before the next datagram. Each slave sees
+// the datagrams in the same order as on a real wire, and slaves influence each other only through the frame, so the
+// result is the same as if each slave processed the whole frame in turn.
 #include "sim/segment.hpp"
 
 #include <algorithm>
@@ -24,8 +24,8 @@ std::uint16_t load_be16(Bytes from, std::size_t at) {
                                       std::to_integer<unsigned>(from[at + 1]));
 }
 
-// Where the EtherCAT frame header is: behind the Ethernet header, a VLAN tag, or IPv4 and UDP. 0: not
-// EtherCAT.
+// Offset of the EtherCAT frame header: after the Ethernet header, a VLAN tag, or IPv4 and UDP. 0: not an EtherCAT
+// frame.
 std::size_t find_ethercat(MutableBytes frame) {
     std::size_t at = wire::kEthernetHeaderBytes;
     if (frame.size() < at) return 0;
@@ -38,7 +38,7 @@ std::size_t find_ethercat(MutableBytes frame) {
         constexpr std::byte kIpv4NoOptions{0x45};
         constexpr std::byte kUdp{17};
         if (frame[at] != kIpv4NoOptions || frame[at + 9] != kUdp || load_be16(frame, at + 22) != kUdpPort) return 0;
-        frame[at + 26] = frame[at + 27] = std::byte{0};  // the checksum will not fit what comes out
+        frame[at + 26] = frame[at + 27] = std::byte{0};  // the slaves change the data, so the checksum would be wrong
         at += 28;
     } else if (type != wire::kEtherTypeEtherCat) {
         return 0;
@@ -56,7 +56,7 @@ void add_wkc(MutableBytes frame, std::size_t at, unsigned by) {
 struct Segment::Frame {
     MutableBytes bytes;
     Route& route;
-    std::uint32_t visits;  // how many processing units get to see it unharmed
+    std::uint32_t visits;  // number of processing units that receive the frame undamaged
     Time start;
     Duration duration;
     bool well_formed = true;
@@ -91,7 +91,7 @@ Segment::Passage Segment::process(MutableBytes bytes, Time now, unsigned master_
     return passage;
 }
 
-// ESCs do not look at the length in the frame header: the datagrams' own lengths and "more" bits lead.
+// ESCs ignore the length in the frame header. They use the lengths and "more" bits of the datagrams.
 void Segment::run_datagrams(Frame& frame) {
     const auto bytes = frame.bytes;
     std::size_t offset = find_ethercat(bytes) + wire::kFrameHeaderBytes;
@@ -158,7 +158,7 @@ void Segment::run(Frame& frame, std::size_t offset) {
     }
 }
 
-// One slave, by its physical memory. A read adds 1 to the working counter, a write 1, both in one 3
+// One slave, by its physical memory. A read adds 1 to the working counter, a write adds 1, both together add 3
 // (ETG.1000.4 table "Working counter increment").
 void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bool read, bool write, bool merge) {
     const auto bytes = frame.bytes;
@@ -181,7 +181,7 @@ void Segment::physical(Frame& frame, std::uint32_t visit, std::size_t offset, bo
             std::fill(own.begin(), own.end(), std::byte{0});
         else
             std::copy(data.begin(), data.end(), own.begin());
-        // 0x0108: how far behind what it reads an APRW or FPRW writes.
+        // 0x0108: offset from the read address to the write address of APRW and FPRW.
         const auto behind = merge ? std::uint16_t{0} : esc.read_write_offset();
         const bool was_read = esc.ecat_read(ado, own, at);
         const bool was_written = write && esc.ecat_write(static_cast<std::uint16_t>(ado + behind), data, at);
@@ -206,7 +206,7 @@ void Segment::logical(Frame& frame, std::size_t offset, bool read, bool write) {
     const auto meant = [&](std::uint32_t v) {
         return lasts[v] >= address && firsts[v] <= last && firsts[v] <= lasts[v];
     };
-    constexpr std::uint32_t kAhead = 3;  // so far the memory of those to come is fetched before it is needed
+    constexpr std::uint32_t kAhead = 3;  // number of slaves whose memory is prefetched before it is needed
     for (std::uint32_t v = 0; v < frame.visits; ++v) {
         if (v + 2 * kAhead < frame.visits && meant(v + 2 * kAhead)) frame.route.esc[v + 2 * kAhead]->fetch_state();
         if (v + kAhead < frame.visits && meant(v + kAhead)) frame.route.esc[v + kAhead]->fetch_buffers();
@@ -218,7 +218,7 @@ void Segment::logical(Frame& frame, std::size_t offset, bool read, bool write) {
     }
 }
 
-// ARMW, FRMW: the slave addressed reads, all others write what passes them.
+// ARMW, FRMW: the addressed slave reads, all other slaves write the data that passes them.
 void Segment::multiple_write(Frame& frame, std::size_t offset, bool by_position) {
     const auto adp = load_le<std::uint16_t>(frame.bytes, offset + 2);
     const auto& route = frame.route;
@@ -238,7 +238,8 @@ void Segment::end_frame(Frame& frame) {
         auto& esc = *frame.route.esc[v];
         const Time passed = frame.start + frame.route.visits[v].offset;
         FrameEnd end{frame.well_formed, passed + frame.duration, passed, {}};
-        for (unsigned p = 0; p < kMaxPorts && esc.register_writes_pending(); ++p) {  // who may latch them
+        // The receive times may be latched by these writes.
+        for (unsigned p = 0; p < kMaxPorts && esc.register_writes_pending(); ++p) {
             const auto offset = frame.route.ports[v][p];
             end.ports[p] = offset < Duration::zero() ? kNever : frame.start + offset;
         }
@@ -251,7 +252,7 @@ void Segment::end_frame(Frame& frame) {
         for (std::uint32_t v = 0; v < frame.visits; ++v) slave(frame.route.visits[v].slave).count_processing_error();
 }
 
-// --- Loss and damage ---
+// --- Loss and corruption ---
 
 void Segment::pick_fault(Frame& frame) {
     const auto& hops = frame.route.hops;
@@ -276,13 +277,12 @@ void Segment::pick_fault(Frame& frame) {
     };
     const double dice = chance();
     if (dice >= noise_.lost + noise_.corrupted) return;
-    // One of the cables on the way, the one back to the master included.
+    // Selects one of the cables on the path, including the cable back to the master.
     const auto hop = std::min(static_cast<std::size_t>(chance() * static_cast<double>(hops.size() + 1)), hops.size());
     strike(dice < noise_.lost ? FaultKind::loss : FaultKind::corruption, hop);
 }
 
-// The port that the damaged frame comes in at counts it as invalid, every later one as an error of somebody
-// before.
+// The first port that receives the damaged frame counts it as invalid; all later ports count a forwarded error.
 void Segment::count_errors(const Frame& frame) {
     const auto& hops = frame.route.hops;
     for (auto h = frame.fault_hop; h < hops.size(); ++h)

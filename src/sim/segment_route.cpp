@@ -1,4 +1,4 @@
-// Segment: ports, loops, and the way of a frame.
+// Segment: ports, loops, and the path of a frame.
 #include "sim/segment.hpp"
 
 #include <algorithm>
@@ -7,10 +7,10 @@ namespace margay::sim {
 
 namespace {
 
-// From a port the frame goes on to the next one in this order; the processing unit lies behind port 0.
+// The port order of a frame; the processing unit is located behind port 0.
 constexpr std::array<std::uint8_t, kMaxPorts> kNext{3, 2, 0, 1};
 
-// 0x0101, two bits a port.
+// 0x0101, two bits per port.
 enum class Loop : std::uint8_t { automatic, auto_close, open, closed };
 Loop loop_of(std::uint32_t dl_control, unsigned port) { return static_cast<Loop>((dl_control >> (8 + 2 * port)) & 3); }
 
@@ -18,7 +18,7 @@ Loop loop_of(std::uint32_t dl_control, unsigned port) { return static_cast<Loop>
 
 void Segment::topology_changed() { ++topology_; }
 
-// What datagrams are matched against has changed in a slave, or its ports have.
+// Values that datagrams are compared with have changed in a slave, or its ports have changed.
 void Segment::note_change(std::uint32_t number) {
     auto& node = nodes_[number];
     node.configuration = node.esc->configuration();
@@ -47,8 +47,8 @@ void Segment::update_ports(std::uint32_t number, bool control_written) {
         if (node.link[p] && !link) node.esc->count_lost_link(p);
         switch (loop_of(node.esc->dl_control(), p)) {
             case Loop::automatic: node.open[p] = link; break;
-            // Once closed it stays so until the master writes the loop control again (or, as after power-up,
-            // the link is new).
+            // A closed port stays closed until the master writes the loop control again, or until the link is new (as
+            // after power-up).
             case Loop::auto_close: node.open[p] = link && (node.open[p] || control_written); break;
             case Loop::open: node.open[p] = true; break;
             case Loop::closed: node.open[p] = false; break;
@@ -105,14 +105,14 @@ void Segment::build(Route& route, unsigned master_port) {
         if (visit_of[hop.at.slave] != kNobody) route.ports[visit_of[hop.at.slave]][hop.at.port] = hop.offset;
 }
 
-// Follows the frame from a port that it comes in at until it leaves for a master or is lost.
+// Follows the frame from the port at which it arrives until it reaches a master or is lost.
 void Segment::walk(Route& route, PortRef entry, Duration t) {
     const auto limit = size() * kMaxPorts * 2 + 2;
     for (std::size_t step = 0; step < limit; ++step) {
         const auto& node = nodes_[entry.slave];
         const auto& chip = node.esc->description();
         route.hops.push_back({entry, t, static_cast<std::uint32_t>(route.visits.size())});
-        if (!node.open[entry.port]) return;  // a closed port takes nothing in
+        if (!node.open[entry.port]) return;  // a closed port does not receive frames
         t += chip.ports[entry.port].delay;
         unsigned port = entry.port;
         bool through_closed_0 = false;
@@ -122,7 +122,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                 if (marks && route.circulating_at == kNobody)
                     route.circulating_at = static_cast<std::uint32_t>(route.visits.size());
                 else if (marks)
-                    return;  // marked before: destroyed
+                    return;  // the frame was marked before, so it is destroyed
                 route.visits.push_back({entry.slave, t, marks});
                 t += chip.processing_delay;
             } else if (chip.ports[port].kind != wire::PortKind::not_implemented) {
@@ -134,7 +134,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
         }
         t += chip.ports[port].delay;
         const auto& cable = node.cables[port];
-        if (!node.link[port]) return;  // forced open without a link
+        if (!node.link[port]) return;  // forced open without a link: the frame is lost
         t += cable.delay;
         if (cable.peer == Peer::master) {
             route.returns = true;
@@ -146,7 +146,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
     }
 }
 
-// Takes over what datagrams are matched against.
+// Copies the values that datagrams are compared with.
 void Segment::note(Route& route, std::uint32_t visit) {
     auto& node = nodes_[route.visits[visit].slave];
     const auto& esc = *node.esc;

@@ -15,9 +15,9 @@ namespace od = subdevice::od;
 
 namespace {
 
-constexpr std::size_t kEntryRoom = 32;  // entries of a mapping that may be rewritten
+constexpr std::size_t kEntryRoom = 32;  // maximum number of entries of a mapping that the master may change
 
-// What the SII says of an entry's type may not fit its length; then the length decides.
+// The data type in the SII may not fit the length of the entry; in this case the length determines the type.
 DataType type_of(std::uint8_t said, std::uint32_t bits) {
     const auto fits = [&](DataType type) {
         switch (type) {
@@ -78,7 +78,7 @@ void SiiDictionary::read(Bytes image) {
 
 void SiiDictionary::add_fixed(const SiiModel& model) {
     const auto device = model.description();
-    // Device profile 402 where the SII counts drive channels; else none.
+    // Device profile 402 when the SII has drive channels; otherwise none.
     add(0x1000, "Device type",
         {subdevice::constant<std::uint32_t>(0, "Device type", model.general.ds402_channels != 0 ? 0x20192 : 0)});
     names_.push_back(model.name.empty() ? "unnamed" : model.name);
@@ -104,7 +104,7 @@ void SiiDictionary::add_assignments(const SiiModel& model) {
     const bool assignable = (model.general.coe_details & coe_detail::kPdoAssignment) != 0;
     for (const auto& area : model.areas) {
         if (area.sync_manager >= 32) continue;
-        // The rules for rewriting know the two usual places.
+        // The rules for changes support only SyncManagers 2 and 3.
         const bool free = assignable && (area.sync_manager == 2 || area.sync_manager == 3);
         const bool outputs = area.info.type == SmType::outputs;
         std::vector<std::uint32_t> assigned;

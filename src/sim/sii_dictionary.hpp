@@ -1,6 +1,6 @@
-// The objects that a device with CoE must have, made of what its SII tells: identity, name, SyncManager types, PDO
-// assignment and mapping, and the objects that are mapped. A master that asks such a device by CoE finds the same
-// process data as in the SII.
+// The mandatory objects of a device with CoE, created from its SII: identity, name, SyncManager types, PDO assignment
+// and mapping, and the mapped objects. A master that reads the device by CoE gets the same process data as from the
+// SII.
 #pragma once
 
 #include "sim/sii_model.hpp"
@@ -15,10 +15,10 @@ namespace margay::sim {
 
 class SiiDictionary {
   public:
-    static constexpr std::uint16_t kAssignments = 0x1C10;  // and the SyncManager's number
+    static constexpr std::uint16_t kAssignments = 0x1C10;  // plus the number of the SyncManager
 
-    // The image is not needed afterwards. What it says amiss (objects in reserved places, two objects in one) is
-    // left out.
+    // The image is not needed after construction. Invalid content (objects at reserved indices, two objects with one
+    // index) is left out.
     SiiDictionary(Bytes sii, const SiiModel& model);
     SiiDictionary(const SiiDictionary&) = delete;
     SiiDictionary& operator=(const SiiDictionary&) = delete;
@@ -28,7 +28,7 @@ class SiiDictionary {
 
   private:
     using Entry = subdevice::Entry;
-    // Entries of one mapped object by subindex.
+    // Entries of the mapped objects, by index and subindex.
     using Mapped = std::map<std::uint16_t, std::map<std::uint8_t, Entry>>;
     struct ReadPdo {
         wire::sii::Pdo pdo;
@@ -43,7 +43,7 @@ class SiiDictionary {
     void add_mapped(const Mapped& mapped);
     void add(std::uint16_t index, std::string_view name, std::vector<Entry> entries,
              const subdevice::ObjectHooks* hooks = nullptr, subdevice::DataType type = subdevice::DataType::none);
-    // A list of numbers behind its count, which the master may change when `room` is more than none.
+    // A count followed by a list of numbers. The master may change the list when `room` is not 0.
     [[nodiscard]] std::vector<Entry> list(const std::vector<std::uint32_t>& values, std::size_t room,
                                           subdevice::DataType type);
     [[nodiscard]] Entry in_image(std::uint8_t subindex, std::string_view name, subdevice::DataType type,

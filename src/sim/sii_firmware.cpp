@@ -34,10 +34,11 @@ void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
     esm_->init();
 }
 
-// ETG.1000.6: in SAFEOP outputs are read, which feeds the watchdog, but not applied.
+// ETG.1000.6: in SAFEOP the outputs are read, which triggers the watchdog, but they are not applied.
 Time SiiFirmware::step(Time now) {
     const auto events = subdevice::read_register<std::uint32_t>(*esc_, reg::kAlEventRequest.address);
-    // Whether an event says so or not: outputs of digital I/O, and many another SII's, come without.
+    // Outputs are read even without an event, because the SyncManagers of digital I/O and of many other SIIs raise no
+    // event.
     if (emulation_ || esm_->state() == AlState::op) {
         read_outputs();
     } else if (esm_->state() == AlState::safeop) {
@@ -56,7 +57,7 @@ Time SiiFirmware::step(Time now) {
         }
         if (mail_) next = std::min(next, serve_mail(now, events));
     } else if ((events & al_event::kSmActivation) != 0) {
-        // Reading the activate octets is what clears the event.
+        // Reading the activate octets clears the event.
         std::array<std::byte, reg::kSyncManagerStride> raw{};
         esc_->read(reg::sync_manager(0).address, raw);
     }
@@ -66,8 +67,8 @@ Time SiiFirmware::step(Time now) {
     return next;
 }
 
-// Objects, where a device has them, say how long its process data is; else its SII does. Where neither does, what
-// the master has set is taken.
+// The size of the process data follows from the PDO assignment objects of a device with CoE, or from its SII. When the
+// objects assign nothing, the size that the master has configured is accepted.
 subdevice::ProcessDataSizes SiiFirmware::process_data_sizes() {
     const auto size = [&](const subdevice::ProcessDataArea& described) -> std::uint16_t {
         if (!described.present()) return 0;
@@ -86,7 +87,7 @@ subdevice::ProcessDataSizes SiiFirmware::process_data_sizes() {
     return {size(device_.outputs), size(device_.inputs), subdevice::AlStatusCode::none};
 }
 
-// OP waits for the first outputs (ETG.1000.6), as long as the description says.
+// OP waits for the first outputs (ETG.1000.6), at most for the time in the description.
 Verdict SiiFirmware::before(Transition transition, Time now) {
     if (transition.from == AlState::init && mail_ && !mail_->mailbox().fits())
         return Verdict::refuse(subdevice::AlStatusCode::no_memory);
@@ -118,7 +119,7 @@ void SiiFirmware::after(Transition transition, Time) {
     if (mail_) mail_->mailbox().state_changed(transition.to);
 }
 
-// Before a message is answered the objects show what the process data is.
+// The objects are updated with the process data before a message is answered.
 Time SiiFirmware::serve_mail(Time now, std::uint32_t events) {
     if ((events & al_event::sync_manager(0)) != 0 && esm_->state() >= AlState::safeop) {
         mail_->show(true, outputs());

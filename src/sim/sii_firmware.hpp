@@ -1,5 +1,5 @@
-// The program of a device of which nothing is known but its SII image: the state machine of the slave stack,
-// process data that others set and look at, and a mailbox for the objects that follow from the image.
+// The program of a device that is known only by its SII image: the state machine of the slave stack, process data that
+// other programs set and read, and a mailbox for the objects that follow from the image.
 #pragma once
 
 #include "sim/process_data.hpp"
@@ -13,12 +13,12 @@ namespace margay::sim {
 
 class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClient {
   public:
-    // The image is not needed afterwards.
+    // The image is not needed after construction.
     SiiFirmware(Bytes sii, const SiiModel& model);
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
-    // What a switch on the device is set to (ETG.1020); 0: there is none.
+    // Value of the ID switch of the device (ETG.1020); 0: the device has none.
     void set_device_id(std::uint16_t id) { device_.device_id = id; }
 
   private:
@@ -35,7 +35,7 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
     std::vector<SiiModel::Area> areas_;
     subdevice::EscAccess* esc_ = nullptr;
     std::optional<subdevice::Esm> esm_;
-    std::optional<SiiMailbox> mail_;  // where the device has one
+    std::optional<SiiMailbox> mail_;  // empty if the device has no mailbox
     Time wait_until_ = kNever;
 };
 

@@ -7,7 +7,7 @@ namespace margay::sim {
 namespace {
 
 constexpr std::size_t kReplySlots = 4;
-constexpr std::uint16_t kMaxProcessData = 8192;  // the chip's memory decides, not the rules for PDOs
+constexpr std::uint16_t kMaxProcessData = 8192;  // the memory of the chip is the limit, not the rules for PDOs
 
 std::size_t mailbox_bytes(const subdevice::DeviceDescription& device) {
     std::size_t most = 0;

@@ -1,5 +1,5 @@
-// The mailbox of a device of which only the SII image is known: it serves the objects that follow from the image by
-// CoE and refuses every other protocol with a mailbox error, as a device without it does.
+// The mailbox of a device that is known only by its SII image. It serves by CoE the objects that follow from the image,
+// and answers all other protocols with a mailbox error, like a device without these protocols.
 #pragma once
 
 #include "sim/sii_dictionary.hpp"
@@ -18,13 +18,14 @@ class SiiMailbox {
     SiiMailbox(const SiiMailbox&) = delete;
     SiiMailbox& operator=(const SiiMailbox&) = delete;
 
-    // Power-up: everything has its initial value again.
+    // Power-up: sets all objects to their initial values.
     void power_up(subdevice::EscAccess& esc);
     [[nodiscard]] subdevice::Mailbox& mailbox() { return *mailbox_; }
 
-    // Octets that the PDOs assigned to a SyncManager take now; nothing where there is no assignment.
+    // Current size in octets of the PDOs assigned to a SyncManager; nullopt when there is no assignment.
     [[nodiscard]] std::optional<std::uint16_t> assigned_bytes(std::uint8_t sync_manager);
-    // What the mapped objects show: process data, all SyncManagers of a direction one behind the other.
+    // Copies process data into the mapped objects. `process_data` contains all SyncManagers of one direction in
+    // sequence.
     void show(bool outputs, Bytes process_data);
 
   private:
@@ -51,7 +52,7 @@ class SiiMailbox {
     std::optional<subdevice::Mailbox> mailbox_;
     std::vector<Assignment> assignments_;
     std::vector<subdevice::MappedEntry> mapped_ = std::vector<subdevice::MappedEntry>(1024);
-    subdevice::PdoMapping mapping_{mapped_};  // of the assignment looked at last
+    subdevice::PdoMapping mapping_{mapped_};  // mapping of the assignment that was read last
 };
 
 }  // namespace margay::sim

@@ -84,7 +84,7 @@ subdevice::DeviceDescription SiiModel::description() const {
     for (const auto& area : areas) {
         const bool outputs = area.info.type == SmType::outputs;
         auto& to = outputs ? device.outputs : device.inputs;
-        if (to.present()) continue;  // the state machine checks one a direction
+        if (to.present()) continue;  // the state machine checks one area per direction
         const auto bytes = std::max<std::uint32_t>(area.info.length_bytes, (area.pdo_bits + 7) / 8);
         to.sync_manager = area.sync_manager;
         to.start = area.info.start;
@@ -119,7 +119,7 @@ EscDescription SiiModel::chip() const {
                 port = {wire::PortKind::not_configured, 0ns};
         }
     }
-    // Memory for everything the image speaks of, process data threefold.
+    // Memory for all areas of the image; process data need three buffers.
     std::uint32_t end = wire::reg::kProcessRam;
     const auto reach = [&](std::uint32_t start, std::uint32_t length) { end = std::max(end, start + length); };
     for (const auto* box : {&fixed.mailboxes.standard, &fixed.mailboxes.boot}) {

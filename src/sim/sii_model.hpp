@@ -1,5 +1,5 @@
-// What a simulated device takes from its SII image: chip, mailboxes, process data. Read forgivingly: what
-// cannot be read is absent.
+// The properties that a simulated device gets from its SII image: chip, mailboxes, process data. Content that cannot be
+// read is treated as absent.
 #pragma once
 
 #include "sim/esc_description.hpp"
@@ -12,15 +12,15 @@
 namespace margay::sim {
 
 struct SiiModel {
-    struct Area {  // one SyncManager of process data
+    struct Area {  // one process data SyncManager
         std::uint8_t sync_manager = 0;
         wire::sii::SyncManagers::Value info{};
-        std::uint32_t pdo_bits = 0;  // of the PDOs assigned to it by default
+        std::uint32_t pdo_bits = 0;  // of the PDOs assigned by default
     };
 
     wire::sii::FixedPart fixed;
     wire::sii::General general;
-    std::string name;  // in UTF-8; empty where there is none
+    std::string name;  // in UTF-8; may be empty
     std::vector<Area> areas;
     unsigned sync_managers = 0;
     unsigned fmmus = 0;
@@ -29,9 +29,9 @@ struct SiiModel {
     [[nodiscard]] bool device_emulation() const {
         return (fixed.configuration.pdi_control >> 8 & wire::esc_configuration::kDeviceEmulation) != 0;
     }
-    // What the slave stack checks against.
+    // The description that the slave stack uses for its checks.
     [[nodiscard]] subdevice::DeviceDescription description() const;
-    // A chip that such a device may have: its ports, and enough FMMUs, SyncManagers and RAM.
+    // A suitable chip for the device: its ports, and enough FMMUs, SyncManagers and RAM.
     [[nodiscard]] EscDescription chip() const;
 };
 

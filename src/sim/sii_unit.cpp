@@ -12,7 +12,8 @@ namespace {
 namespace reg = wire::reg;
 namespace control = wire::sii_control;
 
-constexpr Duration kAddressOctet = std::chrono::microseconds(90);  // on an I²C bus of 100 kHz: until a NACK is known
+// Time until a NACK is known, on an I²C bus of 100 kHz.
+constexpr Duration kAddressOctet = std::chrono::microseconds(90);
 }  // namespace
 
 bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
@@ -30,7 +31,7 @@ bool SiiUnit::power_up(RegisterFile& registers, const SiiTiming& timing) {
     return good;
 }
 
-// ETG.1000.6 "Slave information interface area", words 0–7; what is wrong is not taken over.
+// ETG.1000.6 "Slave information interface area", words 0–7. Invalid words are not loaded.
 bool SiiUnit::load_configuration(bool power_up) {
     errors_ = static_cast<std::uint16_t>(errors_ & ~(control::kChecksumError | control::kNotLoaded));
     if (image_.size() < wire::sii::kConfigurationBytes || !wire::sii::checksum_right(image_)) {
@@ -67,13 +68,13 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
     }
     if (covers(reg::kSiiControl.address) || covers(reg::kSiiControl.address + 1u)) {
         const auto value = registers_->get<std::uint16_t>(reg::kSiiControl.address);
-        if (from_pdi && waits_for_pdi()) {  // emulation: the firmware says that it has done the command
+        if (from_pdi && waits_for_pdi()) {  // emulation: the firmware reports the end of the command
             errors_ = static_cast<std::uint16_t>((errors_ & (control::kChecksumError | control::kNotLoaded)) |
                                                  (value & (control::kMissingAcknowledge | control::kWriteEnableError)));
             busy_ = false;
             command_ = 0;
         } else if (!busy_) {
-            // The enable bit clears itself: it counts for a command that is written together with it.
+            // The enable bit clears itself: it is valid only for a command that is written together with it.
             const bool enabled = covers(reg::kSiiControl.address) && (value & control::kWriteEnable) != 0;
             if (covers(reg::kSiiControl.address + 1u)) command(value & control::kCommandMask, enabled, at);
         }
@@ -81,7 +82,7 @@ void SiiUnit::written(std::uint16_t address, std::size_t length, bool from_pdi, 
     show();
 }
 
-// A new command, "nothing" included, clears the error bits of the one before.
+// A new command, including "nothing", clears the error bits of the previous command.
 void SiiUnit::command(std::uint16_t what, bool write_enabled, Time at) {
     errors_ = static_cast<std::uint16_t>(errors_ & (control::kChecksumError | control::kNotLoaded));
     command_ = 0;
@@ -99,7 +100,7 @@ void SiiUnit::command(std::uint16_t what, bool write_enabled, Time at) {
     write_data_ = registers_->get<std::uint16_t>(reg::kSiiData.address);
     busy_ = true;
     if (emulated()) {
-        done_ = kNever;  // until the PDI says so
+        done_ = kNever;  // until the PDI reports the end
         return;
     }
     Duration takes = what == control::kCommandRead    ? timing_.read

@@ -1,5 +1,5 @@
-// The SII EEPROM interface of an ESC, registers 0x0500–0x050F, and the EEPROM behind it (ETG.1000.4 "SII
-// access"; ESC data sheets, section "SII EEPROM").
+// The SII EEPROM interface of an ESC, registers 0x0500–0x050F, and its EEPROM (ETG.1000.4 "SII access"; ESC data
+// sheets, section "SII EEPROM").
 #pragma once
 
 #include "sim/register_file.hpp"
@@ -13,28 +13,29 @@ namespace margay::sim {
 
 class SiiUnit {
   public:
-    // The EEPROM's content; words behind its end read as erased (0xFFFF) and do not take writes.
+    // The content of the EEPROM. Words after its end read as erased (0xFFFF) and cannot be written.
     explicit SiiUnit(std::vector<std::byte> image) : image_(std::move(image)) {}
 
-    // Power: the configuration area is loaded as the chip does it. True when it was good.
+    // Loads the configuration area like the chip at power-up. Returns true when the area is valid.
     bool power_up(RegisterFile& registers, const SiiTiming& timing);
 
-    // The master or the PDI has written [address, address + length) of the unit's registers.
+    // Call it after the master or the PDI has written the registers [address, address + length).
     void written(std::uint16_t address, std::size_t length, bool from_pdi, Time at);
-    // Do writes of this side to 0x0502–0x050F count now? Not while a command runs or the other side owns the
-    // interface.
+    // Whether writes to 0x0502–0x050F from this side are effective now. They are not while a command is executing or
+    // while the other side owns the interface.
     [[nodiscard]] bool accepts(bool pdi) const;
 
-    // Completes what is due by `now`. Returns when it wants to be called again.
+    // Completes commands that are due at `now`. Returns the time for the next call.
     Time settle(Time now);
 
-    // EEPROM emulation: the firmware answers commands (0x0502 bit 5). True while one waits for it.
+    // EEPROM emulation (0x0502 bit 5): the firmware executes commands. waits_for_pdi() is true while a command waits
+    // for the firmware.
     [[nodiscard]] bool emulated() const { return timing_.emulated; }
     [[nodiscard]] bool waits_for_pdi() const { return busy_ && emulated(); }
-    // A reload has put new values into the configuration registers; asked once.
+    // True once after a reload has written new values into the configuration registers.
     [[nodiscard]] bool take_reloaded() { return std::exchange(reloaded_, false); }
 
-    // Faults: the next `count` commands are not acknowledged by the EEPROM.
+    // Fault injection: the EEPROM does not acknowledge the next `count` commands.
     void fail_next(unsigned count) { nacks_ = count; }
     [[nodiscard]] Bytes image() const { return image_; }
     [[nodiscard]] std::vector<std::byte>& image() { return image_; }
@@ -57,8 +58,8 @@ class SiiUnit {
     bool busy_ = false;
     bool reloaded_ = false;
     Time done_ = kNever;
-    Time stored_ = Time::min();  // when the EEPROM has stored the last word written
-    bool acknowledged_ = true;   // the EEPROM was not storing a word when the running command came
+    Time stored_ = Time::min();  // time at which the EEPROM has stored the last written word
+    bool acknowledged_ = true;   // the EEPROM was not storing a word when the current command arrived
     unsigned nacks_ = 0;
 };
 

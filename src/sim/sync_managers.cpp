@@ -69,11 +69,12 @@ SyncManagers::Part SyncManagers::part_at(std::uint32_t address, std::uint32_t en
         const auto& channel = channels_[n];
         if (channel.stop() <= address || channel.start >= part.stop) continue;
         if (channel.start > address) {
-            part.stop = channel.start;  // someone of a lower number, or of a higher behind plain memory
+            // A channel with a lower number, or with a higher number after memory without owner.
+            part.stop = channel.start;
         } else {
             part.channel = static_cast<int>(n);
             part.stop = std::min(part.stop, channel.stop());
-            break;  // the lowest number wins where channels overlap
+            break;  // the lowest number has priority when channels overlap
         }
     }
     return part;
@@ -179,9 +180,9 @@ std::uint32_t SyncManagers::write_address(std::uint32_t address) const {
     return channel.three ? address + channel.length * channel.write_buffer : address;
 }
 
-// ETG.1000.4 table "Sync manager channel", status octet. Bits 6 and 7 tell that a buffer is opened: recorded on a
-// LAN9252 and a drive's FPGA, a mailbox shows 0x80 while the program writes a reply into it. Of a buffered one that is
-// off no buffer was written (0x30).
+// ETG.1000.4 table "Sync manager channel", status octet. Bits 6 and 7 show that a buffer is open: recorded on a LAN9252
+// and on the FPGA of a drive, a mailbox shows 0x80 while the program writes a reply into it. A buffered channel that is
+// off shows that no buffer was written (0x30).
 std::uint8_t SyncManagers::status(unsigned n) const {
     const auto& channel = channels_[n];
     if (!channel.enabled || channel.locked_by_pdi)

@@ -1,5 +1,5 @@
-// The SyncManager channels of an ESC: who may touch a buffer now, which of the three buffers is meant, and
-// what happens when one is handed over (ETG.1000.4 "Sync manager"; ESC data sheets, section "SyncManager").
+// The SyncManager channels of an ESC: which side may access a buffer, which of the three buffers is used, and the
+// events when a buffer is handed over (ETG.1000.4 "Sync manager"; ESC data sheets, section "SyncManager").
 #pragma once
 
 #include "sim/register_file.hpp"
@@ -19,8 +19,8 @@ class SyncManagers {
         std::uint32_t al_clear = 0;
         std::uint16_t ecat_set = 0;  // bits of 0x0210
         std::uint16_t ecat_clear = 0;
-        bool watchdog = false;  // process data came in on a channel that feeds the watchdog
-        bool arrived = false;   // the master has handed a buffer over, with an event or without
+        bool watchdog = false;  // process data arrived on a channel that triggers the watchdog
+        bool arrived = false;   // the master has handed over a buffer, with or without an event
         [[nodiscard]] bool any() const {
             return (al_set | al_clear | ecat_set | ecat_clear) != 0 || watchdog || arrived;
         }
@@ -28,16 +28,17 @@ class SyncManagers {
 
     void power_up(RegisterFile& registers, unsigned count, std::uint32_t ram_bytes);
 
-    // Brings the status octets in the registers up to date.
+    // Updates the status octets in the registers.
     void settle() const;
 
-    // Channel n's registers have been written: takes them over.
+    // Call it after the registers of channel n were written: reads the new configuration.
     void reconfigure(unsigned n);
-    // May its first five octets be written? Only while it is off.
+    // Whether the first five octets of channel n are write protected. They can be written only while the channel is
+    // off.
     [[nodiscard]] bool locked(unsigned n) const { return (channels_[n].activate & 1) != 0; }
 
-    // The part of [address, end) that one owner has: from `address` up to `stop`. `channel` is −1 where no
-    // channel is in charge and the memory is plain.
+    // The first part of [address, end) with one owner: from `address` to `stop`. `channel` is −1 when no channel owns
+    // the memory.
     struct Part {
         int channel = -1;
         std::uint32_t stop = 0;
@@ -45,31 +46,31 @@ class SyncManagers {
     [[nodiscard]] Part part_at(std::uint32_t address, std::uint32_t end) const;
     [[nodiscard]] bool any_enabled() const { return enabled_ != 0; }
 
-    // `side` wants to read or write [address, stop) of channel n. Nothing when it may not; otherwise how far
-    // behind its own address the buffer's memory lies.
+    // `side` wants to read or write [address, stop) of channel n. Returns nullopt when the access is refused; otherwise
+    // the distance from the address to the memory of the buffer.
     [[nodiscard]] std::optional<std::uint32_t> open(unsigned n, Side side, bool write, std::uint32_t address,
                                                     std::uint32_t stop, Events& events);
-    // The access has taken place. From ECAT the hand-over waits for the end of the frame.
+    // Call it after the access. From ECAT, the buffer is handed over at the end of the frame.
     void touched(unsigned n, Side side, std::uint32_t stop, Events& events);
 
-    // The channel whose buffer is exactly [start, stop), as ECAT reaches it in the process RAM; −1: none.
+    // The channel whose buffer is exactly [start, stop) in the process RAM, as ECAT addresses it; −1: none.
     [[nodiscard]] int exactly_at(std::uint32_t start, std::uint32_t stop) const;
 
-    // Whether one that the master writes feeds the watchdog.
+    // Whether a channel that the master writes triggers the watchdog.
     [[nodiscard]] bool feeds_watchdog() const;
 
-    // A frame has ended; with a wrong FCS nothing is handed over.
+    // The end of a frame. With a wrong FCS no buffer is handed over.
     [[nodiscard]] bool frame_pending() const { return closing_ != 0; }
     void frame_end(bool good, Events& events);
 
-    // Where ECAT's write to `address` would land in RAM.
+    // The RAM address for a write from ECAT to `address`.
     [[nodiscard]] std::uint32_t write_address(std::uint32_t address) const;
 
-    // For the firmware that stands in where there is none, and for looking in.
+    // State of the channels, for devices without firmware and for tests.
     [[nodiscard]] bool enabled(unsigned n) const { return channels_[n].enabled; }
     [[nodiscard]] bool mailbox_full(unsigned n) const { return channels_[n].full; }
     [[nodiscard]] unsigned count() const { return count_; }
-    // Where the writer's last complete buffer is, in RAM addresses; nothing when none is.
+    // RAM address of the last complete buffer of the writer; nullopt when there is none.
     [[nodiscard]] std::optional<std::uint32_t> last_written(unsigned n) const;
 
   private:
@@ -78,18 +79,18 @@ class SyncManagers {
         std::uint32_t length = 0;
         std::uint8_t control = 0;
         std::uint8_t activate = 0;
-        bool enabled = false;    // on by both sides, and of a length
+        bool enabled = false;    // activated by both sides, and the length is not 0
         bool reachable = false;  // its memory exists
         bool locked_by_pdi = false;
         bool three = false;               // three buffers in RAM
         bool opened[2] = {false, false};  // by Side
-        bool full = false;                // mailbox
+        bool full = false;                // mailbox only
         bool fresh = false;               // `latest` has not been read yet
-        bool written = false;             // something was handed over since it was enabled
-        std::uint8_t interrupts = 0;      // of the status octet
+        bool written = false;             // a buffer was handed over since activation
+        std::uint8_t interrupts = 0;      // interrupt bits of the status octet
         std::uint8_t write_buffer = 0;
         std::uint8_t read_buffer = 1;
-        std::uint8_t latest = 2;  // the free one, or the last one handed over
+        std::uint8_t latest = 2;  // the free buffer, or the buffer handed over last
 
         [[nodiscard]] bool mailbox() const { return (control & 0x03) == 0x02; }
         [[nodiscard]] bool ecat_writes() const { return (control & 0x0C) == 0x04; }
@@ -105,9 +106,9 @@ class SyncManagers {
     RegisterFile* registers_ = nullptr;
     std::uint32_t ram_end_ = 0;
     unsigned count_ = 0;
-    std::uint32_t enabled_ = 0;        // channels in charge of their memory, the locked ones too
-    std::uint32_t closing_ = 0;        // last octet touched in this frame
-    mutable std::uint32_t stale_ = 0;  // status octets that do not show yet what has happened
+    std::uint32_t enabled_ = 0;        // channels that own their memory, including locked channels
+    std::uint32_t closing_ = 0;        // channels whose last octet was accessed in this frame
+    mutable std::uint32_t stale_ = 0;  // channels whose status octets are not up to date
     std::array<Channel, kMaxSyncManagers> channels_{};
 };
 

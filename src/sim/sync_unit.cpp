@@ -13,14 +13,15 @@ bool meets(std::uint32_t address, std::size_t length, wire::Register r) {
     return address < r.end() && r.address < address + length;
 }
 
-// Latch control: bits 0 and 1 say of the positive and the negative edge whether only the first one counts.
+// Latch control: bit 0 (positive edge) and bit 1 (negative edge) select single shot, that is only the first edge is
+// latched.
 constexpr std::uint16_t kLatchControl[] = {reg::kLatch0Control.address, reg::kLatch1Control.address};
 constexpr std::uint16_t kLatchStatus[] = {reg::kLatch0Status.address, reg::kLatch1Status.address};
 constexpr wire::Register kEdges[2][2] = {{reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge},
                                          {reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge}};
 
-// Pulses quicker than 10 µs, which no program could serve, come in bundles of about that length: a cycle time of 1 ns
-// must not stop the simulation.
+// Pulses with a cycle below 10 µs, which no program could handle, are processed in groups of about that duration.
+// Otherwise a cycle time of 1 ns would stop the simulation.
 std::uint32_t bundle_of(std::uint32_t cycle_ns) {
     constexpr std::uint32_t kLeast = 10'000;
     return cycle_ns == 0 || cycle_ns >= kLeast ? 1 : (kLeast + cycle_ns - 1) / cycle_ns;
@@ -72,8 +73,8 @@ void SyncUnit::clock_changed(Time now) {
             if (next_[s] != kNever) next_[s] = std::max(now, clock_->moment_of(due_[s], now));
 }
 
-// Where the clock was set ahead while SYNC runs, the pulses in between are lost, and the raster stays. To give them all
-// at once would take for ever after a jump of years.
+// When the clock was set ahead while SYNC is active, the pulses in between are lost, and the time grid is kept. To
+// generate all lost pulses would take too long after a jump of years.
 void SyncUnit::skip_missed(Time at) {
     const auto ahead = clock_->ahead(due_[0], at);
     if (cycle0_ == 0 || ahead > 0) return;
@@ -90,7 +91,8 @@ std::uint32_t SyncUnit::settle(Time now) {
         if (on_[signal]) {
             pulses_[signal] += signal == 0 ? bundle : 1;
             events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
-            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) == 0)  // held until acknowledged
+            // The signal stays active until it is acknowledged.
+            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) == 0)
                 registers_->set<std::uint8_t>(signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
         }
         if (signal == 1) {
@@ -112,7 +114,7 @@ std::uint32_t SyncUnit::settle(Time now) {
     return events;
 }
 
-// While it runs, the start time registers tell when the next pulses are.
+// While SYNC is active, the start time registers contain the times of the next pulses.
 void SyncUnit::refresh() {
     if (!active_) return;
     if (next_[0] != kNever) registers_->set(reg::kSyncStartTime.address, due_[0]);

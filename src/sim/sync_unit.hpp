@@ -1,5 +1,5 @@
-// SYNC0, SYNC1 and the latch inputs of an ESC, registers 0x0980–0x09CF (ETG.1000.4 "Distributed clock"; ESC
-// data sheets, "SyncSignal generation" and "LatchSignals").
+// SYNC0, SYNC1 and the latch inputs of an ESC, registers 0x0980–0x09CF (ETG.1000.4 "Distributed clock"; ESC data
+// sheets, "SyncSignal generation" and "LatchSignals").
 #pragma once
 
 #include "sim/dc_clock.hpp"
@@ -19,20 +19,19 @@ class SyncUnit {
 
     void power_up(RegisterFile& registers, const DcClock& clock);
 
-    // Registers [address, address + length) were written.
+    // Call it after the registers [address, address + length) were written.
     void written(std::uint32_t address, std::size_t length, Time at);
-    // A status or latch register was read: takes back what that acknowledges. Returns AL event bits to be
-    // cleared.
+    // Call it after a status or latch register was read: executes the acknowledge. Returns the AL event bits to clear.
     std::uint32_t was_read(std::uint32_t address, std::size_t length);
-    // The rate or the offset of the clock has changed.
+    // Call it after the rate or the offset of the clock has changed.
     void clock_changed(Time now);
 
     [[nodiscard]] Time next() const { return next_[0] < next_[1] ? next_[0] : next_[1]; }
-    // Pulses due by `now`.
+    // Generates the pulses that are due at `now`. Returns AL event bits.
     std::uint32_t settle(Time now);
     // An edge at latch input 0 or 1.
     Events latch(unsigned input, bool rising, Time at);
-    // How many pulses SYNC0 or SYNC1 has given since power-up.
+    // Number of SYNC0 or SYNC1 pulses since power-up.
     [[nodiscard]] std::uint64_t pulses(unsigned signal) const { return pulses_[signal]; }
     void refresh();
 
@@ -48,7 +47,7 @@ class SyncUnit {
     std::array<std::uint64_t, 2> pulses_{};
     std::uint32_t cycle0_ = 0;
     std::uint32_t cycle1_ = 0;
-    std::uint32_t countdown1_ = 0;  // SYNC0 pulses until the next one that starts a SYNC1
+    std::uint32_t countdown1_ = 0;  // SYNC0 pulses until the next SYNC0 that starts a SYNC1
     bool active_ = false;
 };
 

@@ -13,7 +13,7 @@ void Watchdogs::power_up(RegisterFile& registers, bool has_pdi, Time now) {
     show();
 }
 
-// 0x0400: units of 40 ns, plus two of them; a time is a number of those (ESC data sheets, "Watchdog").
+// 0x0400: the unit is (value + 2) · 40 ns; the times are multiples of this unit (ESC data sheets, "Watchdog").
 void Watchdogs::reconfigure(Time now) {
     const Duration unit(40 * (registers_->get<std::uint16_t>(reg::kWatchdogDivider.address) + 2));
     process_data_.time = unit * registers_->get<std::uint16_t>(reg::kProcessDataWatchdogTime.address);
@@ -60,7 +60,7 @@ void Watchdogs::count(std::uint16_t address) {
     if (value != 0xFF) registers_->set(address, static_cast<std::uint8_t>(value + 1));
 }
 
-// 0x0440: 1 while it runs or is off.
+// 0x0440: 1 while the watchdog is running or off.
 void Watchdogs::show() {
     const bool off = !fed_ || process_data_.time == Duration::zero();
     registers_->set(reg::kProcessDataWatchdogStatus.address,

@@ -1,4 +1,4 @@
-// The two watchdogs of an ESC, registers 0x0400–0x0443: process data (fed by SyncManagers) and PDI (fed by
+// The two watchdogs of an ESC, registers 0x0400–0x0443: process data (triggered by SyncManagers) and PDI (triggered by
 // the processor).
 #pragma once
 
@@ -16,16 +16,16 @@ class Watchdogs {
     };
 
     void power_up(RegisterFile& registers, bool has_pdi, Time now);
-    // The processor has stopped: from now on its watchdog runs. While it works it is taken to feed it in
-    // time.
+    // The processor has stopped, so its watchdog starts to count. A working processor is assumed to trigger the
+    // watchdog in time.
     void processor_halted(Time now);
-    // Divider or times were written: both start anew.
+    // Divider or times were written: both watchdogs start again.
     void reconfigure(Time now);
-    // Whether any channel feeds the process data watchdog; without one it is off.
+    // Whether any channel triggers the process data watchdog; if none does, the watchdog is off.
     void set_fed(bool fed, Time now);
     void feed_process_data(Time now);
 
-    // What has run out by `now`. Counters and status registers follow.
+    // Returns the watchdogs that have expired at `now`, and updates counters and status registers.
     Expired settle(Time now);
     [[nodiscard]] Time next() const { return process_data_.next() < pdi_.next() ? process_data_.next() : pdi_.next(); }
     [[nodiscard]] bool pdi_alive() const { return !pdi_.expired; }

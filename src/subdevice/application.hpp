@@ -1,5 +1,6 @@
-// What a device does beside talking EtherCAT: the interface its author implements. All calls come from within
-// Device's functions; each has an answer already, so that an application says only what it has to say.
+// The interface that the author of a device implements: everything that the device does apart from EtherCAT
+// communication. Device calls these functions from within its own functions. Every function except description() has a
+// default, so an application overrides only the functions that it needs.
 #pragma once
 
 #include "subdevice/esm.hpp"
@@ -13,10 +14,10 @@ class Emergencies;
 
 class Application {
   public:
-    // The device's description, the same at all times.
+    // The description of the device. It must not change while the device exists.
     [[nodiscard]] virtual const DeviceDescription& description() const = 0;
 
-    // --- State changes; see EsmClient ---
+    // --- State changes: see EsmClient ---
     [[nodiscard]] virtual Verdict before(Transition transition, Time now) {
         (void)transition, (void)now;
         return Verdict::go();
@@ -25,20 +26,22 @@ class Application {
     virtual void after(Transition transition, Time now) { (void)transition, (void)now; }
 
     // --- Process data ---
-    // The application hook. Mapped outputs have been put into the dictionary's image when `outputs_valid` (in
-    // OP); inputs are taken from there when this returns. Called from SAFEOP on; in interrupt modes from the
-    // interrupt.
+    // The cyclic function of the application. When `outputs_valid` is true (in OP), the mapped outputs have already
+    // been copied into the image of the dictionary. After this function returns, the mapped inputs are copied from that
+    // image. Called in SAFEOP and OP; in the run modes `mixed` and `interrupts` it is called from the interrupt
+    // handler.
     virtual void cycle(Time now, bool outputs_valid) { (void)now, (void)outputs_valid; }
 
-    // Outputs stop: OP is left, whatever the reason. Mapped outputs have their initial values again.
+    // The outputs must go to a safe state, because the device has left OP for any reason. The mapped outputs already
+    // have their initial values again.
     virtual void safe_outputs(Time now) { (void)now; }
 
-    // In place of the PDO assignment in the dictionary: how many octets the process data have now. Nothing: by the
-    // assignment, or without it as many as the description says at most.
+    // Current sizes in octets of process data that have no PDO assignment object (0x1C12, 0x1C13) in the dictionary.
+    // With an assignment object, its mapping determines the size. nullopt: the maximum sizes of the description.
     [[nodiscard]] virtual std::optional<ProcessDataSizes> process_data_sizes() { return std::nullopt; }
 
-    // In place of the PDO mapping: outputs out of the octets of SM2, inputs into those of SM3. False: the
-    // mapping does it.
+    // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of SM2, pack_inputs() writes the
+    // inputs into the octets of SM3. Return false to use the PDO mapping instead.
     virtual bool unpack_outputs(Bytes raw) {
         (void)raw;
         return false;
@@ -48,7 +51,7 @@ class Application {
         return false;
     }
 
-    // --- Where the hooks of 0x1003 and 0x10F3 find what they show; nullptr: the device has none ---
+    // --- Data for the hooks of objects 0x1003 and 0x10F3; nullptr: the device does not have the object ---
     [[nodiscard]] virtual Emergencies* emergencies() { return nullptr; }
     [[nodiscard]] virtual DiagnosisHistory* diagnosis() { return nullptr; }
 

@@ -1,4 +1,4 @@
-// Copies bits between two places; bit 0 of an octet is its lowest.
+// Copies bit fields between two buffers. Bit 0 of an octet is its least significant bit.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -7,7 +7,8 @@
 
 namespace margay::subdevice {
 
-// `to` and `from` hold the octets touched. Whole octets at octet borders are copied as such.
+// `to` and `from` must contain all octets that the copied bits touch. Whole octets at octet boundaries are copied octet
+// by octet.
 constexpr void copy_bits(MutableBytes to, std::size_t to_bit, Bytes from, std::size_t from_bit, std::size_t bits) {
     if (to_bit % 8 == 0 && from_bit % 8 == 0) {
         const auto whole = bits / 8;

@@ -1,5 +1,5 @@
-// CANopen over EtherCAT: the server of mailbox type CoE. SDO, SDO information and emergencies, each in a file
-// of its own.
+// CANopen over EtherCAT: the server for mailbox type CoE. It combines the servers for SDO, SDO information and
+// emergencies, which have files of their own.
 #pragma once
 
 #include "subdevice/emergency.hpp"
@@ -10,7 +10,7 @@ namespace margay::subdevice {
 
 class CoeServer final : public MailboxServer {
   public:
-    // All outlive the server; see SdoServer for `staging`.
+    // All arguments must outlive the server. For `staging` see SdoServer.
     CoeServer(ObjectDictionary& dictionary, MutableBytes staging, bool complete_access,
               Emergencies* emergencies = nullptr)
         : sdo_(dictionary, staging, complete_access), information_(dictionary), emergencies_(emergencies) {}

@@ -1,5 +1,5 @@
-// What a device is, as data: one constexpr value from which the state machine takes its checks, the CoE
-// server its identity objects and the SII image its content. Everything here lives as long as the device
+// The description of a device as one constexpr value. The state machine uses it for its checks, the CoE server for the
+// identity objects, and the SII writer for the content of the image. All texts must exist as long as the device
 // (normally in flash).
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace margay::subdevice {
 
-// One mailbox area in the ESC's memory. With `min_bytes` and `max_bytes` left 0 the master must choose
+// One mailbox area in the memory of the ESC. When `min_bytes` and `max_bytes` are 0, the master must configure exactly
 // `size_bytes`.
 struct MailboxArea {
     std::uint16_t start = 0;
@@ -23,7 +23,8 @@ struct MailboxArea {
     }
 };
 
-// The two mailboxes of a state: SM0 (master to slave) and SM1 (slave to master). All zero: there is none.
+// The two mailboxes of a state: SM0 (master to slave) and SM1 (slave to master). All values zero: the state has no
+// mailbox.
 struct MailboxPair {
     MailboxArea receive{};
     MailboxArea send{};
@@ -32,25 +33,26 @@ struct MailboxPair {
 
 // One direction of process data.
 struct ProcessDataArea {
-    std::uint8_t sync_manager = 0;  // 2 and 3 on devices with a mailbox
+    std::uint8_t sync_manager = 0;  // normally 2 (outputs) and 3 (inputs) on devices with a mailbox
     std::uint16_t start = 0;
-    std::uint16_t max_bytes = 0;     // 0: the device has no such direction
-    std::uint16_t sii_bytes = 0;     // length in the SII of what the application sizes itself; 0: max_bytes
-    bool three_buffers = true;       // false: mailbox mode, one buffer with handshake
-    bool watchdog = false;           // outputs: SII and default control octet trigger the watchdog
-    bool watchdog_required = false;  // outputs: SAFEOP is refused unless the master lets the watchdog run
+    std::uint16_t max_bytes = 0;  // 0: the device has no process data in this direction
+    // Length in the SII when the application chooses the size at run time; 0: max_bytes.
+    std::uint16_t sii_bytes = 0;
+    bool three_buffers = true;       // false: mailbox mode, that is one buffer with handshake
+    bool watchdog = false;           // outputs: the SII and the default control octet enable the watchdog trigger
+    bool watchdog_required = false;  // outputs: SAFEOP is refused when the master has not enabled the watchdog
     [[nodiscard]] constexpr bool present() const { return max_bytes != 0; }
 };
 
 struct DcDescription {
     bool supported = false;
-    bool required = false;  // SAFEOP is refused while SYNC signals are off
-    bool sync1 = false;     // the application needs SYNC1 too
-    Duration min_cycle{};   // bounds of the SYNC0 cycle; zero: no bound
+    bool required = false;  // SAFEOP is refused while the SYNC signals are off
+    bool sync1 = false;     // the application also needs SYNC1
+    Duration min_cycle{};   // limits of the SYNC0 cycle time; zero: no limit
     Duration max_cycle{};
 };
 
-// Mailbox protocols as the SII's bit field has them.
+// Mailbox protocols in the order of the bit field in the SII.
 struct MailboxProtocols {
     bool aoe = false;
     bool eoe = false;
@@ -65,24 +67,25 @@ struct DeviceDescription {
     std::uint32_t product_code = 0;
     std::uint32_t revision = 0;
     std::uint32_t serial = 0;
-    std::uint16_t device_id = 0;  // explicit device identification (AL control bit 5); 0: not offered
-    std::string_view name{};      // long name for people
+    std::uint16_t device_id = 0;  // explicit device identification (AL control bit 5); 0: not supported
+    std::string_view name{};      // full name, for display
     std::string_view order_code{};
     std::string_view group{};
     MailboxProtocols protocols{};
     MailboxPair mailbox{};
-    MailboxPair boot_mailbox{};  // present: the device has the state BOOT
+    MailboxPair boot_mailbox{};  // if present, the device supports the state BOOT
     ProcessDataArea outputs{};
     ProcessDataArea inputs{};
     DcDescription dc{};
-    Duration outputs_wait =
-        std::chrono::milliseconds(200);  // SAFEOP→OP: how long first outputs and SYNC0 are waited for
-    Duration output_timeout{};           // own watchdog on outputs beside that of the ESC; zero: none
-    Duration free_run_cycle{};           // the application hook is called at least this often without DC; zero: only
-                                         // with process data
-    unsigned sync_error_limit = 4;  // DC: so many SYNC0 in a row without new outputs end OP; 0: any number is borne
+    Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
+    // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
+    Duration output_timeout{};
+    // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive.
+    Duration free_run_cycle{};
+    // DC: the device leaves OP after this many consecutive SYNC0 events without new outputs; 0: no limit
+    unsigned sync_error_limit = 4;
     std::int16_t ebus_current_ma = 0;
-    std::uint8_t drive_axes = 0;  // of CiA 402, for the SII
+    std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII
     bool complete_access = true;
 };
 

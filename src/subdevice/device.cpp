@@ -40,8 +40,9 @@ std::uint32_t Device::interrupt(Time now) {
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
     process_data_.serve(now, events);
     auto left = events & background_events();
-    if (outputs_came()) left |= al_event::kAlControl;  // the transition that waits for them is step()'s
-    if (left != 0) write_register(esc_, reg::kAlEventMask.address, process_data_.events());  // until step() has been
+    if (outputs_came()) left |= al_event::kAlControl;  // step() must execute the waiting transition
+    // step() unmasks the other events
+    if (left != 0) write_register(esc_, reg::kAlEventMask.address, process_data_.events());
     return left;
 }
 

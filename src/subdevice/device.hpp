@@ -1,13 +1,13 @@
-// A whole device: state machine, mailbox, process data and EEPROM emulation over one ESC.
+// A whole device: state machine, mailbox, process data and EEPROM emulation on one ESC.
 //
-// Three ways to run it:
-//   polling     step() does everything. Call it again and again, or sleep until the time it returned or an AL
-//   event. mixed       SM2 and SYNC0 raise interrupts, whose handler calls interrupt(); step() polls the
-//   rest. interrupts  everything raises interrupts: interrupt() does process data at once, masks the rest and
-//   returns it; when
-//               it is not zero, wake a task that calls step().
-// interrupt() and step() must not run at the same time on one ESC: either the handler's priority is lowered
-// while step() runs, or the EscAccess locks.
+// Three ways to run a device:
+// - polling: step() does everything. Call step() in a loop, or sleep until the returned time or the next AL event.
+// - mixed: SM2 and SYNC0 raise interrupts, and the interrupt handler calls interrupt(). step() polls the rest.
+// - interrupts: all events raise interrupts. interrupt() processes the process data at once, masks the other events and
+//   returns them. When the returned value is not zero, wake a task that calls step().
+//
+// interrupt() and step() must not execute at the same time on one ESC: disable the interrupt (or lower its priority)
+// while step() executes, or lock in EscAccess.
 #pragma once
 
 #include "subdevice/eeprom_emulation.hpp"
@@ -20,7 +20,7 @@ enum class RunMode : std::uint8_t { polling, mixed, interrupts };
 
 class Device final : private EsmClient {
   public:
-    // All outlive the device. `mailbox` and `eeprom` may be nullptr: a device without.
+    // All arguments must outlive the device. `mailbox` and `eeprom` are nullptr when the device has none.
     Device(EscAccess& esc, Application& application, ProcessData& process_data, Mailbox* mailbox = nullptr,
            EepromEmulation* eeprom = nullptr, RunMode mode = RunMode::polling)
         : esc_(esc),
@@ -31,22 +31,23 @@ class Device final : private EsmClient {
           run_mode_(mode),
           esm_(esc, application.description(), *this) {}
 
-    // Start-up: INIT, sync managers locked, event mask of the mode. Also what a restart of the firmware
-    // calls.
+    // Starts the device: state INIT, sync managers deactivated, AL event mask set for the run mode. Also call it when
+    // the firmware restarts.
     void start(Time now);
 
-    // Everything that is not left to interrupts. Returns when it wants to be called at the latest though no
-    // event comes.
+    // Does all work that interrupt() does not do. Returns the latest time for the next call; call it earlier when an AL
+    // event occurs.
     Time step(Time now);
 
-    // From the handler of the PDI interrupt (or of a SYNC0 interrupt of its own). Returns the events that are
-    // left to step().
+    // Call it from the handler of the PDI interrupt (or of a separate SYNC0 interrupt). Returns the events that step()
+    // must handle.
     std::uint32_t interrupt(Time now);
 
-    // One update by hand, for authors who order the parts themselves (see part::).
+    // Executes single parts of one process data update, for authors who choose the order of the parts (see part::).
     void process(unsigned parts, Time now) { process_data_.process(parts, now); }
 
-    // The application's own fault: down to `to`, with error indication.
+    // The application reports an error of its own: the device goes down to `to` and sets the error indication with code
+    // `why`.
     void fall_back(AlState to, AlStatusCode why, Time now) { esm_.fall_back(to, why, now); }
 
     [[nodiscard]] const AlStatus& al_status() const { return esm_.status(); }
@@ -69,7 +70,7 @@ class Device final : private EsmClient {
     EepromEmulation* eeprom_;
     RunMode run_mode_;
     Esm esm_;
-    Time outputs_until_ = kNever;  // SAFEOP→OP waits for outputs and SYNC0, no longer than this
+    Time outputs_until_ = kNever;  // SAFEOP→OP: end of the wait for outputs and SYNC0
 };
 
 }  // namespace margay::subdevice

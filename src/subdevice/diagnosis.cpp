@@ -13,7 +13,7 @@ constexpr std::uint16_t kNoInformation = 0x0002;
 constexpr std::uint16_t kNoWarnings = 0x0004;
 constexpr std::uint16_t kNoErrors = 0x0008;
 constexpr std::uint16_t kAcknowledgeMode = 0x0010;
-constexpr std::uint16_t kLost = 0x0020;  // overwritten or discarded unacknowledged
+constexpr std::uint16_t kLost = 0x0020;  // a message was overwritten or discarded before it was acknowledged
 constexpr std::uint16_t kWritable = 0x001F;
 
 struct MessageLayout {
@@ -22,7 +22,7 @@ struct MessageLayout {
     using text_id = Field<std::uint16_t, 6>;
     using time_stamp = Field<std::uint64_t, 8>;
 };
-constexpr std::size_t kLengthBytes = 2;  // before each message in the memory; ours, not on the wire
+constexpr std::size_t kLengthBytes = 2;  // length field before each message in the memory; it is not sent to the master
 
 }  // namespace
 
@@ -85,7 +85,8 @@ MutableBytes DiagnosisHistory::field(unsigned subindex) {
 Abort DiagnosisHistory::check_write(unsigned subindex, Bytes data) const {
     if (subindex == 5)
         return (load_le<std::uint16_t>(data) & ~(kWritable | kLost)) != 0 ? Abort::value_range : Abort::none;
-    // Newest acknowledged: 0 clears the history, 1 to 5 mean nothing, others name a message.
+    // Subindex 3, newest acknowledged message: 0 clears the history, 1 to 5 are invalid, larger values select a
+    // message.
     const auto n = std::to_integer<unsigned>(data[0]);
     if (n == 0) return Abort::none;
     if (n < kFirstSubindex) return Abort::value_too_low;
@@ -97,7 +98,7 @@ void DiagnosisHistory::written(unsigned subindex) {
     if (subindex != 3) return;
     const auto n = acknowledged::load(head_);
     if (n == 0) return clear();
-    // What is newer than the one acknowledged stays unread.
+    // Messages newer than the acknowledged message stay unread.
     const auto last_line = (next_ + lines_ - 1u) % lines_;
     unread_ = static_cast<std::uint8_t>((last_line + lines_ - (n - kFirstSubindex)) % lines_);
     available::store(head_, unread_ != 0 ? 1 : 0);

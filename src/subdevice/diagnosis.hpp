@@ -1,5 +1,5 @@
-// The diagnosis history, object 0x10F3 (ETG.1020 "Diagnosis history object"): messages with code, text id,
-// time stamp and parameters, which a master reads and acknowledges.
+// The diagnosis history, object 0x10F3 (ETG.1020 "Diagnosis history object"). It contains messages with code, text id,
+// time stamp and parameters; a master reads and acknowledges them.
 #pragma once
 
 #include "subdevice/object_dictionary.hpp"
@@ -9,34 +9,37 @@ namespace margay::subdevice {
 enum class DiagnosisType : std::uint8_t { information = 0, warning = 1, error = 2 };
 
 struct DiagnosisMessage {
-    std::uint32_t code = 0;  // 0xE8xxyyyy: manufacturer's; low half the emergency error code where there is one
+    // 0xE8xxyyyy: code of the manufacturer; the low half is the emergency error code if there is one
+    std::uint32_t code = 0;
     DiagnosisType type = DiagnosisType::information;
     std::uint16_t text_id = 0;
     std::uint64_t time_stamp_ns = 0;
-    std::uint8_t parameters = 0;  // how many
-    Bytes parameter_bytes{};      // each with its flags word, as they travel
+    std::uint8_t parameters = 0;  // number of parameters
+    Bytes parameter_bytes{};      // each parameter with its flags word, in the format of the mailbox message
 };
 
 class DiagnosisHistory {
   public:
     static constexpr std::uint8_t kFirstSubindex = 6;
-    static constexpr std::size_t kHeadBytes = 16;  // of a message, before its parameters
+    static constexpr std::size_t kHeadBytes = 16;  // octets of a message without its parameters
 
-    // `memory` holds `lines` messages (1 to 250) of equal room: kHeadBytes, what parameters take, and 2.
+    // `memory` holds `lines` messages (1 to 250) of equal size: kHeadBytes, the parameters, and 2 octets for the
+    // length.
     DiagnosisHistory(MutableBytes memory, std::uint8_t lines) : memory_(memory), lines_(lines) { clear(); }
 
-    // Notes a message. False: dropped, by the master's filter, or because in acknowledge mode the history is
-    // full of messages that nobody acknowledged. Parameters that do not fit are left out.
+    // Adds a message. Returns false when the message is discarded: the master's filter excludes its type, or in
+    // acknowledge mode the history is full of unacknowledged messages. Parameters that do not fit into the memory are
+    // left out.
     bool add(const DiagnosisMessage& message);
     void clear();
 
-    // For the hooks of 0x10F3.
+    // Used by the hooks of 0x10F3.
     [[nodiscard]] MutableBytes field(unsigned subindex);
     [[nodiscard]] Abort check_write(unsigned subindex, Bytes data) const;
     void written(unsigned subindex);
 
   private:
-    // Values of subindices 1 to 5 as they lie in head_.
+    // Layout of subindices 1 to 5 in head_.
     using maximum = Field<std::uint8_t, 0>;
     using latest = Field<std::uint8_t, 1>;
     using acknowledged = Field<std::uint8_t, 2>;
@@ -49,13 +52,13 @@ class DiagnosisHistory {
 
     MutableBytes memory_;
     std::uint8_t lines_;
-    std::uint8_t next_ = 0;    // line that comes next
-    std::uint8_t unread_ = 0;  // messages newer than the newest acknowledged
+    std::uint8_t next_ = 0;    // line of the next message
+    std::uint8_t unread_ = 0;  // messages newer than the newest acknowledged message
     std::array<std::byte, 6> head_{};
 };
 
-// The entries of 0x10F3 with room for `Lines` messages, and its hooks: the application has the history
-// (Application::diagnosis()).
+// The entries of 0x10F3 with memory for `Lines` messages, and the hooks. The hooks get the history from
+// Application::diagnosis().
 template <std::uint8_t Lines>
 inline constexpr std::array<Entry, 7> kDiagnosisEntries = {
     entry_count(DiagnosisHistory::kFirstSubindex - 1 + Lines),

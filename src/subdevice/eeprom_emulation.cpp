@@ -10,7 +10,7 @@ namespace reg = wire::reg;
 namespace control = wire::sii_control;
 
 namespace {
-constexpr std::size_t kAliasOffset = 8;  // octets into the image
+constexpr std::size_t kAliasOffset = 8;  // octets from the start of the image
 }
 
 void EepromEmulation::step(std::uint32_t events) {
@@ -34,7 +34,7 @@ void EepromEmulation::step(std::uint32_t events) {
     } else {
         errors = control::kMissingAcknowledge;
     }
-    // Writing the command back says that it is done.
+    // A write of the command to the control register reports that the command is finished.
     write_register(esc_, reg::kSiiControl.address, static_cast<std::uint16_t>(command | errors));
 }
 

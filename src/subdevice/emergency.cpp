@@ -18,7 +18,8 @@ bool Emergencies::raise(const EmergencyMessage& message) {
         const auto lines = history_.size() / kLineBytes;
         std::copy_backward(history_.begin(), history_.begin() + static_cast<std::ptrdiff_t>((lines - 1) * kLineBytes),
                            history_.begin() + static_cast<std::ptrdiff_t>(lines * kLineBytes));
-        // Error code, and the first two octets of the manufacturer's as additional information.
+        // A history line contains the error code, and the first two octets of the manufacturer-specific data as
+        // additional information.
         store_le(history_, 0, message.error_code);
         history_[2] = message.data[0];
         history_[3] = message.data[1];
@@ -65,7 +66,7 @@ HookAnswer before_read(const ObjectAccess& access) {
     return !access.complete && access.subindex > used ? Abort::no_subindex : Abort::none;
 }
 
-// Only 0 may be written: it clears the history.
+// Only the value 0 may be written. It clears the history.
 HookAnswer before_write(const ObjectAccess& access, Bytes data) {
     (void)access;
     return !data.empty() && data[0] != std::byte{0} ? Abort::value_range : Abort::none;

@@ -1,4 +1,4 @@
-// Emergency messages, and the history of them that object 0x1003 shows (ETG.1000.6 "Emergency").
+// Emergency messages, and their history in object 0x1003 (ETG.1000.6 "Emergency").
 #pragma once
 
 #include "subdevice/mailbox_server.hpp"
@@ -12,14 +12,14 @@ struct EmergencyMessage {
     std::array<std::byte, wire::coe::kEmergencyDataBytes> data{};
 };
 
-// Keeps what is to be sent and what was: both as many as the author's memory holds.
+// Holds the queue of messages to send and the history of past messages. The author's memory limits the size of both.
 class Emergencies {
   public:
-    // `queue`: messages that wait for a mailbox. `history`: four octets a line of 0x1003, the newest first.
+    // `queue`: messages that wait for a free send mailbox. `history`: four octets per line of 0x1003, newest first.
     Emergencies(std::span<EmergencyMessage> queue, MutableBytes history) : queue_(queue), history_(history) {}
 
-    // Queues a message and notes it in the history. False: the queue was full, and the message is counted as
-    // lost (the history has it). Callable at any time from where Device::step() is called.
+    // Queues a message and adds it to the history. Returns false when the queue is full: the message is counted as
+    // lost, but the history contains it. May be called from the thread that calls Device::step().
     bool raise(const EmergencyMessage& message);
 
     void step(Outbox& out);
@@ -28,7 +28,7 @@ class Emergencies {
     [[nodiscard]] std::uint8_t error_register() const { return error_register_; }
     [[nodiscard]] std::uint32_t lost() const { return lost_; }
 
-    // For 0x1003: lines in use, and their memory.
+    // For object 0x1003: the number of used lines, and the memory of a line.
     [[nodiscard]] MutableBytes count() { return count_; }
     [[nodiscard]] MutableBytes line(unsigned subindex);
     void clear_history();
@@ -37,19 +37,19 @@ class Emergencies {
     std::span<EmergencyMessage> queue_;
     MutableBytes history_;
     std::array<std::byte, 1> count_{};
-    std::size_t first_ = 0;  // of the queue
+    std::size_t first_ = 0;  // index of the oldest message in queue_
     std::size_t waiting_ = 0;
     std::uint32_t lost_ = 0;
     std::uint8_t error_register_ = 0;
 };
 
-// The entries of 0x1003 with room for `Lines` errors; the hooks below find them in the application.
+// The entries of 0x1003 with memory for `Lines` errors. The hooks below read them from the application.
 template <std::uint8_t Lines>
 inline constexpr std::array<Entry, 2> kErrorHistoryEntries = {
     provided(0, "Number of errors", DataType::unsigned8, 8, od::kReadWrite),
     provided(1, "Error", DataType::unsigned32, 32, od::kReadOnly).times(Lines)};
 
-// Hooks of 0x1003: the application has the emergencies (Application::emergencies()).
+// Hooks of 0x1003. They get the emergencies from Application::emergencies().
 namespace error_history {
 [[nodiscard]] HookAnswer before_read(const ObjectAccess& access);
 [[nodiscard]] HookAnswer before_write(const ObjectAccess& access, Bytes data);

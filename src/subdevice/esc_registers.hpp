@@ -1,4 +1,4 @@
-// Typed access to ESC registers over the contract.
+// Typed (little-endian) access to ESC registers through EscAccess.
 #pragma once
 
 #include "subdevice/esc_access.hpp"

@@ -23,7 +23,8 @@ constexpr bool has_mailboxes(const DeviceDescription& device) {
 constexpr bool has_mailbox(AlState state) { return state != AlState::init && state != AlState::none; }
 constexpr bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
 
-// BOOT is entered from and left to INIT only; upwards goes one state at a time, downwards as far as wanted.
+// BOOT can only be entered from INIT and left to INIT. Upward transitions go one state at a time, downward transitions
+// may skip states.
 constexpr bool allowed(Transition t) {
     if (t.from == AlState::boot || t.to == AlState::boot) return t.from == AlState::init || t.to == AlState::init;
     if (t.to < t.from) return true;
@@ -31,7 +32,7 @@ constexpr bool allowed(Transition t) {
            (t.from == AlState::preop && t.to == AlState::safeop) || (t.from == AlState::safeop && t.to == AlState::op);
 }
 
-// For "lower or equal": BOOT ranks with PREOP, beside the ladder.
+// Order for the comparison of states: BOOT has the same rank as PREOP.
 constexpr int rank(AlState state) {
     return state == AlState::boot ? static_cast<int>(AlState::preop) : static_cast<int>(state);
 }
@@ -54,13 +55,13 @@ Time Esm::step(Time now, std::uint32_t events) {
     return pending_ ? again_ : kNever;
 }
 
-// ETG.1000.6 "AL control": while the error indication stands, only an acknowledge or a request not above the
-// present state counts.
+// ETG.1000.6 "AL control": while the error indication is set, only an acknowledge or a request for a lower state is
+// executed.
 void Esm::control(std::uint16_t al_control, Time now) {
     const auto to = static_cast<AlState>(al_control & al::kStateMask);
     const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
     identification_ = (al_control & al::kDeviceIdentification) != 0 && device_.device_id != 0;
-    if (pending_ && to == transition_.to) return;  // already at it
+    if (pending_ && to == transition_.to) return;  // this transition is already pending
     drop_pending();
     if (acknowledge) {
         status_.error = false;
@@ -145,7 +146,8 @@ void Esm::drop_pending() {
     client_.dropped(transition_);
 }
 
-// A master that takes a sync manager away under a running device: down to where it is not needed.
+// The master has deactivated or changed a sync manager while the device uses it: the device falls back to a state that
+// does not need it.
 void Esm::watch_sync_managers(Time now) {
     const bool boot = status_.state == AlState::boot;
     if (has_mailbox(status_.state)) {
@@ -158,7 +160,7 @@ void Esm::watch_sync_managers(Time now) {
         const auto fault = check_process_data(esc_, device_, client_.process_data_sizes());
         if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
     } else {
-        // Reading the activate octets is what clears the event.
+        // Reading the activate octets clears the event.
         for (const auto* area : {&device_.outputs, &device_.inputs})
             if (area->present()) (void)read_sync_manager(esc_, area->sync_manager);
         if (!has_mailbox(status_.state))
@@ -195,7 +197,7 @@ void Esm::set_enabled(std::uint8_t sync_manager, bool enabled) {
                    static_cast<std::uint8_t>(repeat | (enabled ? 0 : wire::sm_pdi_control::kDeactivate)));
 }
 
-// The code goes first: a master that sees the error bit must find the code that belongs to it.
+// The code is written first: a master that reads the error bit must also read the code that belongs to it.
 void Esm::write_status() {
     const bool identify = identification_ && !status_.error;
     const auto code = identify ? device_.device_id : status_.code;

@@ -1,6 +1,5 @@
-// The EtherCAT state machine from the slave's side (ETG.1000.6 "EtherCAT state machine"): reads AL control,
-// checks what the master configured against the device's description, asks the application, and answers in AL
-// status.
+// The EtherCAT state machine of the slave (ETG.1000.6 "EtherCAT state machine"). It reads AL control, compares the
+// master's configuration with the description of the device, asks the application, and writes AL status.
 #pragma once
 
 #include "subdevice/description.hpp"
@@ -20,7 +19,8 @@ struct Transition {
     friend constexpr bool operator==(const Transition&, const Transition&) = default;
 };
 
-// Answer to "may this transition happen?": yes; not yet, ask again at a time; or no, for this reason.
+// Answer to the question whether a transition may happen: go; wait, and ask again at the given time; or refuse with an
+// AL status code.
 class Verdict {
   public:
     [[nodiscard]] static constexpr Verdict go() { return {Kind::go, AlStatusCode::none, kNever}; }
@@ -40,32 +40,33 @@ class Verdict {
     Time again_;
 };
 
-// Sizes that the sync managers of process data must have for the mapping in force, or the reason why there
-// are none.
+// Sizes that the process data sync managers must have for the current mapping, or in `fault` the reason why the mapping
+// is invalid.
 struct ProcessDataSizes {
     std::uint16_t outputs_bytes = 0;
     std::uint16_t inputs_bytes = 0;
     AlStatusCode fault = AlStatusCode::none;
 };
 
-// The rest of the device, as the state machine sees it. Called from within Esm::step() and Esm::fall_back().
+// The parts of the device that the state machine calls. All calls come from Esm::step() and Esm::fall_back().
 class EsmClient {
   public:
-    // Asked when PREOP→SAFEOP is checked.
+    // Called during the checks of PREOP→SAFEOP.
     [[nodiscard]] virtual ProcessDataSizes process_data_sizes() = 0;
 
-    // May the transition happen? Asked after the checks, again and again while the answer is wait(). The AL
-    // status stays as it is meanwhile. Not asked when a fault forces the device down.
+    // Decides whether the transition may happen. Called after the checks, and again as long as the answer is wait().
+    // The AL status does not change in the meantime. Not called when an error forces the device down.
     [[nodiscard]] virtual Verdict before(Transition transition, Time now) = 0;
 
-    // A transition that waited will not happen: the master asked for something else.
+    // A waiting transition is cancelled because the master has requested something else.
     virtual void dropped(Transition transition) = 0;
 
-    // Do it: start or stop what belongs to the states. Sync managers are already switched on; they are
-    // switched off afterwards. AL status is written when this returns.
+    // Executes the transition: starts or stops the functions that belong to the states. Sync managers that the new
+    // state needs are already activated; sync managers that it does not need are deactivated afterwards. AL status is
+    // written after this function returns.
     virtual void perform(Transition transition, Time now) = 0;
 
-    // AL status tells the new state.
+    // AL status now reports the new state.
     virtual void after(Transition transition, Time now) = 0;
 
   protected:
@@ -74,24 +75,24 @@ class EsmClient {
 
 class Esm {
   public:
-    // All three outlive the state machine.
+    // All three arguments must outlive the state machine.
     Esm(EscAccess& esc, const DeviceDescription& device, EsmClient& client)
         : esc_(esc), device_(device), client_(client) {}
 
-    // Start-up: all sync managers locked, AL status INIT without error.
+    // Start-up: deactivates all sync managers and sets AL status to INIT without error.
     void init();
 
-    // Serves AL control and changes of the sync managers. `events` is the AL event request (0x0220) as just
-    // read. Returns when it wants to be called at the latest though no event comes.
+    // Handles AL control and changes of the sync managers. `events` is the value just read from the AL event request
+    // (0x0220). Returns the latest time for the next call; call it earlier when an AL event occurs.
     Time step(Time now, std::uint32_t events);
 
-    // What a transition waited for has come: the client is asked again at once.
+    // The condition for a waiting transition may be met now: asks the client at once.
     void ask_again(Time now) {
         if (pending_) advance(now);
     }
 
-    // The device's own decision to go down: to `to` (or to where it is, when that is lower), with error
-    // indication.
+    // The device itself decides to go down to `to`, with error indication. When the current state is not above `to`,
+    // only the error indication is set.
     void fall_back(AlState to, AlStatusCode why, Time now);
 
     [[nodiscard]] AlState state() const { return status_.state; }
@@ -115,10 +116,10 @@ class Esm {
     const DeviceDescription& device_;
     EsmClient& client_;
     AlStatus status_{};
-    Transition transition_{};  // the pending one
-    Time again_ = kNever;      // when the client wants to be asked again
+    Transition transition_{};  // the pending transition
+    Time again_ = kNever;      // time of the next question to the client
     bool pending_ = false;
-    bool identification_ = false;  // AL control asks for the explicit device id
+    bool identification_ = false;  // AL control requests the explicit device ID
 };
 
 }  // namespace margay::subdevice

@@ -15,7 +15,7 @@ SyncManager read_sync_manager(EscAccess& esc, unsigned n) {
 
 namespace {
 
-// Interrupt and watchdog bits of the control octet are the master's business: some write the SII's value,
+// The interrupt and watchdog bits of the control octet are not compared: some masters write the value of the SII,
 // others their own.
 bool mailbox_fits(const SyncManager& sm, const MailboxArea& area, bool ecat_writes) {
     return sm.enabled() && sm.mailbox() && sm.ecat_writes() == ecat_writes && sm.physical_start == area.start &&

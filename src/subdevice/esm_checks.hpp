@@ -1,6 +1,6 @@
-// What the state machine checks before it goes up: registers that the master wrote against the device's
-// description. Each check returns the AL status code of the first thing that is wrong, AlStatusCode::none
-// when all is well.
+// The checks of the state machine before a transition to a higher state. They compare the registers that the master
+// wrote with the description of the device. Each check returns the AL status code of the first error, or
+// AlStatusCode::none.
 #pragma once
 
 #include "subdevice/description.hpp"
@@ -12,15 +12,15 @@ namespace margay::subdevice {
 
 [[nodiscard]] wire::SyncManager read_sync_manager(EscAccess& esc, unsigned n);
 
-// SM0 and SM1 against the mailboxes of PREOP (or of BOOT): start, size, mode, direction, enabled. `otherwise`
-// is the code.
+// Compares SM0 and SM1 with the mailboxes of PREOP (or of BOOT): start, size, mode, direction, activation. Returns
+// `otherwise` on a difference.
 [[nodiscard]] AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStatusCode otherwise);
 
-// The sync managers of process data against the description and the sizes of the mapping.
+// Compares the process data sync managers with the description and with the sizes of the mapping.
 [[nodiscard]] AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device,
                                               const ProcessDataSizes& sizes);
 
-// Process data watchdog and DC SYNC settings.
+// Check the process data watchdog and the DC SYNC settings.
 [[nodiscard]] AlStatusCode check_watchdog(EscAccess& esc, const DeviceDescription& device,
                                           const ProcessDataSizes& sizes);
 [[nodiscard]] AlStatusCode check_dc(EscAccess& esc, const DcDescription& dc);

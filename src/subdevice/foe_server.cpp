@@ -31,7 +31,7 @@ std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& m
         case Opcode::write: open(true, data, out, now); break;
         case Opcode::data: arrived(Layout::packet_number::load(data), body, out, now); break;
         case Opcode::acknowledge: acknowledged(Layout::packet_number::load(data), out, now); break;
-        case Opcode::busy:  // the client cannot take the packet yet: it gets it again
+        case Opcode::busy:  // the client cannot accept the packet yet, so the server sends it again
             if (transfer_ != Transfer::read) {
                 fail(FoeError::illegal, out);
             } else {
@@ -48,13 +48,13 @@ void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
     end();
     std::array<char, 64> name{};
     const auto body = data.subspan(foe::kHeaderBytes);
-    const auto terminator = std::find(body.begin(), body.end(), std::byte{0});  // some clients send one
+    const auto terminator = std::find(body.begin(), body.end(), std::byte{0});  // some clients send a terminating zero
     const auto length = static_cast<std::size_t>(terminator - body.begin());
     if (length > name.size()) return fail(FoeError::not_found, out);
     std::transform(body.begin(), terminator, name.begin(), [](std::byte b) { return static_cast<char>(b); });
     const FoeFile file{{name.data(), length}, Layout::password::load(data), state_};
     const auto answer = write ? store_.open_to_write(file, now) : store_.open_to_read(file, now);
-    if (!answer.goes()) return refuse(answer, out);  // after "busy" the client asks again
+    if (!answer.goes()) return refuse(answer, out);  // after "busy" the client sends the request again
     transfer_ = write ? Transfer::write : Transfer::read;
     offset_ = last_bytes_ = 0;
     last_ = finishing_ = sent_ = false;
@@ -68,7 +68,7 @@ void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
 
 // ------------------------------------------------------------------ read
 
-// Sends packet_, once more if need be.
+// Sends packet_; also used to repeat it.
 void FoeServer::send_data(Outbox& out, Time now) {
     const auto at = out.open();
     const auto room = at.subspan(foe::kHeaderBytes);
@@ -86,7 +86,7 @@ void FoeServer::send_data(Outbox& out, Time now) {
 
 void FoeServer::acknowledged(std::uint32_t packet, Outbox& out, Time now) {
     if (transfer_ != Transfer::read) return fail(FoeError::illegal, out);
-    if (!sent_ && packet + 1 == packet_) return send_data(out, now);  // the store was busy
+    if (!sent_ && packet + 1 == packet_) return send_data(out, now);  // the store was busy at the last try
     if (!sent_ || packet != packet_) return fail(FoeError::wrong_packet_number, out);
     if (last_) {
         transfer_ = Transfer::none;

@@ -1,4 +1,4 @@
-// File access over EtherCAT: the server of mailbox type FoE (ETG.1000.6 "File access over EtherCAT").
+// File access over EtherCAT: the server for mailbox type FoE (ETG.1000.6 "File access over EtherCAT").
 #pragma once
 
 #include "subdevice/mailbox_server.hpp"
@@ -11,12 +11,12 @@ namespace margay::subdevice {
 
 using FoeError = wire::foe::ErrorCode;
 
-// What an author's file store answers: go on; busy, ask again with the client's next try; or an error with a
-// text.
+// Answer of the author's file store: go; busy (the server asks again at the client's next try); or an error with an
+// optional text.
 class FoeAnswer {
   public:
     [[nodiscard]] static constexpr FoeAnswer go() { return {}; }
-    // `done` of `entire` tells the progress, 0 of 0 nothing.
+    // `done` of `entire` is the progress; 0 of 0: unknown.
     [[nodiscard]] static constexpr FoeAnswer busy(std::uint16_t done, std::uint16_t entire,
                                                   std::string_view text = {}) {
         FoeAnswer a;
@@ -26,7 +26,7 @@ class FoeAnswer {
         a.text_ = text;
         return a;
     }
-    // Without a text the standard's words for the code are sent.
+    // Without a text, the server sends the standard text of the code.
     [[nodiscard]] static constexpr FoeAnswer error(FoeError code, std::string_view text = {}) {
         FoeAnswer a;
         a.kind_ = Kind::error;
@@ -57,21 +57,21 @@ struct FoeFile {
     AlState state = AlState::none;
 };
 
-// The files of a device. One transfer at a time; offsets rise without gaps.
+// The files of a device, implemented by its author. There is one transfer at a time, and offsets rise without gaps.
 class FoeStore {
   public:
     [[nodiscard]] virtual FoeAnswer open_to_read(const FoeFile& file, Time now) = 0;
-    // Puts octets from `offset` on into `into` and their number into `bytes`; less than into.size() is the
-    // end of the file. The same offset may be asked for twice.
+    // Copies octets from `offset` on into `into` and their number into `bytes`. Fewer octets than into.size() mean end
+    // of file. The server may request the same offset twice.
     [[nodiscard]] virtual FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes, Time now) = 0;
 
     [[nodiscard]] virtual FoeAnswer open_to_write(const FoeFile& file, Time now) = 0;
-    // busy(): nothing was taken, the same data come again.
+    // busy(): no octet was written; the server passes the same data again.
     [[nodiscard]] virtual FoeAnswer write(std::size_t offset, Bytes data, Time now) = 0;
-    // All `bytes` octets have been written. busy() while they are being checked and stored.
+    // All `bytes` octets have been passed to write(). Return busy() while the file is checked and stored.
     [[nodiscard]] virtual FoeAnswer finish_write(std::size_t bytes, Time now) = 0;
 
-    // The transfer ended before its time: an error of either side, another request, another state.
+    // The transfer ended early: an error on either side, a new request, or a state change.
     virtual void give_up() = 0;
 
   protected:
@@ -102,13 +102,13 @@ class FoeServer final : public MailboxServer {
     FoeStore& store_;
     AlState state_ = AlState::init;
     Transfer transfer_ = Transfer::none;
-    std::size_t receive_bytes_ = 0;  // data of a full packet that comes
-    std::uint32_t packet_ = 0;       // last one sent, or acknowledged
-    std::size_t offset_ = 0;         // of the file: what has been acknowledged, or written
-    std::size_t last_bytes_ = 0;     // of the packet sent last
-    bool sent_ = false;              // packet_ is on its way (else the store was busy)
-    bool last_ = false;              // it was the last one
-    bool finishing_ = false;         // all data written, the store is still busy with them
+    std::size_t receive_bytes_ = 0;  // data octets of a full packet from the client
+    std::uint32_t packet_ = 0;       // number of the last packet sent or acknowledged
+    std::size_t offset_ = 0;         // octets of the file already acknowledged or written
+    std::size_t last_bytes_ = 0;     // data octets of the last packet sent
+    bool sent_ = false;              // packet_ has been sent and is not acknowledged (false: the store was busy)
+    bool last_ = false;              // packet_ is the last packet of the file
+    bool finishing_ = false;         // all data are written, but the store is still busy
     std::uint16_t address_ = 0;
 };
 

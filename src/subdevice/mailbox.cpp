@@ -14,7 +14,7 @@ using wire::MailboxType;
 using Layout = wire::SyncManagerLayout;
 
 namespace {
-constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // where no event tells
+constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when the sync managers raise no event
 }
 
 bool Mailbox::fits() {
@@ -32,7 +32,7 @@ void Mailbox::start(AlState state) {
     state_ = state;
     running_ = true;
     silent_ = (receive_.control & send_.control & wire::sm_control::kPdiInterrupt) == 0;
-    watch_repeat();  // a toggle left from an earlier master is acknowledged, with nothing to repeat
+    watch_repeat();  // acknowledges a repeat toggle of an earlier master; there is no reply to repeat yet
     const MailboxRoom room{receive_.length_bytes - wire::kMailboxHeaderBytes,
                            send_.length_bytes - wire::kMailboxHeaderBytes};
     for (const auto& line : protocols_)
@@ -76,7 +76,7 @@ std::uint8_t Mailbox::status(unsigned sync_manager) {
         esc_, static_cast<std::uint16_t>(reg::sync_manager(sync_manager).address + Layout::status::offset));
 }
 
-// SM1 empty again: what was in it becomes the one that may be asked for again.
+// When SM1 is empty again, the master has read the reply. The reply is kept for a repeat.
 void Mailbox::watch_fetched() {
     if (boxed_ == 0 || (status(1) & wire::sm_status::kMailboxFull) != 0) return;
     if (kept_ != 0) first_ = (first_ + 1) % slots_;
@@ -84,10 +84,10 @@ void Mailbox::watch_fetched() {
     boxed_ = 0;
 }
 
-// The master toggles the repeat request when a reply was lost on its way. The one fetched last is put into
-// SM1 again, before one that may wait there already, and then the acknowledge follows the request.
+// The master toggles the repeat request when a reply was lost. The reply that the master read last is written into SM1
+// again, before a reply that may already wait there. Then the repeat acknowledge is set to the value of the request.
 void Mailbox::watch_repeat() {
-    std::array<std::byte, 10> octets{};  // from SM0's activate to SM1's PDI control
+    std::array<std::byte, 10> octets{};  // from the activate octet of SM0 to the PDI control octet of SM1
     const auto from = static_cast<std::uint16_t>(reg::sync_manager(0).address + Layout::activate::offset);
     esc_.read(from, octets);
     const auto receive_activate = std::to_integer<std::uint8_t>(octets[0]);
@@ -101,7 +101,7 @@ void Mailbox::watch_repeat() {
     const auto address = static_cast<std::uint16_t>(reg::sync_manager(1).address + Layout::pdi_control::offset);
     const auto acknowledge = request ? wire::sm_pdi_control::kRepeatAcknowledge : std::uint8_t{0};
     if (kept_ != 0) {
-        if (boxed_ != 0)  // taking SM1 away and giving it back is what empties it
+        if (boxed_ != 0)  // deactivating and activating SM1 empties it
             write_register(esc_, address,
                            static_cast<std::uint8_t>((pdi_control & ~1u) | wire::sm_pdi_control::kDeactivate));
         if (boxed_ != 0) write_register(esc_, address, static_cast<std::uint8_t>(pdi_control & ~1u));
@@ -118,7 +118,7 @@ void Mailbox::put_next() {
     const auto message = slot(kept_);
     const auto bytes = wire::kMailboxHeaderBytes + wire::load_mailbox_header(message).length;
     esc_.write(send_.physical_start, message.first(bytes));
-    if (bytes < send_.length_bytes)  // the last octet is what fills the mailbox
+    if (bytes < send_.length_bytes)  // a write to the last octet marks the mailbox as full
         write_register(esc_, static_cast<std::uint16_t>(send_.physical_start + send_.length_bytes - 1),
                        std::uint8_t{0});
     boxed_ = 1;
@@ -126,7 +126,8 @@ void Mailbox::put_next() {
     ++counters_.sent;
 }
 
-// Takes a message out of SM0 when there is one and room for its reply. True: one is in rx_.
+// Reads a message from SM0 when there is one and when a slot for its reply is free. Returns true when rx_ contains a
+// message.
 bool Mailbox::fetch() {
     if (received_bytes_ != 0 || used() == slots_ || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
     const std::size_t size = receive_.length_bytes;
@@ -136,7 +137,7 @@ bool Mailbox::fetch() {
     if (bytes > wire::kMailboxHeaderBytes)
         esc_.read(static_cast<std::uint16_t>(receive_.physical_start + wire::kMailboxHeaderBytes),
                   rx_.subspan(wire::kMailboxHeaderBytes, bytes - wire::kMailboxHeaderBytes));
-    if (bytes < size)  // the last octet is what empties the mailbox
+    if (bytes < size)  // a read of the last octet marks the mailbox as empty
         (void)read_register<std::uint8_t>(esc_, static_cast<std::uint16_t>(receive_.physical_start + size - 1));
     received_bytes_ = bytes;
     ++counters_.received;
@@ -144,9 +145,9 @@ bool Mailbox::fetch() {
 }
 
 void Mailbox::dispatch(Time now) {
-    if (used() == slots_) return;  // no room for a reply: it waits in rx_
+    if (used() == slots_) return;  // no slot for a reply: the message waits in rx_
     const auto header = wire::load_mailbox_header(rx_);
-    // A master that did not see its write arrive sends it again under the same counter.
+    // A master that did not see that its write arrived sends the message again with the same counter.
     const bool repeated = header.counter != 0 && header.counter == last_received_;
     const auto message = wire::load_mailbox_message(rx_.first(received_bytes_));
     auto* const server = message ? server_of(header.type) : nullptr;
@@ -159,7 +160,7 @@ void Mailbox::dispatch(Time now) {
     }
     last_received_ = header.counter;
     if (!message) return reply_error(MailboxErrorCode::invalid_size);
-    if (header.type == MailboxType::error) return;  // an error is not answered by an error
+    if (header.type == MailboxType::error) return;  // an error message gets no reply
     if (header.channel != 0) return reply_error(MailboxErrorCode::invalid_channel);
     if (server == nullptr) return reply_error(MailboxErrorCode::unsupported_protocol);
     if (message->data.empty()) return reply_error(MailboxErrorCode::size_too_short);

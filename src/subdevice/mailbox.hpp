@@ -1,6 +1,6 @@
-// The mailbox of a device: fetches messages from SM0, hands each to the server of its protocol, and puts
-// replies into SM1 in order, repeating the last one when the master asks (ETG.1000.4 "Mailbox", ETG.1000.6
-// "Mailbox").
+// The mailbox of a device. It reads messages from SM0, passes each message to the server of its protocol, and writes
+// the replies into SM1 in order. It repeats the last reply when the master requests a repeat (ETG.1000.4 "Mailbox",
+// ETG.1000.6 "Mailbox").
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -12,8 +12,8 @@
 
 namespace margay::subdevice {
 
-// Memory of a mailbox. `Bytes` is the largest mailbox of any state, `Slots` the replies that may wait, one of
-// which is always the last one fetched, kept to be repeated.
+// Memory of a mailbox. `Bytes` is the size of the largest mailbox of any state. `Slots` is the number of stored
+// replies; one slot always keeps the reply that the master read last, for a repeat.
 template <std::size_t Bytes, std::size_t Slots>
 struct MailboxMemory {
     static_assert(Slots >= 2, "one reply is kept for repetition, so that one slot would never be free");
@@ -27,35 +27,35 @@ class Mailbox final : public Outbox {
         std::uint32_t received = 0;
         std::uint32_t sent = 0;
         std::uint32_t errors = 0;      // error replies
-        std::uint32_t duplicates = 0;  // requests with the counter of the one before, dropped
-        std::uint32_t repeats = 0;     // replies repeated
+        std::uint32_t duplicates = 0;  // discarded requests that had the same counter as the previous request
+        std::uint32_t repeats = 0;     // repeated replies
     };
 
-    // Everything outlives the mailbox.
+    // All arguments must outlive the mailbox.
     template <std::size_t Bytes, std::size_t Slots>
     Mailbox(EscAccess& esc, MailboxMemory<Bytes, Slots>& memory, std::span<const MailboxProtocol> protocols)
         : Mailbox(esc, memory.receive, memory.send, protocols) {}
 
-    // `send` holds as many slots as `receive` fits into it, at least two.
+    // `send` must have room for at least two slots of the size of `receive`.
     Mailbox(EscAccess& esc, MutableBytes receive, MutableBytes send, std::span<const MailboxProtocol> protocols)
         : esc_(esc), protocols_(protocols), rx_(receive), tx_(send), slots_(send.size() / receive.size()) {}
 
-    // Do the mailboxes fit the memory, as the sync managers are configured now?
+    // Whether the mailbox sizes in the sync managers fit into the memory.
     [[nodiscard]] bool fits();
-    // The sync managers are on, and fit.
+    // Precondition: the sync managers are activated, and fits() is true.
     void start(AlState state);
     void stop();
     void state_changed(AlState state);
 
-    // Serves both mailboxes. `events` is the AL event request as just read. Returns when it wants to be
-    // called at the latest though no event comes.
+    // Serves both mailboxes. `events` is the value just read from the AL event request. Returns the latest time for the
+    // next call; call it earlier when an AL event occurs.
     Time step(Time now, std::uint32_t events);
 
     [[nodiscard]] MutableBytes open() override;
     void commit(wire::MailboxType type, std::size_t bytes, std::uint16_t address) override;
 
     [[nodiscard]] bool running() const { return running_; }
-    // The master took a sync manager away, which the state machine may not have seen yet.
+    // The master has deactivated a sync manager. The state machine may not have noticed it yet.
     [[nodiscard]] bool sync_manager_lost() const { return lost_; }
     [[nodiscard]] const Counters& counters() const { return counters_; }
 
@@ -83,16 +83,16 @@ class Mailbox final : public Outbox {
     wire::SyncManager receive_{};
     wire::SyncManager send_{};
     AlState state_ = AlState::init;
-    // The slots in use, from first_ on: kept_ (fetched last), boxed_ (in SM1), queued_.
+    // The used slots in order, from first_ on: kept_ (read by the master last), boxed_ (in SM1), queued_.
     std::size_t first_ = 0;
     std::size_t kept_ = 0;
     std::size_t boxed_ = 0;
     std::size_t queued_ = 0;
-    std::size_t received_bytes_ = 0;  // in rx_; 0: nothing waits there
-    std::uint8_t last_received_ = 0;  // counters
+    std::size_t received_bytes_ = 0;  // octets of the message in rx_; 0: no message
+    std::uint8_t last_received_ = 0;  // mailbox counters of the last messages
     std::uint8_t last_sent_ = 0;
     bool running_ = false;
-    bool silent_ = false;  // the master switched the SMs' PDI interrupts off: poll
+    bool silent_ = false;  // the master disabled the PDI interrupts of the sync managers, so the stack polls them
     bool lost_ = false;
     Counters counters_;
 };

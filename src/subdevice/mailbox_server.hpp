@@ -1,5 +1,5 @@
-// The door through which a mailbox protocol comes into a device: a server, and one line of a table that names
-// it.
+// The interface for mailbox protocols of a device: a protocol is a MailboxServer and one line in the table of
+// MailboxProtocol.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -11,21 +11,22 @@
 
 namespace margay::subdevice {
 
-// Where replies go. They leave in the order of commit(), each once the master has fetched the one before.
+// Accepts replies. They are sent in the order of commit(); each is written to the send mailbox after the master has
+// read the previous one.
 class Outbox {
   public:
-    // The data part of the next free slot (the send mailbox without the header), empty while none is free.
-    // Nothing is sent before commit(); opening again without it gives the same slot.
+    // Returns the data part of the next free slot (the send mailbox without its header), or an empty span while no slot
+    // is free. Nothing is sent before commit(); a second open() before commit() returns the same slot.
     [[nodiscard]] virtual MutableBytes open() = 0;
 
-    // Sends the first `bytes` octets of the slot that open() gave.
+    // Sends the first `bytes` octets of the slot that open() returned.
     virtual void commit(wire::MailboxType type, std::size_t bytes, std::uint16_t address) = 0;
 
   protected:
     ~Outbox() = default;
 };
 
-// Room for data, header not counted, in the two mailboxes.
+// Size of the data (without the mailbox header) in the two mailboxes.
 struct MailboxRoom {
     std::size_t receive_bytes = 0;  // master to slave
     std::size_t send_bytes = 0;
@@ -33,23 +34,23 @@ struct MailboxRoom {
 
 class MailboxServer {
   public:
-    // The mailbox works from now on: `state` is PREOP or BOOT. Whatever an earlier master left open is to be
-    // forgotten.
+    // The mailbox works from now on; `state` is PREOP or BOOT. The server must discard unfinished transfers of an
+    // earlier master.
     virtual void start(AlState state, const MailboxRoom& room) = 0;
 
-    // AL status tells another state (of PREOP, SAFEOP and OP).
+    // AL status reports a new state (PREOP, SAFEOP or OP).
     virtual void state_changed(AlState state) { (void)state; }
 
-    // A message came; its bytes stay until the call returns. At least one slot of the outbox is free. An
-    // error code returned is sent as mailbox error reply, and then nothing may have been committed.
+    // A message arrived; its octets are valid until the call returns. At least one slot of the outbox is free. A
+    // returned error code is sent as mailbox error reply; in this case the server must not have called commit().
     virtual std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
                                                           Time now) = 0;
 
-    // True while another message cannot be taken: it waits then in the receive mailbox.
+    // True while the server cannot accept another message. The message then stays in the receive mailbox.
     [[nodiscard]] virtual bool busy() const { return false; }
 
-    // Called after receive() and at every step of the device: replies that take their time, messages nobody
-    // asked for. Returns when it wants to be called at the latest; slots that become free call it anyway.
+    // Called after receive() and in every step of the device, for delayed replies and unsolicited messages. Returns the
+    // latest time for the next call. It is also called when a slot becomes free.
     virtual Time step(Outbox& out, Time now) {
         (void)out, (void)now;
         return kNever;
@@ -59,11 +60,11 @@ class MailboxServer {
     ~MailboxServer() = default;
 };
 
-// The table of a device: one line a protocol.
+// A device has a table of these lines, one for each protocol.
 struct MailboxProtocol {
     wire::MailboxType type;
     MailboxServer* server;
-    bool in_boot = false;  // also served in BOOT
+    bool in_boot = false;  // the protocol is also available in BOOT
 };
 
 }  // namespace margay::subdevice

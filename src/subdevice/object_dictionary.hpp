@@ -1,9 +1,9 @@
-// The object dictionary: constexpr tables that tell what there is, and one image of bytes per device that
-// holds the values.
+// The object dictionary: constexpr tables that describe the objects, and one image of octets per device that contains
+// the values.
 //
-// A table is written once for a kind of device and lives in flash; ten devices of the kind share it. Values
-// lie in the image in the byte order of the wire, so that an application reads and writes them through Field,
-// an SDO carries them as they are, and the PDO mapping copies bits:
+// A table is written once for a type of device and is placed in flash; all devices of the type share it. Values are
+// stored in the image in the byte order of the wire (little-endian). Therefore an application accesses them through
+// Field, an SDO copies them without conversion, and the PDO mapping copies bits:
 //
 //     struct Values {
 //         using outputs = Field<std::uint8_t, 0>;
@@ -12,8 +12,8 @@
 //     };
 //     constexpr Entry kOutputs[] = {value<Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
 //     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(-500, 500)};
-//     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit",
-//     kLimit)}; static_assert(well_formed(kObjects, Values::bytes));
+//     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit", kLimit)};
+//     static_assert(well_formed(kObjects, Values::bytes));
 #pragma once
 
 #include "subdevice/description.hpp"
@@ -33,43 +33,44 @@ using wire::coe::Abort;
 using wire::coe::DataType;
 using wire::coe::ObjectCode;
 
-// Access bits of entries; more in wire::coe::access.
+// Access bits of entries. wire::coe::access has more.
 namespace od {
 using namespace wire::coe::access;
 inline constexpr std::uint16_t kReadOnly = kRead;
 inline constexpr std::uint16_t kReadWrite = kRead | kWrite;
-inline constexpr std::uint16_t kReadWritePreop = kRead | kWritePreop;  // settings that must not change under way
+// For settings that must not change in SAFEOP and OP.
+inline constexpr std::uint16_t kReadWritePreop = kRead | kWritePreop;
 }  // namespace od
 
 enum class Storage : std::uint8_t {
-    nothing,   // padding, reads as zero
-    constant,  // Entry::initial
-    text,      // Entry::text
-    image,     // in the device's image
-    provided,  // where ObjectHooks::memory says, as long as it says
+    nothing,   // padding; reads as zero
+    constant,  // the value is Entry::initial
+    text,      // the value is Entry::text
+    image,     // the value is in the image of the device
+    provided,  // ObjectHooks::memory returns the value
 };
 
-// One subindex, or several that are alike.
+// One subindex, or several consecutive subindices with equal properties.
 struct Entry {
     std::uint8_t subindex = 0;
-    std::uint8_t count = 1;  // this many subindices from `subindex` on, the values one behind the other
+    std::uint8_t count = 1;  // number of subindices from `subindex` on; their values are adjacent in the image
     Storage storage = Storage::nothing;
     bool limited = false;
     DataType type = DataType::none;
     std::uint16_t access = 0;
-    std::uint32_t bits = 0;    // of one
-    std::uint32_t offset = 0;  // in the image
+    std::uint32_t bits = 0;    // size of one value
+    std::uint32_t offset = 0;  // of the first value, in octets from the start of the image
     std::string_view name{};
     std::string_view text{};    // constant, or initial value of a string
-    std::uint64_t initial = 0;  // constant, or initial value
-    std::int64_t minimum = 0;   // when `limited`
+    std::uint64_t initial = 0;  // constant, or initial value of a number
+    std::int64_t minimum = 0;   // valid if `limited`
     std::int64_t maximum = 0;
 
     [[nodiscard]] constexpr std::uint32_t bytes() const { return (bits + 7) / 8; }
     [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
     [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
 
-    // The same entry with bounds that a download must keep, of another type, or `n` times.
+    // Return a copy of the entry: with limits for downloads, with another data type, or for `n` subindices.
     [[nodiscard]] constexpr Entry within(std::int64_t least, std::int64_t most) const {
         Entry e = *this;
         e.limited = true;
@@ -94,20 +95,21 @@ class Application;
 class ObjectDictionary;
 class PdoMapping;
 
-// What a hook is told.
+// The arguments of a hook.
 struct ObjectAccess {
     const Object& object;
     std::uint8_t subindex = 0;
-    bool complete = false;  // all subindices from `subindex` on
+    bool complete = false;  // complete access: all subindices from `subindex` on
     bool write = false;
-    std::size_t bytes = 0;  // of a write
+    std::size_t bytes = 0;  // size of the data of a write
     AlState state = AlState::none;
     Time now{};
     ObjectDictionary& dictionary;
     Application* application = nullptr;
 };
 
-// A hook's answer: Abort::none lets the access go on, another code ends it; later() has the hook asked again.
+// The answer of a hook. Abort::none continues the access, another code aborts it, later() calls the hook again at that
+// time.
 struct HookAnswer {
     constexpr HookAnswer(Abort code = Abort::none) : abort(code) {}
     [[nodiscard]] static constexpr HookAnswer later(Time when) {
@@ -120,16 +122,16 @@ struct HookAnswer {
     Time again = kNever;
 };
 
-// Called from within Device::step(), in the order of the members. Any of them may be null.
+// Hooks of an object. They are called from Device::step() in the order of the members. Each may be nullptr.
 struct ObjectHooks {
-    HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // the value may be brought up to date
+    HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // may update the value
     HookAnswer (*before_write)(const ObjectAccess&,
-                               Bytes data) = nullptr;    // `data` as a complete access would carry it, or one value
-    void (*after_write)(const ObjectAccess&) = nullptr;  // the value is in place
-    // Storage::provided: the value at its present length; for a write the room there is for it.
+                               Bytes data) = nullptr;    // `data`: one value, or the data of a complete access
+    void (*after_write)(const ObjectAccess&) = nullptr;  // the value is stored
+    // Storage::provided: returns the value with its current length; for a write it returns all available memory.
     MutableBytes (*memory)(const ObjectAccess&) = nullptr;
-    // Downloads larger than the staging buffer may go into the memory piece by piece, before before_write is
-    // asked.
+    // Downloads larger than the staging buffer are written segment by segment into the memory of the object.
+    // before_write is called after that.
     bool in_pieces = false;
 };
 
@@ -138,7 +140,7 @@ struct Object {
     ObjectCode code = ObjectCode::null;
     DataType type = DataType::none;
     std::string_view name{};
-    std::span<const Entry> entries{};  // ascending
+    std::span<const Entry> entries{};  // ascending by subindex
     const ObjectHooks* hooks = nullptr;
 
     [[nodiscard]] constexpr const Entry* entry(unsigned subindex) const {
@@ -149,7 +151,7 @@ struct Object {
     [[nodiscard]] constexpr unsigned max_subindex() const { return entries.empty() ? 0 : entries.back().last(); }
 };
 
-// ------------------------------------------------------------------ building tables
+// ------------------------------------------------------------------ functions to build tables
 
 template <class T>
 inline constexpr DataType kTypeOf = DataType::none;
@@ -184,7 +186,7 @@ template <class F>
             .initial = static_cast<std::uint64_t>(initial)};
 }
 
-// A number of `bits` (1 to 8) in an octet of its own: BOOLEAN, or BIT2 and so on.
+// A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
     requires std::same_as<typename F::Type, std::uint8_t>
 [[nodiscard]] constexpr Entry flag(std::uint8_t subindex, std::string_view name, std::uint16_t access,
@@ -195,7 +197,7 @@ template <class F>
     return e;
 }
 
-// Octets in the image: strings (padded with zeros), domains and all other types.
+// Octets in the image: strings (padded with zeros), domains and other types.
 [[nodiscard]] constexpr Entry octets(std::uint8_t subindex, std::string_view name, DataType type, std::uint16_t access,
                                      std::size_t offset, std::size_t bytes, std::string_view initial = {}) {
     return {.subindex = subindex,
@@ -231,7 +233,7 @@ template <class T>
             .text = content};
 }
 
-// A value that lives where ObjectHooks::memory says. `bits` is its usual length, 0 when that varies.
+// A value that ObjectHooks::memory returns. `bits` is its usual size; 0 if the size varies.
 [[nodiscard]] constexpr Entry provided(std::uint8_t subindex, std::string_view name, DataType type, std::uint32_t bits,
                                        std::uint16_t access) {
     return {
@@ -242,7 +244,7 @@ template <class T>
     return {.subindex = subindex, .access = od::kReadOnly, .bits = bits};
 }
 
-// Subindex 0 of arrays and records.
+// Subindex 0 of an array or a record.
 [[nodiscard]] constexpr Entry entry_count(std::uint8_t n) { return constant<std::uint8_t>(0, "SubIndex 000", n); }
 
 [[nodiscard]] constexpr Object variable(std::uint16_t index, std::string_view name, std::span<const Entry> entry,
@@ -258,7 +260,8 @@ template <class T>
     return {index, ObjectCode::record, type, name, entries, hooks};
 }
 
-// Ascending, within the image, every subindex once, limits in order, memory where it is promised.
+// Checks a table: indices ascending, values inside the image, each subindex unique, minimum not above maximum, a memory
+// hook for each provided value.
 [[nodiscard]] constexpr bool well_formed(std::span<const Object> objects, std::size_t image_bytes) {
     for (std::size_t i = 0; i < objects.size(); ++i) {
         const auto& o = objects[i];
@@ -283,7 +286,7 @@ template <class T>
 
 class ObjectDictionary {
   public:
-    // All outlive the dictionary. The application is handed to the hooks.
+    // All arguments must outlive the dictionary. The dictionary passes the application to the hooks.
     ObjectDictionary(std::span<const Object> objects, MutableBytes image, Application* application = nullptr)
         : objects_(objects), image_(image), application_(application) {
         restore_defaults();
@@ -292,20 +295,20 @@ class ObjectDictionary {
     [[nodiscard]] std::span<const Object> objects() const { return objects_; }
     [[nodiscard]] MutableBytes image() const { return image_; }
     [[nodiscard]] Application* application() const { return application_; }
-    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: there is none
+    [[nodiscard]] const Object* find(std::uint16_t index) const;  // nullptr: the object does not exist
 
-    // Every entry in the image to its initial value; limited to entries with `access` bits when given
-    // (od::kBackup …).
+    // Sets all entries in the image to their initial values. With `access` not 0: only entries that have these access
+    // bits (for example od::kBackup).
     void restore_defaults(std::uint16_t access = 0);
 
-    // The memory of a value in the image; empty for other storage.
+    // Memory of a value in the image; empty for another storage.
     [[nodiscard]] MutableBytes in_image(const Entry& entry, unsigned subindex) const;
 
-    // A number of up to 8 octets, 0 where there is none. For the stack's own objects; applications use Field.
+    // A number of up to 8 octets; 0 if the entry does not exist. For the objects of the stack; applications use Field.
     [[nodiscard]] std::uint64_t number(std::uint16_t index, unsigned subindex) const;
 
-    // While a mapping is in force whose outputs are applied, what it maps is not for downloads. nullptr: none
-    // is.
+    // While the outputs of a mapping are applied, downloads to the mapped entries are refused. nullptr: no mapping is
+    // active.
     void block_downloads(const PdoMapping* outputs) { blocked_ = outputs; }
     [[nodiscard]] bool blocked(std::uint16_t index, unsigned subindex) const;
 
@@ -316,16 +319,16 @@ class ObjectDictionary {
     const PdoMapping* blocked_ = nullptr;
 };
 
-// ------------------------------------------------------------------ objects that follow from the description
+// ------------------------------------------------------------------ objects generated from the description
 
-// Entries of 0x1018 and 0x1C00. Record types: DataType::identity, and array of UNSIGNED8.
+// Entries of 0x1018 and 0x1C00. Data types of the objects: DataType::identity for the record 0x1018, UNSIGNED8 for the
+// array 0x1C00.
 [[nodiscard]] constexpr std::array<Entry, 5> identity_entries(const DeviceDescription& d) {
     return {entry_count(4), constant(1, "Vendor ID", d.vendor_id), constant(2, "Product code", d.product_code),
             constant(3, "Revision", d.revision), constant(4, "Serial number", d.serial)};
 }
 
-// Types of SM0 to SM3: mailbox out, mailbox in, process data out, process data in; 0 where the device has no
-// such direction.
+// Types of SM0 to SM3: 1 mailbox out, 2 mailbox in, 3 outputs, 4 inputs; 0 if the device does not use the sync manager.
 [[nodiscard]] constexpr std::array<Entry, 5> sync_manager_type_entries(const DeviceDescription& d) {
     const auto type = [](std::uint8_t n, std::string_view name, bool present) {
         return constant(n, name, static_cast<std::uint8_t>(present ? n : 0));

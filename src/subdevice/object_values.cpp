@@ -27,10 +27,10 @@ ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
     return one;
 }
 
-// Bits before an entry that comes at `bit`: entries of an octet and more begin at an octet.
+// Bit position of an entry after `bit` bits: entries of one octet and more start at an octet boundary.
 constexpr std::size_t aligned(std::size_t bit, const Entry& entry) { return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit; }
 
-// Calls f(entry, subindex, first bit) for every subindex from `from` to `top`; returns the bits of all.
+// Calls f(entry, subindex, first bit) for every subindex from `from` to `top`. Returns the total number of bits.
 template <class F>
 std::size_t for_each_complete(const Object& object, unsigned from, unsigned top, F&& f) {
     std::size_t bit = 0;
@@ -108,7 +108,8 @@ void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     const auto memory = entry.storage == Storage::provided ? access.object.hooks->memory(writing)
                                                            : access.dictionary.in_image(entry, access.subindex);
     const auto bytes = std::min(memory.size(), data.size());
-    if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());  // a stream is in place already
+    // Data of a segmented transfer may already be in the memory.
+    if (memory.data() != data.data()) std::copy_n(data.begin(), bytes, memory.begin());
     std::fill(memory.begin() + static_cast<std::ptrdiff_t>(bytes), memory.end(), std::byte{0});
     if (entry.bits > 0 && entry.bits < 8 && !memory.empty())
         memory[0] &= static_cast<std::byte>((1u << entry.bits) - 1u);
@@ -133,7 +134,7 @@ Gathered gather(const ObjectAccess& access, MutableBytes into) {
         const auto refused = check_readable(entry, access.state);
         if (refused != Abort::none) {
             why = why == Abort::none ? refused : why;
-            return;  // stays zero
+            return;  // the value in the response is zero
         }
         any = true;
         Scratch scratch{};
@@ -153,7 +154,7 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
         const auto wanted = load_le<std::uint16_t>(data);
         if (free_count && wanted > object.max_subindex()) return Abort::value_too_high;
         if (free_count) top = wanted;
-    } else if (free_count) {  // as many whole entries as come
+    } else if (free_count) {  // the data determine the number of entries
         top = 0;
         while (top < object.max_subindex() && complete_bytes(object, 1, top) < data.size()) ++top;
     }
@@ -172,7 +173,7 @@ Abort check_complete(const ObjectAccess& access, Bytes data) {
             return;
         }
         any = true;
-        if (entry.bits < 8 || varies(entry.type)) return;  // any bits are a value
+        if (entry.bits < 8 || varies(entry.type)) return;  // all bit patterns are valid
         wrong = check_value(at(access, n), entry, data.subspan(bit / 8, entry.bytes()));
     });
     if (wrong != Abort::none) return wrong;

@@ -22,8 +22,8 @@ std::size_t mapped_bits(const ObjectDictionary& dictionary, std::uint16_t pdo) {
     return bits;
 }
 
-// What an object of a count and equal values will hold after a write: the count, and the values out of the
-// data that comes or out of the dictionary.
+// The content of a mapping or assignment object after a write: each value comes from the data of the write if they
+// contain it, otherwise from the dictionary.
 class AfterWrite {
   public:
     AfterWrite(const ObjectAccess& access, Bytes data, std::size_t value_bytes)
@@ -47,7 +47,7 @@ class AfterWrite {
     std::size_t value_bytes_;
 };
 
-// Values are changed while the count is 0, or all at once with the count.
+// Values may be changed only while the count (subindex 0) is 0, or together with the count by complete access.
 Abort check_order(const ObjectAccess& access) {
     if (access.subindex == 0) return Abort::none;
     return access.dictionary.number(access.object.index, 0) == 0 ? Abort::none : Abort::subindex_needs_zero;

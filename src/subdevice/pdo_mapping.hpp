@@ -1,5 +1,5 @@
-// PDO assignment (0x1C12, 0x1C13) and mapping (0x16xx, 0x1Axx): what they say as a list of bits to copy, and
-// the rules by which a master may rewrite them (ETG.1000.6 "PDO mapping", "Sync manager PDO assignment").
+// PDO assignment (0x1C12, 0x1C13) and PDO mapping (0x16xx, 0x1Axx). Converts them to a list of bits to copy, and checks
+// the rules for a master that changes them (ETG.1000.6 "PDO mapping", "Sync manager PDO assignment").
 #pragma once
 
 #include "subdevice/object_dictionary.hpp"
@@ -9,9 +9,9 @@ namespace margay::subdevice {
 inline constexpr std::uint16_t kOutputAssignment = 0x1C12;
 inline constexpr std::uint16_t kInputAssignment = 0x1C13;
 
-// The 32 bits of a mapping entry.
+// The 32 bits of one mapping entry.
 struct MappingEntry {
-    std::uint16_t index = 0;  // 0: a gap
+    std::uint16_t index = 0;  // 0: a gap (padding)
     std::uint8_t subindex = 0;
     std::uint8_t bits = 0;
     [[nodiscard]] static constexpr MappingEntry of(std::uint32_t word) {
@@ -23,13 +23,13 @@ struct MappingEntry {
     }
 };
 
-// Walks the mapping entries of all PDOs that `assignment` assigns, as the dictionary has them now.
+// Iterates over the mapping entries of all PDOs in the object `assignment`, with the current values of the dictionary.
 class MappingReader {
   public:
     MappingReader(const ObjectDictionary& dictionary, std::uint16_t assignment)
         : dictionary_(dictionary), assignment_(assignment), pdos_(dictionary.number(assignment, 0)) {}
 
-    // False at the end.
+    // Returns false at the end.
     bool next();
     [[nodiscard]] std::uint16_t pdo() const { return pdo_; }
     [[nodiscard]] const MappingEntry& entry() const { return entry_; }
@@ -45,34 +45,35 @@ class MappingReader {
     MappingEntry entry_{};
 };
 
-// Why an object cannot stand in a PDO of that direction: cannot_be_mapped, length_mismatch, none when it can.
+// Checks whether an object can be mapped into a PDO of this direction. Returns cannot_be_mapped, length_mismatch,
+// no_object, no_subindex, or none if it can.
 [[nodiscard]] Abort check_mappable(const ObjectDictionary& dictionary, MappingEntry entry, bool outputs);
 
-// One place of the process image.
+// One entry of the process image.
 struct MappedEntry {
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     std::uint8_t bits = 0;
-    std::uint32_t offset = 0;  // of the value in the dictionary's image
+    std::uint32_t offset = 0;  // of the value, in octets from the start of the dictionary's image
     std::uint32_t initial = 0;
 };
 
 class PdoMapping {
   public:
-    // `memory` bounds how many entries a mapping may have.
+    // The size of `memory` limits the number of entries of a mapping.
     explicit PdoMapping(std::span<MappedEntry> memory) : memory_(memory) {}
 
-    // Reads assignment and mapping. Abort::exceeds_pdo: more entries than there is memory for, or more than
-    // `max_bytes`.
+    // Reads assignment and mapping. Abort::exceeds_pdo: the mapping has more entries than the memory can hold, or more
+    // octets than `max_bytes`.
     [[nodiscard]] Abort build(const ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
 
     [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
     [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
 
-    // Between the process image (bytes() octets) and the dictionary's image.
+    // Copy between the process image (bytes() octets) and the image of the dictionary.
     void unpack(Bytes from, MutableBytes image) const;
     void pack(Bytes image, MutableBytes to) const;
-    // Mapped values to what the tables call their initial value.
+    // Sets the mapped values to their initial values in the tables.
     void reset(MutableBytes image) const;
 
   private:
@@ -81,10 +82,9 @@ class PdoMapping {
     std::size_t bits_ = 0;
 };
 
-// --- Objects of a device whose PDOs the master may choose: values in the image, hooks that keep the rules
-// ---
+// --- Objects of a device whose PDOs the master may change: the values are in the image, and hooks check the rules ---
 
-// `Fields`: count (octet) and first (the first of as many consecutive values as `Max` says).
+// Subindex 0 is the count (one octet), the other subindices are values of equal size.
 namespace pdo_rules {
 [[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);
@@ -92,7 +92,7 @@ namespace pdo_rules {
 inline constexpr ObjectHooks kPdoMappingHooks{.before_write = pdo_rules::mapping};
 inline constexpr ObjectHooks kPdoAssignmentHooks{.before_write = pdo_rules::assignment};
 
-// Fixed objects: mapping and assignment as constants.
+// Entries of fixed objects: mapping and assignment are constants.
 [[nodiscard]] constexpr Entry mapped(std::uint8_t n, std::uint16_t index, std::uint8_t subindex, std::uint8_t bits) {
     return constant(n, "Mapping entry", MappingEntry{index, subindex, bits}.word());
 }

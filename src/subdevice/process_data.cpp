@@ -12,8 +12,9 @@ namespace al_event = wire::al_event;
 
 namespace {
 
-constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // where SM2 raises no events
-constexpr int kLostSyncs = 3;                                  // so many SYNC0 cycles without one: it is gone
+constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when SM2 raises no events
+// after this number of cycle times without SYNC0, SYNC0 counts as lost
+constexpr int kLostSyncs = 3;
 
 AlStatusCode mapping_fault(Abort abort, AlStatusCode code) { return abort == Abort::none ? AlStatusCode::none : code; }
 
@@ -70,7 +71,7 @@ AlStatusCode ProcessData::missing() const {
     return mode_ == SyncMode::dc_sync0 && !sync_seen_ ? AlStatusCode::no_sync_error : AlStatusCode::none;
 }
 
-// The time the ESC's watchdog on outputs is set to; zero when the master has it off.
+// Watchdog time of the ESC for the outputs; zero when the master has disabled the watchdog.
 Duration ProcessData::watchdog_time() {
     const auto& area = application_.description().outputs;
     const auto sm = read_sync_manager(esc_, area.sync_manager);
@@ -90,7 +91,7 @@ void ProcessData::start_outputs(Time now) {
     next_watch_ = watchdog_ == Duration::zero() ? kNever : now + watchdog_;
     if (output_mapped_) dictionary_.block_downloads(&output_map_);
     if (!has_outputs()) return;
-    // What came last in SAFEOP is what the application begins with.
+    // The application starts with the last outputs that arrived in SAFEOP.
     if (!application_.unpack_outputs(outputs_.first(sizes_.outputs_bytes)) && output_mapped_)
         output_map_.unpack(outputs_, dictionary_.image());
 }
@@ -128,14 +129,14 @@ void ProcessData::take_outputs(Time now) {
     last_outputs_ = now;
     missed_ = 0;
     if (next_watch_ != kNever) next_watch_ = now + watchdog_;
-    if (!outputs_valid_) return;  // SAFEOP: read, not applied
+    if (!outputs_valid_) return;  // SAFEOP: the outputs are read, but not applied
     if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw, dictionary_.image());
 }
 
 void ProcessData::give_inputs() {
     const auto& area = application_.description().inputs;
     if (!area.three_buffers && (sm_status_of(esc_, area.sync_manager) & wire::sm_status::kMailboxFull) != 0)
-        return;  // one buffer, and the master has not fetched the last
+        return;  // one buffer, and the master has not read the last inputs
     const auto raw = inputs_.first(sizes_.inputs_bytes);
     if (!application_.pack_inputs(raw) && input_mapped_) input_map_.pack(dictionary_.image(), raw);
     esc_.write(area.start, raw);
@@ -167,7 +168,7 @@ void ProcessData::serve(Time now, std::uint32_t events) {
     if (mode_ == SyncMode::dc_sync0) {
         if (outputs) process(part::kOutputs, now);
         if ((events & al_event::kDcSync0) == 0) return;
-        (void)read_register<std::uint8_t>(esc_, reg::kSync0Status.address);  // acknowledges it
+        (void)read_register<std::uint8_t>(esc_, reg::kSync0Status.address);  // acknowledges the event
         count_sync(now);
         return process(part::kApplication | part::kInputs, now);
     }
@@ -200,7 +201,7 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
     if (own != Duration::zero() && now - last_outputs_ >= own) return AlStatusCode::sync_manager_watchdog;
     if (watched_ && (read_register<std::uint16_t>(esc_, reg::kProcessDataWatchdogStatus.address) & 1) == 0)
         return AlStatusCode::sync_manager_watchdog;
-    next_watch_ = now + watchdog_ / 8;  // the two clocks are not one
+    next_watch_ = now + watchdog_ / 8;  // the clock of the ESC and this clock may differ, so check again soon
     return AlStatusCode::none;
 }
 

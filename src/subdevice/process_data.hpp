@@ -1,5 +1,5 @@
-// Process data: outputs from SM2, the application hook, inputs to SM3, and what watches over them (ETG.1000.6
-// "Process data", ETG.1020 "Synchronization").
+// Process data of a device: copies the outputs from SM2, calls the application, copies the inputs to SM3, and monitors
+// watchdog and synchronization (ETG.1000.6 "Process data", ETG.1020 "Synchronization").
 #pragma once
 
 #include "subdevice/application.hpp"
@@ -9,7 +9,7 @@
 
 namespace margay::subdevice {
 
-// Raw process images and the mapping's lists; how much of each is the author's choice.
+// Memory for the raw process images and for the lists of the mapping. The author chooses the sizes.
 template <std::size_t OutputBytes, std::size_t InputBytes, std::size_t Entries>
 struct ProcessDataMemory {
     std::array<std::byte, OutputBytes> outputs{};
@@ -19,12 +19,12 @@ struct ProcessDataMemory {
 };
 
 enum class SyncMode : std::uint8_t {
-    process_data,  // the application runs when outputs have come (inputs have been fetched, where there are
-                   // no outputs)
-    dc_sync0,      // the application runs with SYNC0
+    // The application is called when outputs arrive (without outputs: when the master has read the inputs).
+    process_data,
+    dc_sync0,  // the application is called at each SYNC0
 };
 
-// The parts of one update, to be combined.
+// The parts of one update. They can be combined.
 namespace part {
 inline constexpr unsigned kOutputs = 1;
 inline constexpr unsigned kApplication = 2;
@@ -45,24 +45,25 @@ class ProcessData {
           output_map_(memory.output_entries),
           input_map_(memory.input_entries) {}
 
-    // The sizes that assignment and mapping give. Where the dictionary has no assignment object, the
-    // description's maximum is the size.
+    // The sizes from assignment and mapping. When the dictionary has no assignment object, the size is that of
+    // Application::process_data_sizes(), or the maximum of the description.
     [[nodiscard]] ProcessDataSizes sizes();
 
-    // PREOP→SAFEOP: inputs are there before the master sees SAFEOP.
+    // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP.
     void start(Time now);
-    // SAFEOP→OP: what has not come yet, outputs or SYNC0; none when nothing is missing.
+    // SAFEOP→OP: the condition that is not yet met (outputs or SYNC0 have not arrived); AlStatusCode::none when all are
+    // met.
     [[nodiscard]] AlStatusCode missing() const;
     void start_outputs(Time now);
     void stop_outputs(Time now);
     void stop();
 
-    // Parts of an update, as the mode of operation wants them.
+    // Executes parts of an update.
     void process(unsigned parts, Time now);
-    // Everything that the events ask for, the way the sync mode has it.
+    // Executes the updates that the AL events and the sync mode require.
     void serve(Time now, std::uint32_t events);
 
-    // What is wrong, if anything, and when it wants to be asked again.
+    // watch() returns the AL status code of an error, or none. watch_deadline() is the time of its next call.
     [[nodiscard]] AlStatusCode watch(Time now, std::uint32_t events);
     [[nodiscard]] Time watch_deadline() const;
     [[nodiscard]] Time serve_deadline() const { return running_ ? std::min(next_cycle_, next_poll_) : kNever; }
@@ -70,7 +71,7 @@ class ProcessData {
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }
     [[nodiscard]] bool has_outputs() const { return sizes_.outputs_bytes != 0; }
-    // AL events that belong to process data in the present mode; 0 below SAFEOP.
+    // AL events that process data use in the current mode; 0 below SAFEOP.
     [[nodiscard]] std::uint32_t events() const;
 
   private:
@@ -88,22 +89,22 @@ class ProcessData {
     PdoMapping output_map_;
     PdoMapping input_map_;
     ProcessDataSizes sizes_{};
-    bool output_mapped_ = false;  // by objects, else by the application
+    bool output_mapped_ = false;  // mapped by objects; false: the application copies the outputs itself
     bool input_mapped_ = false;
     bool running_ = false;
-    bool outputs_valid_ = false;  // OP
+    bool outputs_valid_ = false;  // true in OP
     bool outputs_seen_ = false;
     bool sync_seen_ = false;
     bool silent_ = false;   // SM2 does not raise events
-    bool watched_ = false;  // by the ESC's watchdog
+    bool watched_ = false;  // the watchdog of the ESC monitors the outputs
     SyncMode mode_ = SyncMode::process_data;
     Duration sync_cycle_{};
     Duration watchdog_{};
-    unsigned missed_ = 0;  // SYNC0 without new outputs before it
+    unsigned missed_ = 0;  // SYNC0 events since the last outputs
     Time last_outputs_{};
     Time last_sync_{};
-    Time next_cycle_ = kNever;  // free run
-    Time next_poll_ = kNever;   // where SM2 does not tell
+    Time next_cycle_ = kNever;  // of the free run cycle
+    Time next_poll_ = kNever;   // used when SM2 does not raise events
     Time next_watch_ = kNever;
 };
 

@@ -100,7 +100,7 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     append(subindex, 1);
     append(told, 1);
     append(static_cast<std::uint16_t>(entry->type), 2);
-    append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: longer than the field can tell
+    append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: the size does not fit into the field
     append(entry->access, 2);
     if ((told & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
     if ((told & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
@@ -133,7 +133,7 @@ void SdoInformation::step(Outbox& out) {
 bool SdoInformation::send_fragment(Outbox& out) {
     const auto at = out.open();
     if (at.empty()) return false;
-    const auto room = (at.size() - coe::kInfoHeaderBytes) & ~std::size_t{1};  // no index is split
+    const auto room = (at.size() - coe::kInfoHeaderBytes) & ~std::size_t{1};  // an index must not be split
     const auto bytes = std::min(left_, room);
     const auto behind = (left_ - bytes + room - 1) / room;
     coe::store_header(at, {0, coe::Service::sdo_information});
@@ -147,7 +147,7 @@ bool SdoInformation::send_fragment(Outbox& out) {
     return true;
 }
 
-// The octets of the response from position_ on.
+// Copies the octets of the response from position_ on into `to`.
 void SdoInformation::fill(MutableBytes to) {
     std::size_t n = 0;
     for (; n < to.size() && position_ < head_bytes_; ++n) to[n] = head_[position_++];

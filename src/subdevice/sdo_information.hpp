@@ -1,5 +1,5 @@
-// SDO information from the server's side: lists of objects, descriptions of objects and of entries, in as
-// many fragments as the mailbox asks for (ETG.1000.6 "SDO information services").
+// Server for SDO information: lists of objects, descriptions of objects and of entries, split into as many fragments as
+// the mailbox size requires (ETG.1000.6 "SDO information services").
 #pragma once
 
 #include "subdevice/mailbox_server.hpp"
@@ -13,10 +13,10 @@ class SdoInformation {
 
     void start() { left_ = 0; }
 
-    // The data of a CoE message of service SDO information. The outbox has a free slot.
+    // `data` is the data of a CoE message of service SDO information. The outbox must have a free slot.
     std::optional<wire::MailboxErrorCode> receive(Bytes data, std::uint16_t address, Outbox& out);
 
-    // Fragments are still to be sent.
+    // True while fragments remain to be sent.
     [[nodiscard]] bool busy() const { return left_ != 0; }
     void step(Outbox& out);
 
@@ -32,13 +32,13 @@ class SdoInformation {
     [[nodiscard]] std::size_t count(wire::coe::ListType type) const;
 
     const ObjectDictionary& dictionary_;
-    // The response in hand: a head, then indices of a list, or a text.
+    // The current response: a header, followed by the indices of a list or by a text.
     std::array<std::byte, 40> head_{};
     std::size_t head_bytes_ = 0;
-    std::size_t position_ = 0;  // octets sent
-    std::size_t left_ = 0;      // octets to send
+    std::size_t position_ = 0;  // octets already sent
+    std::size_t left_ = 0;      // octets still to send
     std::string_view text_{};
-    std::array<char, 12> made_up_{};  // name of one of several entries that are alike
+    std::array<char, 12> made_up_{};  // generated name of one of several equal entries
     wire::coe::ListType list_{};
     std::size_t next_object_ = 0;
     wire::coe::InfoOpcode opcode_{};

@@ -10,7 +10,7 @@ using coe::SdoLayout;
 using wire::MailboxErrorCode;
 
 namespace {
-constexpr Duration kPatience = std::chrono::seconds(10);  // with a hook that says "later"
+constexpr Duration kPatience = std::chrono::seconds(10);  // longest time that a hook may delay a request
 }
 
 void SdoServer::start() {
@@ -28,7 +28,7 @@ std::optional<MailboxErrorCode> SdoServer::receive(Bytes data, std::uint16_t add
     const bool segment = specifier == coe::request::kDownloadSegment || specifier == coe::request::kUploadSegment;
     if (!segment && data.size() < coe::kSdoBytes) return MailboxErrorCode::size_too_short;
     if (!segment && specifier <= coe::kAbortSpecifier)
-        transfer_ = Transfer::none;  // a new request ends what was left open
+        transfer_ = Transfer::none;  // a new request ends an unfinished transfer
 
     switch (specifier) {
         case coe::request::kDownload:
@@ -47,7 +47,7 @@ std::optional<MailboxErrorCode> SdoServer::receive(Bytes data, std::uint16_t add
             break;
         case coe::request::kDownloadSegment: download_segment(command, data, out, now); break;
         case coe::request::kUploadSegment: upload_segment(command, out); break;
-        case coe::kAbortSpecifier: break;  // the client gives up: nothing is said to that
+        case coe::kAbortSpecifier: break;  // the client aborts; no reply
         default:
             index_ = SdoLayout::index::load(data);
             subindex_ = SdoLayout::subindex::load(data);
@@ -56,7 +56,7 @@ std::optional<MailboxErrorCode> SdoServer::receive(Bytes data, std::uint16_t add
     return std::nullopt;
 }
 
-// Object and entry of an initiate request, and whether the access is possible at all.
+// Finds object and entry of an initiate request, and checks whether the access is possible.
 Abort SdoServer::find(std::uint8_t command, Bytes data, bool write) {
     index_ = SdoLayout::index::load(data);
     subindex_ = SdoLayout::subindex::load(data);
@@ -127,7 +127,8 @@ void SdoServer::upload_now(Outbox& out, Time now) {
         return out.commit(wire::MailboxType::coe, coe::kSdoBytes, address_);
     }
     const auto first = std::min(size, at.size() - SdoLayout::normal_data);
-    if (first < size && !complete_ && size <= staging_.size()) {  // the application may change it while it travels
+    // Copied, because the application may change the value during the transfer.
+    if (first < size && !complete_ && size <= staging_.size()) {
         std::copy(source_.begin(), source_.end(), staging_.begin());
         source_ = staging_.first(size);
     }
@@ -172,7 +173,7 @@ void SdoServer::upload_segment(std::uint8_t command, Outbox& out) {
 void SdoServer::download(std::uint8_t command, Bytes data, Outbox& out, Time now) {
     Bytes value;
     if ((command & sdo::kExpedited) != 0) {
-        // Without size indication the client leaves the length to the object.
+        // Without size indication, the object determines the length.
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3u;
         std::size_t size = coe::kExpeditedBytes;
         if ((command & sdo::kSizeIndicated) != 0) {
@@ -197,7 +198,7 @@ void SdoServer::download(std::uint8_t command, Bytes data, Outbox& out, Time now
     confirm_download(out);
 }
 
-// A length that can never be right is refused at once, before the segments travel.
+// Refuses an invalid length at once, before the segments are transferred.
 Abort SdoServer::check_room(std::size_t size) {
     target_ = staging_;
     if (complete_) {
@@ -241,7 +242,7 @@ void SdoServer::download_segment(std::uint8_t command, Bytes data, Outbox& out, 
     confirm_download(out);
 }
 
-// All of it is there: in target_, or in the staging buffer while a hook keeps it waiting.
+// All data have arrived. They are in target_, or in the staging buffer while a hook delays the request.
 void SdoServer::finish_download(Outbox& out, Time now) {
     const auto reply = store(target_, now);
     if (reply.waits()) return wait(reply.again, target_, now);
@@ -309,7 +310,7 @@ void SdoServer::answer(MutableBytes at, std::uint8_t command) const {
 void SdoServer::confirm_download(Outbox& out) {
     const auto at = out.open();
     if (by_segments_) {
-        // The toggle is that of the segment, which is behind us.
+        // The response contains the toggle bit of the segment. toggle_ is already the value for the next segment.
         std::fill_n(at.begin(), coe::kSdoBytes, std::byte{0});
         coe::store_header(at, {0, coe::Service::sdo_response});
         SdoLayout::command::store(at, sdo::command(coe::response::kDownloadSegment, toggle_ ? 0u : sdo::kToggle));
@@ -319,7 +320,7 @@ void SdoServer::confirm_download(Outbox& out) {
     out.commit(wire::MailboxType::coe, coe::kSdoBytes, address_);
 }
 
-// An abort ends the transfer; the standard has it travel as a request, whichever side gives up.
+// An abort ends the transfer. The standard specifies that it is sent with service SDO request, also by a server.
 void SdoServer::abort(Abort code, Outbox& out) {
     transfer_ = Transfer::none;
     const auto at = out.open();

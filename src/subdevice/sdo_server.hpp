@@ -1,5 +1,5 @@
-// SDO transfers from the server's side: upload and download, expedited, normal and segmented, of one subindex
-// or of a whole object (ETG.1000.6 "SDO services").
+// Server for SDO transfers: upload and download, expedited, normal and segmented, of one subindex or of a whole object
+// (ETG.1000.6 "SDO services").
 #pragma once
 
 #include "subdevice/mailbox_server.hpp"
@@ -9,18 +9,18 @@ namespace margay::subdevice {
 
 class SdoServer {
   public:
-    // `staging` holds a value while it travels in segments: what is larger goes straight from and to the
-    // object's memory where that is possible, and is refused with Abort::out_of_memory where it is not.
+    // `staging` stores a value during a segmented transfer. A larger value is transferred directly from or to the
+    // memory of the object if the object allows this; otherwise it is refused with Abort::out_of_memory.
     SdoServer(ObjectDictionary& dictionary, MutableBytes staging, bool complete_access)
         : dictionary_(dictionary), staging_(staging), complete_access_(complete_access) {}
 
     void start();
     void state_changed(AlState state) { state_ = state; }
 
-    // The data of a CoE message of service SDO request. The outbox has a free slot.
+    // `data` is the data of a CoE message of service SDO request. The outbox must have a free slot.
     std::optional<wire::MailboxErrorCode> receive(Bytes data, std::uint16_t address, Outbox& out, Time now);
 
-    // A hook keeps a request waiting.
+    // True while a hook delays a request.
     [[nodiscard]] bool busy() const { return waiting_; }
     Time step(Outbox& out, Time now);
 
@@ -50,22 +50,22 @@ class SdoServer {
     bool complete_access_;
     AlState state_ = AlState::init;
 
-    // The transfer in hand.
+    // The current transfer.
     Transfer transfer_ = Transfer::none;
     const Object* object_ = nullptr;
-    const Entry* entry_ = nullptr;  // of a single subindex
+    const Entry* entry_ = nullptr;  // of an access to a single subindex
     std::uint16_t index_ = 0;
     std::uint8_t subindex_ = 0;
     bool complete_ = false;
-    bool toggle_ = false;       // expected in the next segment
-    bool by_segments_ = false;  // how a download is confirmed
+    bool toggle_ = false;       // toggle bit expected in the next segment
+    bool by_segments_ = false;  // the download is confirmed as a segmented download
     bool waiting_ = false;
     bool retrying_ = false;
     Time again_ = kNever;
     Time patience_ends_{};
     std::uint16_t address_ = 0;
-    Bytes source_{};           // upload: what is left to send
-    MutableBytes target_{};    // download: where segments are put
+    Bytes source_{};           // upload: remaining octets to send
+    MutableBytes target_{};    // download: memory that the segments are copied to
     std::size_t arrived_ = 0;  // octets in target_
     Scratch scratch_{};
 };

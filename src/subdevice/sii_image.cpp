@@ -32,7 +32,7 @@ bool is_assigned(const ObjectDictionary& dictionary, std::uint16_t assignment, s
     return false;
 }
 
-// Fills workspace from the PDOs of one direction; what is left of it stays in `pdos` and `entries`.
+// Fills the workspace with the PDOs of one direction. `pdos` and `entries` are reduced to the unused rest.
 class PdoCollector {
   public:
     PdoCollector(const ObjectDictionary& dictionary, std::span<sii::PdoDescription>& pdos,

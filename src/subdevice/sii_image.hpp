@@ -1,5 +1,5 @@
-// The SII image of a device out of its description and its object dictionary, so that a device is described
-// once.
+// Creates the SII image of a device from its description and its object dictionary, so that the author describes a
+// device only once.
 #pragma once
 
 #include "subdevice/pdo_mapping.hpp"
@@ -7,25 +7,27 @@
 
 namespace margay::subdevice {
 
-// What the board adds to what the device is.
+// Hardware properties of the board that the description does not contain.
 struct BoardDescription {
-    std::uint16_t pdi_control = 0x0005;        // to 0x0140: SPI; further bits in the high octet go to 0x0141
-    std::uint16_t pdi_configuration = 0;       // to 0x0150
-    std::uint16_t sync_pulse_length_10ns = 0;  // to 0x0982
+    // For register 0x0140: SPI; the high octet has more bits for register 0x0141.
+    std::uint16_t pdi_control = 0x0005;
+    std::uint16_t pdi_configuration = 0;       // for register 0x0150
+    std::uint16_t sync_pulse_length_10ns = 0;  // for register 0x0982
     std::uint16_t alias = 0;
-    std::uint16_t physical_ports = 0x0011;  // four bits a port, see wire::sii::physical_port(): two of MII
+    // Four bits per port, see wire::sii::physical_port(); default: two MII ports.
+    std::uint16_t physical_ports = 0x0011;
 };
 
-// Memory that write_sii() works in.
+// Working memory of write_sii().
 template <std::size_t Pdos, std::size_t Entries>
 struct SiiWorkspace {
     std::array<wire::sii::PdoDescription, Pdos> pdos{};
     std::array<wire::sii::PdoEntryDescription, Entries> entries{};
 };
 
-// Writes the image into `eeprom` (a multiple of 128 octets) and returns the octets in use; faults are those
-// of wire::sii::write_image(), and Fault::no_room when the workspace is too small. PDOs, their assignment and
-// sizes are as the dictionary has them now: call it before a master has changed anything.
+// Writes the image into `eeprom` (the size is a multiple of 128 octets) and returns the number of used octets. Errors
+// are those of wire::sii::write_image(), and Fault::no_room when the workspace is too small. PDOs, their assignment and
+// sizes are read from the current values of the dictionary: call this function before a master has changed the values.
 [[nodiscard]] wire::sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardDescription& board,
                                                        const ObjectDictionary& dictionary,
                                                        std::span<wire::sii::PdoDescription> pdos,
@@ -39,7 +41,7 @@ template <std::size_t Pdos, std::size_t Entries>
     return write_sii(device, board, dictionary, workspace.pdos, workspace.entries, eeprom);
 }
 
-// CoE details as the dictionary allows them (margay::coe_detail bits).
+// CoE details (margay::coe_detail bits) that match the dictionary.
 [[nodiscard]] std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary& dictionary);
 
 }  // namespace margay::subdevice

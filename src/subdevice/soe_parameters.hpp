@@ -1,12 +1,14 @@
-// The parameters of a drive: constexpr tables that tell what there is, and one image of bytes that holds the values.
+// The parameters of a drive: constexpr tables that describe the parameters, and one image of octets that contains the
+// values.
 //
-// A table is written once for a kind of drive and lives in flash. Values lie in the image in the byte order of the
-// wire, so that an application reads and writes them through Field, and a message carries them as they are:
+// A table is written once for a type of drive and is placed in flash. Values are stored in the image in the byte order
+// of the wire (little-endian). Therefore an application accesses them through Field, and a message carries them without
+// conversion:
 //
 //     struct Values {
 //         using position = Field<std::int32_t, 0>;
-//         static constexpr std::size_t telegram = 4;                              // a list: head and eight IDNs
-//         static constexpr std::size_t reset = telegram + soe_list_bytes(16);     // a command
+//         static constexpr std::size_t telegram = 4;                           // a list: header and eight IDNs
+//         static constexpr std::size_t reset = telegram + soe_list_bytes(16);  // a procedure command
 //         static constexpr std::size_t bytes = reset + kSoeCommandBytes;
 //     };
 //     constexpr Idn kAtDefault[] = {Idn::standard(51)};
@@ -25,11 +27,11 @@
 namespace margay::subdevice {
 
 enum class SoeStorage : std::uint8_t {
-    image,         // in the drive's image
-    constant,      // SoeParameter::initial
-    text,          // SoeParameter::text
-    all_idns,      // the list of all parameters of the table
-    all_commands,  // of those that are procedure commands
+    image,         // the value is in the image of the drive
+    constant,      // the value is SoeParameter::initial
+    text,          // the value is SoeParameter::text
+    all_idns,      // list of the IDNs of all parameters in the table
+    all_commands,  // list of the IDNs of all procedure commands in the table
 };
 
 struct SoeParameter {
@@ -38,17 +40,17 @@ struct SoeParameter {
     SoeAttribute attribute{};
     std::string_view name{};
     std::string_view unit{};
-    std::uint32_t offset = 0;      // in the image
-    std::uint16_t most_bytes = 0;  // of a list in the image: its elements, the head not counted
+    std::uint32_t offset = 0;      // in octets from the start of the image
+    std::uint16_t most_bytes = 0;  // of a list in the image: maximum octets of its elements, without the list header
     bool limited = false;
-    std::int64_t minimum = 0;  // when `limited`
+    std::int64_t minimum = 0;  // valid if `limited`
     std::int64_t maximum = 0;
-    std::uint64_t initial = 0;            // of a number, or constant
-    std::span<const Idn> initial_idns{};  // of a list of IDNs
+    std::uint64_t initial = 0;            // initial value of a number, or constant
+    std::span<const Idn> initial_idns{};  // initial value of a list of IDNs
     std::string_view text{};              // constant, or initial value of a text
 
-    // The same with bounds that a write must keep; that only the device itself changes; that is protected in some
-    // states.
+    // Return a copy of the parameter: within() with limits for writes, read_only() for a value that only the device
+    // changes, protect() with write protection in the given states.
     [[nodiscard]] constexpr SoeParameter within(std::int64_t least, std::int64_t most) const {
         SoeParameter p = *this;
         p.limited = true;
@@ -73,11 +75,11 @@ struct SoeParameter {
         return storage != SoeStorage::image ||
                (attribute.protected_preop && attribute.protected_safeop && attribute.protected_op);
     }
-    // Octets in the image.
+    // Octets that the parameter uses in the image.
     [[nodiscard]] constexpr std::size_t image_bytes() const;
 };
 
-// A command in the image: what was written to it, and its data state.
+// A procedure command in the image: the value that was written to it, and its data state.
 inline constexpr std::size_t kSoeCommandBytes = 4;
 [[nodiscard]] constexpr std::size_t soe_list_bytes(std::size_t most_bytes) {
     return wire::soe::kListHeadBytes + most_bytes;
@@ -89,7 +91,7 @@ constexpr std::size_t SoeParameter::image_bytes() const {
     return attribute.list ? soe_list_bytes(most_bytes) : attribute.bytes;
 }
 
-// ------------------------------------------------------------------ building tables
+// ------------------------------------------------------------------ functions to build tables
 
 template <class T>
 inline constexpr SoeType kSoeTypeOf = std::is_signed_v<T> ? SoeType::signed_decimal : SoeType::unsigned_decimal;
@@ -132,13 +134,13 @@ template <class T>
     p.initial_idns = initial;
     return p;
 }
-// A list of IDNs that never changes: nothing of it is in the image.
+// A list of IDNs that never changes. It uses no memory of the image.
 [[nodiscard]] constexpr SoeParameter soe_fixed_idns(Idn idn, std::string_view name, std::span<const Idn> list) {
     SoeParameter p = soe_idn_list(idn, name, 0, 0, list);
     p.storage = SoeStorage::constant;
     return p.read_only();
 }
-// The list of all parameters, or of all procedure commands: made out of the table.
+// The list of all parameters or of all procedure commands, generated from the table.
 [[nodiscard]] constexpr SoeParameter soe_all(Idn idn, std::string_view name, SoeStorage which) {
     SoeParameter p = soe_fixed_idns(idn, name, {});
     p.storage = which;
@@ -151,7 +153,7 @@ template <class T>
             .offset = static_cast<std::uint32_t>(offset)};
 }
 
-// Ascending, and inside of the image.
+// Checks that the table is ascending and that all values are inside the image.
 [[nodiscard]] constexpr bool well_formed(std::span<const SoeParameter> table, std::size_t image_bytes) {
     for (std::size_t n = 0; n < table.size(); ++n) {
         if (n != 0 && table[n].idn.value <= table[n - 1].idn.value) return false;

@@ -25,7 +25,7 @@ std::optional<MailboxErrorCode> SoeServer::receive(const wire::MailboxMessage& m
     switch (header.opcode) {
         case Opcode::read_request:
             header_ = header;
-            to_come_ = 0;  // whoever reads has given up writing
+            to_come_ = 0;  // a read request ends an unfinished write
             read(out, now);
             return std::nullopt;
         case Opcode::write_request: write(header, data.subspan(soe::kHeaderBytes), out, now); return std::nullopt;
@@ -84,7 +84,7 @@ void SoeServer::read(Outbox& out, Time now) {
     (void)send_next(out);
 }
 
-// One message with as much as fits. False: there is no room for it now.
+// Sends one message with as many octets as fit. Returns false when no slot is free.
 bool SoeServer::send_next(Outbox& out) {
     const auto at = out.open();
     if (at.size() <= soe::kHeaderBytes) return false;
@@ -104,7 +104,7 @@ bool SoeServer::send_next(Outbox& out) {
     return true;
 }
 
-// All elements that were asked for, in the order of their bits.
+// Collects all requested elements in the order of their bits.
 SoeError SoeServer::compose(Time now) {
     used_ = 0;
     constexpr unsigned kOfValue = soe_element::kDataState | soe_element::kValue;
@@ -165,7 +165,7 @@ SoeError SoeServer::add_value() {
                                    std::min<std::size_t>(soe::ListLayout::current_bytes::load(whole), p.most_bytes)));
         else
             fits = add(whole.first(p.attribute.bytes));
-    } else if (p.attribute.list) {  // IDNs that never change: the head is known when they are there
+    } else if (p.attribute.list) {  // a list of IDNs that never changes: its header is written after its elements
         const std::size_t head = used_;
         fits = add(std::array<std::byte, soe::kListHeadBytes>{});
         for (const Idn idn : p.initial_idns) add_idn(idn);
@@ -204,7 +204,7 @@ bool SoeServer::add_number(std::uint64_t value) {
 
 // ------------------------------------------------------------------ write
 
-// Fragments are kept until the last one says what they belong to; only that one is answered.
+// Stores the fragments. Only the last fragment contains the IDN, and only the last fragment gets a response.
 void SoeServer::write(const soe::Header& header, Bytes data, Outbox& out, Time now) {
     const bool goes_on = to_come_ != 0 && header.drive == header_.drive && header.elements == header_.elements &&
                          (header.incomplete ? header.number + 1 == to_come_ : to_come_ == 1);
@@ -323,7 +323,7 @@ void SoeServer::finish_command(std::uint8_t drive, Idn idn, bool success) {
             .opcode = Opcode::notification, .drive = drive, .elements = soe_element::kDataState, .number = idn.value}};
     std::ranges::copy(state, done.data.begin());
     done.bytes = soe::kDataStateBytes;
-    (void)note(done);  // one that finds no room is not missed: the data state tells the same
+    (void)note(done);  // a lost notification does no harm: the data state contains the same information
 }
 
 bool SoeServer::report(std::uint8_t drive, Bytes data) {

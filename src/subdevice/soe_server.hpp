@@ -1,4 +1,4 @@
-// Servodrive profile over EtherCAT: the server of mailbox type SoE (ETG.1000.6 "Servo drive profile over EtherCAT").
+// Servo drive profile over EtherCAT: the server for mailbox type SoE (ETG.1000.6 "Servo drive profile over EtherCAT").
 #pragma once
 
 #include "subdevice/mailbox_server.hpp"
@@ -13,21 +13,21 @@ using SoeError = wire::soe::ErrorCode;
 
 class SoeApplication;
 
-// One drive of a device. All of it outlives the server.
+// One drive of a device. All its members must outlive the server.
 struct SoeDrive {
     std::span<const SoeParameter> parameters;
     MutableBytes image;
     SoeApplication* application = nullptr;
 
     [[nodiscard]] const SoeParameter* find(Idn idn) const;
-    // A number, or an element of a list of IDNs, as it is now.
+    // The current value of a number; 0 for a list or an unknown IDN.
     [[nodiscard]] std::uint64_t number(Idn idn) const;
-    [[nodiscard]] std::span<const std::byte> list(Idn idn) const;  // its elements
-    // Everything as the table has it at first.
+    [[nodiscard]] std::span<const std::byte> list(Idn idn) const;  // the elements of a list in the image
+    // Sets all values in the image to the initial values of the table.
     void restore_defaults() const;
 };
 
-// What a hook is told.
+// The arguments of a hook.
 struct SoeAccess {
     const SoeParameter& parameter;
     std::uint8_t drive = 0;
@@ -35,26 +35,28 @@ struct SoeAccess {
     Time now{};
 };
 
-// What the author of a drive implements; every function has an answer already. Called from within Device::step().
+// The interface that the author of a drive implements. Every function has a default. All calls come from
+// Device::step().
 class SoeApplication {
   public:
-    // The value may be brought up to date.
+    // May update the value before it is read.
     [[nodiscard]] virtual SoeError before_read(const SoeAccess& access) {
         (void)access;
         return SoeError::none;
     }
-    // `value` has the right length and keeps the bounds.
+    // `value` has a valid length and is within the limits.
     [[nodiscard]] virtual SoeError before_write(const SoeAccess& access, Bytes value) {
         (void)access, (void)value;
         return SoeError::none;
     }
     virtual void after_write(const SoeAccess& access) { (void)access; }
-    // A procedure command begins, and goes on until SoeServer::finish_command(), which may be called at once.
+    // Starts a procedure command. It is active until SoeServer::finish_command() is called; that may happen within this
+    // call.
     [[nodiscard]] virtual SoeError start_command(const SoeAccess& access) {
         (void)access;
         return SoeError::command_not_now;
     }
-    // It is interrupted or taken back before its end.
+    // The procedure command is interrupted or cancelled before its end.
     virtual void stop_command(const SoeAccess& access) { (void)access; }
 
   protected:
@@ -63,7 +65,8 @@ class SoeApplication {
 
 class SoeServer final : public MailboxServer {
   public:
-    // `staging` holds what travels in fragments, in either direction: nothing larger can be read or written.
+    // `staging` stores values that are transferred in fragments, in both directions. Larger values cannot be read or
+    // written.
     SoeServer(std::span<const SoeDrive> drives, MutableBytes staging) : drives_(drives), staging_(staging) {}
 
     void start(AlState state, const MailboxRoom& room) override;
@@ -72,10 +75,10 @@ class SoeServer final : public MailboxServer {
     [[nodiscard]] bool busy() const override { return sending_; }
     Time step(Outbox& out, Time now) override;
 
-    // A procedure command is over: its data state says so, and the master is notified. Nothing, when it was not
-    // running.
+    // Ends a procedure command: sets its data state and notifies the master. Does nothing when the command is not
+    // active.
     void finish_command(std::uint8_t drive, Idn idn, bool success);
-    // An emergency: at most eight octets. False: too many wait already.
+    // Sends an emergency of at most eight octets. Returns false when too many emergencies are already waiting.
     bool report(std::uint8_t drive, Bytes data);
 
   private:
@@ -106,16 +109,16 @@ class SoeServer final : public MailboxServer {
     MutableBytes staging_;
     AlState state_ = AlState::init;
 
-    // The request in hand.
+    // The current request.
     wire::soe::Header header_;
     const SoeDrive* drive_ = nullptr;
     const SoeParameter* parameter_ = nullptr;
     std::uint16_t address_ = 0;
     std::size_t used_ = 0;       // octets in staging_
-    std::size_t sent_ = 0;       // of them
-    bool sending_ = false;       // fragments are left to be sent
-    std::uint16_t to_come_ = 0;  // fragments of a write
-    bool too_long_ = false;      // they do not fit
+    std::size_t sent_ = 0;       // octets of staging_ already sent
+    bool sending_ = false;       // fragments remain to be sent
+    std::uint16_t to_come_ = 0;  // fragments of a write that are still expected
+    bool too_long_ = false;      // the fragments do not fit into staging_
 
     std::array<Note, 4> notes_{};
     std::uint8_t first_note_ = 0;

@@ -6,7 +6,7 @@ namespace margay {
 namespace {
 
 constexpr std::uint8_t kFree = 0x80;
-constexpr std::uint8_t kInside = 0x40;  // not the start of a run
+constexpr std::uint8_t kInside = 0x40;  // not the first block of a run
 
 }  // namespace
 

@@ -1,6 +1,6 @@
-// A fixed piece of memory in which coroutine frames come and go: a buddy allocator over blocks of 64 octets
-// and their doublings. Taking and giving back cost a bounded number of steps (one a doubling), and what was
-// given back joins its neighbour again, so no pattern of use wears the arena out.
+// A fixed piece of memory for coroutine frames: a buddy allocator with blocks of 64 octets times a power of two.
+// Allocation and release take a bounded number of steps (one per power of two). A released block is merged with its
+// free neighbour, so fragmentation does not grow over time.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -16,12 +16,12 @@ class Arena {
     static constexpr std::size_t kBlockBytes = 64;
     static constexpr unsigned kOrders = 12;  // largest block: 128 KiB
 
-    // `memory` stays the caller's and outlives the arena. One octet of each 65 is bookkeeping.
+    // The caller owns `memory`, which must outlive the arena. One of 65 octets is used for administration.
     explicit Arena(std::span<std::byte> memory);
     Arena(const Arena&) = delete;
     Arena& operator=(const Arena&) = delete;
 
-    // Returns memory aligned for anything, or nullptr when there is no block left that is large enough.
+    // Returns memory with the maximum alignment, or nullptr when no block is large enough.
     [[nodiscard]] void* allocate(std::size_t bytes) noexcept;
     void release(void* memory) noexcept;
 
@@ -29,7 +29,7 @@ class Arena {
     [[nodiscard]] std::size_t used_bytes() const { return used_ * kBlockBytes; }
     [[nodiscard]] std::size_t peak_bytes() const { return peak_ * kBlockBytes; }
 
-    // How much memory to hand in for `bytes` of blocks.
+    // Size of the memory that the constructor needs for `bytes` octets of blocks.
     [[nodiscard]] static constexpr std::size_t memory_for(std::size_t bytes) {
         const std::size_t blocks = (bytes + kBlockBytes - 1) / kBlockBytes;
         return blocks * (kBlockBytes + 1) + 2 * kBlockBytes;
@@ -42,7 +42,7 @@ class Arena {
     void put_free(std::size_t index, unsigned order);
 
     std::byte* base_ = nullptr;
-    std::uint8_t* state_ = nullptr;  // of each block that starts a run: its order, and kFree
+    std::uint8_t* state_ = nullptr;  // for the first block of each run: its order, and kFree
     std::size_t blocks_ = 0;
     std::size_t used_ = 0;
     std::size_t peak_ = 0;

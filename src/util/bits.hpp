@@ -1,4 +1,4 @@
-// Copies of bits from anywhere to anywhere; bit 0 is the lowest of the first octet.
+// Copies bits between arbitrary bit positions. Bit 0 is the least significant bit of the first octet.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -8,7 +8,7 @@
 
 namespace margay {
 
-// The ranges are inside of their spans and do not overlap.
+// The ranges must be inside their spans and must not overlap.
 inline void copy_bits(MutableBytes to, std::uint64_t to_bit, Bytes from, std::uint64_t from_bit, std::uint64_t bits) {
     while (bits > 0) {
         const auto to_at = static_cast<unsigned>(to_bit % 8);

@@ -1,5 +1,5 @@
-// Little-endian loads and stores, and fields: a type at an offset, the only way Margay touches bytes of the
-// wire.
+// Little-endian loads and stores, and Field: a type at an offset. All Margay code accesses octets of the wire by these
+// functions.
 #pragma once
 
 #include <bit>
@@ -24,13 +24,13 @@ struct FieldValue<T> {
     using Unsigned = std::make_unsigned_t<std::underlying_type_t<T>>;
 };
 
-// Loads an integer or enumeration, least significant octet first. The caller has checked that sizeof(T)
-// octets are there.
+// Loads an integer or enumeration, least significant octet first. The caller must have checked that sizeof(T) octets
+// are available.
 template <class T>
 [[nodiscard]] constexpr T load_le(Bytes from, std::size_t offset = 0) {
     using U = typename FieldValue<T>::Unsigned;
     U value = 0;
-    // Compilers do not make one load of the loop.
+    // Compilers do not replace the loop below by a single load.
     if (std::endian::native == std::endian::little && !std::is_constant_evaluated()) {
         std::memcpy(&value, from.subspan(offset, sizeof(T)).data(), sizeof(T));
         return static_cast<T>(value);
@@ -51,8 +51,8 @@ constexpr void store_le(MutableBytes to, std::size_t offset, T value) {
     for (std::size_t i = 0; i < sizeof(T); ++i) to[offset + i] = static_cast<std::byte>(bits >> (8 * i));
 }
 
-// A named field of a layout: its type and its offset. `end` is what a layout's length is checked against,
-// once.
+// A named field of a layout: its type and its offset. Check the length of a layout once, against the `end` of its last
+// field.
 template <class T, std::size_t Offset>
 struct Field {
     using Type = T;

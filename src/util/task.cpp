@@ -3,7 +3,7 @@
 namespace margay::detail {
 namespace {
 
-// The frame lies behind a word that says which arena it is from.
+// A pointer to the arena is stored in front of the coroutine frame.
 constexpr std::size_t kHeaderBytes = alignof(std::max_align_t);
 
 }  // namespace
@@ -29,7 +29,7 @@ PromiseBase::~PromiseBase() {
 std::coroutine_handle<> PromiseBase::ended(std::coroutine_handle<> own, const Error& error) noexcept {
     if (crew == nullptr) return continuation ? continuation : std::noop_coroutine();
     Crew& ours = *crew;
-    const Error kept = error;  // lies in the frame
+    const Error kept = error;  // `error` is in the frame, so copy it before the frame is destroyed
     own.destroy();
     return ours.member_ended(kept);
 }

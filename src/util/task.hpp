@@ -1,4 +1,4 @@
-// Crew: tasks that run beside each other. Task itself is public: <margay/task.hpp>.
+// Crew: tasks that run concurrently. Task itself is public: <margay/task.hpp>.
 #pragma once
 
 #include "util/arena.hpp"
@@ -12,8 +12,8 @@
 
 namespace margay {
 
-// The right to end a task that a Crew runs. The task's own guard calls release() when the task ends by itself or with
-// its Crew, so that the handle never names a coroutine that is gone.
+// The right to end a task of a Crew. The guard of the task calls release() when the task ends, either by itself or with
+// its Crew, so the handle never refers to a destroyed coroutine.
 class TaskHandle {
   public:
     TaskHandle() = default;
@@ -28,7 +28,7 @@ class TaskHandle {
     }
     [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
     void release() { handle_ = {}; }
-    // Ends the task if it still runs. A task must not end itself by this.
+    // Ends the task if it is still running. A task must not end itself by this function.
     void end() {
         if (handle_) std::exchange(handle_, {}).destroy();
     }
@@ -37,8 +37,8 @@ class TaskHandle {
     std::coroutine_handle<> handle_;
 };
 
-// Tasks that run beside each other on behalf of one parent, which waits for one or for all of them.
-// Destroying the crew ends them.
+// Tasks that run concurrently for one parent task, which waits for one or for all of them. The destructor of the crew
+// ends them.
 class Crew {
   public:
     explicit Crew(std::size_t most = SIZE_MAX) : most_(most) {}
@@ -50,11 +50,10 @@ class Crew {
 
     [[nodiscard]] std::size_t running() const { return running_; }
     [[nodiscard]] bool full() const { return running_ >= most_; }
-    // The first error that a member ended with.
+    // The first error of a member.
     [[nodiscard]] const Error& first_error() const { return first_error_; }
 
-    // Starts a task, which then belongs to the crew. False when the task is empty (arena full): nothing has
-    // happened.
+    // Starts a task and takes ownership of it. Returns false and does nothing when the task is empty (arena full).
     template <class T>
     [[nodiscard]] bool start(Task<T> task) {
         if (!task) return false;
@@ -68,7 +67,7 @@ class Crew {
         return true;
     }
 
-    // Awaitables: until one member has ended (at once when none runs), until all have.
+    // Awaitable: waits until one member has ended (returns at once when none is running), or until all have ended.
     struct Wait {
         Crew& crew;
         bool all;
@@ -82,9 +81,9 @@ class Crew {
     [[nodiscard]] Wait one() { return {*this, false}; }
     [[nodiscard]] Wait all() { return {*this, true}; }
 
-    // For Task: a member is gone, be it that it has ended or that it was destroyed from outside.
+    // Called by Task: a member has ended or was destroyed from outside.
     void member_gone() noexcept { --running_; }
-    // For Task: a member has ended; who goes on now?
+    // Called by Task: a member has ended. Returns the coroutine to resume.
     std::coroutine_handle<> member_ended(const Error& error) noexcept {
         ++ended_;
         if (error.code != Errc::none && first_error_.code == Errc::none) first_error_ = error;

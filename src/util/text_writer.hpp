@@ -1,4 +1,4 @@
-// Puts text and numbers into a buffer that the caller owns; what does not fit is cut.
+// Writes text and numbers into a buffer of the caller. Text that does not fit is cut off.
 #pragma once
 
 #include <cstddef>

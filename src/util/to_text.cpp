@@ -1,4 +1,4 @@
-// The enumerations of the public API in words.
+// Texts for the enumerations of the public API.
 #include <margay/al_state.hpp>
 #include <margay/configuration.hpp>
 #include <margay/error.hpp>

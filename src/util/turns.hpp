@@ -1,5 +1,5 @@
-// Who is next among those that wait in turn: the highest priority first, among equals the oldest. One that was passed
-// over often goes first all the same, so that no priority starves another.
+// Selects the next of several waiting requests: the highest priority first, and the oldest of equal priority. A request
+// that was passed over kMostPassed times is next in any case, so that no priority blocks another one forever.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -9,14 +9,14 @@
 
 namespace margay {
 
-// The base of what waits in turn, in a List of turns: the oldest in front.
+// Base class of waiting requests in a List; the oldest request is at the front.
 struct Turn : ListNode {
     static constexpr std::uint8_t kMostPassed = 8;
     std::uint8_t priority = 0;  // 0 is the lowest
-    std::uint8_t passed = 0;    // how often a later one of a higher priority went first
+    std::uint8_t passed = 0;    // number of times that a later request with a higher priority was selected first
 };
 
-// The next of those that are allowed now, or nullptr. T derives from Turn.
+// Returns the next request for which `allowed` is true, or nullptr. T derives from Turn.
 template <class T, class Allowed>
 [[nodiscard]] T* next_turn(List<T>& waiting, Allowed allowed) {
     T* best = nullptr;
@@ -28,7 +28,7 @@ template <class T, class Allowed>
     return best;
 }
 
-// Takes it out of the list; older ones that are allowed have been passed over.
+// Removes the request from the list. Older requests that are allowed count as passed over.
 template <class T, class Allowed>
 void take_turn(List<T>& waiting, std::type_identity_t<T>& taken, Allowed allowed) {
     for (T* turn = waiting.front(); turn != &taken; turn = waiting.after(*turn))

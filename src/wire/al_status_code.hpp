@@ -1,5 +1,5 @@
-// AL status codes (register 0x0134): why a state change was refused or undone. ETG.1000.6 table "AL Status
-// Codes" and the codes that ETG.1020 adds. 0x8000 and up belong to the vendor.
+// AL status codes (register 0x0134): the reason why a state change was refused or reversed. ETG.1000.6 table "AL Status
+// Codes", and the codes that ETG.1020 adds. Codes from 0x8000 belong to the vendor.
 #pragma once
 
 #include <cstdint>
@@ -73,11 +73,11 @@ enum class AlStatusCode : std::uint16_t {
     application_controller_available = 0x00F0,
 };
 
-// First code that a vendor may define.
+// The first code for vendors.
 inline constexpr std::uint16_t kVendorAlStatusCodes = 0x8000;
 
-// The code in words; codes nobody defined read as "vendor specific" or "reserved". Static strings, callable
-// from anywhere.
+// Text of the code; "vendor specific" or "reserved" for undefined codes. The strings are static. Callable from any
+// thread and from the cycle.
 [[nodiscard]] std::string_view to_text(AlStatusCode code);
 [[nodiscard]] inline std::string_view al_status_text(std::uint16_t code) {
     return to_text(static_cast<AlStatusCode>(code));

@@ -1,5 +1,5 @@
-// CANopen over EtherCAT: the data of a mailbox message of type CoE (ETG.1000.6 "CANopen over EtherCAT
-// coding"). Offsets count from the CoE header; layouts are checked for length by whoever uses them.
+// CANopen over EtherCAT: the data of a mailbox message of type CoE (ETG.1000.6 "CANopen over EtherCAT coding"). Offsets
+// count from the CoE header. The user of a layout must check the length of the data.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -22,7 +22,7 @@ enum class Service : std::uint8_t {
 };
 
 struct Header {
-    std::uint16_t number = 0;  // of a PDO, 0 otherwise; 9 bits
+    std::uint16_t number = 0;  // number of a PDO, otherwise 0; 9 bits
     Service service{};
     friend constexpr bool operator==(const Header&, const Header&) = default;
 };
@@ -39,7 +39,7 @@ constexpr void store_header(MutableBytes at, Header h) {
 
 // ------------------------------------------------------------------ SDO transfers
 
-// The command specifier, upper three bits of an SDO's first octet.
+// The command specifier: the upper three bits of the first octet of an SDO.
 namespace request {
 inline constexpr std::uint8_t kDownloadSegment = 0;
 inline constexpr std::uint8_t kDownload = 1;
@@ -52,9 +52,9 @@ inline constexpr std::uint8_t kDownloadSegment = 1;
 inline constexpr std::uint8_t kUpload = 2;
 inline constexpr std::uint8_t kDownload = 3;
 }  // namespace response
-inline constexpr std::uint8_t kAbortSpecifier = 4;  // both ways
+inline constexpr std::uint8_t kAbortSpecifier = 4;  // in both directions
 
-// Bits of that octet. Unused octets (of the four of an expedited transfer, of the seven of a short segment)
+// The other bits of the first octet. The unused octets of an expedited transfer (of 4) and of a short segment (of 7)
 // are counted.
 namespace sdo {
 inline constexpr std::uint8_t kSizeIndicated = 0x01;
@@ -75,14 +75,14 @@ struct SdoLayout {
     using command = Field<std::uint8_t, 2>;
     using index = Field<std::uint16_t, 3>;
     using subindex = Field<std::uint8_t, 5>;
-    using complete_size = Field<std::uint32_t, 6>;  // normal transfers; expedited ones have their data here
+    using complete_size = Field<std::uint32_t, 6>;  // normal transfers; expedited transfers have their data here
     static constexpr std::size_t expedited_data = 6;
     static constexpr std::size_t normal_data = 10;
 };
-inline constexpr std::size_t kSdoBytes = 10;            // all but the data of a normal transfer
-inline constexpr std::size_t kExpeditedBytes = 4;       // data of an expedited transfer at most
+inline constexpr std::size_t kSdoBytes = 10;            // everything except the data of a normal transfer
+inline constexpr std::size_t kExpeditedBytes = 4;       // maximum data of an expedited transfer
 inline constexpr std::size_t kSegmentHeaderBytes = 3;   // CoE header and command
-inline constexpr std::size_t kMinSegmentDataBytes = 7;  // shorter ones are padded to it
+inline constexpr std::size_t kMinSegmentDataBytes = 7;  // shorter segment data is padded to this size
 
 enum class Abort : std::uint32_t {
     none = 0,
@@ -93,7 +93,7 @@ enum class Abort : std::uint32_t {
     unsupported_access = 0x06010000,
     write_only = 0x06010001,
     read_only = 0x06010002,
-    subindex_needs_zero = 0x06010003,  // subindex cannot be written, subindex 0 must be 0 for write access
+    subindex_needs_zero = 0x06010003,  // the subindex cannot be written, because subindex 0 must be 0 for write access
     complete_access_unsupported = 0x06010004,
     exceeds_mailbox = 0x06010005,
     mapped_to_rx_pdo = 0x06010006,
@@ -131,9 +131,9 @@ enum class InfoOpcode : std::uint8_t {
 };
 
 struct InfoLayout {
-    using opcode = Field<std::uint8_t, 2>;  // 7 bits, and "incomplete": more fragments follow
+    using opcode = Field<std::uint8_t, 2>;  // 7 bits, and the bit "incomplete": more fragments follow
     using fragments_left = Field<std::uint16_t, 4>;
-    using list_type = Field<std::uint16_t, 6>;  // first fragment of a list only
+    using list_type = Field<std::uint16_t, 6>;  // only in the first fragment of a list
     using index = Field<std::uint16_t, 6>;
     using data_type = Field<std::uint16_t, 8>;  // object response
     using max_subindex = Field<std::uint8_t, 10>;
@@ -152,7 +152,7 @@ inline constexpr std::size_t kObjectRequestBytes = 8;
 inline constexpr std::size_t kObjectResponseBytes = 12;  // the name follows
 inline constexpr std::size_t kEntryRequestBytes = 10;
 inline constexpr std::size_t kEntryResponseBytes =
-    16;  // unit, default, minimum, maximum as asked, then the description
+    16;  // followed by unit, default, minimum and maximum as requested, then the description
 inline constexpr std::size_t kInfoErrorBytes = 10;
 
 enum class ListType : std::uint16_t {
@@ -165,7 +165,7 @@ enum class ListType : std::uint16_t {
 };
 inline constexpr std::uint16_t kLastListType = 5;
 
-// Value info of an entry request: what the response shall carry.
+// Value info of an entry request: the values that the response must contain.
 namespace value_info {
 inline constexpr std::uint8_t kUnit = 0x08;
 inline constexpr std::uint8_t kDefault = 0x10;
@@ -173,7 +173,7 @@ inline constexpr std::uint8_t kMinimum = 0x20;
 inline constexpr std::uint8_t kMaximum = 0x40;
 }  // namespace value_info
 
-// Object access, 16 bits, of an entry description; a dictionary keeps the same bits.
+// Object access of an entry description, 16 bits. The object dictionary uses the same bits.
 namespace access {
 inline constexpr std::uint16_t kReadPreop = 0x0001;
 inline constexpr std::uint16_t kReadSafeop = 0x0002;
@@ -199,7 +199,7 @@ enum class ObjectCode : std::uint8_t {
     record = 9
 };
 
-// Data types by index of the dictionary's type area (ETG.1000.6 and ETG.1020, "Base data types").
+// Data types by their index in the type area of the dictionary (ETG.1000.6 and ETG.1020, "Base data types").
 enum class DataType : std::uint16_t {
     none = 0x0000,
     boolean = 0x0001,
@@ -255,7 +255,8 @@ struct EmergencyLayout {
 inline constexpr std::size_t kEmergencyDataBytes = 5;
 inline constexpr std::size_t kEmergencyBytes = 10;
 
-// In words; unknown values read as such. Static strings, callable from anywhere.
+// Text of a code or type; unknown values have a text that says so. The strings are static. Callable from any thread and
+// from the cycle.
 [[nodiscard]] std::string_view to_text(Abort code);
 [[nodiscard]] std::string_view to_text(DataType type);
 

@@ -1,4 +1,5 @@
-// EtherCAT datagrams: header of 10 octets, data, working counter of 2 (ETG.1000.4, "EtherCAT PDU structure").
+// EtherCAT datagrams: a header of 10 octets, the data, and the working counter of 2 octets (ETG.1000.4, "EtherCAT PDU
+// structure").
 #pragma once
 
 #include "util/bytes.hpp"
@@ -34,12 +35,12 @@ enum class Command : std::uint8_t {
 inline constexpr std::uint8_t kLastCommand = 14;
 
 [[nodiscard]] constexpr bool is_logical(Command c) { return c >= Command::LRD && c <= Command::LRW; }
-// Commands whose ADP every slave adds one to: position and broadcast addressing.
+// Commands for which every slave increments ADP: position and broadcast addressing.
 [[nodiscard]] constexpr bool counts_position(Command c) {
     return (c >= Command::APRD && c <= Command::APRW) || (c >= Command::BRD && c <= Command::BRW) || c == Command::ARMW;
 }
 
-// The 32 address bits: ADP and ADO, or a logical address. ADP is the low half on the wire.
+// The 32 address bits: ADP and ADO, or a logical address. ADP is the low half of the value.
 struct DatagramAddress {
     std::uint32_t value = 0;
 
@@ -65,9 +66,9 @@ struct DatagramHeader {
     std::uint8_t index = 0;
     DatagramAddress address;
     std::uint16_t length = 0;  // 11 bits
-    bool circulating = false;  // bit 14 of the length word: the frame has passed a closed ring once
+    bool circulating = false;  // bit 14 of the length word: the frame has already circulated once in a closed ring
     bool more = false;         // bit 15: another datagram follows
-    std::uint16_t irq = 0;     // AL event request of all slaves, ORed with their ECAT event mask
+    std::uint16_t irq = 0;     // ECAT event requests of all slaves, masked by their ECAT event masks and combined by OR
 };
 
 struct DatagramLayout {
@@ -101,7 +102,7 @@ constexpr void store_datagram_header(MutableBytes at, const DatagramHeader& h) {
     L::irq::store(at, h.irq);
 }
 
-// One datagram in a received frame: its header, and where its data and working counter are.
+// One datagram of a received frame: its header, data and working counter.
 struct DatagramView {
     DatagramHeader header;
     std::size_t offset = 0;  // of the header, from the start of the Ethernet frame
@@ -111,13 +112,13 @@ struct DatagramView {
 
 enum class FrameFault : std::uint8_t {
     none,
-    too_short,  // no room for the headers
+    too_short,  // shorter than the headers
     foreign,    // not EtherType 0x88A4, or not EtherCAT frame type 1
-    truncated,  // a length points past the end
+    truncated,  // a length exceeds the frame
     trailing,   // the last datagram does not end where the frame header says
 };
 
-// Walks the datagrams of a frame. Padding behind the length of the frame header is not looked at.
+// Iterates over the datagrams of a frame. Padding after the length of the frame header is ignored.
 //
 //     DatagramReader reader(frame);
 //     while (auto datagram = reader.next()) …;
@@ -160,9 +161,9 @@ class DatagramReader {
         return view;
     }
 
-    // Valid once next() has returned nothing.
+    // Valid after next() has returned nullopt.
     [[nodiscard]] constexpr FrameFault fault() const { return fault_; }
-    // Where the datagrams end, by the frame header.
+    // End of the datagrams according to the frame header, as offset in the frame.
     [[nodiscard]] constexpr std::size_t end() const { return end_; }
 
   private:
@@ -173,10 +174,10 @@ class DatagramReader {
     FrameFault fault_ = FrameFault::none;
 };
 
-// Puts datagrams into a frame of up to kMaxFrameBytes, front to back.
+// Appends datagrams to a frame of up to kMaxFrameBytes.
 class FrameBuilder {
   public:
-    // `buffer` stays the caller's and must live as long as the builder; it is at least kFramePrefixBytes long.
+    // The caller owns `buffer`, which must outlive the builder and have at least kFramePrefixBytes octets.
     constexpr FrameBuilder(MutableBytes buffer, const std::array<std::uint8_t, 6>& source) : buffer_(buffer) {
         for (std::size_t i = 0; i < 6; ++i) buffer_[i] = std::byte{0xFF};
         for (std::size_t i = 0; i < 6; ++i) buffer_[kSourceMacOffset + i] = std::byte{source[i]};
@@ -184,7 +185,8 @@ class FrameBuilder {
         buffer_[13] = std::byte{kEtherTypeEtherCat & 0xFF};
     }
 
-    // Goes on with a frame that has datagrams already: `size` octets so far, the header of the last one at `last`.
+    // Continues a frame that already contains datagrams: `size` is its present size in octets, `last` the offset of its
+    // last datagram header.
     constexpr FrameBuilder(MutableBytes buffer, std::size_t size, std::size_t last)
         : buffer_(buffer), size_(size), last_(last) {}
 
@@ -193,10 +195,10 @@ class FrameBuilder {
     }
     [[nodiscard]] constexpr bool empty() const { return last_ == 0; }
 
-    // Appends a datagram and returns its data area for the caller to fill (zeroed); fits() must have said yes.
+    // Appends a datagram and returns its zeroed data area for the caller to fill. Precondition: fits() returned true.
     constexpr MutableBytes append(Command command, std::uint8_t index, DatagramAddress address,
                                   std::size_t data_bytes) {
-        if (last_ != 0) buffer_[last_ + 7] |= std::byte{0x80};  // "more" of the one before
+        if (last_ != 0) buffer_[last_ + 7] |= std::byte{0x80};  // "more" bit of the previous datagram
         last_ = size_;
         store_datagram_header(
             buffer_.subspan(size_),
@@ -208,14 +210,14 @@ class FrameBuilder {
         return data;
     }
 
-    // Closes the frame: its header is written, its bytes returned (not padded).
+    // Completes the frame: writes its header and returns its octets (without padding).
     constexpr Bytes finish() {
         store_frame_header(buffer_.subspan(kEthernetHeaderBytes),
                            {.length = static_cast<std::uint16_t>(size_ - kFramePrefixBytes)});
         return buffer_.first(size_);
     }
     [[nodiscard]] constexpr std::size_t size() const { return size_; }
-    // Where the header of the last datagram is; 0 when there is none.
+    // Offset of the last datagram header; 0 when there is none.
     [[nodiscard]] constexpr std::size_t last() const { return last_; }
 
   private:

@@ -12,7 +12,7 @@ struct Range {
     std::string_view text;
 };
 
-// The narrower ranges come first.
+// Narrow ranges are before the wide ranges that contain them.
 constexpr std::array kRanges{
     Range{0x8210, 0x8210, "PDO not processed, wrong length"},
     Range{0x8220, 0x8220, "PDO length exceeded"},

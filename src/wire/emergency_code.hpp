@@ -6,7 +6,7 @@
 
 namespace margay::wire {
 
-// In words: of the code itself where the standard has it, else of the class that it belongs to.
+// Text of a code if the standard has one, otherwise the text of its class of codes.
 [[nodiscard]] std::string_view emergency_text(std::uint16_t code);
 
 }  // namespace margay::wire

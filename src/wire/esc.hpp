@@ -1,5 +1,5 @@
-// Registers of an EtherCAT slave controller: ETG.1000.4 section "Attributes" and the ESC register tables. One constant
-// a register: its address and its length in octets; bits are named beside it.
+// Registers of an EtherCAT slave controller: ETG.1000.4 section "Attributes" and the ESC register tables. Each register
+// has one constant with its address and its length in octets; constants for its bits are below.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +21,9 @@ inline constexpr Register kBuild{0x0002, 2};
 inline constexpr Register kFmmuCount{0x0004, 1};
 inline constexpr Register kSyncManagerCount{0x0005, 1};
 inline constexpr Register kRamSize{0x0006, 1};         // KiB
-inline constexpr Register kPortDescriptor{0x0007, 1};  // two bits a port, see PortKind
+inline constexpr Register kPortDescriptor{0x0007, 1};  // two bits per port, see PortKind
 inline constexpr Register kFeatures{0x0008, 2};
-inline constexpr Register kDlInformation{0x0000, 10};  // all of the above
+inline constexpr Register kDlInformation{0x0000, 10};  // all registers above
 
 // Station address
 inline constexpr Register kStationAddress{0x0010, 2};
@@ -72,8 +72,8 @@ inline constexpr Register kPdiErrorCode{0x030E, 1};
 inline constexpr Register kLostLinkCounter{0x0310, 4};  // per port
 
 // Watchdogs
-inline constexpr Register kWatchdogDivider{0x0400, 2};  // +2 units of 40 ns; default 0x09C2 = 100 µs
-inline constexpr Register kPdiWatchdogTime{0x0410, 2};  // in units of the divider
+inline constexpr Register kWatchdogDivider{0x0400, 2};  // (value + 2) units of 40 ns; default 0x09C2 = 100 µs
+inline constexpr Register kPdiWatchdogTime{0x0410, 2};  // multiple of the divider's unit
 inline constexpr Register kProcessDataWatchdogTime{0x0420, 2};
 inline constexpr Register kProcessDataWatchdogStatus{0x0440, 2};
 inline constexpr Register kProcessDataWatchdogCounter{0x0442, 1};
@@ -108,7 +108,7 @@ inline constexpr std::uint16_t kSyncManagerStride = 8;
 }
 
 // Distributed clocks
-inline constexpr Register kPortReceiveTime{0x0900, 16};  // 4 octets a port; a write to the first latches all
+inline constexpr Register kPortReceiveTime{0x0900, 16};  // 4 octets per port; a write to the first latches all
 inline constexpr Register kSystemTime{0x0910, 8};
 inline constexpr Register kProcessingUnitReceiveTime{0x0918, 8};
 inline constexpr Register kSystemTimeOffset{0x0920, 8};
@@ -147,7 +147,7 @@ inline constexpr std::uint16_t kProcessRam = 0x1000;
 
 }  // namespace reg
 
-// 0x0007, two bits a port.
+// 0x0007, two bits per port.
 enum class PortKind : std::uint8_t { not_implemented = 0, not_configured = 1, ebus = 2, mii = 3 };
 
 // 0x0008 ESC features supported.
@@ -168,7 +168,7 @@ inline constexpr std::uint16_t kFixedFmmuAndSmConfiguration = 0x0800;
 
 // 0x0110 DL status.
 namespace dl_status {
-inline constexpr std::uint16_t kPdiOperational = 0x0001;  // EEPROM loaded
+inline constexpr std::uint16_t kPdiOperational = 0x0001;  // the EEPROM is loaded
 inline constexpr std::uint16_t kPdiWatchdog = 0x0002;
 inline constexpr std::uint16_t kEnhancedLinkDetection = 0x0004;
 [[nodiscard]] constexpr std::uint16_t physical_link(unsigned port) {
@@ -198,16 +198,20 @@ inline constexpr std::uint8_t kDcSyncUnit = 0x04;
 inline constexpr std::uint8_t kDcLatchUnit = 0x08;
 }  // namespace esc_configuration
 
-// 0x0220 AL event request and 0x0204 AL event mask: what the ESC has to tell the slave's processor.
+// 0x0220 AL event request and 0x0204 AL event mask: events that the ESC reports to the processor of the slave.
 namespace al_event {
-inline constexpr std::uint32_t kAlControl = 0x00000001;  // the master wrote AL control; gone when the PDI reads 0x0120
-inline constexpr std::uint32_t kDcLatch = 0x00000002;    // a latch input fired; gone when the latch times are read
-inline constexpr std::uint32_t kDcSync0 = 0x00000004;    // gone when 0x098E is read
-inline constexpr std::uint32_t kDcSync1 = 0x00000008;    // gone when 0x098F is read
-inline constexpr std::uint32_t kSmActivation = 0x00000010;  // an SM's activate octet was written; gone when it is read
-inline constexpr std::uint32_t kEeprom = 0x00000020;        // EEPROM emulation: a command waits in 0x0502
-inline constexpr std::uint32_t kWatchdog = 0x00000040;      // process data watchdog ran out; gone when 0x0440 is read
-// Sync manager n was written by the master (outputs, mailbox out) or read by it (inputs, mailbox in).
+// The master wrote AL control; cleared when the PDI reads 0x0120.
+inline constexpr std::uint32_t kAlControl = 0x00000001;
+// An edge at a latch input; cleared when the latch times are read.
+inline constexpr std::uint32_t kDcLatch = 0x00000002;
+inline constexpr std::uint32_t kDcSync0 = 0x00000004;  // cleared when 0x098E is read
+inline constexpr std::uint32_t kDcSync1 = 0x00000008;  // cleared when 0x098F is read
+// The activate octet of an SM was written; cleared when it is read.
+inline constexpr std::uint32_t kSmActivation = 0x00000010;
+inline constexpr std::uint32_t kEeprom = 0x00000020;  // EEPROM emulation: a command is waiting in 0x0502
+// The process data watchdog expired; cleared when 0x0440 is read.
+inline constexpr std::uint32_t kWatchdog = 0x00000040;
+// SyncManager n was written by the master (outputs, mailbox out) or read by the master (inputs, mailbox in).
 [[nodiscard]] constexpr std::uint32_t sync_manager(unsigned n) { return 0x00000100u << n; }
 }  // namespace al_event
 
@@ -229,7 +233,7 @@ inline constexpr std::uint16_t kCommandRead = 0x0100;
 inline constexpr std::uint16_t kCommandWrite = 0x0200;
 inline constexpr std::uint16_t kCommandReload = 0x0400;
 inline constexpr std::uint16_t kChecksumError = 0x0800;
-inline constexpr std::uint16_t kNotLoaded = 0x1000;  // device information was not loaded
+inline constexpr std::uint16_t kNotLoaded = 0x1000;  // the device information was not loaded
 inline constexpr std::uint16_t kMissingAcknowledge = 0x2000;
 inline constexpr std::uint16_t kWriteEnableError = 0x4000;
 inline constexpr std::uint16_t kBusy = 0x8000;

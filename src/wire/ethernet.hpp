@@ -1,4 +1,4 @@
-// Ethernet II header and the EtherCAT frame header behind it (ETG.1000.4, "Frame structure").
+// The Ethernet II header and the EtherCAT frame header that follows it (ETG.1000.4, "Frame structure").
 #pragma once
 
 #include "util/bytes.hpp"
@@ -12,18 +12,19 @@ inline constexpr std::uint16_t kEtherTypeEtherCat = 0x88A4;  // big-endian on th
 inline constexpr std::size_t kEthernetHeaderBytes = 14;
 inline constexpr std::size_t kFrameHeaderBytes = 2;
 inline constexpr std::size_t kFramePrefixBytes = kEthernetHeaderBytes + kFrameHeaderBytes;
-inline constexpr std::size_t kMaxFrameBytes = 1514;                                    // without FCS, without VLAN tag
-inline constexpr std::size_t kMinFrameBytes = 60;                                      // without FCS; NICs pad to it
+inline constexpr std::size_t kMaxFrameBytes = 1514;  // without FCS, without VLAN tag
+// Without FCS; NICs pad shorter frames.
+inline constexpr std::size_t kMinFrameBytes = 60;
 inline constexpr std::size_t kMaxDatagramsBytes = kMaxFrameBytes - kFramePrefixBytes;  // 1498
 inline constexpr std::size_t kBusOverheadBytes = 24;  // preamble 7, SFD 1, FCS 4, inter-frame gap 12
 inline constexpr std::size_t kSourceMacOffset = 6;
 inline constexpr std::byte kPassedEscBit{0x02};  // set in the first source octet by the first ESC
 
-// EtherCAT frame header: 11 bits length of all datagrams, 1 reserved, 4 bits type.
+// EtherCAT frame header: 11 bits length of all datagrams, 1 bit reserved, 4 bits type.
 inline constexpr std::uint8_t kFrameTypeDatagrams = 1;
 
 struct FrameHeader {
-    std::uint16_t length = 0;  // of the datagrams behind it
+    std::uint16_t length = 0;  // octets of all datagrams
     std::uint8_t type = kFrameTypeDatagrams;
 };
 
@@ -41,7 +42,8 @@ constexpr void store_frame_header(MutableBytes at, FrameHeader header) {
                                       std::to_integer<unsigned>(frame[13]));
 }
 
-// Octets a frame takes on a 100 Mbit/s wire, everything counted, and with it its time at 80 ns an octet.
+// Octets that a frame occupies on a 100 Mbit/s wire, including padding, preamble, FCS and inter-frame gap. Multiplied
+// by 80 ns, this is the time on the wire.
 [[nodiscard]] constexpr std::size_t bytes_on_the_wire(std::size_t frame_bytes) {
     return (frame_bytes < kMinFrameBytes ? kMinFrameBytes : frame_bytes) + kBusOverheadBytes;
 }

@@ -10,13 +10,13 @@ namespace margay::wire {
 
 struct Fmmu {
     LogicalAddress logical_start;
-    std::uint16_t length_bytes = 0;  // logical octets touched, a partial one counts
+    std::uint16_t length_bytes = 0;  // number of logical octets, including partially used octets
     std::uint8_t logical_start_bit = 0;
     std::uint8_t logical_end_bit = 0;  // inclusive
     std::uint16_t physical_start = 0;
     std::uint8_t physical_start_bit = 0;
-    bool read = false;   // the slave's memory goes into the datagram
-    bool write = false;  // the datagram goes into the slave's memory
+    bool read = false;   // copies the memory of the slave into the datagram
+    bool write = false;  // copies the datagram into the memory of the slave
     bool active = false;
     friend constexpr bool operator==(const Fmmu&, const Fmmu&) = default;
 };
@@ -32,7 +32,7 @@ struct FmmuLayout {
     using activate = Field<std::uint8_t, 12>;
 };
 
-// `at` holds reg::kFmmuStride octets.
+// `at` must have reg::kFmmuStride octets.
 [[nodiscard]] constexpr Fmmu load_fmmu(Bytes at) {
     using L = FmmuLayout;
     const auto type = L::type::load(at);

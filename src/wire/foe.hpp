@@ -1,5 +1,4 @@
-// File access over EtherCAT: the data of a mailbox message of type FoE (ETG.1000.6 "File access over EtherCAT
-// coding").
+// File access over EtherCAT: the data of a mailbox message of type FoE (ETG.1000.6 "File access over EtherCAT coding").
 #pragma once
 
 #include "util/bytes.hpp"
@@ -35,15 +34,16 @@ enum class ErrorCode : std::uint32_t {
 
 struct Layout {
     using opcode = Field<Opcode, 0>;
-    using password = Field<std::uint32_t, 2>;       // read, write: the file name follows, not terminated
+    using password = Field<std::uint32_t, 2>;       // read, write: the file name follows, without terminator
     using packet_number = Field<std::uint32_t, 2>;  // data (from 1), acknowledge (0 acknowledges a write request)
     using error_code = Field<ErrorCode, 2>;         // error: a text follows
     using done = Field<std::uint16_t, 2>;           // busy: progress, a text may follow
     using entire = Field<std::uint16_t, 4>;
 };
-inline constexpr std::size_t kHeaderBytes = 6;  // all messages: what follows is the name, the data or the text
+inline constexpr std::size_t kHeaderBytes = 6;  // all messages: followed by the name, the data or the text
 
-// In words; unknown values read as such. Static strings, callable from anywhere.
+// Text of a code; unknown values have a text that says so. The strings are static. Callable from any thread and from
+// the cycle.
 [[nodiscard]] std::string_view to_text(ErrorCode code);
 
 }  // namespace margay::wire::foe

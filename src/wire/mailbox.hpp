@@ -1,4 +1,4 @@
-// Mailbox header (6 octets) and mailbox error reply (ETG.1000.4 "Mailbox", ETG.1000.6 table "Mailbox error
+// The mailbox header (6 octets) and the mailbox error reply (ETG.1000.4 "Mailbox", ETG.1000.6 table "Mailbox error
 // reply").
 #pragma once
 
@@ -25,21 +25,21 @@ inline constexpr std::size_t kMailboxHeaderBytes = 6;
 inline constexpr std::uint8_t kLastMailboxCounter = 7;
 
 struct MailboxHeader {
-    std::uint16_t length = 0;   // of the data behind the header
-    std::uint16_t address = 0;  // station address of the sender's partner, 0 for the master
+    std::uint16_t length = 0;   // octets of data after the header
+    std::uint16_t address = 0;  // station address of the communication partner, 0 for the master
     std::uint8_t channel = 0;   // 6 bits, reserved: 0
     std::uint8_t priority = 0;  // 2 bits
     MailboxType type = MailboxType::error;
-    std::uint8_t counter = 0;  // 3 bits: 1 to 7 in turn, 0 when the sender does not count
+    std::uint8_t counter = 0;  // 3 bits: 1 to 7 in turn; 0 when the sender does not use the counter
     friend constexpr bool operator==(const MailboxHeader&, const MailboxHeader&) = default;
 };
 
-// The counter that follows: 1 after 7, and after 0.
+// Returns the next counter: 1 after 7, and after 0.
 [[nodiscard]] constexpr std::uint8_t next_mailbox_counter(std::uint8_t counter) {
     return counter >= kLastMailboxCounter ? std::uint8_t{1} : static_cast<std::uint8_t>(counter + 1);
 }
 
-// `at` holds kMailboxHeaderBytes octets.
+// `at` must have kMailboxHeaderBytes octets.
 [[nodiscard]] constexpr MailboxHeader load_mailbox_header(Bytes at) {
     const auto channel = load_le<std::uint8_t>(at, 4);
     const auto type = load_le<std::uint8_t>(at, 5);
@@ -59,8 +59,8 @@ constexpr void store_mailbox_header(MutableBytes at, const MailboxHeader& h) {
                            static_cast<std::uint8_t>((static_cast<unsigned>(h.type) & 0x0F) | ((h.counter & 7u) << 4)));
 }
 
-// A whole message: the header and the data it announces, cut out of `from` (which may go on behind it).
-// Nothing when `from` ends before what the header says.
+// A whole message: the header, and as many octets of data as the header announces. `from` may be longer. Returns
+// nullopt when `from` is shorter than the header announces.
 struct MailboxMessage {
     MailboxHeader header;
     Bytes data;
@@ -72,7 +72,7 @@ struct MailboxMessage {
     return MailboxMessage{header, from.subspan(kMailboxHeaderBytes, header.length)};
 }
 
-// Detail of a mailbox error reply.
+// Detail code of a mailbox error reply.
 enum class MailboxErrorCode : std::uint16_t {
     syntax = 0x0001,
     unsupported_protocol = 0x0002,
@@ -93,7 +93,8 @@ struct MailboxErrorLayout {
 inline constexpr std::size_t kMailboxErrorBytes = 4;
 inline constexpr std::uint16_t kMailboxErrorTypeCommand = 1;
 
-// The detail in words, and the protocol's name. Static strings, callable from anywhere.
+// Text of a detail code, and the name of a protocol. The strings are static. Callable from any thread and from the
+// cycle.
 [[nodiscard]] std::string_view to_text(MailboxErrorCode code);
 [[nodiscard]] std::string_view to_text(MailboxType type);
 

@@ -1,10 +1,9 @@
-// The slave information interface: what stands in the EEPROM of a slave, by word address (ETG.1000.6 and
-// ETG.2010, "Slave information interface"). Here: the fixed part, words 0x00–0x3F, and the chain of
-// categories behind it. What is in a category is in sii_category.hpp, what can be wrong with a whole image in
-// sii_check.hpp.
+// The slave information interface: the content of the EEPROM of a slave, by word address (ETG.1000.6 and ETG.2010,
+// "Slave information interface"). This file contains the fixed part, words 0x00–0x3F, and the chain of categories that
+// follows it. sii_category.hpp contains the content of the categories, sii_check.hpp the check of a whole image.
 //
-// A master that reads over the wire never holds a whole image: it loads the words it needs with load_…(),
-// follows the chain with CategoryChain, and reads the contents of the categories it wants.
+// A master that reads over the wire never has a whole image in memory: it loads the words it needs with load_…(),
+// follows the chain with CategoryChain, and reads the content of the categories it needs.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -24,16 +23,16 @@ inline constexpr std::size_t kWordBytes = 2;
 
 // Word addresses.
 namespace word {
-inline constexpr std::uint32_t kPdiControl = 0x00;  // words 0x00–0x07 are what the ESC itself loads
+inline constexpr std::uint32_t kPdiControl = 0x00;  // the ESC loads words 0x00–0x07 itself
 inline constexpr std::uint32_t kAlias = 0x04;
 inline constexpr std::uint32_t kChecksum = 0x07;
-inline constexpr std::uint32_t kIdentity = 0x08;  // vendor, product, revision, serial, two words each
+inline constexpr std::uint32_t kIdentity = 0x08;  // vendor, product, revision, serial number, two words each
 inline constexpr std::uint32_t kBootMailbox = 0x14;
 inline constexpr std::uint32_t kMailbox = 0x18;
 inline constexpr std::uint32_t kMailboxProtocols = 0x1C;
 inline constexpr std::uint32_t kSize = 0x3E;
 inline constexpr std::uint32_t kVersion = 0x3F;
-inline constexpr std::uint32_t kCategories = 0x40;  // the first category's header
+inline constexpr std::uint32_t kCategories = 0x40;  // header of the first category
 }  // namespace word
 
 inline constexpr std::size_t kConfigurationBytes = 16;  // words 0x00–0x07
@@ -42,37 +41,37 @@ inline constexpr std::size_t kMailboxesBytes = 18;      // words 0x14–0x1C
 inline constexpr std::size_t kFixedBytes = word::kCategories * kWordBytes;
 inline constexpr std::size_t kCategoryHeaderBytes = 4;
 
-// What is wrong with an image or a part of it.
+// Errors of an image or of a part of it.
 enum class Fault : std::uint8_t {
     none,
     blank,                 // erased: every octet is 0xFF
     odd_length,            // not a whole number of words
-    truncated,             // ends before its own description says so
-    no_end,                // the chain of categories leads to the end of the EEPROM without an end mark
-    category_past_end,     // a category is longer than what is left of the EEPROM
-    category_overlap,      // what a category describes reaches past its end, into the next one
-    category_repeated,     // a category that there is only one of comes twice
-    trailing,              // octets behind the last whole entry of a category
-    checksum,              // CRC of words 0x00–0x06 is not what word 0x07 says
-    size_mismatch,         // word 0x3E tells another size than the image has
+    truncated,             // ends earlier than its own description says
+    no_end,                // the chain of categories reaches the end of the EEPROM without an end mark
+    category_past_end,     // a category is longer than the rest of the EEPROM
+    category_overlap,      // the content of a category exceeds its end and reaches into the next category
+    category_repeated,     // a category that may occur only once occurs twice
+    trailing,              // octets after the last whole entry of a category
+    checksum,              // the CRC of words 0x00–0x06 differs from word 0x07
+    size_mismatch,         // word 0x3E contains another size than that of the image
     mailbox_without_size,  // a protocol is announced, but a mailbox has no size
     mailbox_one_sided,     // only one of the two mailboxes has a size
-    mailbox_too_short,     // no room for a mailbox header
-    mailbox_too_large,     // more octets than a frame carries in one datagram
+    mailbox_too_short,     // shorter than a mailbox header
+    mailbox_too_large,     // larger than the data of one datagram
     mailbox_outside,       // not in the process RAM of an ESC
     mailbox_overlap,       // the two mailboxes share memory
     string_past_end,       // a string is longer than its category
     string_missing,        // a string number above the number of strings
-    unknown_value,         // an enumeration with a value that the standard does not have
-    no_room,               // for the writer: the image does not fit
-    too_long,              // for the writer: a text, a list or a category with more elements than can be counted
+    unknown_value,         // the standard does not define the value of an enumeration
+    no_room,               // from the writer: the image does not fit
+    too_long,              // from the writer: a text, list or category has too many elements for its counter
 };
 
-// A fault in words, and the kind of error it is. Static; callable from anywhere.
+// Text of a fault, and its error code. The strings are static. Callable from any thread and from the cycle.
 [[nodiscard]] std::string_view to_text(Fault fault);
 [[nodiscard]] Errc to_errc(Fault fault);
 
-// A value and what is wrong with it. Where there is a fault the value holds what could be read.
+// A value and its fault. With a fault, the value contains everything that could be read.
 template <class T>
 struct Parsed {
     T value{};
@@ -80,13 +79,13 @@ struct Parsed {
     [[nodiscard]] constexpr bool ok() const { return fault == Fault::none; }
 };
 
-// Words 0x00–0x07: what the ESC loads into its registers when it starts.
+// Words 0x00–0x07: the values that the ESC loads into its registers when it starts.
 struct Configuration {
-    std::uint16_t pdi_control = 0;                 // to 0x0140
-    std::uint16_t pdi_configuration = 0;           // to 0x0150
-    std::uint16_t sync_pulse_length_10ns = 0;      // to 0x0982
-    std::uint16_t extended_pdi_configuration = 0;  // to 0x0152
-    std::uint16_t alias = 0;                       // to 0x0012
+    std::uint16_t pdi_control = 0;                 // for register 0x0140
+    std::uint16_t pdi_configuration = 0;           // for register 0x0150
+    std::uint16_t sync_pulse_length_10ns = 0;      // for register 0x0982
+    std::uint16_t extended_pdi_configuration = 0;  // for register 0x0152
+    std::uint16_t alias = 0;                       // for register 0x0012
     std::array<std::uint16_t, 2> reserved{};
     std::uint16_t checksum = 0;  // low octet
     friend constexpr bool operator==(const Configuration&, const Configuration&) = default;
@@ -104,7 +103,7 @@ struct ConfigurationLayout {
     static_assert(checksum::end == kConfigurationBytes);
 };
 
-// `at` holds kConfigurationBytes, from word 0 on.
+// `at` must have kConfigurationBytes octets, from word 0 on.
 [[nodiscard]] constexpr Configuration load_configuration(Bytes at) {
     using L = ConfigurationLayout;
     return {.pdi_control = L::pdi_control::load(at),
@@ -116,8 +115,7 @@ struct ConfigurationLayout {
             .checksum = L::checksum::load(at)};
 }
 
-// The CRC over words 0x00–0x06: polynomial x⁸ + x² + x + 1, start value 0xFF. `at` holds those 14 octets or
-// more.
+// The CRC of words 0x00–0x06: polynomial x⁸ + x² + x + 1, start value 0xFF. `at` must have at least these 14 octets.
 [[nodiscard]] constexpr std::uint8_t checksum(Bytes at) {
     unsigned crc = 0xFF;
     for (const auto octet : at.first(ConfigurationLayout::checksum::offset)) {
@@ -127,13 +125,14 @@ struct ConfigurationLayout {
     return static_cast<std::uint8_t>(crc);
 }
 
-// Whether the low octet of word 7 is the CRC of the words before it. `at` holds kConfigurationBytes. To be
-// reported when it is not, but no reason to stop: the ESC is there and can be talked to.
+// Whether the low octet of word 7 is the CRC of the previous words. `at` must have kConfigurationBytes octets. Report a
+// wrong checksum, but continue: the ESC exists and communication is possible.
 [[nodiscard]] constexpr bool checksum_right(Bytes at) {
     return static_cast<std::uint8_t>(ConfigurationLayout::checksum::load(at)) == checksum(at);
 }
 
-// Stores all of it with the checksum computed; `c.checksum` is not looked at. `at` holds kConfigurationBytes.
+// Stores all words with a newly calculated checksum; `c.checksum` is ignored. `at` must have kConfigurationBytes
+// octets.
 constexpr void store_configuration(MutableBytes at, const Configuration& c) {
     using L = ConfigurationLayout;
     L::pdi_control::store(at, c.pdi_control);
@@ -146,7 +145,7 @@ constexpr void store_configuration(MutableBytes at, const Configuration& c) {
     L::checksum::store(at, checksum(at));
 }
 
-// `at` holds kIdentityBytes, from word::kIdentity on.
+// `at` must have kIdentityBytes octets, from word::kIdentity on.
 [[nodiscard]] constexpr Identity load_identity(Bytes at) {
     return {load_le<std::uint32_t>(at, 0), load_le<std::uint32_t>(at, 4), load_le<std::uint32_t>(at, 8),
             load_le<std::uint32_t>(at, 12)};
@@ -159,10 +158,10 @@ constexpr void store_identity(MutableBytes at, const Identity& identity) {
     store_le(at, 12, identity.serial);
 }
 
-// The mailboxes of states PREOP to OP and those of BOOT. What the standard calls the receive mailbox is what
-// the slave receives with: the master's `out`.
+// The mailboxes of the states PREOP to OP, and the mailboxes of BOOT. The receive mailbox of the standard is the
+// mailbox that the slave receives with; for the master it is `out`.
 struct Mailboxes {
-    MailboxInfo boot;  // protocols: those of standard
+    MailboxInfo boot;  // its protocols are those of `standard`
     MailboxInfo standard;
 };
 
@@ -179,7 +178,7 @@ struct MailboxesLayout {  // from word::kBootMailbox on
     static_assert(protocols::end == kMailboxesBytes);
 };
 
-// `at` holds kMailboxesBytes, from word::kBootMailbox on. Values as they stand there; see mailbox_fault().
+// `at` must have kMailboxesBytes octets, from word::kBootMailbox on. The values are not checked; see mailbox_fault().
 [[nodiscard]] constexpr Mailboxes load_mailboxes(Bytes at) {
     using L = MailboxesLayout;
     const auto protocols = L::protocols::load(at);
@@ -202,19 +201,19 @@ constexpr void store_mailboxes(MutableBytes at, const Mailboxes& m) {
     L::protocols::store(at, m.standard.protocols);
 }
 
-// Why a pair of mailboxes cannot be used as the SII has it; none when it can, or when there is no mailbox at
-// all. For the boot mailboxes, which may be absent while a protocol is announced, call it with protocols 0.
+// The reason why a pair of mailboxes of the SII is not usable; none when it is usable, or when there is no mailbox. The
+// boot mailboxes may be absent although a protocol is announced: call the function with protocols 0 for them.
 [[nodiscard]] Fault mailbox_fault(const MailboxInfo& mailbox);
 
-// Fault::mailbox_too_large: which of the two it is (the slave's receive mailbox first), as the word of its size,
-// counted from the first word of the pair.
+// For Fault::mailbox_too_large: the oversized mailbox (the receive mailbox of the slave is checked first). `word` is
+// the word of its size, counted from the first word of the pair.
 struct OversizedMailbox {
     std::uint32_t word = 0;
     std::uint16_t bytes = 0;
 };
 [[nodiscard]] OversizedMailbox oversized_mailbox(const MailboxInfo& mailbox);
 
-// The size of the EEPROM by word 0x3E, which counts KiBit less one.
+// The size of the EEPROM from word 0x3E, which contains the number of KiBit minus one.
 [[nodiscard]] constexpr std::uint32_t eeprom_bytes(std::uint16_t size_word) {
     return (size_word + std::uint32_t{1}) * 128;
 }
@@ -222,10 +221,10 @@ struct OversizedMailbox {
     return static_cast<std::uint16_t>(eeprom_bytes / 128 - 1);
 }
 
-// No content of an SII is followed beyond this size, whatever the size word says: it has 16 bits and may tell 8 MiB,
-// which take minutes to read. The largest EEPROMs of common two-octet addressing have 64 KiB.
+// The content of an SII is not read beyond this size. The size word has 16 bits and may announce 8 MiB, which take
+// minutes to read. The largest common EEPROMs with two address octets have 64 KiB.
 inline constexpr std::uint32_t kMostContentBytes = 0x10000;
-// The words that the chain of categories may have in an EEPROM of this size.
+// End of the words that the chain of categories may use in an EEPROM of this size.
 [[nodiscard]] constexpr std::uint32_t content_end_word(std::uint32_t eeprom_bytes) {
     return static_cast<std::uint32_t>((eeprom_bytes < kMostContentBytes ? eeprom_bytes : kMostContentBytes) /
                                       kWordBytes);
@@ -240,13 +239,13 @@ struct FixedPart {
     std::uint16_t version = 0;
 };
 
-// From an image; truncated when it holds less than kFixedBytes (the value is empty then), checksum when that
-// is wrong.
+// Reads the fixed part of an image. Faults: truncated when the image is shorter than kFixedBytes (the value is empty),
+// checksum when the checksum is wrong.
 [[nodiscard]] Parsed<FixedPart> load_fixed_part(Bytes image);
 
 [[nodiscard]] bool is_blank(Bytes image);  // every octet is 0xFF; an empty image is not blank
 
-// Category types, the first word of a category's header.
+// Category types: the first word of a category header.
 namespace category {
 inline constexpr std::uint16_t kNop = 0;
 inline constexpr std::uint16_t kLastDeviceSpecific = 9;  // 1–9
@@ -265,39 +264,39 @@ inline constexpr std::uint16_t kLastVendorSpecific = 0x0FFF;
 inline constexpr std::uint16_t kVendorSpecificBit = 0x8000;
 inline constexpr std::uint16_t kEnd = 0xFFFF;
 
-[[nodiscard]] std::string_view name(std::uint16_t type);  // "SyncManager"; "unknown" where there is none. Static
+[[nodiscard]] std::string_view name(std::uint16_t type);  // "SyncManager"; "unknown" for an undefined type. Static
 }  // namespace category
 
-// Where a category's content is.
+// Location of the content of a category.
 struct CategoryPlace {
     std::uint16_t type = category::kEnd;
-    std::uint16_t words = 0;  // of the content
-    std::uint32_t word = 0;   // address of the content
+    std::uint16_t words = 0;  // size of the content
+    std::uint32_t word = 0;   // word address of the content
 };
 
-// Follows the chain of categories by their headers, wherever those come from:
+// Follows the chain of categories by their headers. The caller reads the headers from any source:
 //
 //     CategoryChain chain(end_word);
 //     while (chain.more()) {
 //         … read kCategoryHeaderBytes from word chain.header_word() …
 //         const auto place = chain.step(header);
 //         if (!place) break;                      // the end, or chain.fault()
-//         … read what is wanted of place->words at place->word …
+//         … read the needed words of place->words at place->word …
 //     }
 //
-// It comes to an end on any content: each step is at least two words forward. A header of two zero words is
-// taken for memory that nobody wrote (Fault::no_end), so that a cleared EEPROM is not walked to its end.
+// The loop ends for any content, because each step goes at least two words forward. A header of two zero words is
+// treated as memory that was never written (Fault::no_end), so that a cleared EEPROM is not read to its end.
 class CategoryChain {
   public:
-    // `end_word`: the size of the EEPROM in words, as far as known.
+    // `end_word`: the size of the EEPROM in words, as far as it is known.
     explicit constexpr CategoryChain(std::uint32_t end_word) : end_word_(end_word) { look_ahead(); }
 
     [[nodiscard]] constexpr bool more() const { return more_; }
     [[nodiscard]] constexpr std::uint32_t header_word() const { return at_; }
     [[nodiscard]] constexpr Fault fault() const { return fault_; }
 
-    // `header` holds kCategoryHeaderBytes; where the end mark is the last word of the EEPROM, its length does
-    // not matter. Nothing at the end mark, and at a fault.
+    // `header` must have kCategoryHeaderBytes octets. When the end mark is the last word of the EEPROM, the second word
+    // of the header is ignored. Returns nullopt at the end mark and on a fault.
     constexpr std::optional<CategoryPlace> step(Bytes header) {
         if (!more_) return std::nullopt;
         const CategoryPlace place{load_le<std::uint16_t>(header, 0), load_le<std::uint16_t>(header, 2), at_ + 2};
@@ -331,11 +330,11 @@ struct Category {
     Bytes content;
 };
 
-// The same over an image in memory.
+// The same for an image in memory.
 //
 //     CategoryWalker walker(image);
 //     while (auto category = walker.next()) …;
-//     if (walker.fault() != Fault::none) …;   // the categories before it are good
+//     if (walker.fault() != Fault::none) …;   // the categories before the fault are valid
 class CategoryWalker {
   public:
     explicit constexpr CategoryWalker(Bytes image)
@@ -351,7 +350,7 @@ class CategoryWalker {
         return Category{*place, image_.subspan(place->word * kWordBytes, place->words * kWordBytes)};
     }
     [[nodiscard]] constexpr Fault fault() const { return chain_.fault(); }
-    // Where it stopped: the word of the end mark, or of the header that is at fault.
+    // The word address of the end mark, or of the header with the fault.
     [[nodiscard]] constexpr std::uint32_t stopped_at() const { return chain_.header_word(); }
 
   private:
@@ -359,7 +358,7 @@ class CategoryWalker {
     CategoryChain chain_;
 };
 
-// The content of the first category of a type; nothing when the image has none.
+// The content of the first category of a type; nullopt when the image has none.
 [[nodiscard]] std::optional<Bytes> find_category(Bytes image, std::uint16_t type);
 
 }  // namespace margay::wire::sii

@@ -9,7 +9,7 @@ using Area = std::array<std::byte, kConfigurationBytes>;
 
 std::uint16_t word_of(Bytes area, std::size_t word) { return load_le<std::uint16_t>(area, word * kWordBytes); }
 
-// The checksums of the area while words 0–6 change from old to new, one at a time: at most eight.
+// The checksums of the area while words 0–6 change from old to new, one word at a time: at most eight checksums.
 class Mixtures {
   public:
     Mixtures(const Area& old, Bytes wanted) {
@@ -21,12 +21,12 @@ class Mixtures {
             add(area);
         }
     }
-    // One of the mixtures has this checksum; the old words and the new ones are none.
+    // Whether one of the mixtures has this checksum. The old words and the new words are not mixtures.
     [[nodiscard]] bool any(std::uint8_t stored) const {
         const auto all = std::span(checksums_).first(count_);
         return count_ > 2 && std::ranges::count(all.subspan(1, count_ - 2), stored) != 0;
     }
-    // A checksum that is that of none of them, of the old words, or of the new ones.
+    // A checksum that differs from the checksums of all mixtures, of the old words and of the new words.
     [[nodiscard]] std::uint8_t none_of_them() const {
         const auto all = std::span(checksums_).first(count_);
         std::uint8_t value = 0;
@@ -58,7 +58,7 @@ AreaPlan plan_area(Bytes old, Bytes wanted) {
         store_le(MutableBytes(area), word * kWordBytes, to);
     };
     const auto stored = static_cast<std::uint8_t>(word_of(area, word::kChecksum));
-    // The new words with the old checksum are a mixture too where all of word 7 is to change.
+    // When both octets of word 7 change, the new words with the old checksum are a mixture too.
     const bool high_differs = (word_of(area, word::kChecksum) ^ last) > 0xFF;
     const bool vouched =
         mixtures.any(stored) || (high_differs && mixtures.changed_words() != 0 && stored == mixtures.of_new());

@@ -7,8 +7,8 @@ namespace {
 
 constexpr unsigned octet_at(Bytes octets, std::size_t i) { return std::to_integer<unsigned>(octets[i]); }
 
-// The length of the UTF-8 sequence at `i`, 0 when there is none. Overlong forms, surrogates and what lies
-// above U+10FFFF are none.
+// The length of the UTF-8 sequence at `i`; 0 when there is no valid sequence. Overlong forms, surrogates and code
+// points above U+10FFFF are not valid.
 std::size_t utf8_length(Bytes octets, std::size_t i) {
     const unsigned lead = octet_at(octets, i);
     if (lead < 0x80) return 1;
@@ -67,7 +67,7 @@ std::string_view to_utf8(Bytes octets, std::span<char> out) {
             out[size] = '?';
         } else if (needed == taken) {
             for (std::size_t k = 0; k < taken; ++k) out[size + k] = static_cast<char>(octet_at(octets, i + k));
-        } else {  // ISO 8859-1 are the first 256 code points
+        } else {  // the characters of ISO 8859-1 are the first 256 code points
             out[size] = static_cast<char>(0xC0 | (first >> 6));
             out[size + 1] = static_cast<char>(0x80 | (first & 0x3F));
         }
@@ -79,7 +79,7 @@ std::string_view to_utf8(Bytes octets, std::span<char> out) {
 
 Parsed<General> parse_general(Bytes content) {
     std::array<std::byte, kGeneralBytes> at{};
-    // Whole words only: every wider field is one.
+    // Only whole words, because every field of more than one octet is a word.
     const auto there = std::min(content.size() / kWordBytes * kWordBytes, at.size());
     std::copy_n(content.begin(), there, at.begin());
     const General g{.group = load_le<std::uint8_t>(at, 0),

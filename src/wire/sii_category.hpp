@@ -1,6 +1,5 @@
-// What is in the categories of an SII (ETG.1000.6 and ETG.2010, the tables of the categories' structures).
-// Every reader takes the content of one category, without its header, and nothing else; none of them reads
-// past its end.
+// The content of the categories of an SII (ETG.1000.6 and ETG.2010, the tables of the category structures). Every
+// reader gets the content of one category without its header, and never reads past its end.
 #pragma once
 
 #include "wire/sii.hpp"
@@ -12,19 +11,19 @@
 
 namespace margay::wire::sii {
 
-// The number of a string in the strings category, from 1 on; 0 is none.
+// The number of a string in the strings category, from 1; 0: no string.
 using StringNumber = std::uint8_t;
 
-// The octets of string `number`; empty for number 0. Faults: string_missing, string_past_end. What encoding
-// they are in nobody says: it is mostly ASCII, sometimes ISO 8859-1; see to_utf8().
+// The octets of string `number`; empty for number 0. Faults: string_missing, string_past_end. The standard does not
+// specify the encoding: it is mostly ASCII, sometimes ISO 8859-1; see to_utf8().
 [[nodiscard]] Parsed<Bytes> string(Bytes strings, StringNumber number);
 
-// How many strings the category says it has.
+// The number of strings that the category announces.
 [[nodiscard]] std::uint8_t string_count(Bytes strings);
 
-// Writes the octets of a string as UTF-8 into `out` and returns the part that was written: what is UTF-8
-// stays as it is, else it is taken for ISO 8859-1. Control characters become '?', a tail of spaces and zeros
-// is dropped. Never ends in the midst of a character.
+// Writes the octets of a string as UTF-8 into `out` and returns the written part. Valid UTF-8 is not changed; other
+// octets are converted from ISO 8859-1. Control characters become '?', and spaces and zeros at the end are removed. The
+// result never ends within a character.
 std::string_view to_utf8(Bytes octets, std::span<char> out);
 
 // General (30).
@@ -34,24 +33,24 @@ struct General {
     StringNumber order = 0;
     StringNumber name = 0;
     std::uint8_t coe_details = 0;  // margay::coe_detail bits
-    std::uint8_t foe_details = 0;  // bit 0: FoE is there
-    std::uint8_t eoe_details = 0;  // bit 0: EoE is there
+    std::uint8_t foe_details = 0;  // bit 0: FoE is supported
+    std::uint8_t eoe_details = 0;  // bit 0: EoE is supported
     std::uint8_t soe_channels = 0;
     std::uint8_t ds402_channels = 0;
     std::uint8_t sysman_class = 0;
     std::uint8_t flags = 0;                    // general_flag bits
-    std::int16_t ebus_current_ma = 0;          // taken from the E-bus; negative: fed into it
-    std::uint16_t physical_ports = 0;          // four bits a port, see physical_port()
+    std::int16_t ebus_current_ma = 0;          // current taken from the E-bus; negative: current supplied to the E-bus
+    std::uint16_t physical_ports = 0;          // four bits per port, see physical_port()
     std::uint16_t identification_address = 0;  // ESC address of the explicit device id; see general_flag::kIdentMemory
     friend constexpr bool operator==(const General&, const General&) = default;
 };
 
 namespace general_flag {
 inline constexpr std::uint8_t kEnableSafeOp = 0x01;
-inline constexpr std::uint8_t kNotLrw = 0x02;           // cannot do LRW
-inline constexpr std::uint8_t kMailboxDataLink = 0x04;  // has the mailbox data link layer (repeat)
-inline constexpr std::uint8_t kIdentAlStatus = 0x08;    // explicit device id by AL status code
-inline constexpr std::uint8_t kIdentMemory = 0x10;      // explicit device id at identification_address
+inline constexpr std::uint8_t kNotLrw = 0x02;           // LRW is not supported
+inline constexpr std::uint8_t kMailboxDataLink = 0x04;  // supports the mailbox data link layer (repeat)
+inline constexpr std::uint8_t kIdentAlStatus = 0x08;    // explicit device ID by AL status code
+inline constexpr std::uint8_t kIdentMemory = 0x10;      // explicit device ID at identification_address
 }  // namespace general_flag
 
 enum class PhysicalPort : std::uint8_t { unused = 0, mii = 1, reserved = 2, ebus = 3, fast_hot_connect = 4 };
@@ -61,10 +60,10 @@ enum class PhysicalPort : std::uint8_t { unused = 0, mii = 1, reserved = 2, ebus
 
 inline constexpr std::size_t kGeneralBytes = 32;
 
-// Truncated when `content` is shorter than kGeneralBytes; the value holds the fields that are there.
+// Fault truncated when `content` is shorter than kGeneralBytes; the value contains the fields that exist.
 [[nodiscard]] Parsed<General> parse_general(Bytes content);
 
-// Entries of a fixed size, one after the other. `Load` makes a value of one.
+// Iterates over entries of a fixed size. `Load` converts one entry to a value.
 //
 //     SyncManagers managers(content);
 //     while (auto manager = managers.next()) …;
@@ -77,9 +76,9 @@ class Entries {
 
     explicit constexpr Entries(Bytes content) : left_(content) {}
 
-    // How many whole entries are left.
+    // Number of remaining whole entries.
     [[nodiscard]] constexpr std::size_t count() const { return left_.size() / EntryBytes; }
-    // `trailing` where the content is not a whole number of entries.
+    // `trailing` when the content is not a whole number of entries.
     [[nodiscard]] constexpr Fault fault() const {
         return left_.size() % EntryBytes != 0 ? Fault::trailing : Fault::none;
     }
@@ -94,20 +93,19 @@ class Entries {
     Bytes left_;
 };
 
-// FMMU (40): one octet each, 0x00 and 0xFF both mean unused; the last one may be there only to fill a word.
+// FMMU (40): one octet per FMMU. 0x00 and 0xFF mean unused; the last octet may only be padding to a word.
 [[nodiscard]] constexpr FmmuUse load_fmmu_use(Bytes at) {
     const auto octet = load_le<std::uint8_t>(at);
     return octet <= static_cast<std::uint8_t>(FmmuUse::mailbox_status) ? static_cast<FmmuUse>(octet) : FmmuUse::unused;
 }
 using FmmuUses = Entries<load_fmmu_use, 1>;
 
-// SyncManager (41). The status octet of the table is not looked at. A type that the standard does not have is
-// kept as it is.
+// SyncManager (41). The status octet of the table is ignored. A type that the standard does not define keeps its value.
 namespace sm_enable {
 inline constexpr std::uint8_t kEnable = 0x01;
 inline constexpr std::uint8_t kFixedContent = 0x02;
-inline constexpr std::uint8_t kVirtual = 0x04;  // no SyncManager of the ESC stands behind it
-inline constexpr std::uint8_t kOpOnly = 0x08;   // to be enabled in OP only
+inline constexpr std::uint8_t kVirtual = 0x04;  // without a SyncManager in the ESC
+inline constexpr std::uint8_t kOpOnly = 0x08;   // to be activated in OP only
 }  // namespace sm_enable
 
 inline constexpr std::size_t kSyncManagerBytes = 8;
@@ -125,7 +123,7 @@ struct PdoEntry {
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     StringNumber name = 0;
-    std::uint8_t data_type = 0;  // index of a basic type of CoE (ETG.1000.6, "Base data types")
+    std::uint8_t data_type = 0;  // index of a basic data type of CoE (ETG.1000.6, "Base data types")
     std::uint8_t bit_length = 0;
     std::uint16_t flags = 0;
     friend constexpr bool operator==(const PdoEntry&, const PdoEntry&) = default;
@@ -148,13 +146,13 @@ struct Pdo {
 
     std::uint16_t index = 0;
     std::uint8_t entry_count = 0;
-    std::uint8_t sync_manager = kNoSyncManager;  // it is assigned to by default
+    std::uint8_t sync_manager = kNoSyncManager;  // default assignment
     std::uint8_t synchronization = 0;
     StringNumber name = 0;
     std::uint16_t flags = 0;  // pdo_flag bits and others
-    Bytes entries;            // for PdoEntries
+    Bytes entries;            // to be read with PdoEntries
 
-    // By default part of the process data.
+    // Whether the PDO is part of the process data by default.
     [[nodiscard]] constexpr bool assigned() const { return sync_manager != kNoSyncManager; }
 };
 
@@ -176,8 +174,8 @@ inline constexpr std::size_t kPdoBytes = 8;  // without its entries
             .entries = {}};
 }
 
-// Faults: category_overlap when the entries of a PDO are more than the category has room for (that PDO is not
-// returned), trailing when there is a rest too short for a PDO.
+// Faults: category_overlap when a PDO has more entries than fit into the category (this PDO is not returned), trailing
+// when the rest is too short for a PDO.
 class Pdos {
   public:
     explicit constexpr Pdos(Bytes content) : left_(content) {}
@@ -205,13 +203,13 @@ class Pdos {
     Fault fault_ = Fault::none;
 };
 
-// DC (60): one operation mode each.
+// DC (60): one structure for each operation mode.
 struct DcOpMode {
-    std::uint32_t sync0_cycle_time_ns = 0;  // 0: the bus cycle times the factor
+    std::uint32_t sync0_cycle_time_ns = 0;  // 0: the bus cycle time multiplied by the factor
     std::int32_t sync0_shift_time_ns = 0;
     std::int32_t sync1_shift_time_ns = 0;
     std::int16_t sync1_cycle_factor = 0;
-    std::uint16_t assign_activate = 0;  // to 0x0980 (cyclic unit control, SYNC activation)
+    std::uint16_t assign_activate = 0;  // for 0x0980 (cyclic unit control, SYNC activation)
     std::int16_t sync0_cycle_factor = 0;
     StringNumber name = 0;
     StringNumber description = 0;

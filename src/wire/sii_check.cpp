@@ -94,7 +94,7 @@ class Checker {
         }
     }
 
-    // The word that octet `offset` of the content is in.
+    // The word address of octet `offset` of the content.
     [[nodiscard]] std::uint32_t word_at(std::size_t offset) const {
         return at_ + static_cast<std::uint32_t>(offset / kWordBytes);
     }
@@ -104,7 +104,7 @@ class Checker {
             add(Fault::string_missing, word_at(offset), string_count(strings_), number);
     }
 
-    // A string that is too long is found with the last one: all the others are on the way to it.
+    // To find the last string, all other strings are read; so a too long string is found with the last one.
     void check_strings(Bytes content) {
         const auto count = string_count(content);
         if (content.empty()) add(Fault::truncated, at_);

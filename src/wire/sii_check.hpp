@@ -1,6 +1,5 @@
-// A strict look at a whole SII image: everything that is wrong with it, each fault with its place. What a
-// master can make use of nevertheless is a matter of the readers in sii_category.hpp, which go on where this
-// complains.
+// A strict check of a whole SII image that reports every fault with its location. The readers in sii_category.hpp are
+// tolerant: they continue with content that this check reports, as far as a master can use it.
 #pragma once
 
 #include "wire/sii.hpp"
@@ -11,16 +10,16 @@ namespace margay::wire::sii {
 
 struct Finding {
     Fault fault = Fault::none;
-    std::uint16_t category = category::kEnd;  // type of the category it is in; kEnd: none, the fixed part or the chain
-    std::uint32_t word = 0;                   // where: the start of what is at fault
-    std::uint32_t expected = 0;               // as the fault has it, both 0 where there is nothing to compare
+    std::uint16_t category = category::kEnd;  // type of the category with the fault; kEnd: the fixed part or the chain
+    std::uint32_t word = 0;                   // word address of the faulty content
+    std::uint32_t expected = 0;               // meaning depends on the fault; both 0 when there is nothing to compare
     std::uint32_t actual = 0;
     friend constexpr bool operator==(const Finding&, const Finding&) = default;
 };
 
-// Looks at all of `image` and puts what it finds into `findings`, in the order of the image, as far as there
-// is room. Returns how many there are, which may be more than were put. No allocation; time grows with the
-// image's length.
+// Checks `image` completely and writes the findings into `findings` in the order of the image, as far as there is
+// space. Returns the number of findings, which may be larger than the size of `findings`. Does not allocate; the time
+// is proportional to the size of the image.
 [[nodiscard]] std::size_t check_image(Bytes image, std::span<Finding> findings);
 
 }  // namespace margay::wire::sii

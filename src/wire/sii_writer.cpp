@@ -35,7 +35,7 @@ class Writer {
         if (fault_ == Fault::none) fault_ = fault;
     }
 
-    // After the first fault nothing is written any more.
+    // Writes nothing after the first fault.
     template <class T>
     void put(T value) {
         if (sizeof(T) > eeprom_.size() - at_) fail(Fault::no_room);
@@ -55,7 +55,7 @@ class Writer {
         put<std::uint16_t>(0);
         begun_ = at_;
     }
-    // Fills up to a word and puts the length into the header.
+    // Pads to a whole word and writes the length into the header.
     void end() {
         if ((at_ - begun_) % kWordBytes != 0) put<std::uint8_t>(fill_);
         if (at_ - begun_ > kMaxCategoryBytes) fail(Fault::too_long);
@@ -84,7 +84,7 @@ class Writer {
         }
     }
 
-    // Visits every text there is.
+    // Calls `visit` for every text.
     template <class Visit>
     void each_text(Visit visit) const {
         for (const auto text : {device_.order, device_.group, device_.image, device_.name}) visit(text);
@@ -99,8 +99,7 @@ class Writer {
         }
     }
 
-    // The number of a text in the strings as far as they have been written; 0 when it is not there, and for
-    // an empty one.
+    // The number of a text in the strings written so far; 0 when the text is not found or empty.
     [[nodiscard]] StringNumber number(std::string_view text) const {
         if (text.empty() || strings_.empty()) return 0;
         const std::size_t count = string_count(strings_);
@@ -228,7 +227,7 @@ class Writer {
     const Description& device_;
     MutableBytes eeprom_;
     std::size_t at_ = 0;
-    std::size_t begun_ = 0;  // of the category that is being written, its content
+    std::size_t begun_ = 0;  // start of the content of the current category
     std::uint8_t fill_ = 0;
     Bytes strings_;
     Fault fault_ = Fault::none;

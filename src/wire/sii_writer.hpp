@@ -1,4 +1,4 @@
-// Makes an SII image from a description of a device: for simulated slaves, slave stacks and tests.
+// Creates an SII image from the description of a device, for simulated slaves, slave stacks and tests.
 #pragma once
 
 #include "wire/sii_category.hpp"
@@ -27,45 +27,43 @@ struct PdoDescription {
 };
 
 struct DcDescription {
-    DcOpMode mode = {};  // name and description are not looked at
+    DcOpMode mode = {};  // its members name and description are ignored
     std::string_view name = {};
     std::string_view description = {};
 };
 
-// A category as its octets; an odd one is filled up to a word.
+// The octets of a category; an odd number is padded to a word.
 struct RawCategory {
     std::uint16_t type = category::kNop;
     Bytes content = {};
 };
 
-// What is empty is left out, but for General, which every device has. Texts become strings of the strings
-// category, equal ones become one; string numbers in `general` are not looked at. All spans and texts are
-// only borrowed, for the time of the call.
+// Empty categories are left out, except General, which every device has. Texts are stored in the strings category,
+// equal texts only once; string numbers in `general` are ignored. Spans and texts must be valid during the call only.
 struct Description {
-    Configuration configuration = {};  // checksum is computed
+    Configuration configuration = {};  // the checksum is calculated
     Identity identity = {};
     MailboxInfo mailbox = {};
-    MailboxInfo boot_mailbox = {};  // its protocols are not looked at
+    MailboxInfo boot_mailbox = {};  // its protocols are ignored
     std::uint16_t version = 1;
     std::string_view group = {};
     std::string_view image = {};
     std::string_view order = {};
     std::string_view name = {};
     General general = {};
-    std::span<const RawCategory> device_specific = {};  // before the strings
+    std::span<const RawCategory> device_specific = {};  // written before the strings
     std::span<const FmmuUse> fmmus = {};
     std::span<const SmInfo> sync_managers = {};
     std::span<const PdoDescription> tx_pdos = {};
     std::span<const PdoDescription> rx_pdos = {};
     std::span<const DcDescription> dc = {};
-    std::span<const RawCategory> others = {};  // behind all the others
+    std::span<const RawCategory> others = {};  // written after all other categories
 };
 
-// Writes the image into `eeprom`, whose size is that of the EEPROM: a multiple of 128 octets, which is what
-// the size word can tell. What is not needed is filled with 0xFF, as in an erased EEPROM. Returns the octets
-// that are in use, the end mark included. Faults: odd_length (not a multiple of 128), no_room, too_long;
-// `eeprom` is worth nothing then. No allocation; its time grows with the square of the number of different
-// texts.
+// Writes the image into `eeprom`. The size of `eeprom` is the size of the EEPROM: a multiple of 128 octets, because the
+// size word has this unit. The unused rest is filled with 0xFF, as in an erased EEPROM. Returns the number of used
+// octets including the end mark. Faults: odd_length (not a multiple of 128), no_room, too_long; the content of `eeprom`
+// is invalid then. No allocation; the time grows with the square of the number of different texts.
 [[nodiscard]] Parsed<std::size_t> write_image(const Description& device, MutableBytes eeprom);
 
 }  // namespace margay::wire::sii

@@ -21,7 +21,7 @@ std::string_view to_text(Idn idn, std::span<char> into) {
 
 namespace {
 
-// Digits up to the end or a dash; more than `most` is no number.
+// Reads digits up to the end or a dash. Returns nullopt when the number is larger than `most`.
 std::optional<unsigned> take_number(std::string_view& text, unsigned most) {
     unsigned value = 0;
     std::size_t n = 0;

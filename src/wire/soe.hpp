@@ -1,5 +1,5 @@
-// Servodrive profile over EtherCAT: the data of a mailbox message of type SoE (ETG.1000.6 "Servo drive profile over
-// EtherCAT coding"). Offsets count from the SoE header; layouts are checked for length by whoever uses them.
+// Servo drive profile over EtherCAT: the data of a mailbox message of type SoE (ETG.1000.6 "Servo drive profile over
+// EtherCAT coding"). Offsets count from the SoE header. The user of a layout must check the length of the data.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -23,10 +23,10 @@ enum class Opcode : std::uint8_t {
 struct Header {
     Opcode opcode{};
     bool incomplete = false;    // more fragments follow
-    bool error = false;         // an error code is all that follows
+    bool error = false;         // only an error code follows
     std::uint8_t drive = 0;     // 0 to 7
     std::uint8_t elements = 0;  // bits of soe_element
-    std::uint16_t number = 0;   // the IDN; of an incomplete message: how many fragments follow it
+    std::uint16_t number = 0;   // the IDN; in an incomplete message: the number of fragments that follow
     [[nodiscard]] constexpr Idn idn() const { return {number}; }
     friend constexpr bool operator==(const Header&, const Header&) = default;
 };
@@ -51,9 +51,9 @@ constexpr void store_header(MutableBytes at, const Header& h) {
     store_le<std::uint16_t>(at, 2, h.number);
 }
 
-// The head of a list, of a name and of a unit.
+// The header of a list, of a name and of a unit.
 struct ListLayout {
-    using current_bytes = Field<std::uint16_t, 0>;  // of what follows
+    using current_bytes = Field<std::uint16_t, 0>;  // octets after the header
     using most_bytes = Field<std::uint16_t, 2>;
 };
 inline constexpr std::size_t kListHeadBytes = 4;
@@ -63,7 +63,7 @@ inline constexpr std::size_t kErrorBytes = 2;
 
 // ------------------------------------------------------------------ cyclic data (IEC 61800-7-204)
 
-// The parameters that say what it is, and those that standard telegrams have.
+// IDNs of the parameters that define the cyclic data, and of the parameters in the standard telegrams.
 namespace idn {
 inline constexpr Idn kTelegramType = Idn::standard(15);
 inline constexpr Idn kAtList = Idn::standard(16);
@@ -79,13 +79,13 @@ inline constexpr Idn kStatusWord = Idn::standard(135);
 
 // The telegram type is in the lowest three bits of S-0-0015.
 inline constexpr unsigned kTelegramTypes = 8;
-inline constexpr unsigned kConfigurable = 7;  // what the lists S-0-0016 and S-0-0024 say
-// What is in a standard telegram, 0 to 6, behind the control word (MDT) or the status word (AT); IDN 0 is nothing.
+inline constexpr unsigned kConfigurable = 7;  // the content follows from the lists S-0-0016 and S-0-0024
+// The content of a standard telegram, 0 to 6, after the control word (MDT) or the status word (AT). IDN 0: nothing.
 [[nodiscard]] std::array<Idn, 2> telegram(unsigned type, bool mdt);
 
 // ------------------------------------------------------------------ error codes
 
-// By element: the IDN itself 0x1…, name, attribute, unit, minimum, maximum, value 0x7…, then what concerns the service.
+// By element: the IDN itself 0x1…, name, attribute, unit, minimum, maximum, value 0x7…; then the errors of the service.
 enum class ErrorCode : std::uint16_t {
     none = 0,
     no_idn = 0x1001,
@@ -117,7 +117,7 @@ enum class ErrorCode : std::uint16_t {
     value_too_short = 0x7002,
     value_too_long = 0x7003,
     value_read_only = 0x7004,
-    value_protected = 0x7005,  // in this state
+    value_protected = 0x7005,  // protected in this state
     value_too_small = 0x7006,
     value_too_large = 0x7007,
     value_invalid = 0x7008,
@@ -141,7 +141,8 @@ enum class ErrorCode : std::uint16_t {
     no_element = 0x800C,
 };
 
-// In words; unknown values read as such. A static string, callable from anywhere.
+// Text of a code; unknown values have a text that says so. The strings are static. Callable from any thread and from
+// the cycle.
 [[nodiscard]] std::string_view to_text(ErrorCode code);
 
 }  // namespace margay::wire::soe

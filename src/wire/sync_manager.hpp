@@ -1,4 +1,4 @@
-// SyncManager channel, 8 octets from 0x0800 (ETG.1000.4 table "Sync manager channel").
+// A SyncManager channel, 8 octets from 0x0800 (ETG.1000.4 table "Sync manager channel").
 #pragma once
 
 #include "util/bytes.hpp"
@@ -52,7 +52,7 @@ inline constexpr std::uint8_t kDeactivate = 0x01;
 inline constexpr std::uint8_t kRepeatAcknowledge = 0x02;
 }  // namespace sm_pdi_control
 
-// The part a master writes.
+// The part of the channel that the master writes.
 struct SyncManager {
     std::uint16_t physical_start = 0;
     std::uint16_t length_bytes = 0;
@@ -69,7 +69,7 @@ struct SyncManager {
     friend constexpr bool operator==(const SyncManager&, const SyncManager&) = default;
 };
 
-// `at` holds reg::kSyncManagerStride octets.
+// `at` must have reg::kSyncManagerStride octets.
 [[nodiscard]] constexpr SyncManager load_sync_manager(Bytes at) {
     using L = SyncManagerLayout;
     return {L::physical_start::load(at), L::length::load(at), L::control::load(at), L::activate::load(at)};

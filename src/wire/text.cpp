@@ -18,7 +18,7 @@ struct RegisterName {
     std::string_view name;
 };
 
-// In the order of their addresses.
+// In ascending order of addresses.
 constexpr RegisterName kNames[] = {
     {reg::kType, "type"},
     {reg::kRevision, "revision"},
@@ -149,7 +149,7 @@ void put_adp(TextWriter& to, const DatagramHeader& header) {
         to.hex(adp, 4);
         return;
     }
-    // Signed, as the slaves count: -2 is on its way to the third one.
+    // Signed, because the slaves increment the position: a request with -2 is for the third slave.
     const auto value = static_cast<std::int16_t>(adp);
     if (value < 0) to << "-";
     to << static_cast<std::uint64_t>(value < 0 ? -value : value);

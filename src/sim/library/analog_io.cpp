@@ -12,13 +12,14 @@ using namespace std::chrono_literals;
 
 constexpr unsigned kInputChannels = 4;
 constexpr unsigned kOutputChannels = 2;
-constexpr int kRangeEnd = 32000;  // what a converter can tell apart; beyond is under- and overrange
+// End of the converter's range; larger values are overrange, smaller values underrange.
+constexpr int kRangeEnd = 32000;
 
-// Values of an input, of an output, and of the settings of either, from the start of their block.
+// Values of an input, of an output, and of the scaling settings, as offsets from the start of their block.
 struct In {
     using underrange = Field<std::uint8_t, 0>;
     using overrange = Field<std::uint8_t, 1>;
-    using limit = Field<std::uint8_t, 2>;  // 0: off or within, 1: below, 2: above
+    using limit = Field<std::uint8_t, 2>;  // 0: off or within the limits, 1: below, 2: above
     using error = Field<std::uint8_t, 3>;
     using toggle = Field<std::uint8_t, 4>;
     using value = Field<std::int16_t, 5>;
@@ -33,7 +34,7 @@ struct Out {
 struct Scale {
     using on = Field<std::uint8_t, 0>;
     using offset = Field<std::int16_t, 1>;
-    using gain = Field<std::int32_t, 3>;  // 65536 is one
+    using gain = Field<std::int32_t, 3>;  // 65536 means a gain of 1
     using limits_on = Field<std::uint8_t, 7>;
     using low = Field<std::int16_t, 8>;
     using high = Field<std::int16_t, 10>;
@@ -41,7 +42,7 @@ struct Scale {
 };
 constexpr std::size_t in_at(unsigned n) { return n * In::bytes; }
 constexpr std::size_t out_at(unsigned n) { return in_at(kInputChannels) + n * Out::bytes; }
-// Inputs first, then outputs.
+// Settings of the inputs first, then of the outputs.
 constexpr std::size_t scale_at(unsigned n) { return out_at(kOutputChannels) + n * Scale::bytes; }
 constexpr std::size_t kImageBytes = scale_at(kInputChannels + kOutputChannels);
 
@@ -153,7 +154,7 @@ class AnalogIo final : public Model {
         drive_outputs();
     }
     void safe_outputs(Time) override { drive_outputs(); }
-    // What the converters see, 16 bits a channel.
+    // Raw values at the converters, 16 bits per channel.
     [[nodiscard]] MutableBytes measured() override { return terminals_; }
 
   private:

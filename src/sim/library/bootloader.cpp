@@ -1,5 +1,5 @@
-// "bootloader": a device whose firmware is exchanged in BOOT, by FoE. A good image counts from the next start on, which
-// comes with the way back to INIT; until one is there the device refuses PREOP.
+// "bootloader": a device whose firmware is replaced by FoE in BOOT. A valid image is used from the next start of the
+// firmware, which happens on the transition to INIT. Without a valid image the device refuses PREOP.
 #include "sim/library/bootloader.hpp"
 
 #include "sim/library/device_tables.hpp"
@@ -63,7 +63,7 @@ constexpr std::string_view kFile = "firmware";
 constexpr Duration kErase = 30ms;
 constexpr Duration kCheckAndStore = 50ms;
 
-// CRC-32 of IEEE 802.3, as files mostly have it.
+// CRC-32 of IEEE 802.3, the common CRC-32 of files.
 std::uint32_t crc32(Bytes data) {
     std::uint32_t crc = 0xFFFFFFFF;
     for (const auto octet : data) {
@@ -129,7 +129,7 @@ Verdict Bootloader::may(subdevice::Transition transition, Time) {
     return Verdict::go();
 }
 
-// What was loaded is started on the way out of BOOT.
+// A new image is started when the device leaves BOOT.
 void Bootloader::after(subdevice::Transition transition, Time) {
     if (transition == subdevice::Transition{AlState::boot, AlState::init} && loaded_) restart_ = true;
 }
@@ -141,7 +141,7 @@ bool Bootloader::wants_restart() {
     return wanted;
 }
 
-// ------------------------------------------------------------------ the file
+// ------------------------------------------------------------------ the firmware file
 
 FoeAnswer Bootloader::check(const FoeFile& file) {
     if (file.state != AlState::boot) return FoeAnswer::error(FoeError::bootstrap_only);
@@ -158,7 +158,7 @@ FoeAnswer Bootloader::read(std::size_t offset, MutableBytes into, std::size_t& b
     return FoeAnswer::go();
 }
 
-// Flash must be erased first, which takes its time: from here on there is no valid firmware.
+// The flash must be erased first, which takes time. From now on there is no valid firmware.
 FoeAnswer Bootloader::open_to_write(const FoeFile& file, Time now) {
     if (const auto refused = check(file); !refused.goes()) return refused;
     flash_.clear();

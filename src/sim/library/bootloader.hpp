@@ -1,4 +1,4 @@
-// "bootloader": firmware by FoE in BOOT.
+// "bootloader": a device whose firmware is replaced by FoE in BOOT.
 #pragma once
 
 #include "sim/library/model.hpp"
@@ -12,11 +12,11 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     static constexpr std::uint32_t kPassword = 0x4D47;
     static constexpr std::size_t kFlashBytes = 256 * 1024;
 
-    // A firmware image: this head, then code.
+    // A firmware image: this header, followed by code.
     struct ImageLayout {
         static constexpr std::uint32_t kMagic = 0x5746474D;  // "MGFW"
         using magic = Field<std::uint32_t, 0>;
-        using checksum = Field<std::uint32_t, 4>;  // CRC-32 of all that follows
+        using checksum = Field<std::uint32_t, 4>;  // CRC-32 of all following octets
         using product = Field<std::uint32_t, 8>;
         using minor = Field<std::uint16_t, 12>;
         using major = Field<std::uint16_t, 14>;
@@ -24,7 +24,7 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     };
     [[nodiscard]] static std::vector<std::byte> make_image(std::uint16_t major, std::uint16_t minor,
                                                            std::size_t code_bytes);
-    // go(), or what is wrong with an image.
+    // Checks an image. Returns go(), or the error.
     [[nodiscard]] static subdevice::FoeAnswer judge(Bytes image);
 
     Bootloader();
@@ -36,7 +36,7 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     [[nodiscard]] subdevice::FoeStore* files() override { return this; }
     [[nodiscard]] bool wants_restart() override;
 
-    // Object 0x100A: the version that runs.
+    // Object 0x100A: the version of the executing firmware.
     [[nodiscard]] MutableBytes version_text() { return MutableBytes(text_).first(text_bytes_); }
 
   private:
@@ -56,8 +56,8 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     std::size_t text_bytes_ = 0;
     Time started_{};
     Time busy_until_{};
-    bool valid_ = false;   // what is in the flash
-    bool loaded_ = false;  // it is new
+    bool valid_ = false;   // the flash contains a valid image
+    bool loaded_ = false;  // the image in the flash is new
     bool finishing_ = false;
     bool restart_ = false;
 };

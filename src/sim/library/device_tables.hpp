@@ -1,13 +1,13 @@
-// What the tables of the library's devices share: a processor with CoE mailboxes and process data in both directions,
-// the objects that every device has, and the line that make_device() knows a device by.
+// The common parts of the tables of the library's devices: a processor with CoE mailboxes and process data in both
+// directions, the objects of every device, and the table line that gives make_device() the name.
 #pragma once
 
 #include "sim/library/library.hpp"
 
 namespace margay::sim {
 
-// What one device has of its own. Its mailboxes lie behind each other from 0x1000 on, each with room for twice its
-// size, then outputs and inputs.
+// The individual properties of one device. Its mailboxes are located one after the other from 0x1000 on, each with
+// space for twice its size; the outputs and inputs follow.
 struct IoDevice {
     std::uint32_t product_code = 0;
     std::string_view name{};
@@ -37,7 +37,8 @@ struct IoDevice {
             .free_run_cycle = std::chrono::milliseconds(1)};
 }
 
-// The device's own objects and those that every device has, in the order of their indices. `own` is in that order.
+// The objects of the device itself (`own`, ascending by index), combined with the objects of every device, ascending by
+// index.
 template <class Common, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Object, N + 8> with_common(const subdevice::Object (&own)[N]) {
     const std::array common{Common::device_type, Common::error_history,     Common::device_name,
@@ -54,11 +55,11 @@ template <class Common, std::size_t N>
     return all;
 }
 
-// The assignments of a device with one fixed PDO in each direction.
+// The PDO assignments of a device with one fixed PDO in each direction.
 inline constexpr std::array kOneRxPdo{subdevice::entry_count(1), subdevice::assigned(1, 0x1600)};
 inline constexpr std::array kOneTxPdo{subdevice::entry_count(1), subdevice::assigned(1, 0x1A00)};
 
-// A device on an FPGA with SPI, SYNC and latch units.
+// A device with an FPGA as ESC, SPI, and SYNC and latch units.
 template <class M>
 [[nodiscard]] constexpr Blueprint blueprint(std::string_view name, const subdevice::DeviceDescription& device,
                                             std::span<const subdevice::Object> objects, std::size_t image_bytes,

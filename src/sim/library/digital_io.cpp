@@ -1,4 +1,4 @@
-// "digital_io_16": 16 inputs and 16 outputs behind a processor, with settings by CoE.
+// "digital_io_16": 16 inputs and 16 outputs on a processor, with settings by CoE.
 #include "sim/library/device_tables.hpp"
 
 namespace margay::sim {
@@ -11,7 +11,7 @@ using namespace std::chrono_literals;
 constexpr std::uint8_t kChannels = 16;
 
 struct Values {
-    static constexpr std::size_t inputs = 0;  // an octet a channel
+    static constexpr std::size_t inputs = 0;  // one octet per channel
     static constexpr std::size_t outputs = kChannels;
     using invert = Field<std::uint16_t, 2 * kChannels>;
     using rx = Field<std::uint8_t, invert::end>;
@@ -24,7 +24,7 @@ constexpr auto kDevice = io_device({.product_code = 0x5016,
                                     .group = "Digital",
                                     .output_bytes = 2,
                                     .input_bytes = 2});
-using Common = CommonObjects<kDevice, 0x00030191>;  // digital inputs and outputs of profile 401
+using Common = CommonObjects<kDevice, 0x00030191>;  // profile 401, digital inputs and outputs
 
 constexpr Entry channels(std::string_view name, std::uint16_t access, std::size_t offset) {
     return Entry{.subindex = 1,
@@ -72,7 +72,7 @@ class DigitalIo final : public Model {
         const unsigned level = load_le<std::uint16_t>(pins_) ^ unsigned { Values::invert::load(image_) };
         for (unsigned n = 0; n < kChannels; ++n) image_[Values::inputs + n] = static_cast<std::byte>(level >> n & 1u);
     }
-    // The levels at the input pins, bit by bit.
+    // The levels at the input pins, one bit per channel.
     [[nodiscard]] MutableBytes measured() override { return pins_; }
 
   private:

@@ -13,11 +13,11 @@ using drive::Values;
 namespace cw = control_word;
 namespace sw = status_word;
 
-constexpr double kTravel = 20.25 * Motor::kCountsPerTurn;  // limit switches, both ways from the middle
+constexpr double kTravel = 20.25 * Motor::kCountsPerTurn;  // distance from the middle position to each limit switch
 constexpr double kStartAt = 3.3 * Motor::kCountsPerTurn;
 constexpr double kOverspeed = 125 * Motor::kCountsPerTurn;
 constexpr double kStopped = Motor::kCountsPerTurn / 100;
-constexpr double kOverloadSeconds = 2;  // of twice the rated heat; a quarter of a second at three times the torque
+constexpr double kOverloadSeconds = 2;  // at twice the rated heat; 0.25 s at three times the rated torque
 
 // Error codes of IEC 61800-7-201.
 constexpr std::uint16_t kOverload = 0x2350;
@@ -27,7 +27,7 @@ constexpr std::uint16_t kCommunication = 0x7500;
 constexpr std::uint16_t kSpeedError = 0x8400;
 constexpr std::uint16_t kFollowing = 0x8611;
 
-// The error register's bit that goes with a code (0x1001).
+// The bits of the error register (0x1001) for an error code.
 std::uint8_t register_bits(std::uint16_t code) {
     switch (code >> 12) {
         case 0x2: return 0x03;
@@ -37,7 +37,7 @@ std::uint8_t register_bits(std::uint16_t code) {
         default: return 0x21;
     }
 }
-// After overcurrent and feedback errors nothing can be controlled any more.
+// After overcurrent and feedback errors the motor cannot be controlled any more.
 bool controllable(std::uint16_t code) { return (code & 0xFF00) != 0x2300 && (code & 0xFF00) != 0x7300; }
 
 std::int32_t rounded(double value) {
@@ -88,17 +88,17 @@ Duration Drive::interpolation_period() const {
 double Drive::within_limits(double user) {
     const auto low = Values::limit_low::load(image_);
     const auto high = Values::limit_high::load(image_);
-    if (low >= high) return user;  // switched off
+    if (low >= high) return user;  // limits are switched off
     const auto held = std::clamp(user, static_cast<double>(low), static_cast<double>(high));
     if (held != user) limited_ = true;
     return held;
 }
 
-// ------------------------------------------------------------------ the motor, step by step
+// ------------------------------------------------------------------ motor simulation
 
 Time Drive::advance(Time now) {
     world();
-    // A motor that stands without power has no history worth reckoning.
+    // A motor without power that does not move needs no simulation steps for the past.
     if (!states_.powered() && motor_.at_rest()) {
         time_ = now;
         overload_s_ = 0;
@@ -169,7 +169,7 @@ void Drive::ramp_to(double speed, double change) {
     motor_.step_speed(ramp_, step / Motor::kStepSeconds, limits());
 }
 
-// Quick stop, and the reaction to a fault.
+// The quick stop, and the fault reaction.
 void Drive::ramp_down() {
     const bool fault = states_.state() == DriveState::fault_reaction_active;
     const int option = fault ? Values::fault_option::load(image_) : Values::quick_stop_option::load(image_);
@@ -212,7 +212,7 @@ void Drive::fault(std::uint16_t code, bool controlled, Time now) {
     report(code, register_bits(code), now);
 }
 
-// ------------------------------------------------------------------ what the master wants
+// ------------------------------------------------------------------ commands of the master
 
 void Drive::cycle(Time now, bool) {
     advance(now);
@@ -220,7 +220,7 @@ void Drive::cycle(Time now, bool) {
     show();
 }
 
-// The master is gone, or leaves OP: a motor under power must not go on by itself.
+// The device leaves OP or the master is lost: a motor with power must not continue to move.
 void Drive::safe_outputs(Time now) {
     if (states_.powered()) fault(kCommunication, true, now);
     last_control_ = 0;
@@ -262,14 +262,14 @@ void Drive::take_mode() {
         case Mode::csp:
         case Mode::csv:
         case Mode::cst: break;
-        default: return;  // none, or one that is not there: it stays as it is
+        default: return;  // no mode, or an unsupported mode: the mode does not change
     }
     if (wanted == mode_) return;
     mode_ = wanted;
     if (states_.state() == DriveState::operation_enabled) enter_operation();
 }
 
-// From standstill or from another mode: go on from where the motor is.
+// After standstill or a change of the mode: starts from the present position of the motor.
 void Drive::enter_operation() {
     motor_.release();
     profile_.begin(motor_.position(), motor_.speed());
@@ -292,8 +292,8 @@ void Drive::take_set_point(unsigned control, unsigned edges) {
     }
 }
 
-// CiA 402 "Set point handshake": bit 4 up, acknowledged by status bit 12 until bit 4 is down again; while one target is
-// approached another one may wait.
+// CiA 402 "Set point handshake": the rising edge of bit 4 gives a set point, and status bit 12 acknowledges it until
+// bit 4 is cleared. While the drive moves to one target, a second target may wait.
 void Drive::profile_command(unsigned control, unsigned edges) {
     if ((control & cw::kHalt) != 0) {
         if ((edges & cw::kHalt) != 0) profile_.halt(shape());
@@ -331,7 +331,7 @@ void Drive::homing_command(unsigned control, unsigned edges) {
     }
 }
 
-// ------------------------------------------------------------------ what the master sees
+// ------------------------------------------------------------------ status for the master
 
 unsigned Drive::mode_bits() const {
     const bool enabled = states_.state() == DriveState::operation_enabled;

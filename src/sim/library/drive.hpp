@@ -1,4 +1,4 @@
-// "drive": a servo drive of CiA 402 with a motor on it.
+// "drive": a CiA 402 servo drive with a motor.
 #pragma once
 
 #include "sim/library/drive_motion.hpp"
@@ -14,7 +14,7 @@ class Drive final : public Model {
     Time advance(Time now) override;
     void cycle(Time now, bool outputs_valid) override;
     void safe_outputs(Time now) override;
-    // Load torque in thousandths of the rated one, then an error code to be raised: 16 bits each.
+    // Two values of 16 bits: the load torque in thousandths of the rated torque, and an error code to raise.
     [[nodiscard]] MutableBytes measured() override { return measured_; }
 
     [[nodiscard]] const Motor& motor() const { return motor_; }
@@ -51,17 +51,17 @@ class Drive final : public Model {
     Interpolation interpolation_;
     Homing homing_;
     Mode mode_ = Mode::none;
-    Time time_{};            // the motor is there
-    double zero_ = 0;        // of the user's positions, in positions of the motor
-    double ramp_ = 0;        // speed wanted while a ramp runs
+    Time time_{};            // time of the motor simulation
+    double zero_ = 0;        // motor position of user position zero
+    double ramp_ = 0;        // target speed while a ramp is active
     double previous_ = 0;    // position of the motor one step before
-    double overload_s_ = 0;  // heat of the motor
-    Duration behind_{};      // how long the following error has been too large
+    double overload_s_ = 0;  // load of the motor's heat model
+    Duration behind_{};      // time since the following error is too large
     unsigned last_control_ = 0;
     bool following_error_ = false;
     bool limited_ = false;
-    bool acknowledged_ = false;  // pp: a set point was taken
-    bool buffered_ = false;      // pp: one waits
+    bool acknowledged_ = false;  // pp: a set point was accepted
+    bool buffered_ = false;      // pp: a second set point is waiting
     double next_target_ = 0;
     bool error_requested_ = false;
 };

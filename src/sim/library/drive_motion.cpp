@@ -9,7 +9,7 @@ namespace {
 
 double sign(double value) { return value < 0 ? -1 : 1; }
 
-// The index pulse met between two positions, if one was.
+// Finds the index pulse between two positions, if there is one.
 bool index_between(double from, double to, double& where) {
     const double turn = Motor::kCountsPerTurn;
     const double low = std::min(from, to);
@@ -32,14 +32,14 @@ void Profile::halt(const Shape& shape) {
 void Profile::step(const Shape& shape) {
     const double dt = Motor::kStepSeconds;
     const double left = target_ - position_;
-    // A step that would overrun: the profile ends here.
+    // The next step would pass the target: the profile ends here.
     if (std::abs(left) <= std::abs(speed_) * dt + shape.deceleration * dt * dt &&
         std::abs(speed_) <= 2 * shape.deceleration * dt) {
         position_ = target_;
         speed_ = 0;
         return;
     }
-    // As fast as still allows to stop at the target.
+    // The highest speed that still permits to stop at the target.
     const double stop = std::sqrt(2 * shape.deceleration * std::max(0.0, std::abs(left) - std::abs(speed_) * dt));
     const double wanted = sign(left) * std::min(shape.speed, stop);
     const bool faster = std::abs(wanted) > std::abs(speed_) && wanted * speed_ >= 0;
@@ -95,7 +95,7 @@ double Homing::step(const Inputs& in) {
             phase_ = Phase::to_index;
             [[fallthrough]];
         case Phase::to_index:
-            // A limit switch on the way to the index pulse alone: there is none to be found.
+            // A limit switch is active during a search for the index pulse only: homing fails.
             if (!by_switch && (in.negative_limit || in.positive_limit)) {
                 state_ = State::failed;
                 return 0;

@@ -1,11 +1,11 @@
-// Where a drive's motor shall be next: profiles from point to point, the way between cyclic set points, and homing.
+// Set point generators of a drive: profiles from point to point, interpolation between cyclic set points, and homing.
 #pragma once
 
 #include "sim/library/motor.hpp"
 
 namespace margay::sim {
 
-// Position, in counts, along a trapezoid of speed.
+// Generates positions in counts with a trapezoidal speed profile.
 class Profile {
   public:
     struct Shape {
@@ -18,7 +18,7 @@ class Profile {
         speed_ = speed;
     }
     void go_to(double target) { target_ = target; }
-    // Slow down and stay where that ends.
+    // Decelerates, and stays at the position where the motor stops.
     void halt(const Shape& shape);
     void step(const Shape& shape);
     [[nodiscard]] double position() const { return position_; }
@@ -32,7 +32,7 @@ class Profile {
     double target_ = 0;
 };
 
-// A set point a cycle, and a straight line from one to the next.
+// Linear interpolation between cyclic set points.
 class Interpolation {
   public:
     void begin(double position) { from_ = to_ = position; }
@@ -56,30 +56,30 @@ class Interpolation {
 };
 
 // Homing (CiA 402 "Homing mode"), methods 1 and 2 (limit switch, then index pulse), 17 and 18 (limit switch), 33 and 34
-// (index pulse), 35 and 37 (where it is).
+// (index pulse), 35 and 37 (current position).
 class Homing {
   public:
     enum class State : std::uint8_t { idle, moving, attained, failed };
     struct Setting {
         int method = 0;
-        double fast = 0;  // towards the switch
-        double slow = 0;  // towards the edge or the index pulse
+        double fast = 0;  // speed to the limit switch
+        double slow = 0;  // speed to the edge or the index pulse
     };
     struct Inputs {
-        double position = 0;  // of the motor
-        double previous = 0;  // one step before
+        double position = 0;  // position of the motor
+        double previous = 0;  // position one step before
         bool negative_limit = false;
         bool positive_limit = false;
     };
     [[nodiscard]] static bool supported(int method);
 
     void begin(const Setting& setting);
-    void stop();  // before its time: nothing is attained
-    // Returns the speed that is wanted next.
+    void stop();  // stops before the end: homing is not attained
+    // Returns the next target speed.
     double step(const Inputs& inputs);
     [[nodiscard]] State state() const { return state_; }
     void reset() { state_ = State::idle; }
-    // Position of the motor that is home; when attained.
+    // Motor position of the home position; valid when attained.
     [[nodiscard]] double home() const { return home_; }
 
   private:

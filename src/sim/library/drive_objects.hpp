@@ -1,5 +1,5 @@
-// The objects of "drive": what CiA 402 (IEC 61800-7-201) names for a servo drive with the modes pp, hm, csp, csv and
-// cst.
+// The objects of "drive": the objects that CiA 402 (IEC 61800-7-201) specifies for a servo drive with the modes pp, hm,
+// csp, csv and cst.
 #pragma once
 
 #include "sim/library/device_tables.hpp"
@@ -75,7 +75,7 @@ inline constexpr auto kDevice = [] {
     device.drive_axes = 1;
     return device;
 }();
-using Common = CommonObjects<kDevice, 0x00020192>;  // servo drive of profile 402
+using Common = CommonObjects<kDevice, 0x00020192>;  // profile 402, servo drive
 
 inline constexpr auto kOut = od::kReadWrite | od::kRxMappable;
 inline constexpr auto kIn = od::kRead | od::kTxMappable;
@@ -137,7 +137,7 @@ inline constexpr Entry kDigitalInputs[] = {value<Values::digital_inputs>(0, "Dig
 inline constexpr Entry kTargetSpeed[] = {value<Values::target_speed>(0, "Target velocity", kOut)};
 inline constexpr Entry kModes[] = {
     constant<std::uint32_t>(0, "Supported drive modes", 1u << 0 | 1u << 5 | 1u << 7 | 1u << 8 | 1u << 9)};
-// Of the simulation: what goes wrong on request.
+// Objects of the simulation: faults on request.
 inline constexpr Entry kFaults[] = {entry_count(4), value<Values::raise_error>(1, "Raise error code", od::kReadWrite),
                                     value<Values::load>(2, "External load, per mille", od::kReadWrite),
                                     flag<Values::jammed>(3, "Axis is jammed", od::kReadWrite),

@@ -4,7 +4,8 @@ namespace margay::sim {
 
 namespace cw = control_word;
 
-// CiA 402 table "Command coding": which bits a command looks at, and how they must stand.
+// CiA 402 table "Command coding": the bits of each command and their values. Numbers in the comments below are
+// transitions.
 void DriveStates::command(std::uint16_t control, bool standstill) {
     const auto is = [control](unsigned mask, unsigned bits) { return (control & mask) == bits; };
     const bool disable_voltage = is(cw::kEnableVoltage, 0);
@@ -18,7 +19,7 @@ void DriveStates::command(std::uint16_t control, bool standstill) {
     reset_seen_ = reset;
 
     switch (state_) {
-        case DriveState::not_ready: state_ = DriveState::switch_on_disabled; break;  // transition 1: by itself
+        case DriveState::not_ready: state_ = DriveState::switch_on_disabled; break;  // transition 1: automatic
         case DriveState::switch_on_disabled:
             if (shutdown) state_ = DriveState::ready_to_switch_on;  // 2
             break;
@@ -26,7 +27,7 @@ void DriveStates::command(std::uint16_t control, bool standstill) {
             if (disable_voltage || quick_stop) {
                 state_ = DriveState::switch_on_disabled;  // 7
             } else if (switch_on) {
-                state_ = DriveState::switched_on;  // 3; "switch on and enable" takes two steps
+                state_ = DriveState::switched_on;  // 3; "switch on and enable" needs two steps
             }
             break;
         case DriveState::switched_on:

@@ -1,5 +1,6 @@
-// "encoder": an incremental encoder that turns at a speed others set. Its counter is latched by the index pulse of the
-// encoder and, to the nanosecond, by latch input 0 of the ESC, which the master leaves to the device (0x0980 bit 4).
+// "encoder": an incremental encoder that turns at a speed set by other programs. Its counter is latched by the index
+// pulse of the encoder and, with nanosecond resolution, by latch input 0 of the ESC, which the master must leave to the
+// device (0x0980 bit 4).
 #include "sim/library/device_tables.hpp"
 
 #include "subdevice/esc_registers.hpp"
@@ -35,7 +36,7 @@ constexpr auto kDevice = io_device({.product_code = 0x5101,
                                     .group = "Measuring",
                                     .output_bytes = 6,
                                     .input_bytes = 14});
-using Common = CommonObjects<kDevice, 0x00090196>;  // encoder of profile 406
+using Common = CommonObjects<kDevice, 0x00090196>;  // profile 406, encoder
 
 constexpr auto kIn = od::kRead | od::kTxMappable;
 constexpr auto kOut = od::kReadWrite | od::kRxMappable;
@@ -89,7 +90,7 @@ class Encoder final : public Model {
         image_ = around.dictionary->image();
         shift_ = 0;
         index_armed_ = input_armed_ = false;
-        since_ = now;  // its position is that of switching on: an incremental encoder
+        since_ = now;  // an incremental encoder starts at the position of power-up
         origin_ = position_ = 0;
         turn_to(now);
     }
@@ -106,7 +107,7 @@ class Encoder final : public Model {
         Values::speed::store(image_, reversed() ? -speed_ : speed_);
         Values::level::store(image_, position_ % kCountsPerTurn == 0);
     }
-    // How fast it turns: counts a second, signed, 32 bits.
+    // Speed in counts per second, signed, 32 bits.
     [[nodiscard]] MutableBytes measured() override { return measured_; }
 
   private:
@@ -119,7 +120,7 @@ class Encoder final : public Model {
         const auto rest = (when - since_ - whole).count();
         return origin_ + whole.count() * speed_ + floor_div(rest * speed_, 1'000'000'000);
     }
-    // Up to now at the speed so far, from now on at the one that is set.
+    // Moves at the previous speed until `now`, and at the set speed from now on.
     void turn_to(Time now) {
         position_ = position_at(now);
         const auto wanted = load_le<std::int32_t>(measured_);
@@ -128,7 +129,7 @@ class Encoder final : public Model {
         since_ = now;
         speed_ = wanted;
     }
-    // The first index pulse that has been met on the way from `before` to where it is now.
+    // Finds the first index pulse between position `before` and the present position.
     void look_for_index(std::int64_t before) {
         if (!index_armed_ || position_ == before || Values::index_valid::load(image_) != 0) return;
         const bool up = position_ > before;
@@ -150,21 +151,22 @@ class Encoder final : public Model {
             shift_ += static_cast<std::int32_t>(Values::set_value::load(image_) - counter(position_));
         Values::set_done::store(image_, set);
     }
-    // The first rising edge from now on, not one from before.
+    // Latches the first rising edge from now on. An earlier edge is discarded.
     void arm_latch() {
         namespace reg = wire::reg;
         constexpr std::uint8_t kSingleRisingEdge = 1;
         write_register(*esc_, reg::kLatch0Control.address, kSingleRisingEdge);
         (void)read_register<std::uint64_t>(*esc_, reg::kLatch0PositiveEdge.address);
     }
-    // The ESC says when the edge was; where the encoder stood then follows.
+    // The ESC provides the time of the edge; the position of the encoder at that time is calculated from it.
     void take_latch(Time now) {
         namespace reg = wire::reg;
         if ((read_register<std::uint8_t>(*esc_, reg::kLatch0Status.address) & 1) == 0) return;
         const auto edge = read_register<std::uint64_t>(*esc_, reg::kLatch0PositiveEdge.address);
         const auto clock = read_register<std::uint64_t>(*esc_, reg::kSystemTime.address);
         if (!input_armed_ || Values::input_valid::load(image_) != 0) return;
-        const auto age = static_cast<std::int32_t>(static_cast<std::uint32_t>(clock - edge));  // 32-bit clocks too
+        // Also correct for 32-bit clocks.
+        const auto age = static_cast<std::int32_t>(static_cast<std::uint32_t>(clock - edge));
         Values::latched::store(image_, counter(position_at(now - Duration{age})));
         Values::input_valid::store(image_, 1);
     }
@@ -173,10 +175,10 @@ class Encoder final : public Model {
     MutableBytes image_;
     std::array<std::byte, 4> measured_{};
     std::int32_t speed_ = 0;
-    std::int64_t origin_ = 0;  // where it was at since_
+    std::int64_t origin_ = 0;  // position at since_
     Time since_{};
     std::int64_t position_ = 0;
-    std::int64_t shift_ = 0;  // of the counter
+    std::int64_t shift_ = 0;  // offset of the counter, set by the master
     bool index_armed_ = false;
     bool input_armed_ = false;
 };

@@ -1,4 +1,4 @@
-// The library's devices that run the slave stack, by name.
+// The devices of the library, which execute the slave stack, by name.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -6,10 +6,10 @@
 
 namespace margay::sim {
 
-// All kinds, in the order of their names in device_names().
+// All devices, in the order of their names in device_names().
 [[nodiscard]] std::span<const Blueprint* const> blueprints();
 
-// Each in a file of its own.
+// Each device has a file of its own.
 extern const Blueprint kDigitalIo;
 extern const Blueprint kAnalogIo;
 extern const Blueprint kEncoder;
@@ -18,10 +18,10 @@ extern const Blueprint kSoeDrive;
 extern const Blueprint kBootloader;
 extern const Blueprint kOddDevice;
 
-// The SII image of a kind, with PDO assignment as `dictionary` has it now.
+// Creates the SII image of a device, with the current PDO assignment of `dictionary`.
 [[nodiscard]] std::vector<std::byte> sii_of(const Blueprint& blueprint, const subdevice::ObjectDictionary& dictionary);
 
-// A device of that kind: its SII image generated from description and dictionary, its firmware ready to start.
+// Creates a device: its SII image is generated from description and dictionary, and its firmware is ready to start.
 [[nodiscard]] Device build(const Blueprint& blueprint);
 
 }  // namespace margay::sim

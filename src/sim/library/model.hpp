@@ -1,4 +1,4 @@
-// What a device of the library does behind its slave stack, and what it is, as tables.
+// Base class for the behaviour of a device of the library, and Blueprint, its description as tables.
 #pragma once
 
 #include "sim/esc_description.hpp"
@@ -14,7 +14,7 @@
 
 namespace margay::sim {
 
-// What a model works with from one start of the firmware to the next.
+// The objects that a model uses from one start of the firmware to the next.
 struct Surroundings {
     subdevice::EscAccess* esc = nullptr;
     subdevice::ObjectDictionary* dictionary = nullptr;
@@ -26,7 +26,7 @@ class Model : public subdevice::Application {
     virtual ~Model() = default;
 
     void begin(const Surroundings& around, Time now);
-    // May the transition happen? What Application::before() asks, once the quirks have nothing against it.
+    // Decides whether a transition may happen. Application::before() calls it after the checks of the quirks.
     [[nodiscard]] virtual subdevice::Verdict may(subdevice::Transition transition, Time now) {
         (void)transition, (void)now;
         return subdevice::Verdict::go();
@@ -34,19 +34,19 @@ class Model : public subdevice::Application {
     subdevice::Verdict before(subdevice::Transition transition, Time now) final;
     void dropped(subdevice::Transition) override { slow_until_ = kNever; }
 
-    // The firmware starts: every object has its initial value.
+    // The firmware starts. All objects have their initial values.
     virtual void start(const Surroundings& around, Time now) { (void)around, (void)now; }
-    // What happens whether the master asks or not. Returns when it wants to be called at the latest.
+    // Advances the simulation of the device, independent of the master. Returns the latest time for the next call.
     virtual Time advance(Time now) {
         (void)now;
         return kNever;
     }
-    // What the device measures, for others to set; empty: nothing.
+    // Measured values of the device, which other programs set; empty if there are none.
     [[nodiscard]] virtual MutableBytes measured() { return {}; }
     [[nodiscard]] virtual subdevice::FoeStore* files() { return nullptr; }
-    // The drives of a device with SoE, and who is told of them; nullptr: it has none.
+    // The SoE server of a device with SoE; nullptr: the device has no SoE.
     [[nodiscard]] virtual subdevice::SoeServer* soe() { return nullptr; }
-    // True when the firmware is to start anew (asked after each step); it is gone for so long then.
+    // Returns true when the firmware must restart (called after each step). The restart takes restart_time().
     [[nodiscard]] virtual bool wants_restart() { return false; }
     [[nodiscard]] virtual Duration restart_time() const { return std::chrono::milliseconds(200); }
 
@@ -59,7 +59,7 @@ class Model : public subdevice::Application {
     static constexpr std::uint8_t kDiagnosisLines = 8;
 
   protected:
-    // An emergency, and the same in the diagnosis history.
+    // Sends an emergency and adds it to the diagnosis history.
     void report(std::uint16_t error_code, std::uint8_t error_register, Time now);
 
   private:
@@ -76,22 +76,22 @@ class Model : public subdevice::Application {
     bool op_refused_ = false;
 };
 
-// A kind of device. Description and objects are constants; everything else is generated from them.
+// A type of device. Description and objects are constants; all other data is generated from them.
 struct Blueprint {
-    std::string_view name;  // make_device() knows it by
+    std::string_view name;  // the name for make_device()
     EscDescription (*chip)();
     const subdevice::DeviceDescription* device;
     subdevice::BoardDescription board;
     std::span<const subdevice::Object> objects;
-    std::size_t image_bytes;  // of the objects' values
+    std::size_t image_bytes;  // size of the values of the objects
     std::unique_ptr<Model> (*make)();
 };
 
-// PDI control words for the SII: a processor behind SPI, with SYNC and latch units or without.
+// PDI control words for the SII: a processor connected by SPI, with or without SYNC and latch units.
 inline constexpr std::uint16_t kSpi = 0x0005;
 inline constexpr std::uint16_t kSpiWithDc = 0x0C05;
 
-// --- Objects that every device has ---
+// --- Objects of every device ---
 
 template <const subdevice::DeviceDescription& Device, std::uint32_t Type>
 struct CommonObjects {
@@ -118,7 +118,7 @@ struct CommonObjects {
         subdevice::array(0x1C00, "Sync manager types", kSyncManagers);
 };
 
-// Elements n = first… of an array of equal numbers that lie one behind the other, each with its own initial value.
+// Entries from subindex `first` on of an array of adjacent numbers of one type, each with its own initial value.
 template <class T, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Entry, N> numbers(std::uint8_t first, std::string_view name,
                                                                 std::uint16_t access, std::size_t offset,
@@ -136,8 +136,8 @@ template <class T, std::size_t N>
     return entries;
 }
 
-// A list that the master may change: the count, and the numbers behind it. `Offset` is where it lies in the image: the
-// count at first.
+// A list that the master may change: the count, followed by the numbers. `offset` is the position of the count in the
+// image.
 template <class T, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Entry, N + 1> changeable_list(std::size_t offset, std::uint8_t used,
                                                                             std::string_view name,
@@ -152,7 +152,7 @@ template <class T, std::size_t N>
 template <class T, std::size_t N>
 inline constexpr std::size_t kListBytes = 1 + sizeof(T) * N;
 
-// The word of a mapping entry.
+// The 32-bit value of a mapping entry.
 [[nodiscard]] constexpr std::uint32_t map(std::uint16_t index, std::uint8_t subindex, std::uint8_t bits) {
     return subdevice::MappingEntry{index, subindex, bits}.word();
 }

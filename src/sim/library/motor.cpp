@@ -21,7 +21,7 @@ void Motor::integrate(double torque) {
     const double net = torque - load_ - kFriction * speed_;
     const double before = speed_;
     speed_ += net / 1000 * kAccelerationAtRated * kStepSeconds;
-    // Bearings hold a motor that nothing drives.
+    // Static friction of the bearings stops a motor without torque.
     if (torque == 0 && load_ == 0 && std::abs(speed_) < kStandstill) speed_ = 0;
     position_ += (before + speed_) / 2 * kStepSeconds;
 }
@@ -29,7 +29,7 @@ void Motor::integrate(double torque) {
 void Motor::step_torque(double torque, const MotorLimits& limits) {
     double wanted = std::clamp(torque, -limits.torque, limits.torque);
     limited_ = wanted != torque;
-    // At the speed limit only torque that slows down is given.
+    // At the speed limit, torque is only allowed to decelerate.
     if (limits.speed > 0 && std::abs(speed_) >= limits.speed && wanted * speed_ > 0) {
         wanted = std::clamp(load_ + kFriction * speed_, -limits.torque, limits.torque);
         limited_ = true;
@@ -44,7 +44,7 @@ void Motor::step_speed(double target, double feed_forward_acceleration, const Mo
     const double wanted = (kSpeedGain * error + feed_forward_acceleration) * per_mille + integral_;
     const double torque = std::clamp(wanted, -limits.torque, limits.torque);
     limited_ = held != target || torque != wanted;
-    // The integral part stands still at the limit, or it would take as long to come back.
+    // The integral part does not change at the torque limit, because it would take long to decrease again.
     if (torque == wanted) integral_ += kSpeedGain * error * per_mille * kStepSeconds / kSpeedReset;
     integrate(torque);
 }

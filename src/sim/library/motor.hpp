@@ -1,4 +1,4 @@
-// A servo motor and the controllers in front of it: inertia, friction, load, limits, in steps of fixed length.
+// A servo motor and its controllers: inertia, friction, load and limits, simulated in steps of fixed length.
 #pragma once
 
 #include <margay/time.hpp>
@@ -7,10 +7,10 @@
 
 namespace margay::sim {
 
-// Counts of the encoder, counts a second; torque in thousandths of the rated torque.
+// Positions in counts of the encoder, speeds in counts per second, torques in thousandths of the rated torque.
 struct MotorLimits {
     double torque = 3000;
-    double speed = 0;  // counts a second; 0: none
+    double speed = 0;  // counts per second; 0: no limit
 };
 
 class Motor {
@@ -18,18 +18,18 @@ class Motor {
     static constexpr double kCountsPerTurn = 1 << 20;
     static constexpr Duration kStep = std::chrono::nanoseconds(62'500);
     static constexpr double kStepSeconds = 62.5e-6;
-    // Rated torque alone speeds the motor up so fast: 2.4 Nm on 0.0005 kg m² are 4800 rad/s².
+    // Acceleration at rated torque: 2.4 Nm with 0.0005 kg m² are 4800 rad/s².
     static constexpr double kAccelerationAtRated = 4800 / (2 * 3.14159265358979323846) * kCountsPerTurn;
-    // Friction grows with speed: a tenth of the rated torque at 100 turns a second.
+    // Friction is proportional to speed: one tenth of the rated torque at 100 turns per second.
     static constexpr double kFriction = 100 / (100 * kCountsPerTurn);
 
-    // One step with the brake of nobody: what the drive puts in, what the load takes away.
+    // Executes one step with the torque of the drive, minus load and friction.
     void step_torque(double torque, const MotorLimits& limits);
-    // The cascade: speed controller with integral part, position controller with speed fed forward.
+    // The cascade: a speed controller with integral part, and a position controller with speed feed-forward.
     void step_speed(double target, double feed_forward_acceleration, const MotorLimits& limits);
     void step_position(double target, double target_speed, const MotorLimits& limits);
     void step_unpowered();
-    // The controllers begin anew.
+    // Resets the controllers.
     void release() { integral_ = 0; }
 
     void place(double position) { position_ = position; }
@@ -47,8 +47,8 @@ class Motor {
 
     double position_ = 0;
     double speed_ = 0;
-    double torque_ = 0;  // of the motor
-    double load_ = 0;    // against the positive direction
+    double torque_ = 0;  // torque of the motor
+    double load_ = 0;    // acts against the positive direction
     double integral_ = 0;
     bool limited_ = false;
     bool jammed_ = false;

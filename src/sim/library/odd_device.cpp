@@ -1,5 +1,5 @@
-// "odd_device": 64 KiB of objects, some of them slow, PDOs that can be mapped at will, outputs that come back as
-// inputs. What else is odd about it is switched on by name (quirks.hpp).
+// "odd_device": 64 KiB of objects, including slow objects, PDOs with free mapping, and outputs that are copied to the
+// inputs. Other unusual behaviour is activated by quirks (quirks.hpp).
 #include "sim/library/device_tables.hpp"
 
 namespace margay::sim {
@@ -12,7 +12,7 @@ using namespace std::chrono_literals;
 constexpr unsigned kBlocks = 64;
 constexpr std::size_t kBlockBytes = 1024;
 constexpr std::uint16_t kFirstBlock = 0x2000;
-constexpr unsigned kWords = 32;  // of process data, each way
+constexpr unsigned kWords = 32;  // words of process data in each direction
 constexpr std::size_t kMappingEntries = 16;
 
 struct Values {
@@ -44,7 +44,7 @@ constexpr DeviceDescription kDevice{
 };
 using Common = CommonObjects<kDevice, 0>;
 
-// --- An object that takes its time: half a second to read, a fifth to write ---
+// --- A slow object: 0.5 s to read, 0.2 s to write ---
 
 class OddDevice;
 HookAnswer slow_read(const ObjectAccess& access);

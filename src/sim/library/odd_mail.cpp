@@ -38,7 +38,7 @@ void OddMail::start(AlState state, const MailboxRoom& room) {
     room_ = std::min(room.send_bytes, draft_.size());
     inner_.start(state, room);
     if (!quirks_.has(Quirk::old_mail) || type_ != MailboxType::coe) return;
-    // A reply to a question of another life: 0x1008, expedited.
+    // A reply to an old request: 0x1008, expedited.
     std::array<std::byte, coe::kSdoBytes> reply{};
     coe::store_header(reply, {0, coe::Service::sdo_response});
     SdoLayout::command::store(reply, 0x43);
@@ -83,7 +83,7 @@ Time OddMail::step(subdevice::Outbox& out, Time now) {
     return std::min(next, late_until_);
 }
 
-// ------------------------------------------------------------------ what comes in
+// ------------------------------------------------------------------ requests
 
 bool OddMail::answer_myself(Bytes request, std::uint16_t address) {
     const auto command = command_of(request);
@@ -155,7 +155,7 @@ void OddMail::refuse(Bytes request, coe::Abort why, std::uint16_t address) {
     queue(type_, reply, address);
 }
 
-// ------------------------------------------------------------------ what goes out
+// ------------------------------------------------------------------ replies
 
 MutableBytes OddMail::open() {
     if (waiting_ + 3 > letters_.size()) return {};
@@ -203,7 +203,7 @@ void OddMail::spoil_upload(MutableBytes data, std::size_t& bytes) {
     hold_back(data, bytes);
     const auto size = SdoLayout::complete_size::load(data);
     const bool whole = bytes == SdoLayout::normal_data + size;
-    // Subindex 0 takes 16 bits in complete access, and this device forgets that.
+    // Subindex 0 uses 16 bits in complete access; this device uses 8.
     if (quirks_.has(Quirk::unpadded_complete_access) && (command & sdo::kCompleteAccess) != 0 && whole && size > 2 &&
         SdoLayout::subindex::load(data) == 0) {
         std::copy(data.begin() + SdoLayout::normal_data + 2, data.begin() + static_cast<std::ptrdiff_t>(bytes),
@@ -213,7 +213,7 @@ void OddMail::spoil_upload(MutableBytes data, std::size_t& bytes) {
     }
 }
 
-// A value that would fit goes in segments all the same.
+// Sends a value in segments, although it fits into one message.
 void OddMail::hold_back(MutableBytes data, std::size_t& bytes) {
     const bool segments = quirks_.has(Quirk::segments_only) || quirks_.has(Quirk::small_segments);
     const auto size = SdoLayout::complete_size::load(data);
@@ -226,7 +226,7 @@ void OddMail::hold_back(MutableBytes data, std::size_t& bytes) {
     bytes = SdoLayout::normal_data;
 }
 
-// What nobody has asked for comes before what somebody has.
+// Sends unsolicited messages before the requested reply.
 void OddMail::before_reply() {
     std::array<std::byte, coe::kSdoBytes> mail{};
     if (quirks_.has(Quirk::emergency_first)) {
@@ -237,7 +237,7 @@ void OddMail::before_reply() {
         mail = {};
     }
     if (quirks_.has(Quirk::ethernet_first)) {
-        std::array<std::byte, 4 + 60> frame{};  // an EoE fragment, the last one of frame 0
+        std::array<std::byte, 4 + 60> frame{};  // an EoE fragment, the last fragment of frame 0
         frame[1] = std::byte{1};
         queue(MailboxType::eoe, frame, 0);
     }

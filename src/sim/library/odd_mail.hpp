@@ -1,5 +1,5 @@
-// A mailbox server with manners: it stands in front of a good one and spoils what goes in and out, as its quirks have
-// it.
+// A mailbox server with quirks: it forwards messages to a correct server and changes requests and replies as the quirks
+// require.
 #pragma once
 
 #include "sim/library/quirk.hpp"
@@ -13,7 +13,7 @@ namespace margay::sim {
 
 class OddMail final : public subdevice::MailboxServer, private subdevice::Outbox {
   public:
-    // `most` is the largest mailbox. `inner` outlives it.
+    // `most` is the size of the largest mailbox. `inner` must outlive this object.
     OddMail(subdevice::MailboxServer& inner, wire::MailboxType type, std::size_t most);
     void set_quirks(Quirks quirks) { quirks_ = quirks; }
 
@@ -49,14 +49,14 @@ class OddMail final : public subdevice::MailboxServer, private subdevice::Outbox
     subdevice::MailboxServer& inner_;
     wire::MailboxType type_;
     Quirks quirks_;
-    std::array<Letter, 8> letters_;  // that wait, from first_ on
+    std::array<Letter, 8> letters_;  // waiting messages, from index first_ on
     std::size_t first_ = 0;
     std::size_t waiting_ = 0;
-    std::vector<std::byte> draft_;  // what the inner server writes into
+    std::vector<std::byte> draft_;  // buffer for the replies of the inner server
     std::size_t room_ = 0;
-    Letter late_;  // a request that will be looked at later
+    Letter late_;  // a request that is processed later
     Time late_until_ = kNever;
-    std::vector<std::byte> held_;  // a value that is given out in segments
+    std::vector<std::byte> held_;  // a value that is sent in segments
     std::size_t held_bytes_ = 0;
     std::size_t held_at_ = 0;
     bool holding_ = false;

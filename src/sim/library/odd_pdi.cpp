@@ -19,7 +19,7 @@ constexpr auto kReceiveStatus =
 
 void OddPdi::read(std::uint16_t address, MutableBytes into) noexcept {
     esc_->read(address, into);
-    // S#249: an error is acknowledged by nothing but INIT.
+    // SOEM issue 249: only a request for INIT acknowledges an error.
     if (quirks_.has(Quirk::ignores_acknowledge) && address == reg::kAlControl.address && !into.empty() &&
         (std::to_integer<unsigned>(into[0]) & 0x0F) != 1)
         into[0] &= ~std::byte{wire::al::kErrorAcknowledge};
@@ -39,7 +39,7 @@ void OddPdi::hide_mail(MutableBytes status) {
 Time OddPdi::next() const { return full_since_ == kNever ? kNever : full_since_ + kLeavesMail; }
 
 bool OddPdi::repeats() {
-    std::array<std::byte, 2> octets{};  // SM1's activate and PDI control
+    std::array<std::byte, 2> octets{};  // activate and PDI control octets of SM1
     esc_->read(static_cast<std::uint16_t>(reg::sync_manager(1).address + wire::SyncManagerLayout::activate::offset),
                octets);
     const bool request = (std::to_integer<unsigned>(octets[0]) & wire::sm_activate::kRepeatRequest) != 0;

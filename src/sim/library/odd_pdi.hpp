@@ -1,4 +1,4 @@
-// The ESC as a firmware with manners sees it: what it reads and writes behind the PDI is spoiled on the way.
+// An EscAccess with quirks: it changes the data that the firmware reads and writes through the PDI.
 #pragma once
 
 #include "sim/library/quirk.hpp"
@@ -17,12 +17,12 @@ class OddPdi final : public subdevice::EscAccess {
     void write(std::uint16_t address, Bytes data) noexcept override;
     [[nodiscard]] Time now() noexcept override { return esc_->now(); }
 
-    // When a message that it turned a blind eye on is to be seen.
+    // Time at which a hidden message becomes visible.
     [[nodiscard]] Time next() const;
 
   private:
     void hide_mail(MutableBytes status);
-    // The master asks for a repetition, and has no acknowledge yet.
+    // The master requests a repeat that is not acknowledged yet.
     [[nodiscard]] bool repeats();
 
     subdevice::EscAccess* esc_ = nullptr;

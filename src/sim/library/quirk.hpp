@@ -1,4 +1,5 @@
-// Manners that real devices have been seen with, each with a name, to be switched on for a device.
+// Quirks: defects and unusual behaviour of real devices. Each quirk has a name and can be activated for a simulated
+// device.
 #pragma once
 
 #include <cstdint>
@@ -6,7 +7,7 @@
 
 namespace margay::sim {
 
-// Those that the firmware shows; see quirks.hpp for all, and for what each does.
+// Quirks of the firmware. quirks.hpp has the list of all quirks with their descriptions.
 enum class Quirk : std::uint8_t {
     // State machine
     ignores_acknowledge,

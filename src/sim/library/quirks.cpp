@@ -17,12 +17,12 @@ namespace sii = wire::sii;
 constexpr std::size_t kFirstCategory = 0x40 * 2;
 
 struct Category {
-    std::size_t head = 0;  // type and length, a word each
+    std::size_t head = 0;  // type and length, one word each
     std::size_t data = 0;
     std::size_t bytes = 0;
 };
 
-// Categories of an image of our own making.
+// Iterates over the categories of an image that Margay has created.
 template <class F>
 void for_each_category(std::vector<std::byte>& image, F f) {
     for (std::size_t at = kFirstCategory; at + 4 <= image.size();) {
@@ -38,7 +38,7 @@ constexpr std::uint16_t kStrings = 10;
 constexpr std::uint16_t kSyncManagers = 41;
 constexpr std::uint16_t kTxPdos = 50;
 constexpr std::uint16_t kRxPdos = 51;
-constexpr std::uint16_t kVendors = 0x0801;  // a category that nobody else reads
+constexpr std::uint16_t kVendors = 0x0801;  // a vendor-specific category that no other software reads
 
 bool blank(Device& device) {
     std::fill(device.sii.begin(), device.sii.end(), std::byte{0xFF});
@@ -51,7 +51,7 @@ bool bad_checksum(Device& device) {
 }
 bool no_mailbox_sizes(Device& device) {
     if (device.sii.size() < kFirstCategory) return false;
-    std::fill_n(device.sii.begin() + 0x14 * 2, 16, std::byte{0});  // boot and standard mailboxes, protocols stay
+    std::fill_n(device.sii.begin() + 0x14 * 2, 16, std::byte{0});  // boot and standard mailboxes; the protocols stay
     return true;
 }
 bool no_pdos(Device& device) {
@@ -93,7 +93,7 @@ bool no_watchdog_trigger(Device& device) {
 }
 bool sync_managers_off(Device& device) {
     return change_sync_managers(device, [](MutableBytes sm) {
-        if (std::to_integer<unsigned>(sm[7]) < 3) return;  // process data only
+        if (std::to_integer<unsigned>(sm[7]) < 3) return;  // only process data
         store_le<std::uint16_t>(sm, 2, 0);
         sm[6] = std::byte{0};
     });
@@ -140,11 +140,11 @@ bool slow_firmware(Device& device) {
     return true;
 }
 
-// --- All ---
+// --- All quirks ---
 
 struct Row {
     QuirkInfo info;
-    bool (*change)(Device&) = nullptr;  // of SII or chip; else the firmware's:
+    bool (*change)(Device&) = nullptr;  // for quirks of SII or chip; for firmware quirks nullptr, and `quirk` is set
     Quirk quirk{};
 };
 

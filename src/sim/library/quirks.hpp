@@ -1,4 +1,4 @@
-// Manners of real devices, each by its name (the facts behind them are from the issue threads of other masters).
+// Quirks of real devices by name (the facts are from the issue threads of other masters).
 #pragma once
 
 #include "sim/devices.hpp"
@@ -9,15 +9,15 @@ namespace margay::sim {
 
 struct QuirkInfo {
     std::string_view name;
-    std::string_view what;  // the device does, in words
+    std::string_view what;  // what the device does
 };
 
-// All there are, in the order of the table.
+// All quirks, in the order of the table.
 [[nodiscard]] std::span<const QuirkInfo> quirks();
 
-// Switches one on, before the device is assembled; several may be on together. False: there is none of that name, or it
-// is one of the slave stack and the device runs another firmware (those of the library that do: "digital_io_16" and
-// behind).
+// Activates a quirk before the device is assembled; several quirks can be active together. Returns false when the name
+// is unknown, or when the quirk belongs to the slave stack and the device has another firmware ("digital_io_16" and the
+// following devices of the library use the slave stack).
 [[nodiscard]] bool add_quirk(Device& device, std::string_view name);
 
 }  // namespace margay::sim

@@ -11,18 +11,18 @@ namespace idn = wire::soe::idn;
 namespace {
 
 constexpr std::int32_t kTurn = static_cast<std::int32_t>(Motor::kCountsPerTurn);
-constexpr double kTravel = 20.25 * Motor::kCountsPerTurn;  // limit switches, both ways from the middle
+constexpr double kTravel = 20.25 * Motor::kCountsPerTurn;  // distance from the middle position to each limit switch
 constexpr double kStopped = Motor::kCountsPerTurn / 10000;
 
 // Bits of S-0-0134 and S-0-0135.
 constexpr unsigned kDriveOn = 0x8000;
 constexpr unsigned kDriveEnable = 0x4000;
-constexpr unsigned kDriveRun = 0x2000;  // low: halt
+constexpr unsigned kDriveRun = 0x2000;  // 0: halt
 constexpr unsigned kLogicReady = 0x4000;
 constexpr unsigned kPowerReady = 0x8000;
 constexpr unsigned kTorqueOn = 0xC000;
 constexpr unsigned kShutDown = 0x2000;  // an error of class 1
-constexpr unsigned kFollows = 0x0008;   // the command values are followed
+constexpr unsigned kFollows = 0x0008;   // the drive follows the command values
 
 // Bits of S-0-0011, class 1 diagnostic.
 constexpr std::uint16_t kFollowingError = 0x0800;
@@ -100,7 +100,7 @@ constexpr SoeParameter kParameters[] = {
     soe_value<Values::window>(Idn::standard(159), "Monitoring window", "inc").starts_with(kTurn / 4),
     soe_fixed_idns(Idn::standard(187), "IDN-list of configurable data in the AT", kAtChoice),
     soe_fixed_idns(Idn::standard(188), "IDN-list of configurable data in the MDT", kMdtChoice),
-    // Of the simulation.
+    // Parameters of the simulation.
     soe_value<Values::homing_speed>(Idn::product(1), "Homing speed", "inc/s").within(1, 20 * kTurn).starts_with(kTurn),
     soe_value<Values::load>(Idn::product(2), "Load torque", "%", 1),
 };
@@ -132,7 +132,7 @@ void SoeAxis::start(Time now) {
 
 // ------------------------------------------------------------------ cyclic data
 
-// The IDNs of a direction: the list of the drive, or in `fixed` what the standard telegram has.
+// The IDNs of one direction: the configured list of the drive, or the IDNs of the standard telegram in `fixed`.
 Bytes SoeAxis::cyclic(bool mdt, std::array<std::byte, 4>& fixed) const {
     const auto type = Values::telegram::load(image_) & 7U;
     if (type == wire::soe::kConfigurable) {
@@ -148,7 +148,8 @@ Bytes SoeAxis::cyclic(bool mdt, std::array<std::byte, 4>& fixed) const {
 
 const SoeParameter* SoeAxis::cyclic_parameter(Bytes idns, std::size_t n) const {
     const Idn one{load_le<std::uint16_t>(idns, 2 * n)};
-    if (one == idn::kControlWord || one == idn::kStatusWord) return nullptr;  // there already
+    // The telegram already contains these words.
+    if (one == idn::kControlWord || one == idn::kStatusWord) return nullptr;
     const auto at = std::ranges::find(kParameters, one, &SoeParameter::idn);
     return at != std::end(kParameters) ? &*at : nullptr;
 }
@@ -251,7 +252,7 @@ void SoeAxis::obey(unsigned control) {
     if (!on && power_ == Power::on) power_ = (control & kDriveEnable) != 0 ? Power::stopping : Power::off;
     was_on_ = on;
     halted_ = (control & kDriveRun) == 0;
-    // Until homing is taken back the axis stays where it is: the master has to find out first where that is now.
+    // The axis does not move until homing is cancelled, because the master must first read the new position.
     const bool homing = load_le<std::uint16_t>(image_, Values::homing + 2) != 0;
     if (power_ == Power::on && !halted_ && !homing)
         interpolation_.set(zero_ + Values::position_command::load(image_),
@@ -296,7 +297,7 @@ void SoeAxis::one_step() {
     }
 }
 
-// To the next index pulse, which is zero from then on.
+// Moves to the next index pulse, which becomes the zero position.
 void SoeAxis::home() {
     const double wanted =
         homing_.step({motor_.position(), previous_, motor_.position() <= -kTravel, motor_.position() >= kTravel});
@@ -327,7 +328,7 @@ void SoeAxis::fault(std::uint16_t diagnosis, std::string_view text) {
     say(text);
     std::array<std::byte, 2> code{};
     store_le(code, 0, diagnosis);
-    (void)server_.report(number_, code);  // one more than the queue holds is in the diagnosis all the same
+    (void)server_.report(number_, code);  // a lost report does no harm: the class 1 diagnostic contains the same error
 }
 
 void SoeAxis::say(std::string_view text) {

@@ -1,4 +1,5 @@
-// One axis of "soe_drive": a motor and its controllers by the parameters of the servodrive profile (IEC 61800-7-204).
+// One axis of "soe_drive": a motor and its controllers with the parameters of the servo drive profile (IEC
+// 61800-7-204).
 #pragma once
 
 #include "sim/library/drive_motion.hpp"
@@ -11,22 +12,23 @@ namespace margay::sim {
 class SoeAxis final : public subdevice::SoeApplication {
   public:
     static constexpr std::size_t kImageBytes = 256;
-    static constexpr std::size_t kMostBytes = 18;  // of its MDT, of its AT: the word and four numbers of four octets
+    // Maximum size of MDT or AT: the word and four numbers of four octets.
+    static constexpr std::size_t kMostBytes = 18;
 
     SoeAxis(std::uint8_t number, subdevice::SoeServer& server) : number_(number), server_(server) {}
 
     [[nodiscard]] subdevice::SoeDrive drive();
-    // The firmware starts.
+    // Called when the firmware starts.
     void start(Time now);
-    // The motor, up to now.
+    // Simulates the motor until `now`.
     void advance(Time now);
-    // Load torque in thousandths of the rated one, beside that of P-0-0002.
+    // Load torque in thousandths of the rated torque, in addition to P-0-0002.
     void set_load(std::int16_t permille) { load_ = permille; }
     void state_changed(AlState state) { operational_ = state == AlState::op; }
-    // The set points are not given any more.
+    // The master no longer sends set points.
     void stop();
 
-    // Octets of its part of the process data, and that part.
+    // Size in octets of the axis in the process data; take() reads the MDT, give() writes the AT.
     [[nodiscard]] std::size_t bytes(bool mdt) const;
     void take(Bytes mdt);
     void give(MutableBytes at);

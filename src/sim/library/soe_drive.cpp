@@ -1,4 +1,4 @@
-// "soe_drive": a servo drive of the servodrive profile with two axes, without CoE.
+// "soe_drive": a servo drive of the servo drive profile with two axes, without CoE.
 #include "sim/library/device_tables.hpp"
 #include "sim/library/soe_axis.hpp"
 
@@ -36,7 +36,7 @@ class ServoDrive final : public Model {
     void start(const Surroundings&, Time now) override {
         for (auto& axis : axes_) axis.start(now);
     }
-    // Load torque of each axis, 16 bits, in thousandths of the rated one.
+    // Load torque of each axis, 16 bits, in thousandths of the rated torque.
     [[nodiscard]] MutableBytes measured() override { return measured_; }
     Time advance(Time now) override {
         for (std::size_t n = 0; n < kAxes; ++n) {

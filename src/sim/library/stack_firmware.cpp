@@ -80,7 +80,7 @@ bool StackFirmware::add_quirk(Quirk quirk, std::vector<std::byte>& sii) {
     return true;
 }
 
-// The second PDO of each direction where there are two and the first one is assigned.
+// Assigns the second PDO of a direction instead of the first PDO if there are two.
 void StackFirmware::assign_other_pdos() {
     for (const std::uint16_t index : {subdevice::kOutputAssignment, subdevice::kInputAssignment}) {
         const auto* const assignment = dictionary_.find(index);

@@ -1,4 +1,4 @@
-// The firmware of the library's devices: the whole slave stack over the simulated ESC, and a model behind it.
+// The firmware of the library's devices: the whole slave stack on the simulated ESC, and a model.
 #pragma once
 
 #include "sim/library/model.hpp"
@@ -22,7 +22,7 @@ class StackFirmware final : public ProcessDataFirmware {
     Time step(Time now) override;
     bool add_quirk(Quirk quirk, std::vector<std::byte>& sii) override;
 
-    // What the model measures; what the master has sent.
+    // The measured values of the model, and the outputs from the master.
     [[nodiscard]] MutableBytes inputs() override { return model_->measured(); }
     [[nodiscard]] Bytes outputs() override;
     void poke() override;
@@ -41,7 +41,7 @@ class StackFirmware final : public ProcessDataFirmware {
     subdevice::CoeServer coe_;
     std::optional<subdevice::FoeServer> foe_;
     std::vector<subdevice::MailboxProtocol> protocols_;
-    std::vector<subdevice::MailboxProtocol> odd_protocols_;  // the same behind manners
+    std::vector<subdevice::MailboxProtocol> odd_protocols_;  // the same protocols behind OddMail
     std::vector<std::unique_ptr<OddMail>> odd_mail_;
     OddPdi odd_pdi_;
     Quirks quirks_;
@@ -52,7 +52,7 @@ class StackFirmware final : public ProcessDataFirmware {
     std::optional<subdevice::ProcessData> process_data_;
     std::optional<subdevice::Mailbox> mailbox_;
     std::optional<subdevice::Device> device_;
-    Time away_until_ = kNever;  // restarting
+    Time away_until_ = kNever;  // end of a restart of the firmware
 };
 
 }  // namespace margay::sim
