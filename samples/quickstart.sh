@@ -9,8 +9,10 @@ need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann
     libncurses-dev || exit 1
 
 # A build folder that has been configured keeps its settings. A cache alone is what a failed attempt leaves.
-[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF
+[ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON
+begin=$(date +%s)
 cmake --build build --parallel "$(compilers)"
+echo "The build took $(($(date +%s) - begin)) s."
 
 echo
 echo '$ build/bin/slaveinfo sim:demo'

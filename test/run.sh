@@ -2,26 +2,55 @@
 # Builds everything and runs all tests: plain in build/, then under AddressSanitizer and UndefinedBehaviorSanitizer in
 # build-sanitized/, and the tests with threads under ThreadSanitizer in build-threads/. Stops at the first that fails.
 #
-#   sh test/run.sh [--quick] [ctest arguments …]      --quick leaves the sanitizers out
+#   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
 #
-# Tests that lack something (tshark, clang 16, an ARM compiler, network namespaces) are skipped and say so.
+#   --quick      leaves out the sanitizers and the builds of all build types
+#   --no-skips   a test that is skipped fails the run
+#
+# Tests that lack something (tshark, clang 16, an ARM compiler, network namespaces) are skipped and say so. The last
+# lines say how long each step took and repeat ctest's summaries.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
 
 quick=no
-if [ "${1:-}" = --quick ]; then
-    quick=yes
+skips=yes
+while :; do
+    case ${1:-} in
+    --quick) quick=yes ;;
+    --no-skips) skips=no ;;
+    *) break ;;
+    esac
     shift
-fi
+done
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
         libtomlplusplus-dev libncurses-dev'
-useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib'
+useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
+        pkg-config'
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086
 want_packages $useful  # tests that need one that is still missing are skipped
+
+records=$(mktemp -d)
+trap 'rm -rf "$records"' EXIT
+
+# step NAME COMMAND …: runs the command and keeps its name, its seconds by the clock and its processor seconds.
+step() {
+    name=$1
+    shift
+    times >"$records/before"
+    begin=$(date +%s)
+    "$@"
+    end=$(date +%s)
+    times >"$records/after"
+    awk -v name="$name" -v clock=$((end - begin)) '
+        function seconds(text) { split(text, parts, /[ms]/); return parts[1] * 60 + parts[2] }
+        FNR == 2 { before = after; after = seconds($1) + seconds($2) }  # the second line is about child processes
+        END { printf "  %-28s %8d %18d\n", name, clock, after - before + 0.5 }
+    ' "$records/before" "$records/after" >>"$records/steps"
+}
 
 # run FOLDER CMAKE_ARGUMENT … -- CTEST_ARGUMENT …
 run() {
@@ -34,18 +63,36 @@ run() {
     done
     shift
     # shellcheck disable=SC2086  # a list of words
-    cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON $settings
-    cmake --build "$folder" --parallel "$(compilers)"
-    ctest --test-dir "$folder" --parallel "$(nproc)" --output-on-failure "$@"
+    step "$folder: configure" cmake -S . -B "$folder" -DMARGAY_TESTS=ON -DMARGAY_SAMPLES=ON $settings
+    step "$folder: build" cmake --build "$folder" --parallel "$(compilers)"
+    : >"$records/log"
+    step "$folder: tests" ctest --test-dir "$folder" --parallel "$(nproc)" --output-on-failure \
+        --output-log "$records/log" "$@"
+    sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
+    if [ $skips = no ] && grep '(Skipped)$' "$records/log" >"$records/skipped"; then
+        echo "Skipped, and --no-skips was given:" >&2
+        cat "$records/skipped" >&2
+        exit 1
+    fi
 }
 
-run build -- "$@"
-if [ $quick = no ]; then
+# In build/ each source of the library is compiled alone: its archives are what is installed.
+if [ $quick = yes ]; then
+    run build -DMARGAY_UNITY=tests -- -LE build_types "$@"
+else
+    run build -DMARGAY_UNITY=tests -- "$@"
     export UBSAN_OPTIONS=print_stacktrace=1
     # The rules of the storm are judged above; sequences are larger here, and arenas full at other moments.
-    run build-sanitized -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -- -E '^storm/' "$@"
-    build-sanitized/bin/storm --seeds 60 --no-shrink --keep-going >build-sanitized/storm.log 2>&1 || true
+    run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -- -E '^storm/' "$@"
+    step 'build-sanitized: storm' sh -c \
+        'build-sanitized/bin/storm --seeds 60 --no-shrink --keep-going >build-sanitized/storm.log 2>&1 || true'
     if grep -E 'AddressSanitizer|runtime error' build-sanitized/storm.log; then exit 1; fi
     export TSAN_OPTIONS=halt_on_error=1
-    run build-threads -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DCMAKE_BUILD_TYPE=Debug -- -L threads "$@"
+    run build-threads -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DCMAKE_BUILD_TYPE=Debug -- \
+        -L threads "$@"
 fi
+
+echo
+echo '  step                          seconds  processor seconds'
+cat "$records/steps"
+cat "$records/summaries"

@@ -1,9 +1,10 @@
 // A list in the memory of the caller.
 #pragma once
 
+#include <margay/detail/ranges.hpp>
+
 #include <concepts>
 #include <cstddef>
-#include <ranges>
 #include <span>
 #include <type_traits>
 

@@ -17,13 +17,13 @@
 #include <margay/result.hpp>
 #include <margay/statistics.hpp>
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstring>
 #include <span>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
 namespace margay {
 
@@ -156,17 +156,24 @@ Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, st
 template <class T>
 concept SdoValue = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
+namespace detail {
+template <std::size_t N>
+void reverse(std::array<std::byte, N>& octets) {
+    for (std::size_t i = 0; i < N / 2; ++i) std::swap(octets[i], octets[N - 1 - i]);
+}
+}  // namespace detail
+
 // As they travel: least significant octet first.
 template <SdoValue T>
 [[nodiscard]] std::array<std::byte, sizeof(T)> octets_of(T value) {
     std::array<std::byte, sizeof(T)> octets{};
     std::memcpy(octets.data(), &value, sizeof(T));
-    if (std::endian::native == std::endian::big) std::reverse(octets.begin(), octets.end());
+    if (std::endian::native == std::endian::big) detail::reverse(octets);
     return octets;
 }
 template <SdoValue T>
 [[nodiscard]] T value_from_octets(std::array<std::byte, sizeof(T)> octets) {
-    if (std::endian::native == std::endian::big) std::reverse(octets.begin(), octets.end());
+    if (std::endian::native == std::endian::big) detail::reverse(octets);
     T value{};
     std::memcpy(&value, octets.data(), sizeof(T));
     return value;

@@ -3,8 +3,7 @@
 
 #include <margay/context.hpp>
 
-#include <memory>
-#include <utility>
+#include <cstddef>
 
 namespace margay {
 
@@ -12,13 +11,16 @@ namespace margay {
 class HostContext : public Context {
   public:
     explicit HostContext(const Limits& limits = {})
-        : HostContext(std::make_unique<std::byte[]>(context_bytes(limits)), limits) {}
-    ~HostContext() { close(); }
+        : HostContext(new std::byte[context_bytes(limits)]{}, limits) {}
+    ~HostContext() {
+        close();
+        delete[] owned_;
+    }
 
   private:
-    HostContext(std::unique_ptr<std::byte[]> memory, const Limits& limits)
-        : Context({memory.get(), context_bytes(limits)}, limits), owned_(std::move(memory)) {}
-    std::unique_ptr<std::byte[]> owned_;
+    HostContext(std::byte* memory, const Limits& limits)
+        : Context({memory, context_bytes(limits)}, limits), owned_(memory) {}
+    std::byte* owned_;
 };
 
 }  // namespace margay

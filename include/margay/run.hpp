@@ -9,7 +9,6 @@
 #include <margay/time.hpp>
 
 #include <cstdint>
-#include <memory>
 #include <type_traits>
 #include <utility>
 
@@ -106,7 +105,7 @@ requires std::is_invocable_r_v<bool, Work&, const CycleInfo&> Result<> run_cycle
         return (*static_cast<Callable*>(user))(cycle);
     };
     return run_cycle(ctx, settings, CycleWork{call},
-                     const_cast<void*>(static_cast<const volatile void*>(std::addressof(work))));
+                     const_cast<void*>(static_cast<const volatile void*>(__builtin_addressof(work))));
 }
 
 }  // namespace margay

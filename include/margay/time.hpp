@@ -2,7 +2,7 @@
 // clock; only an osal does.
 #pragma once
 
-#include <chrono>
+#include <margay/detail/chrono.hpp>
 
 namespace margay {
 

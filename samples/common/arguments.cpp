@@ -3,6 +3,8 @@
 
 #include "common/program.hpp"
 
+#include <margay/version.hpp>
+
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
@@ -50,7 +52,7 @@ Arguments::Arguments(std::string name, const std::string& description) : command
     command_->app = command_->owned.get();
     command_->app->footer(std::string(kExitCodeText));
     command_->app->set_help_flag("-h,--help", "print this and end");
-    command_->app->set_version_flag("--version", command_->app->get_name() + " (Margay) " MARGAY_VERSION,
+    command_->app->set_version_flag("--version", command_->app->get_name() + " (Margay) " MARGAY_VERSION_TEXT,
                                     "print the version and end");
 }
 

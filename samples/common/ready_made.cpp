@@ -9,12 +9,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Beside the program where it is installed, else the folder that it was built from.
+// Installed programs find the folder from their own place, so that an installation may be moved. Programs of a build
+// tree use the folder of the sources. A copy of a program somewhere else uses the folder of the installation.
 fs::path folder() {
     std::error_code error;
     const auto program = fs::read_symlink("/proc/self/exe", error);
-    const auto installed = program.parent_path() / ".." / "share" / "margay" / "segments";
-    return !error && fs::is_directory(installed, error) ? installed : fs::path(MARGAY_SEGMENTS_FOLDER);
+    for (const auto& candidate : {program.parent_path() / ".." / "share" / "margay" / "segments",
+                                  fs::path(MARGAY_SEGMENTS_FOLDER), fs::path(MARGAY_INSTALLED_SEGMENTS_FOLDER)})
+        if (candidate.is_absolute() && fs::is_directory(candidate, error)) return candidate;
+    return MARGAY_SEGMENTS_FOLDER;
 }
 
 // The line `title = "…"` of a description.

@@ -1,8 +1,17 @@
 // A stranger's program on the installed package: a master and a segment of one slave with a blank EEPROM.
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
-#include <osal/virtual/virtual_osal.hpp>
-#include <oshw/simulated/simulated_nic.hpp>
+#include <margay/parts/osal/virtual/virtual_osal.hpp>
+#include <margay/parts/oshw/simulated/simulated_nic.hpp>
+#include <margay/version.hpp>
+
+#include <string_view>
+
+#if !MARGAY_VERSION_AT_LEAST(0, 1, 0) || MARGAY_VERSION_AT_LEAST(MARGAY_VERSION_MAJOR, MARGAY_VERSION_MINOR + 1, 0)
+#error "the macro does not compare"
+#endif
+static_assert(margay::kVersion >= margay::Version{0, 1, 0} && margay::kVersion < margay::Version{999, 0, 0});
+static_assert(std::string_view(MARGAY_VERSION_TEXT) == PACKAGE_VERSION);
 
 int main() {
     margay::VirtualOsal osal;
@@ -13,7 +22,7 @@ int main() {
     segment.power_up(osal.now());
     margay::SimulatedNic nic(segment, osal);
     margay::HostContext ctx;
-    if (!connected || !init(ctx, nic, osal)) return 1;
+    if (!connected || !init(ctx, nic, osal) || margay::library_version() != margay::kVersion) return 1;
     const auto found = config_init(ctx);  // the slave cannot go to PREOP: its EEPROM is blank, and the error names it
     const bool named = !found && found.error().slave == 1;
     return named && ctx.slaves().size() == 1 && ctx.slave(1).station_address.value == 0x1001 ? 0 : 1;

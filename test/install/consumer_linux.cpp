@@ -1,8 +1,8 @@
 // A stranger's program for a real interface, one that is not there.
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
-#include <osal/linux/linux_osal.hpp>
-#include <oshw/linux/packet_nic.hpp>
+#include <margay/parts/osal/linux/linux_osal.hpp>
+#include <margay/parts/oshw/linux/packet_nic.hpp>
 
 int main() {
     margay::LinuxOsal osal;

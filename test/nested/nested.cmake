@@ -1,14 +1,18 @@
 # Tests that build the project another way: installed and used by a stranger, by the ARM compiler, by clang, by clang for
 # fuzzing. Each has a build folder of its own below build/nested that stays, so that only what changed is built again.
 
-# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name])
+# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds])
+# A test with a COST begins before the others, so that the run does not end with waiting for it.
 function(margay_nested name)
-  cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE" "NEEDS;DEFINE;TARGETS" ${ARGN})
+  cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE;COST" "NEEDS;DEFINE;TARGETS" ${ARGN})
   string(REPLACE "/" "_" folder ${name})
   add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} "-DSOURCE=${NESTED_SOURCE}" "-DFOLDER=${PROJECT_BINARY_DIR}/nested/${folder}"
            "-DNEEDS=${NESTED_NEEDS}" "-DDEFINE=${NESTED_DEFINE}" "-DTARGETS=${NESTED_TARGETS}"
            -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/build.cmake)
   set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 1800)
+  if(NESTED_COST)
+    set_tests_properties(${name} PROPERTIES COST ${NESTED_COST})
+  endif()
   if(NESTED_FIXTURE)
     set_tests_properties(${name} PROPERTIES FIXTURES_SETUP ${NESTED_FIXTURE})
   endif()
@@ -28,13 +32,27 @@ set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer
 add_test(NAME install/consumer_for_linux_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_linux)
 set_tests_properties(install/consumer_for_linux_runs PROPERTIES FIXTURES_REQUIRED consumer)
 
+if(TARGET margay_pcap)
+  add_test(NAME install/consumer_of_pcap_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_pcap)
+  set_tests_properties(install/consumer_of_pcap_runs PROPERTIES FIXTURES_REQUIRED consumer)
+endif()
+
+# The installation in another place.
+foreach(check pkg_config component programs)
+  add_test(NAME install/moved_${check}
+           COMMAND ${CMAKE_COMMAND} -DCHECK=${check} -DPREFIX=${PROJECT_BINARY_DIR}/nested/prefix -DVERSION=${PROJECT_VERSION}
+                   -DFOLDER=${PROJECT_BINARY_DIR}/nested/moved_${check} -DSOURCE=${CMAKE_CURRENT_SOURCE_DIR}/install
+                   -P ${CMAKE_CURRENT_SOURCE_DIR}/install/moved.cmake)
+  set_tests_properties(install/moved_${check} PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
+endforeach()
+
 # The same by add_subdirectory().
 margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR}
-              TARGETS consumer_linux)
+              TARGETS consumer_linux consumer_readme consumer_plugin)
 
 # What an embedder builds.
 margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
-              DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
+              COST 300 DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
                      CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
               TARGETS margay_wire margay margay_subdevice)
 
@@ -45,12 +63,26 @@ add_test(NAME embedded/footprint
 set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The other compiler.
-margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16
-              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=None)
+margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
+              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON)
+
+# The parts in each build type by both compilers, warnings being errors. The two that are missing here are the build that
+# this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug).
+set(gcc g++)
+set(clang clang++-16)
+foreach(type Release RelWithDebInfo MinSizeRel Debug)
+  foreach(family gcc clang)
+    if(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
+      margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
+                    DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF)
+      set_tests_properties(build_types/${family}_${type} PROPERTIES LABELS build_types)
+    endif()
+  endforeach()
+endforeach()
 
 # One harness a file; its corpus is read, never written.
-margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs
-              DEFINE CMAKE_CXX_COMPILER=clang++-16)
+margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs COST 500
+              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_UNITY=ON)
 file(GLOB harnesses CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/*.cpp)
 foreach(source IN LISTS harnesses)
   get_filename_component(harness ${source} NAME_WE)

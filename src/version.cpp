@@ -1,0 +1,7 @@
+#include <margay/version.hpp>
+
+namespace margay {
+
+Version library_version() { return kVersion; }
+
+}  // namespace margay
