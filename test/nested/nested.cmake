@@ -47,8 +47,9 @@ foreach(check pkg_config component programs)
 endforeach()
 
 # The same by add_subdirectory().
-margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR}
-              TARGETS consumer_linux consumer_readme consumer_plugin)
+margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install
+              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON
+              TARGETS consumer_linux consumer_readme)
 
 # What an embedder builds.
 margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
