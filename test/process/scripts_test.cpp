@@ -64,6 +64,33 @@ TEST_F(Checkout, AnUnknownNeededPackageEndsTheRun) {
     EXPECT_FALSE(contains(log(), "cmake")) << log();
 }
 
+// ctest's part of a run with a test that was skipped.
+TEST_F(Checkout, ASkippedTestFailsTheRunWhereThatIsAskedFor) {
+    folder.write_script("bin/ctest",
+                        "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
+                        "printf '100%% tests passed, 0 tests failed out of 2\\n\\nThe following tests did not run:\\n"
+                        "\\t  2 - replay/Drive.Starts (Skipped)\\n' >\"$log\"\n");
+    const auto skipped = script("sh test/run.sh --quick");
+    EXPECT_EQ(skipped.status, 0) << skipped.err;
+    const auto refused = script("sh test/run.sh --quick --no-skips");
+    EXPECT_EQ(refused.status, 1) << refused.out;
+    EXPECT_TRUE(contains(refused.err, "replay/Drive.Starts")) << refused.err;
+}
+
+TEST_F(Checkout, ARunEndsWithTheTimeOfEachStepAndTheSummaries) {
+    folder.write_script("bin/ctest",
+                        "while [ $# -gt 0 ]; do case $1 in --output-log) log=$2;; esac; shift; done\n"
+                        "echo '100% tests passed, 0 tests failed out of 7' >\"$log\"\n");
+    folder.write_script("build-sanitized/bin/storm", "echo nothing found\n");
+    const auto ran = script("sh test/run.sh");
+    ASSERT_EQ(ran.status, 0) << ran.err;
+    for (const auto* build : {"build", "build-sanitized", "build-threads"})
+        for (const auto* step : {"configure", "build", "tests"})
+            EXPECT_TRUE(contains(ran.out, std::string("  ") + build + ": " + step + " ")) << build << " " << step;
+    const std::string end = "\nbuild-threads: 100% tests passed, 0 tests failed out of 7\n";
+    EXPECT_TRUE(ran.out.ends_with(end)) << ran.out;
+}
+
 TEST_F(Checkout, CompilersFitIntoTheMemory) {
     const auto compilers = [&](const std::string& meminfo) {
         folder.write("meminfo", meminfo);
