@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "util/turns.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -49,7 +50,6 @@ namespace {
 
 // What a request needs to get on once it has begun, and the pump of the mailbox of its slave.
 constexpr std::size_t kHeadroomBytes = 1024 * sizeof(void*);
-constexpr std::uint8_t kMostPassed = 8;
 constexpr std::uint8_t kHighestPriority = 3;
 
 const OperationDescription& operation(const Request& r) { return RequestAccess::operation(r); }
@@ -122,21 +122,36 @@ bool is_free(Master& master, const Request& request) {
     return true;
 }
 
-// The request that is to begin next: the highest priority, of equals the oldest; but first a request that was passed
-// over often. nullptr: none can begin. A request that waits for the whole segment keeps back the younger requests that
-// would take a part of it again and again.
-Request* next_to_begin(Master& master) {
-    Request* best = nullptr;
+// Calls `visit` for each waiting request that can begin, the oldest first, until `visit` returns false. A request that
+// waits for the whole segment keeps back the younger requests that would use a part of the segment again and again.
+template <class Visit>
+void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
         const Needs needs = needs_of(*r);
-        const bool free = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
+        const bool ready = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
         segment_wanted |= needs == Needs::segment;
-        if (!free) continue;
-        if (RequestAccess::passed(*r) >= kMostPassed) return r;
-        if (best == nullptr || r->priority > best->priority) best = r;
+        if (ready && !visit(*r)) return;
     }
-    return best;
+}
+
+// The request that begins next; nullptr: none can begin.
+Request* next_to_begin(Master& master) {
+    NextTurn<Request> rule;
+    for_each_ready(master, [&rule](Request& r) {
+        rule.offer(r, r.priority, RequestAccess::passed(r));
+        return true;
+    });
+    return rule.next();
+}
+
+// Older requests that could begin as well are passed over.
+void count_passed(Master& master, const Request& chosen) {
+    for_each_ready(master, [&chosen](Request& r) {
+        if (&r == &chosen) return false;
+        ++RequestAccess::passed(r);
+        return true;
+    });
 }
 
 // Has the request in the list of the running ones, and what it needs for itself, as long as its sequence lives.
@@ -228,10 +243,8 @@ void begin_waiting(Master& master) {
         const bool room = arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;
         const bool room_comes = ends_some_day(queue);
         if (!room && room_comes) return;
+        count_passed(master, *request);
         (void)remove(queue.waiting, *request);
-        // Counted only when the request begins: a request that there is no room for keeps its place.
-        for (Request* r = queue.waiting; r != nullptr; r = next(*r))
-            if (r->priority < request->priority) ++RequestAccess::passed(*r);
         if (begin(master, *request)) continue;
         if (room_comes) {
             next(*request) = queue.waiting;

@@ -13,7 +13,7 @@ class CycleTest : public testing::Test {
     void start(std::size_t count, bool status_bits, std::uint16_t mailbox_bytes = 128) {
         for (std::size_t n = 0; n < count; ++n) slaves.push_back(&bus.add_stack(mailbox_bytes));
         bus.start();
-        for (Slave& slave : bus.ctx->slaves()) slave.config.mailbox_status = status_bits;
+        for (const Slave& slave : bus.ctx->slaves()) slave.config.mailbox_status = status_bits;
         const auto mapped = config_map(*bus.ctx, image);
         ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
         for (const Slave& slave : bus.ctx->slaves()) ASSERT_EQ(slave.error.code, Errc::none) << bus.words(slave.error);

@@ -45,7 +45,7 @@ class Wanted : public testing::Test, protected Plant {
     std::vector<unsigned> drive(int count = 800) {
         EXPECT_TRUE(submit(*ctx, supervision).ok());
         for (int n = 0; n < count; ++n) {
-            for (Slave& slave : ctx->slaves())
+            for (const Slave& slave : ctx->slaves())
                 for (auto& octet : slave.image.outputs.bytes) octet = std::byte{0xA5};
             (void)cycle();
         }

@@ -239,7 +239,7 @@ TEST_F(ProcessMapTest, DeclarationsAreThoseOfHandles) {
 TEST_F(ProcessMapTest, WhatTheSiiDoesNotDescribeIsTold) {
     bus.add(16, 16);
     bus.start();
-    Slave& slave = bus.ctx->slave(1);
+    const Slave& slave = bus.ctx->slave(1);
     slave.config.source = ConfigurationSource::application;
     slave.config.add({0, Direction::outputs, 0x64, 0x1100, 16});
     slave.config.add({1, Direction::inputs, 0x20, 0x2000, 8});

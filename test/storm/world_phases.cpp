@@ -55,7 +55,7 @@ void World::configure_all() {
         config.reserve_bytes = static_cast<std::uint16_t>(s.reserve_bytes);
         config.cycles_in_flight = static_cast<std::uint8_t>(s.in_flight);
     }
-    for (Slave& slave : ctx_->slaves()) {
+    for (const Slave& slave : ctx_->slaves()) {
         const bool expected = slave.wanted != nullptr && slave.wanted->config != nullptr;
         if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.position % s.groups);
         slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.position % s.slave_lrd_lwr == 0;
@@ -232,7 +232,7 @@ void World::fresh_start() {
     for (std::uint8_t g = 0; g < images_.size(); ++g) {
         ctx_->group(g).config = {.start = ctx_->group(g).config.start};
         call_ = "config_map()", call_since_ = osal_.now();
-        for (Slave& slave : ctx_->slaves()) slave.config.group = 0;
+        for (const Slave& slave : ctx_->slaves()) slave.config.group = 0;
         const auto mapped = config_map(*ctx_, images_[g], g);
         call_ = nullptr;
         if (g == 0) blame("a fresh start fails", mapped.error());

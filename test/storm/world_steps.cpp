@@ -139,7 +139,7 @@ void World::submit_slot(const Step& step, bool by_owner) {
 }
 
 void World::configure(std::uint32_t position, std::uint32_t what, std::uint32_t value) {
-    Slave& slave = ctx_->slave(position);
+    const Slave& slave = ctx_->slave(position);
     if (slave.position == 0) return;
     switch (what % 6) {
         case 0: slave.config.group = static_cast<std::uint8_t>(value % images_.size()); break;
