@@ -147,7 +147,7 @@ class World {
     Chance chance_;
 
     std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
-    std::vector<bool> dirty_;  // by device: its EEPROM or state was changed by a step
+    std::vector<bool> dirty_;  // by device: a step changed its EEPROM or its quirks
     std::vector<bool> halted_;
     std::vector<bool> reachable_;  // at the last look_around()
     std::vector<std::uint16_t> station_;
