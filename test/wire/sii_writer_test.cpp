@@ -27,8 +27,6 @@ TEST(SiiWriter, WritesTheSmallestDeviceOctetByOctet) {
     const auto fixed = bytes({0x04, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x39, 0,  //
                               0x47, 0x4D, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0,    0});
 
-    // devices.
-
     EXPECT_EQ(std::vector<std::byte>(eeprom.begin(), eeprom.begin() + 32), fixed);
     for (std::size_t i = 32; i < 0x7C; ++i) EXPECT_EQ(eeprom[i], std::byte{0}) << i;
     const auto rest = bytes({0x01, 0x00, 0x01, 0x00,                // 2 KiBit, version 1
