@@ -21,9 +21,9 @@ struct SeenSlave {
     // shows whether a clock that the features register announces is switched on.
     std::optional<bool> clock;
     std::optional<bool> receive_times;
-    std::optional<bool> clock_has_64_bits;        // true when a time with a non-zero upper half was read
-    std::optional<std::uint16_t> station_before;  // a station address that the master used before the recording
-                                                  // assigned one
+    std::optional<bool> clock_has_64_bits;  // true when a time with a non-zero upper half was read
+    // A station address that the master used before the recording assigned one.
+    std::optional<std::uint16_t> station_before;
 };
 
 // The slaves in ring order. A slave with a station address that the recording never assigns has no known position.

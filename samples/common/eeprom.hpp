@@ -70,8 +70,8 @@ struct WriteReport {
     bool verified = false;      // the whole image was read back at the end and is equal
     bool restored = false;      // writing failed, and the old content was written again and read back
     std::string error{};
-    std::string left{};  // after an error: a sentence about the present content of the EEPROM; empty when nothing was
-                         // written
+    // After an error: a sentence about the present content of the EEPROM; empty when nothing was written.
+    std::string left{};
 };
 // Writes the words that differ, then reads the whole image back. The configuration area (words 0x00–0x07) is written
 // last, so that its checksum is not valid for a half-written image (wire/sii_area.hpp). All written words get their

@@ -16,8 +16,8 @@ namespace {
 using wire::Command;
 namespace reg = wire::reg;
 
-constexpr Duration kSwitchedOn = std::chrono::seconds(1);  // the slaves are switched on this long before the recording
-                                                           // starts, so that their start-up is complete
+// The slaves are switched on this long before the recording starts, so that their start-up is complete.
+constexpr Duration kSwitchedOn = std::chrono::seconds(1);
 
 bool within(std::uint32_t address, std::uint32_t from, std::uint32_t to) { return from <= address && address < to; }
 

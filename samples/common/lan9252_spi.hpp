@@ -94,16 +94,16 @@ class Lan9252 final : public subdevice::EscAccess {
     static constexpr std::uint32_t kBusy = 1u << 31;  // in all three command registers
     static constexpr std::uint32_t kCsrRead = 1u << 30;
     static constexpr std::uint32_t kAbort = 1u << 30;  // in the FIFO command registers
-    static constexpr unsigned kCountShift = 8;         // in the FIFO command registers: number of double words that
-                                                       // are available, or free
+    // In the FIFO command registers: number of double words that are available, or free.
+    static constexpr unsigned kCountShift = 8;
     static constexpr std::uint32_t kCountMask = 0x1F;
 
     static constexpr std::byte kSpiRead{0x03};
     static constexpr std::byte kSpiWrite{0x02};
     static constexpr std::size_t kSpiHead = 3;
-    static constexpr std::size_t kBlockBytes = 64 - 4;  // 16 double words, where up to 3 octets of the first one can
-                                                        // be unused
-    static constexpr unsigned kPatience = 1000;         // number of reads of a busy bit before an access fails
+    // 16 double words, where up to 3 octets of the first one can be unused.
+    static constexpr std::size_t kBlockBytes = 64 - 4;
+    static constexpr unsigned kPatience = 1000;  // number of reads of a busy bit before an access fails
 
     // The address stays the same for all double words of a transfer, as the FIFOs require.
     void transfer(std::byte instruction, std::uint16_t address, std::size_t bytes) noexcept {

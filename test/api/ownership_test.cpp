@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Counts the system calls of a waiting thread.
+// Counts the calls of waiting threads to the Osal.
 class CountingOsal final : public Osal {
   public:
     std::atomic<int> waits_of_others{0};

@@ -185,7 +185,7 @@ double count(const std::string& self, const std::string& work, std::uint32_t sla
     return (collected[1] - collected[0]) / kCycles;
 }
 
-// Published instruction counts of other masters for the same cycle; 0: unknown.
+// Instruction counts of other masters for the same cycle, where they are known; 0: unknown.
 unsigned known_peer(std::uint32_t slaves, std::uint32_t out) {
     if (out != 32) return 0;
     switch (slaves) {

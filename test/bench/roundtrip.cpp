@@ -120,9 +120,7 @@ std::optional<long> calls_between_stops(pid_t child) {
         if (::ptrace(PTRACE_SYSCALL, child, nullptr, nullptr) != 0) return std::nullopt;
         if (::waitpid(child, &status, 0) != child || WIFEXITED(status)) return std::nullopt;
         if (!WIFSTOPPED(status)) continue;
-        if (WSTOPSIG(status) == SIGSTOP)
-            return stops / 2;  // each system call stops the child at its entry and at its
-                               // exit
+        if (WSTOPSIG(status) == SIGSTOP) return stops / 2;  // one stop at the entry of a call, one at the exit
         if (WSTOPSIG(status) == (SIGTRAP | 0x80)) ++stops;
     }
 }

@@ -22,9 +22,9 @@ class SiiSlave final : public Nic {
     Time now{1s};
     Duration round_trip = 100us;
     Duration read_time = 680us;
-    Duration write_busy = 300us;           // as recorded on an EK1100: after this time not busy, but
-    Duration write_time = 3800us;          // until this time no command is acknowledged, because the word is being
-                                           // stored
+    Duration write_busy = 300us;  // busy time after a write command, as recorded on an EK1100
+    // Until this time after a write no command is acknowledged, because the word is being stored (same recording).
+    Duration write_time = 3800us;
     std::uint32_t dead_word = 0xFFFFFFFF;  // writes to this word are never acknowledged
     int lost_after_writes = -1;            // after this number of written words no frame returns
     std::vector<std::uint32_t> written;

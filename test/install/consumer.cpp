@@ -15,8 +15,8 @@ int main() {
     margay::SimulatedNic nic(segment, osal);
     margay::HostContext ctx;
     if (!connected || !init(ctx, nic, osal)) return 1;
-    const auto found = config_init(ctx);  // the slave cannot go to PREOP, because its EEPROM is blank; the error names
-                                          // it
+    // The slave cannot go to PREOP, because its EEPROM is blank; the error names it.
+    const auto found = config_init(ctx);
     const bool named = !found && found.error().slave == 1;
     return named && ctx.slaves().size() == 1 && ctx.slave(1).station_address.value == 0x1001 ? 0 : 1;
 }

@@ -8,8 +8,8 @@ namespace margay::layers {
 namespace {
 
 struct Rule {
-    std::vector<std::string_view> words;  // a line without any of these words is skipped, because regular expressions
-                                          // are slow
+    // A line without any of these words is skipped, because regular expressions are slow.
+    std::vector<std::string_view> words;
     std::regex form;
     const char* what;
     const std::set<std::string>* layers;  // the layers in which the rule applies

@@ -361,10 +361,8 @@ TEST_F(ChannelTest, PrioritiesGoFirstAndStarveNobody) {
         requests[n].slave = 1;
         requests[n].index = static_cast<std::uint16_t>(0x2000 + n);
         requests[n].data = into;
-        requests[n].priority = n < 2        ? 0
-                               : n % 2 == 0 ? 3
-                                            : 2;  // first two requests with low priority, then requests
-                                                  // with high and less high priority alternately
+        // Two requests with low priority first, then requests with high and less high priority alternately.
+        requests[n].priority = n < 2 ? 0 : n % 2 == 0 ? 3 : 2;
         ASSERT_TRUE(submit(*bus.ctx, requests[n]).ok());
     }
     for (const auto& r : requests) bus.run(r);

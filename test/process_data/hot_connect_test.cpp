@@ -217,7 +217,7 @@ TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
 
 // ------------------------------------------------------------------ groups
 
-// Two groups of two slaves: the first slaves have alias 0x0010 and device id 7.
+// Two groups of two slaves. Their heads are identified by alias 0x0010 and by device ID 7.
 struct Groups {
     std::uint32_t a = 0, a2 = 0, b = 0, b2 = 0;
 };

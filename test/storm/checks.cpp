@@ -150,8 +150,8 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
                          (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
                          ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
-            bool known = devices.empty();  // without such a device, the input can be the last one received, which
-                                           // cannot be checked
+            // Without such a device the image has the last input received, which cannot be checked.
+            bool known = devices.empty();
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)
                 known = spies_[n] != nullptr && cycle.station[n] == slave.station_address.value &&
                         spies_[n]->has_ever_shown(value, part.bits);

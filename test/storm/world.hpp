@@ -151,8 +151,8 @@ class World {
     std::vector<bool> halted_;
     std::vector<bool> reachable_;  // at the last look_around()
     std::vector<std::uint16_t> station_;
-    std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;  // by device: outputs that the application wrote for
-                                                                  // it
+    // By device: outputs that the application wrote for it.
+    std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;
     std::vector<std::uint32_t> ids_;
     bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
 

@@ -315,8 +315,8 @@ struct Transfer {
 };
 
 Transfer upload(Bench& bench, int index, int subindex = 0, bool complete = false);
-// `first_bytes` is the number of octets in the first message and in each segment; default: as many as fit. Expedited
-// up to 4 octets unless `normal`.
+// `first_bytes` is the largest number of octets in the first message; default: as many as fit. Up to 4 octets are sent
+// by an expedited transfer, unless `normal`.
 Transfer download(Bench& bench, int index, int subindex, std::vector<std::byte> data, bool complete = false,
                   bool normal = false, std::size_t first_bytes = SIZE_MAX);
 inline std::vector<std::byte> number(std::uint64_t value, std::size_t bytes) {

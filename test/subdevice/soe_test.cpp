@@ -285,7 +285,7 @@ TEST_F(SoeServerTest, FragmentsThatAreGivenUpOrTooMany) {
     EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
     fragment[2] = std::byte{1};
     fragment.resize(26);
-    silent(fragment);  // the read ended the write: this fragment begins a new one
+    silent(fragment);  // the read has ended the first write: this fragment starts a new one
     EXPECT_EQ(write(Idn::standard(91), {1}), SoeError::value_too_long);
     // A value that is too long is received completely, then refused.
     fragment[4] = std::byte{200};

@@ -22,7 +22,7 @@ namespace margay::bench {
 class SwitchNic final : public Nic {
   public:
     Nic* to = nullptr;
-    std::vector<std::byte> last;  // the last frame sent; its size is kept while it is recorded
+    std::vector<std::byte> last;  // the last frame that was sent while keep_last is set
     bool keep_last = false;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
