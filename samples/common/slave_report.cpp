@@ -164,8 +164,8 @@ nlohmann::ordered_json slave_json(const Slave& s) {
 }
 
 // Writes a slave and all slaves behind it. A slave with one child has this child below it in the same column. The
-// children of a slave with several children are indented. `first` is the begin of the slave's line, `indent` the begin
-// of the lines behind it.
+// children of a slave with several children are indented. `first` is the beginning of the slave's line, `indent` the
+// beginning of the lines behind it.
 void add_line(Context& ctx, const Slave& slave, const std::string& first, const std::string& indent,
               std::string& text) {
     const Slave* at = &slave;

@@ -155,8 +155,8 @@ TEST_F(DriveTest, ProfilePositionWithHandshake) {
     control(0x0F);
     hand.cycle(2);
     EXPECT_EQ(status() & 0x1000, 0u);
-    // 5 turns at 20 turns/s, 200 turns/s² both ways: 0.1 + 0.1 s for two turns, 0.2 s for the other four … in all 0.35
-    // s.
+    // 5 turns at 20 turns/s, with 200 turns/s² in both directions: 0.1 s and one turn each for acceleration and
+    // deceleration, 0.15 s for the other three turns, 0.35 s in total.
     const auto cycles = until(0x0400, 2000);
     EXPECT_NEAR(cycles, 350, 25);
     EXPECT_NEAR(position(), from + 5 * kTurn, 1000);

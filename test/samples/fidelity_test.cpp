@@ -94,7 +94,7 @@ TEST_F(Fidelity, Ek1100El2828El2889) { expect_identical(measure("replay-ek1100-e
 TEST_F(Fidelity, DistributedClocks) { expect_identical(measure("replay-dc", kEk1100 + kEl28xx)); }
 
 TEST_F(Fidelity, TwinCatRunning) {
-    // At the begin of the recording the segment is already in PREOP.
+    // At the beginning of the recording the segment is already in PREOP.
     const std::string preop = "preset = [[0x0120, 0x02, 0x00]]\n";
     expect_identical(measure("twincat-run-ek1100-el1004",
                              kEk1100 + "station = 0x03E9\n" + preop + el1004() + "station = 0x03EA\n" + preop));

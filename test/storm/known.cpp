@@ -9,7 +9,7 @@ namespace margay::storm {
 namespace {
 
 struct Known {
-    std::string_view rule;    // the begin of the rule
+    std::string_view rule;    // the beginning of the rule
     std::string_view detail;  // a part of the detail
     const char* reason;
 };

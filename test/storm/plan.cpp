@@ -167,7 +167,7 @@ Plan without_device(const Plan& plan, std::size_t which) {
     bool place = true;  // the parent's port of the removed device is free for one child
     for (auto& d : smaller.devices) {
         if (d.parent != static_cast<std::int32_t>(gone.id)) continue;
-        d.parent = place ? gone.parent : -2;  // -2: not connected
+        d.parent = place ? gone.parent : -2;  // -2: removed below
         d.port = gone.port;
         place = false;
     }

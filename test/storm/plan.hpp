@@ -117,8 +117,8 @@ struct Plan {
 // Returns nothing when the text is not a plan; `why` then names the wrong line.
 [[nodiscard]] std::optional<Plan> parse_plan(std::string_view text, std::string& why);
 
-// Removes a device. Its children are connected to its parent if a port is free; steps that name the device are
-// removed.
+// Removes a device. Its first child is connected to the port of the removed device at the parent. The other children
+// and all devices behind them are removed, too. Steps that name a removed device are removed.
 [[nodiscard]] Plan without_device(const Plan& plan, std::size_t which);
 
 }  // namespace margay::storm
