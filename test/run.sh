@@ -5,7 +5,7 @@
 #
 #   sh test/run.sh [--quick] [ctest arguments …]      --quick: without sanitizers
 #
-# Tests are skipped, with a message, when they need a missing tool (tshark, clang 16, an ARM compiler, network namespaces).
+# Tests that need a missing tool (tshark, clang 16, an ARM compiler, network namespaces) are skipped with a message.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
