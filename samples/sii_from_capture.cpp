@@ -1,5 +1,5 @@
-// Rebuilds the SII images of the slaves in a recording from what the master read of them, and a segment
-// description to go with them.
+// sii_from_capture: rebuilds the SII images of the slaves in a recording from the EEPROM data that the master read,
+// and writes a segment description for these images.
 #include "common/arguments.hpp"
 #include "common/capture_slaves.hpp"
 #include "common/program.hpp"

@@ -1,5 +1,5 @@
-// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. What happens to slaves meanwhile
-// is told, and put right while the others go on.
+// simple_io: brings a segment to OP, writes a counter to the outputs, and prints the inputs. It reports events of
+// slaves; the supervision recovers such slaves while the other slaves continue.
 #include "common/cycle_pace.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
@@ -37,7 +37,7 @@ class SimpleIo {
   public:
     SimpleIo(samples::Source& source, const Options& options) : source_(source), options_(options) {}
 
-    // Returns what the program ends with.
+    // Returns the exit code of the program.
     int run() {
         if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return give_up(ready.error());
         const auto found = config_init(ctx_);
@@ -86,7 +86,7 @@ class SimpleIo {
                 warn(fmt::format("slave {} ({}) is in {}", slave.position, slave.name(), al_text(slave.al)));
     }
 
-    // One cycle: send, receive, and let everything else go on until the next one is due.
+    // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
         const Time start = source_.osal().now();
         Result<std::uint32_t> got;
@@ -100,8 +100,8 @@ class SimpleIo {
         return got;
     }
 
-    // The supervision brings the slaves to OP, and back there whatever happens. Process data runs before: their
-    // watchdogs want outputs.
+    // The supervision brings the slaves to OP, and back to OP after any fault. The first process data is exchanged
+    // before the supervision starts, because the SyncManager watchdogs of the slaves need outputs.
     bool reach_op() {
         constexpr unsigned kMostCycles = 10'000;
         pace_.start();
@@ -130,7 +130,7 @@ class SimpleIo {
         }
     }
 
-    // Beside the cycle the supervision works; here is what it has to tell.
+    // The supervision works between the cycles. Its events are printed here.
     void tell_events() {
         while (const auto event = ctx_.events().take()) {
             std::array<char, 400> text{};
@@ -160,9 +160,9 @@ class SimpleIo {
 };
 
 int run(samples::Source& source, const Options& options) {
-    // What happens is to be seen when it happens, in a log too.
+    // Line buffering: each event appears in a terminal or a log file at once.
     std::setvbuf(stdout, nullptr, _IOLBF, 0);
-    samples::stop_at_signals();  // the slaves are left in INIT, however the program ends
+    samples::stop_at_signals();  // after a signal, too, the program puts the slaves to INIT before it ends
     const auto program = std::make_unique<SimpleIo>(source, options);
     return program->run();
 }

@@ -1,4 +1,4 @@
-// slaveinfo: what is on the segment.
+// slaveinfo: prints the slaves of a segment, their process image and their object dictionaries.
 #include "common/dictionary_report.hpp"
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
@@ -55,7 +55,7 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
     if (map != nullptr) write_out("\n" + map_text(ctx, *map));
 }
 
-// Maps all slaves, which go to SAFEOP for it, and lets them go back.
+// Maps all slaves, which puts them to SAFEOP, prints the process image, and puts the slaves back to PREOP.
 int map_and_print(margay::Context& ctx, const Options& options) {
     using namespace margay::samples;
     std::vector<std::byte> image(std::size_t{1} << 20);

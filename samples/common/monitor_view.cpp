@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kEvents = 6;
 
-// By columns, taking an UTF-8 character for one.
+// Cuts a line to `width` columns. A UTF-8 character counts as one column.
 std::string cut(const std::string& line, std::size_t width) {
     std::size_t columns = 0;
     for (std::size_t i = 0; i < line.size(); ++i) {

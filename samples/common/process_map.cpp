@@ -35,7 +35,8 @@ struct NamedEntry {
     std::string name{};
 };
 
-// The entries of all PDOs that the SII assigns to one SyncManager; without one, of all that it has of this direction.
+// The entries of all PDOs that the SII assigns to one SyncManager. Without a SyncManager: the entries of all PDOs of
+// this direction.
 std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync_manager, Direction direction) {
     std::vector<NamedEntry> all;
     const Bytes strings = sii::find_category(image, sii::category::kStrings).value_or(Bytes{});
@@ -58,7 +59,7 @@ std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync
     return all;
 }
 
-// What the SII knows of an entry, and where it has no name what the dictionary tells.
+// Copies the name and type of an entry from the SII. When the SII has no name, the name comes from the dictionary.
 void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>& known, NamedEntry& e) {
     for (const auto& k : known) {
         if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
@@ -74,8 +75,8 @@ void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>&
         e.entry.data_type = static_cast<std::uint8_t>(told->data_type);
 }
 
-// The entries that the slave's dictionary has assigned; none where it does not tell. A place of the assignment that
-// holds 0 names no PDO.
+// The entries that the PDO assignment in the slave's dictionary lists; none when the dictionary cannot be read. A
+// subindex of the assignment that holds 0 names no PDO.
 std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, const ProcessSm& sm, Bytes image) {
     const auto known = entries_of(image, std::nullopt, sm.direction);
     const auto assignment = static_cast<std::uint16_t>(0x1C10 + sm.number);

@@ -9,7 +9,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Beside the program where it is installed, else the folder that it was built from.
+// The folder of the descriptions: the installed one relative to the program, or else the source folder of the build.
 fs::path folder() {
     std::error_code error;
     const auto program = fs::read_symlink("/proc/self/exe", error);
@@ -17,7 +17,7 @@ fs::path folder() {
     return !error && fs::is_directory(installed, error) ? installed : fs::path(MARGAY_SEGMENTS_FOLDER);
 }
 
-// The line `title = "…"` of a description.
+// The text of the line `title = "…"` in a description.
 std::string title_in(const fs::path& file) {
     constexpr std::string_view kBegin = "title = \"";
     std::ifstream in(file);

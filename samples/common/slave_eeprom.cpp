@@ -11,8 +11,8 @@ std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
     return done ? std::string() : sentence(done.error());
 }
 
-// Word by word: so each word that counts as written was read back, and an address above 16 bits is not lost
-// in an Error.
+// Writes one word at a time. Thus each counted word was read back, and an address above 16 bits is correct in the
+// error text.
 Eeprom::Written SlaveEeprom::write(std::uint32_t word, Bytes octets) {
     Written written;
     for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {

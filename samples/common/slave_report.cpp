@@ -66,7 +66,7 @@ const char* fmmu_use(FmmuUse use) {
 
 const char* dc_text(const DlInformation& dl) { return !dl.dc ? "no" : dl.dc_64bit ? "64 bit" : "32 bit"; }
 
-// The name, or what stands for it.
+// The name of the slave, or its vendor ID and product code when it has no name.
 std::string title(const Slave& slave) {
     if (!slave.name().empty()) return std::string(slave.name());
     return fmt::format("(no name) {:#010x}:{:#010x}", slave.identity.vendor, slave.identity.product);
@@ -163,8 +163,9 @@ nlohmann::ordered_json slave_json(const Slave& s) {
          s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
-// The slave and all behind it. A slave with one child stands above this child, in the same column; the children of a
-// slave with several are indented. `first` begins the line of the slave, `indent` the lines behind it.
+// Writes a slave and all slaves behind it. A slave with one child has this child below it in the same column. The
+// children of a slave with several children are indented. `first` is the beginning of the slave's line, `indent` the
+// beginning of the lines behind it.
 void add_line(Context& ctx, const Slave& slave, const std::string& first, const std::string& indent,
               std::string& text) {
     const Slave* at = &slave;

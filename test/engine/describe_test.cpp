@@ -1,4 +1,4 @@
-// Errors as sentences: who, where, why.
+// Errors as sentences: slave, step, cause.
 #include <margay/error.hpp>
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Slaves as the tests of process data make them up.
+// Makes slaves for the tests of process data.
 #pragma once
 
 #include "wire/sync_manager.hpp"
@@ -29,7 +29,7 @@ inline ProcessSm inputs_sm(std::uint8_t number, std::uint16_t start, std::uint32
     return {number, Direction::inputs, kInputControl, start, bits};
 }
 
-// One with outputs in SyncManager 2 at 0x1100 and inputs in SyncManager 3 at 0x1400, each of so many bits.
+// A slave with outputs in SyncManager 2 at 0x1100 and inputs in SyncManager 3 at 0x1400; sizes in bits.
 inline Slave io_slave(std::uint16_t position, std::uint32_t output_bits, std::uint32_t input_bits) {
     Slave slave = make_slave(position);
     if (output_bits > 0) slave.config.add(outputs_sm(2, 0x1100, output_bits));

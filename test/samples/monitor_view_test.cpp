@@ -1,4 +1,4 @@
-// What segment_monitor shows, line by line.
+// The lines of segment_monitor.
 #include "common/monitor_view.hpp"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// The parts of a run: bringing up, the end of the faults, and what must be as before then.
+// The phases of a run: bring-up, the end of the faults, and the comparison with the beginning.
 #include "api/master.hpp"
 #include "storm/world.hpp"
 #include "wire/esc.hpp"
@@ -68,7 +68,7 @@ void World::configure_all() {
     }
 }
 
-// By what the first scan has found.
+// Expects the slaves that the first scan found.
 void World::expect_slaves() {
     const auto slaves = ctx_->slaves();
     expected_.clear();
@@ -99,8 +99,8 @@ void World::expect_slaves() {
     blame("bring-up", found.error());
 }
 
-// An error of config_init() or config_map() is right where it names a slave that has manners, or that is not the wanted
-// one: all else has been done then.
+// An error of config_init() or config_map() is allowed when it names a slave that has quirks or is not the expected
+// slave. In this case all other work was done.
 void World::blame(const char* rule, const Error& error) {
     if (error.code == Errc::none) return;
     std::array<char, 300> text{};
@@ -144,8 +144,9 @@ void World::bring_up() {
             baseline_.push_back(n);
 }
 
-// A device without manners, whose EEPROM nobody has written. The bootloader of the library does not reach SAFEOP: its
-// SII lists its SyncManager 3 as number 2 (known, to be taken out with the mend).
+// A device without quirks whose EEPROM was not changed. The bootloader device of the library is excluded: it does not
+// reach SAFEOP, because its SII lists SyncManager 3 as number 2. This is a known fault; remove the exception with the
+// fix.
 bool World::clean(std::uint32_t device) const {
     const auto& d = plan_.devices[device];
     return !dirty_[device] && d.quirks.empty() && d.name != "bootloader";
@@ -156,7 +157,7 @@ bool World::in_op(std::uint32_t device) {
            (segment_.slave(device).registers().get<std::uint16_t>(wire::reg::kAlStatus.address) & 0x1F) == 8;
 }
 
-// What was in OP when the faults began is again, and its cycle is right.
+// Devices that were in OP when the faults began must be in OP again, and the cycle must be right.
 void World::expect_back() {
     if (supervision_.target != AlState::op || hostile_) return;
     cycling_ = true;
@@ -206,7 +207,7 @@ void World::check_arena() {
              std::to_string(used) + " octets are in use, " + std::to_string(arena_level_) + " were");
 }
 
-// Everything is switched off and on, and must work as if nothing had been.
+// Switches all devices off and on. Everything must work as at the beginning.
 void World::fresh_start() {
     cycling_ = false;
     run_for(10ms);
@@ -260,7 +261,7 @@ void World::fresh_start() {
     run_for(30ms);
 }
 
-// The context goes away under busy requests: they end.
+// The context is destroyed while requests are busy. The requests must end.
 void World::close_busy() {
     for (std::uint32_t n = 0; n < kSlots; ++n)
         submit_slot({0, Op::submit, {n, n % static_cast<std::uint32_t>(kinds().size()), 1 + n % 3, n * 7, 0}}, true);
