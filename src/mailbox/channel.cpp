@@ -126,7 +126,7 @@ Task<Result<>> MailboxChannel::pump() {
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ what to do
+// ------------------------------------------------------------------ next action
 
 MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();

@@ -9,7 +9,7 @@ namespace sdo = wire::coe::sdo;
 using coe::Abort;
 using coe::SdoLayout;
 
-// ------------------------------------------------------------------ both ways
+// ------------------------------------------------------------------ upload and download
 
 void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort tell) {
     error_.code = code;

@@ -48,7 +48,7 @@ void Mailboxes::forget_all() {
     for (MailboxChannel& channel : channels_) channel.forget();
 }
 
-// ------------------------------------------------------------------ looking for all at once
+// ------------------------------------------------------------------ one datagram for all slaves
 
 class Mailboxes::WatchGuard {
   public:

@@ -56,7 +56,7 @@ class Searching {
     std::uint32_t scans_;
 };
 
-// ------------------------------------------------------------------ who is where
+// ------------------------------------------------------------------ the places of the ring
 
 Task<Result<>> read_place(Network& network, std::uint16_t n) {
     std::array<std::byte, 2> address{};
@@ -125,7 +125,7 @@ Task<Result<>> miss_absent(Network& network) {
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ who is it
+// ------------------------------------------------------------------ identification of a newcomer
 
 // Gives the guest address to a newcomer. If the ring has changed meanwhile, the slave that received the address gets
 // its previous address back.
@@ -261,7 +261,7 @@ Verdict who_is(Network& network, std::uint16_t n) {
     return verdict;
 }
 
-// ------------------------------------------------------------------ what becomes of it
+// ------------------------------------------------------------------ result of the identification
 
 Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     const AlStatus now = network.guest.al;

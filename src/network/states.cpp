@@ -58,8 +58,8 @@ Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, Fir
     co_return Result<>();
 }
 
-// The lowest state of the slaves. Optional slaves that are missing are left out. Slaves in a highest state below OP are
-// left out too, unless there are no others.
+// The lowest state of the slaves. Optional slaves that are missing are left out. Slaves that have reached
+// their highest state, if it is below OP, are left out too, unless there are no others.
 AlStatus lowest(std::span<const Slave> slaves) {
     const auto at_its_end = [](const Slave& s) {
         return s.al.state == s.config.highest && s.config.highest != AlState::op;

@@ -35,7 +35,7 @@ class StringPicker {
         const auto value = std::to_integer<std::uint8_t>(octet);
         if (!counted_) {
             counted_ = true;
-            done_ = value < wanted_;  // there is no such string
+            done_ = value < wanted_;  // the SII has fewer strings
         } else if (left_ == 0) {
             left_ = value;
             ++current_;
