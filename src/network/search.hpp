@@ -5,7 +5,7 @@
 
 namespace margay {
 
-// The result of one broadcast read of AL status. A lost frame is not sent again. Errors: no_frame.
+// A roll: the result of one broadcast read of AL status. A lost frame is not sent again. Errors: no_frame.
 struct Roll {
     std::uint16_t count = 0;
     std::uint16_t al_status = 0;  // of all slaves, ORed

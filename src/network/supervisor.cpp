@@ -125,8 +125,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         }
     }
     network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
-    watch.look_at =
-        network.engine.now();  // the slave may have changed its state since the last roll, which does not show that
+    watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Result<>();
 }
