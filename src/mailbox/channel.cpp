@@ -1,4 +1,4 @@
-// The pump of a channel: what to do next, and what came of it.
+// The pump of a channel: selects the next action, and processes its result.
 #include "mailbox/channel.hpp"
 
 #include "mailbox/arena_buffer.hpp"
@@ -20,10 +20,11 @@ constexpr std::size_t kLookBytes = 3;  // status, activate, PDI control
 
 constexpr Duration kCycleIsAlive = std::chrono::milliseconds(10);
 constexpr Duration kRealLook =
-    std::chrono::milliseconds(20);  // though a bit of the image, or the watch, says there is nothing
+    std::chrono::milliseconds(20);  // looks at the ESC although a bit of the image, or Mailboxes, reports no mail
 constexpr unsigned kLooksBeforeParking = 4;
 
-// Channels that pause alike look at the same time: their datagrams share frames.
+// Rounds the time up to a multiple of `grid`: channels with the same pause then look at the same time, and their
+// datagrams share frames.
 Time on_grid(Time time, Duration grid) {
     const auto rest = time.time_since_epoch() % grid;
     return rest == Duration{0} ? time : time + (grid - rest);
@@ -48,7 +49,7 @@ class MailboxChannel::PumpGuard {
     MailboxChannel& channel_;
 };
 
-// Awaitable: until the time has come, or kick().
+// Awaitable: resumes at the given time or by kick().
 class MailboxChannel::Doze {
   public:
     Doze(MailboxChannel& channel, Time until) : channel_(channel), until_(until) {}
@@ -87,7 +88,7 @@ Task<Result<>> MailboxChannel::pump() {
     for (Action action = next_action(); action != Action::stop; action = next_action()) {
         const bool carries = action == Action::send || action == Action::fetch;
         if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
-            trouble_ = Errc::capacity;  // others will give some back
+            trouble_ = Errc::capacity;  // wait until others return memory
             co_await Doze(*this, now() + timing.longest_pause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
@@ -125,11 +126,12 @@ Task<Result<>> MailboxChannel::pump() {
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ what to do
+// ------------------------------------------------------------------ next action
 
 MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();
-    // A slave that is gone is not looked at for ever on behalf of nobody. What is to be looked for is kept for later.
+    // When no exchange waits, a slave that does not answer is not looked at without end. A pending look is kept for
+    // later.
     const bool nobody_waits = queue_.empty() && awaiting_.empty() && farewell_bytes_ == 0;
     if (nobody_waits && silent_looks_ >= kMostSilentLooks) return Action::stop;
     if (repeat_ == Repeated::ready) return Action::ask_repeat;
@@ -173,7 +175,7 @@ bool MailboxChannel::bit_is_trusted() const {
 MailboxChannel::Action MailboxChannel::next_look() {
     if (now() < look_at_) return Action::doze;
     if (!bit_is_trusted()) return Action::look;
-    // As of the last cycle: what was fetched since is still shown.
+    // The bit shows the state of the last cycle: it still reports mail that was fetched after that cycle.
     if (engine_->link().last_cycle() <= fetched_at_ ||
         !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
         look_at_ = now() + timing.first_pause;
@@ -204,7 +206,7 @@ void MailboxChannel::look_soon() {
 
 // ------------------------------------------------------------------ sending
 
-// False when the mailbox is too small for it.
+// False when the mailbox is too small for the message.
 bool MailboxChannel::compose(MutableBytes buffer) {
     const auto mailbox = buffer.first(info_.out_bytes);
     const auto data = mailbox.subspan(wire::kMailboxHeaderBytes);
@@ -230,7 +232,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
     return true;
 }
 
-// The slave has it.
+// The slave has received the message.
 void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
@@ -279,7 +281,7 @@ void MailboxChannel::sent(Reply reply) {
         unsure_ = nullptr;
         if (exchange != nullptr) left(*exchange);
     } else if (reply.errc == Errc::no_frame) {
-        // It may have arrived, or not: the slave's mailbox will tell, or its reply.
+        // The message may have arrived or not: the slave's mailbox or its reply will show it.
         out_counter_ = trial_counter_;
         trouble_ = Errc::no_frame;
         if (exchange == nullptr) return;
@@ -328,8 +330,8 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {
-        // One that does not count its replies could not be told from the one before: it is asked for only if it is
-        // gone.
+        // A repeated reply of a slave that does not count its mail could not be distinguished from the one before. The
+        // repeat is requested only if the mailbox is empty.
         const bool ask = counts_ || !full;
         repeat_ = ask ? Repeated::ready : Repeated::no;
         activate_ = static_cast<std::uint8_t>(std::to_integer<unsigned>(octets[1]) ^ wire::sm_activate::kRepeatRequest);
@@ -350,15 +352,15 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     nothing_there();
 }
 
-// The lost mail may have been something else, and the replies may still come: an exchange of the same key waits for
-// them a while.
+// The lost mail may have been something other than these replies, which may then still arrive. So new exchanges of the
+// same key wait for a while.
 void MailboxChannel::reply_is_lost() {
     lost_at_ = kNever;
     const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = position_};
     for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
-        if (&exchange == unsure_) continue;  // that message may not have arrived, and is sent again by itself
+        if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
         owed_key_ = exchange.options_.key;
         owed_until_ = now() + timing.owed_patience;
         finish(exchange, lost);

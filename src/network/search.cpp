@@ -18,7 +18,7 @@ namespace {
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-// Nobody else has it: slaves of ours begin one above.
+// No other slave has this address: the station addresses of the slaves start one above it.
 StationAddress guest_address(const Network& network) { return network.station_address(0); }
 
 bool is_lost(const Network& network, const Slave& slave) {
@@ -41,14 +41,14 @@ std::uint8_t group_of(const Slave& slave) {
 }
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
 
-// Marks a search for as long as it lives.
+// Marks a search as executing, until it is destroyed.
 class Searching {
   public:
     explicit Searching(Network& network) : network_(network), scans_(network.scans) { network_.searching = true; }
     Searching(const Searching&) = delete;
     Searching& operator=(const Searching&) = delete;
     ~Searching() { network_.searching = false; }
-    // A scan has begun meanwhile: the ring and the slaves are not those that the search has looked at.
+    // A scan has started meanwhile: the ring and the slaves are not those that the search has read.
     [[nodiscard]] bool overtaken() const { return network_.scans != scans_; }
 
   private:
@@ -56,7 +56,7 @@ class Searching {
     std::uint32_t scans_;
 };
 
-// ------------------------------------------------------------------ who is where
+// ------------------------------------------------------------------ the places of the ring
 
 Task<Result<>> read_place(Network& network, std::uint16_t n) {
     std::array<std::byte, 2> address{};
@@ -74,7 +74,8 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
     co_return Result<>();
 }
 
-// Those that answer, by their addresses; of two with the same one the first. Nobody else is known yet.
+// Assigns the places of the ring to the slaves that answer, by their station addresses; of two places with the same
+// address the first one counts. The other places are not assigned yet.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     for (Slave& slave : network.slaves()) slave.ring = 0;
@@ -113,7 +114,7 @@ Task<Result<>> read_ring(Network& network, const Searching& searching) {
     co_return Result<>();
 }
 
-// Those of whom nothing is in the ring, though nobody has noticed yet: a newcomer may be one of them.
+// Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
 Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
         if (slave.ring != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
@@ -124,10 +125,10 @@ Task<Result<>> miss_absent(Network& network) {
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ who is it
+// ------------------------------------------------------------------ identification of a newcomer
 
-// Gives a newcomer the guest's address, unless the ring is not what it was any more: then whoever got it gets back what
-// he had.
+// Gives the guest address to a newcomer. If the ring has changed meanwhile, the slave that received the address gets
+// its previous address back.
 Task<Result<>> name_guest(Network& network, std::uint16_t n) {
     const RingPosition at{n};
     std::array<std::byte, 1> type{};
@@ -154,7 +155,7 @@ Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
     co_return written;
 }
 
-// Guests who went away before it was known who they are, and are back.
+// Resets the address of guests from an earlier search that was not completed.
 Task<Result<>> forget_guests(Network& network) {
     bool any = false;
     for (RingPlace& place : network.seen_ring()) {
@@ -179,7 +180,7 @@ Task<Result<Identity>> read_identity(Station station) {
     co_return sii::load_identity(octets);
 }
 
-// Only where somebody lost is to be known by his device id all of the SII is read for it.
+// Reads the identity of the guest. The whole SII is read only if a lost slave is recognised by its device id.
 Task<Result<>> ask_guest(Network& network) {
     Slave& guest = network.guest;
     guest = Slave{};
@@ -195,7 +196,7 @@ Task<Result<>> ask_guest(Network& network) {
         if (!assigned) co_return assigned;
         auto surveyed = co_await survey(network, guest);
         if (!surveyed) co_return surveyed;
-        // What could not be read is no answer; that it has no id, and an SII that contradicts itself, are.
+        // A failed read is not an answer. A missing device id, or a contradictory SII, is an answer.
         if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
         auto offered = co_await sii_assign(station, true);
         if (!offered) co_return offered;
@@ -211,13 +212,13 @@ Task<Result<>> ask_guest(Network& network) {
     co_return Result<>();
 }
 
-// Who the guest is: `slave`; or nobody, but in the place of `instead_of`.
+// The result of the identification: the guest is `slave`; or it is none of them, but at the place of `instead_of`.
 struct Verdict {
     Slave* slave = nullptr;
     Slave* instead_of = nullptr;
 };
 
-// The last one before a place of the ring for whom this holds.
+// Returns the last slave before a place of the ring for which the condition holds.
 template <class Holds>
 const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     while (n-- > 0)
@@ -226,7 +227,7 @@ const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     return nullptr;
 }
 
-// The next lost one behind `after`, then the others.
+// Returns the lost slave that the guest is: the search begins behind `after`, then continues with the others.
 template <class Holds>
 Verdict choose(Network& network, const Slave* after, Holds holds) {
     Verdict verdict;
@@ -254,13 +255,13 @@ Verdict who_is(Network& network, std::uint16_t n) {
         if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
     }
     Verdict verdict = choose(network, last_before(network, n, of_the_line), of_the_line);
-    // Whoever has never been there need not be meant.
+    // An optional slave that has never been present is not reported as replaced by another slave.
     if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
         verdict.instead_of = nullptr;
     return verdict;
 }
 
-// ------------------------------------------------------------------ what becomes of it
+// ------------------------------------------------------------------ result of the identification
 
 Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     const AlStatus now = network.guest.al;
@@ -276,7 +277,7 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     network.marks(slave).attempts = 0;
     network.marks(slave).told_missing = false;
     network.marks(slave).settled = AlState::none;
-    if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
+    if (slave.other) {  // the held slave is gone: delete what was read from it
         slave.seen = false;
         slave.other = false;
         slave.held = false;
@@ -319,10 +320,10 @@ void tell_stranger(Network& network, std::uint16_t n) {
     network.tell(event);
 }
 
-// One whom nobody knows gets a mark for an address. He is told when he is found a second time, a ring that changes
-// while it is gone through deceives; and not again after that.
+// An unknown slave gets a mark as its station address. It is reported when it is found a second time, because a ring
+// that changes while it is being read can mislead; after that it is not reported again.
 Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
-    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of those who were told
+    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
     const std::uint16_t told = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
     const bool at_once = told == 0;
@@ -340,14 +341,14 @@ Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
     co_return Result<>();
 }
 
-// Below one who could not be asked nobody can be told: it may be the head of their group.
+// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
 bool below_unasked(Network& network, std::size_t n) {
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
         if (network.ring[at - 1U].unasked) return true;
     return false;
 }
 
-// Says whether it is one of ours.
+// Identifies a newcomer. Returns whether it is a slave of the network.
 Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Searching& searching) {
     auto named = co_await name_guest(network, n);
     if (searching.overtaken()) co_return kOvertaken;
@@ -356,7 +357,7 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Sea
     if (searching.overtaken()) co_return kOvertaken;
     if (!asked) {
         auto undone = co_await rename(network, guest_address(network), network.ring[n].address);
-        (void)undone;  // it is gone, or it is asked again
+        (void)undone;  // the newcomer is gone, or it is read again in the next search
         co_return asked.error();
     }
     const Verdict verdict = who_is(network, n);
@@ -406,7 +407,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
         auto ours = co_await receive_newcomer(network, n, searching);
         if (searching.overtaken()) co_return kOvertaken;
         network.ring[n].unasked = !ours;
-        if (!ours) error = ours.error();  // of this one: those behind may be well
+        if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct
         if (ours && *ours) ++found;
     }
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
@@ -420,7 +421,8 @@ void note_lost(Network& network, Slave& slave) {
     set_takes_part(network, slave, false);
 }
 
-// FMMUs that are as we have written them are proof enough, and the cycle waits for them. Else the SII is asked.
+// FMMUs with the expected values are sufficient proof, and faster: the cycle waits for the slave. Otherwise the SII is
+// read.
 Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
     bool mapped = false;
     if (exchanges(slave) && is_mapped(network, slave) && !slave.held) {
@@ -429,7 +431,7 @@ Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
     }
     if (!mapped) {
         auto same = co_await is_the_same(network, slave);
-        if (!same) co_return Result<>();  // the next look will tell
+        if (!same) co_return Result<>();  // the next look repeats the check
         if (!*same) co_return co_await rename(network, slave.station_address, 0);
     }
     network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});

@@ -29,7 +29,7 @@ bool by_soe(const StartupCommand& command) {
     return by_mailbox(command) && command.kind != StartupCommand::Kind::write_object;
 }
 
-// In INIT there is no mailbox: what is to be sent before it is left is sent as soon as that is done.
+// There is no mailbox in INIT: mailbox commands for the moment before INIT is left are sent right after the transition.
 Moment moment_of(const StartupCommand& command, Transition which) {
     const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
     return by_mailbox(command) && early ? Moment::after : command.moment;

@@ -19,21 +19,22 @@ namespace {
 constexpr unsigned kLooksBeforeDoubt = 3;
 constexpr std::uint32_t kNotWalked = 0xFFFF'FFFF;
 
-// What the supervision remembers between two rolls.
+// The state of the supervision between two rolls.
 struct Watch {
     Network& network;
     const SuperviseRequest& wanted;
-    AlState target_before{};  // wanted.target, as it was taken over last
+    AlState target_before{};  // wanted.target when it was read last
     Roll last{};
-    std::uint16_t told_count = 0;   // of slaves that answer, as it was told last
-    unsigned looks = 0;             // in a row that have not explained a short working counter
+    std::uint16_t told_count = 0;   // number of answering slaves, as last reported
+    unsigned looks = 0;             // consecutive looks that have not explained a short working counter
     bool silent = false;            // no frame comes back
     std::uint64_t heard = 0;        // frames received,
-    std::uint64_t lost_before = 0;  // and lost, when one was received last
-    std::uint32_t walked = 0;       // of slaves in the ring, when it was gone through last
+    std::uint64_t lost_before = 0;  // and lost, when a frame was received last
+    std::uint32_t walked = 0;       // slaves in the ring when it was last read by a search
     Time retry_at = Time::min();
-    Time look_at = Time::min();   // when all slaves are asked again, whatever the roll says
-    std::size_t next_helped = 0;  // with which slave the next choice begins, so that no slave starves another
+    Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
+    std::size_t next_helped =
+        0;  // index of the slave that the next choice starts with, so that no slave blocks another one
     Time search_at = Time::min();
     Time lines_at = Time::min();
     Time groups_at = kNever;  // when a hot connect group should be complete
@@ -51,7 +52,7 @@ std::uint16_t answering(Network& network) {
         std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
-// Asks one slave how it is.
+// Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
         co_return Result<>();
@@ -70,7 +71,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     co_return co_await settle_request(network, slave);
 }
 
-// All answer and claim to be well, and still the working counter is short: who has lost his configuration?
+// All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
 Task<Result<>> doubt(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
         co_return Result<>();
@@ -87,14 +88,14 @@ bool needs_help(const Network& network, const Slave& slave) {
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 
-// The slave is as the supervision has left it, or on its way up for the first time: no recovery.
+// Whether the slave is as the supervision has left it, or starts for the first time: then the end is not a recovery.
 bool is_well(const Network& network, const Slave& slave) {
     if (slave.al.error || network.marks(slave).attempts != 0) return false;
     if (network.marks(slave).settled != AlState::none) return slave.al.state == network.marks(slave).settled;
     return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
 }
 
-// wanted.target may be changed by the application at any time.
+// The application may change wanted.target at any time.
 void take_target(Watch& watch) {
     const AlState target = watch.wanted.target;
     if (target == watch.target_before || !can_be_target(target)) return;
@@ -114,7 +115,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
     }
-    // That it is gone again the next look will tell.
+    // That the slave is gone again is reported by the next look.
     if (!says_gone(done.error())) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
         event.error = done.error();
@@ -124,7 +125,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         }
     }
     network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
-    watch.look_at = network.engine.now();  // the slave may have fallen since the last roll, which does not tell that
+    watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Result<>();
 }
@@ -132,14 +133,15 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
 Task<Result<>> search(Watch& watch) {
     auto found = co_await find_lost(watch.network);
     const Time now = watch.network.engine.now();
-    // Whoever is nobody we know stays that for a while; a ring that changes meanwhile is gone through again.
+    // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
+    // soon.
     watch.search_at = now + (found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
     if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
     co_return Result<>();
 }
 
-// Members of hot connect groups that have not come with their heads.
+// Reports members of hot connect groups that have not come with their heads.
 void tell_missing(Watch& watch) {
     Network& network = watch.network;
     watch.groups_at = kNever;
@@ -164,7 +166,8 @@ void tell_count(Watch& watch, std::uint16_t count) {
     watch.told_count = count;
 }
 
-// Working counters that fell short, and those that are right again.
+// Reports working counters that fell short, and those that are right again. Returns whether a look at the slaves is
+// needed.
 bool judge_groups(Watch& watch) {
     bool unexpected = false;
     for (ProcessGroup& group : watch.network.process.groups) {
@@ -188,14 +191,14 @@ bool judge_groups(Watch& watch) {
     return unexpected;
 }
 
-// A frame may be lost, of a cycle or of a roll, and nothing is to be told. So many in a row, and none that comes back
-// meanwhile, are lost by chance once in ten thousand million rolls where every tenth frame is lost.
+// A single lost frame of a cycle or of a roll is not reported. Where every tenth frame is lost, this many consecutive
+// losses occur by chance once in ten thousand million rolls.
 constexpr std::uint64_t kSilentFrames = 10;
 
-// Returns how many were lost since one came back.
+// Returns the number of frames lost since one was received.
 std::uint64_t note_heard(Watch& watch) {
     const LinkStatistics& link = watch.network.engine.link().statistics();
-    const std::uint64_t lost = link.lost + link.send_refused;  // without a link none is even sent
+    const std::uint64_t lost = link.lost + link.send_refused;  // without a link frames are not even sent
     if (link.frames_received != watch.heard) watch.lost_before = lost;
     watch.heard = link.frames_received;
     return lost - watch.lost_before;
@@ -223,7 +226,7 @@ void start_helpers(Watch& watch, Crew& crew) {
     }
 }
 
-// The ring is another one than it was, or somebody is in it who has not been found.
+// Whether the ring has changed, or contains a slave that is not identified.
 bool walk_is_due(Watch& watch, const Roll& roll) {
     if (watch.network.searching) return false;
     if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
@@ -246,7 +249,7 @@ Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected)
     co_return Result<>();
 }
 
-// One roll, and what follows from it.
+// One roll and the actions that follow from it.
 Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
     auto roll = co_await call_roll(network);
@@ -263,7 +266,8 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const bool unexpected = judge_groups(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
-    // A slave that falls between two rolls is hidden by another slave in the same state: the roll has the OR of all.
+    // When a slave changes its state between two rolls, another slave in the new state hides it: the roll has the OR of
+    // all states.
     const bool look_is_due = network.engine.now() >= watch.look_at;
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
         watch.look_at = later(network.engine.now(), watch.wanted.retry);
@@ -275,7 +279,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     co_return Result<>();
 }
 
-// Until the next cycle, or for the interval where there are none.
+// Until the next cycle, or for the interval when there are no cycles.
 Duration pause(const Watch& watch) {
     const Time now = watch.network.engine.now();
     return watch.network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
@@ -293,7 +297,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
     }
-    watch.target_before = wanted.target;  // which submit() has taken over
+    watch.target_before = wanted.target;  // set by submit()
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);

@@ -27,7 +27,7 @@ void store_dl_information(Slave& slave, Bytes dl) {
         slave.ports[p].type = static_cast<PortType>((at(reg::kPortDescriptor) >> (2 * p)) & 3);
 }
 
-// What the ESC says of itself, in one frame.
+// Reads the properties of the ESC, in one frame.
 Task<Result<>> read_esc(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     Link& link = network.engine.link();
@@ -53,7 +53,7 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-// Somebody is to be known by his device id, and this one may be him.
+// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
 bool id_is_wanted(const Network& network, const Slave& slave) {
     return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
         if (!wanted.device_id) return false;
