@@ -28,7 +28,7 @@ Error refused(Errc code, std::uint8_t group) {
         now = osal.now();
         if (engine.receive_cycle(group.prepared, now) != CycleEnd::missing) break;
     }
-    return judge_cycle(group, group.prepared, engine.link(), now);
+    return evaluate_cycle(group, group.prepared, engine.link(), now);
 }
 
 // The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts

@@ -75,7 +75,7 @@ Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t 
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);
     auto reply = co_await datagram;
-    const Error error = judge(station, reply, step, address);
+    const Error error = error_of_reply(station, reply, step, address);
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 

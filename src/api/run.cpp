@@ -45,7 +45,7 @@ bool can_change(const Network& network, const Slave& slave) {
 Standing standing(Network& network) {
     Standing now;
     for (const Slave& slave : network.slaves()) {
-        const Error error = trouble(network, slave);
+        const Error error = state_error(network, slave);
         if (error.code == Errc::none) continue;
         if (now.first.code == Errc::none) now.first = error;
         now.can_change |= can_change(network, slave);
@@ -128,9 +128,9 @@ class OverrunNews {
         untold_ += left_out;
         if (untold_ == 0 || now < next_) return;
         next_ = now + std::chrono::seconds(1);
-        network_.tell({.kind = EventKind::overrun,
-                       .expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(in_all, 0xFFFF'FFFF)),
-                       .actual = static_cast<std::uint32_t>(std::min<std::uint64_t>(untold_, 0xFFFF'FFFF))});
+        network_.report({.kind = EventKind::overrun,
+                         .expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(in_all, 0xFFFF'FFFF)),
+                         .actual = static_cast<std::uint32_t>(std::min<std::uint64_t>(untold_, 0xFFFF'FFFF))});
         untold_ = 0;
     }
 
@@ -190,7 +190,7 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     Network& network = master_of(ctx)->network;
     network.tolerance = tolerance;
-    hold_back(network);
+    update_held(network);
     for (Slave& slave : network.slaves()) update_counted(network, slave);
     return Result<>();
 }
@@ -206,12 +206,12 @@ static Task<Result<>> run(Network& network, TargetRequest& request) {
     if (request.slave != 0) {
         auto one = co_await bring_one(network, network.slave(request.slave), faults);
         if (!one) co_return one;
-        faults.keep(trouble(network, network.slave(request.slave)));
+        faults.keep(state_error(network, network.slave(request.slave)));
     } else {
         auto all = co_await for_each_slave(
             network, [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); });
         if (!all) co_return all;
-        for (const Slave& slave : network.slaves()) faults.keep(trouble(network, slave));
+        for (const Slave& slave : network.slaves()) faults.keep(state_error(network, slave));
     }
     co_return faults.error().code == Errc::none ? Result<>() : Result<>(faults.error());
 }
@@ -240,7 +240,7 @@ Error what_is_wrong(Context& ctx) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
     for (const Slave& slave : network.slaves())
-        if (const Error error = trouble(network, slave); error.code != Errc::none) return error;
+        if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
     return cycles_trouble(network);
 }
 

@@ -61,7 +61,7 @@ Bytes Link::add_riders(PreparedFrame& frame, FrameSlot& slot) {
 }
 
 // Removes the riders from the frame.
-void Link::strip(PreparedFrame& frame) {
+void Link::remove_riders(PreparedFrame& frame) {
     frame.bytes[frame.last + 7U] &= std::byte{0x7F};  // flag "more datagrams follow"
     (void)wire::FrameBuilder(frame.bytes, frame.size, frame.last).finish();
 }
@@ -92,7 +92,7 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     frame.slot = nullptr;
     if (slot != &frame.own) {
         slot->prepared = nullptr;
-        strip(frame);
+        remove_riders(frame);
     }
     if (!slot->datagrams.empty()) return;  // riders are awaited until their own deadline
     ++statistics_.lost;
@@ -100,7 +100,7 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
 }
 
 // Copies the inputs of a datagram in which some slave does not take part.
-void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
+void Link::copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     if (frame.apart || frame.regrouped)
         frame.take_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
@@ -108,7 +108,7 @@ void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& dat
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
-void Link::nothing_came(PreparedFrame& frame) {
+void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (const PreparedReading& r : frame.readings) r.into->came = false;
@@ -142,7 +142,7 @@ void Link::not_sent(PreparedFrame& frame, Time now) {
     ++statistics_.send_refused;
     if (!frame.slot->datagrams.empty()) note_stuck(now);
     unpack(*frame.slot);
-    if (frame.slot != &frame.own) strip(frame);
+    if (frame.slot != &frame.own) remove_riders(frame);
     frames_.close(*frame.slot, false, now);
     frame.slot = nullptr;
 }
@@ -182,7 +182,7 @@ bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
     return &slot == &sent.own || (frame.size() >= wire::kFramePrefixBytes + slot.length && matches(slot, frame));
 }
 
-void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
+void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
     bool right = !sent.degraded;
     for (PreparedDatagram& d : sent.datagrams) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
@@ -194,7 +194,7 @@ void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
             cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
         } else {
             right = false;
-            if (status.fresh) take_degraded(sent, d, data + d.input_at);
+            if (status.fresh) copy_degraded_inputs(sent, d, data + d.input_at);
         }
     }
     for (const PreparedReading& r : sent.readings) take_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
@@ -209,14 +209,14 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
     if (sent.overlapped)
-        park(sent, frame);
+        store_reply(sent, frame);
     else
-        take_datagrams(sent, frame);
+        read_datagrams(sent, frame);
     sent.slot = nullptr;
     ++statistics_.frames_received;
     if (slot != &sent.own) {
         deliver_riders(*slot, frame, ready);
-        strip(sent);
+        remove_riders(sent);
     }
     frames_.close(*slot, false, now);
     return true;

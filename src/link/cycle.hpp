@@ -93,7 +93,7 @@ inline void copy(std::byte* to, Bytes from) {
 }
 
 // Reads the reply to a plain frame from `buffer_`. The caller has checked it with cycle::same().
-[[gnu::always_inline]] inline void Link::take_plain(PreparedFrame& frame) {
+[[gnu::always_inline]] inline void Link::read_plain_reply(PreparedFrame& frame) {
     const PreparedDatagram& d = frame.datagrams[0];
     const std::byte* data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
     DatagramStatus& status = *d.status;
@@ -120,7 +120,7 @@ inline void copy(std::byte* to, Bytes from) {
                 return CycleEnd::missing;
             const Bytes reply(buffer_.data(), length);
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
-                take_plain(frame);
+                read_plain_reply(frame);
             else
                 take_any(reply, now, ready);
         }

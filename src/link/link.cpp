@@ -129,7 +129,7 @@ void Link::deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready) {
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
     if (slot.prepared != nullptr) {
         slot.prepared->slot = nullptr;
-        strip(*slot.prepared);
+        remove_riders(*slot.prepared);
     }
     if (!slot.refused) ++statistics_.lost;
     List<Datagram> again;

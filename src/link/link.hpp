@@ -59,7 +59,7 @@ class Link {
     // Stops waiting for a prepared frame. If its reply arrives later, it is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
     // Marks all datagrams and readings of the frame as not received in this cycle.
-    static void nothing_came(PreparedFrame& frame);
+    static void mark_not_received(PreparedFrame& frame);
 
     // Overlapped cycles, implemented in link/overlap.cpp. After this call the indices of frames are divided between the
     // thread that sends overlapped cycles and the owner's thread.
@@ -98,7 +98,8 @@ class Link {
     void unpack(FrameSlot& slot);
     void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
     void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
-    static void take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs);
+    static void copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram,
+                                     const std::byte* inputs);
     void not_sent(PreparedFrame& frame, Time now);
     static void fill_plain(PreparedFrame& frame, std::uint8_t index);
     static void fill(PreparedFrame& frame, std::uint8_t index);
@@ -110,17 +111,17 @@ class Link {
     [[nodiscard]] SendStatus send_with_riders(PreparedFrame& frame, Time now);
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
-    void take_plain(PreparedFrame& frame);
+    void read_plain_reply(PreparedFrame& frame);
     // Receives the remaining frames of a cycle after one that was not `right`.
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
-    static void take_datagrams(PreparedFrame& sent, Bytes frame);
+    static void read_datagrams(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
-    static void park(PreparedFrame& sent, Bytes reply);
+    static void store_reply(PreparedFrame& sent, Bytes reply);
     void take_any(Bytes frame, Time now, List<Waiter>& ready);
     // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
-    static void strip(PreparedFrame& frame);
+    static void remove_riders(PreparedFrame& frame);
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
     [[nodiscard]] std::size_t rider_room();
     void note_riders(std::size_t bytes);

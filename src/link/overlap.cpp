@@ -49,7 +49,7 @@ SendStatus Link::send_overlapped(std::span<PreparedFrame> frames) {
 }
 
 // Copies the reply into the frame, where it stays until the cycle is received. The headers stay as they were sent.
-void Link::park(PreparedFrame& sent, Bytes reply) {
+void Link::store_reply(PreparedFrame& sent, Bytes reply) {
     const auto keep = [&](std::size_t offset, std::size_t bytes) {
         const std::size_t data = offset + wire::kDatagramHeaderBytes;
         std::ranges::copy(reply.subspan(data, bytes + wire::kWorkingCounterBytes), &sent.bytes[data]);
@@ -75,11 +75,11 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
         else
             note_prepared(frame);
         if (frame.parked && !frame.refused) {
-            take_datagrams(frame, frame.bytes);
+            read_datagrams(frame, frame.bytes);
         } else {
             if (!frame.refused) ++statistics_.lost;
             forget_overlapped(frame, now);
-            nothing_came(frame);
+            mark_not_received(frame);
         }
         frame.parked = false;
     }

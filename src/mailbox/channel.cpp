@@ -88,7 +88,7 @@ Task<Result<>> MailboxChannel::pump() {
     for (Action action = next_action(); action != Action::stop; action = next_action()) {
         const bool carries = action == Action::send || action == Action::fetch;
         if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
-            trouble_ = Errc::capacity;  // wait until others return memory
+            last_failure_ = Errc::capacity;  // wait until others return memory
             co_await Doze(*this, now() + timing.longest_pause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
@@ -201,7 +201,7 @@ void MailboxChannel::look_soon() {
     look_at_ = now();
     pause_ = timing.first_pause;
     looks_ = 0;
-    parked_ = false;
+    watched_by_mailboxes_ = false;
 }
 
 // ------------------------------------------------------------------ sending
@@ -247,14 +247,14 @@ void MailboxChannel::left(MailExchange& exchange) {
     look_soon();
 }
 
-void MailboxChannel::not_taken(Errc why) {
-    trouble_ = why;
+void MailboxChannel::message_refused(Errc why) {
+    last_failure_ = why;
     pause_ = std::clamp(pause_ * 2, timing.first_pause, timing.longest_pause);
     send_at_ = now() + pause_;
     look_at_ = std::min(look_at_, now());
 }
 
-void MailboxChannel::said_farewell(Reply reply) {
+void MailboxChannel::final_message_sent(Reply reply) {
     sending_farewell_ = false;
     const bool taken = reply.ok() && reply.wkc == 1;
     if (taken) {
@@ -266,24 +266,24 @@ void MailboxChannel::said_farewell(Reply reply) {
     if (taken || lost || now() >= farewell_until_) {
         farewell_bytes_ = 0;
     } else {
-        not_taken(Errc::mailbox_full);
+        message_refused(Errc::mailbox_full);
     }
 }
 
 void MailboxChannel::sent(Reply reply) {
-    if (sending_farewell_) return said_farewell(reply);
+    if (sending_farewell_) return final_message_sent(reply);
     MailExchange* const exchange = std::exchange(sending_, nullptr);
     const bool again = std::exchange(resend_, false);
     if (reply.ok() && reply.wkc == 1) {
         out_counter_ = trial_counter_;
         ++(again ? statistics_.resent : statistics_.sent);
-        trouble_ = Errc::none;
+        last_failure_ = Errc::none;
         unsure_ = nullptr;
         if (exchange != nullptr) left(*exchange);
     } else if (reply.errc == Errc::no_frame) {
         // The message may have arrived or not: the slave's mailbox or its reply will show it.
         out_counter_ = trial_counter_;
-        trouble_ = Errc::no_frame;
+        last_failure_ = Errc::no_frame;
         if (exchange == nullptr) return;
         unsure_ = exchange;
         resend_at_ = now();
@@ -294,7 +294,7 @@ void MailboxChannel::sent(Reply reply) {
         exchange->state_ = MailExchange::State::sent;
         look_soon();
     } else {
-        not_taken(reply.ok() ? Errc::mailbox_full : reply.errc);
+        message_refused(reply.ok() ? Errc::mailbox_full : reply.errc);
         if (again) resend_at_ = send_at_;
     }
 }
@@ -302,11 +302,11 @@ void MailboxChannel::sent(Reply reply) {
 void MailboxChannel::looked_out(Reply reply, std::byte status) {
     if (unsure_ == nullptr) return;
     if (!reply.ok() || reply.wkc != 1) {
-        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
         resend_at_ = now() + timing.longest_pause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
         MailExchange& arrived = *std::exchange(unsure_, nullptr);
-        trouble_ = Errc::none;
+        last_failure_ = Errc::none;
         ++statistics_.sent;
         left(arrived);
     } else if (now() >= unsure_until_) {
@@ -321,13 +321,13 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
 void MailboxChannel::looked(Reply reply, Bytes octets) {
     real_look_at_ = now() + kRealLook;
     if (!reply.ok() || reply.wkc != 1) {
-        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
         look_at_ = now() + timing.longest_pause;
         if (silent_looks_ < kMostSilentLooks) ++silent_looks_;
         return;
     }
     silent_looks_ = 0;
-    if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
+    if (last_failure_ != Errc::mailbox_full) last_failure_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {
         // A repeated reply of a slave that does not count its mail could not be distinguished from the one before. The
@@ -384,13 +384,13 @@ void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
         repeat_ = Repeated::wanted;
         look_soon();
     } else if (!reply.ok()) {
-        trouble_ = reply.errc;
+        last_failure_ = reply.errc;
         look_at_ = now() + timing.longest_pause;
     } else if (reply.wkc != 1) {
         nothing_there();
     } else {
         look_soon();
-        take_in(mailbox);
+        receive_mail(mailbox);
     }
 }
 

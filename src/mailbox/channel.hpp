@@ -54,7 +54,7 @@ class MailboxChannel {
 
     // Sends the message when its turn comes, without an exchange: for the abort of a transfer that was given up. There
     // is at most one at a time; while one waits, another one is ignored.
-    void farewell(wire::MailboxType type, Bytes data);
+    void send_final_message(wire::MailboxType type, Bytes data);
 
     // Looks for mail once.
     void glance();
@@ -121,8 +121,8 @@ class MailboxChannel {
     [[nodiscard]] bool compose(MutableBytes buffer);
     void sent(Reply reply);
     void left(MailExchange& exchange);
-    void said_farewell(Reply reply);
-    void not_taken(Errc why);
+    void final_message_sent(Reply reply);
+    void message_refused(Errc why);
     void looked(Reply reply, Bytes octets);
     void looked_out(Reply reply, std::byte status);
     void fetched(Reply reply, Bytes mailbox);
@@ -131,7 +131,7 @@ class MailboxChannel {
     void look_soon();
 
     // channel_dispatch.cpp: received mail
-    void take_in(Bytes mailbox);
+    void receive_mail(Bytes mailbox);
     void dispatch(const wire::MailboxMessage& mail);
     void malformed(const wire::MailboxHeader& header);
     void error_reply(Bytes data);
@@ -161,7 +161,7 @@ class MailboxChannel {
     Time send_at_ = Time::min();    // not before this time: the mailbox was full
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
-    Errc trouble_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
+    Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
     std::array<std::byte, 16> farewell_{};
     std::uint8_t farewell_bytes_ = 0;
     wire::MailboxType farewell_type_{};
@@ -169,8 +169,8 @@ class MailboxChannel {
 
     // Receiving.
     bool glance_ = false;
-    bool full_ = false;    // there is mail, as far as is known
-    bool parked_ = false;  // Mailboxes looks for mail in place of this channel
+    bool full_ = false;                  // there is mail, as far as is known
+    bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
     Time look_at_ = Time::min();
     Duration pause_{0};
     std::uint8_t silent_looks_ = 0;                        // consecutive looks that the slave has not answered

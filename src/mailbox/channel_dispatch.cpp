@@ -5,7 +5,7 @@
 
 namespace margay {
 
-void MailboxChannel::take_in(Bytes mailbox) {
+void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;

@@ -72,7 +72,7 @@ void MailboxChannel::forget(MailExchange& exchange) {
 // The error of an exchange that has timed out.
 Error MailboxChannel::overdue(const MailExchange& exchange) const {
     const bool left = exchange.state_ == MailExchange::State::sent;
-    return {.code = trouble_ == Errc::none ? Errc::timeout : trouble_,
+    return {.code = last_failure_ == Errc::none ? Errc::timeout : last_failure_,
             .step = left ? Step::mailbox_receive : Step::mailbox_send,
             .slave = position_};
 }
@@ -173,16 +173,16 @@ void MailboxChannel::close() {
     }
     busy_types_ = 0;
     sending_ = unsure_ = nullptr;
-    sending_farewell_ = resend_ = glance_ = full_ = parked_ = repeated_ = false;
+    sending_farewell_ = resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
     resend_at_ = lost_at_ = kNever;
     send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
     farewell_bytes_ = 0;
     owed_key_ = 0;
     repeat_ = Repeated::no;
-    trouble_ = Errc::none;
+    last_failure_ = Errc::none;
 }
 
-void MailboxChannel::farewell(wire::MailboxType type, Bytes data) {
+void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
     if (!open_ || farewell_bytes_ != 0 || data.size() > farewell_.size()) return;
     std::copy(data.begin(), data.end(), farewell_.begin());
     farewell_bytes_ = static_cast<std::uint8_t>(data.size());
@@ -196,7 +196,7 @@ void MailboxChannel::glance() {
     if (!open_) return;
     glance_ = true;
     look_at_ = now();
-    parked_ = false;
+    watched_by_mailboxes_ = false;
     silent_looks_ = 0;
     ensure_pump();
     kick();

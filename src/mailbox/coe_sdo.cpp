@@ -16,7 +16,7 @@ class AbortGuard {
     AbortGuard(const AbortGuard&) = delete;
     AbortGuard& operator=(const AbortGuard&) = delete;
     ~AbortGuard() {
-        if (transfer_.must_abort()) channel_.farewell(wire::MailboxType::coe, transfer_.abort_message());
+        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::coe, transfer_.abort_message());
     }
 
   private:
@@ -35,7 +35,7 @@ Error complete(Error error, const MailboxChannel& channel, const SdoObject& obje
 // The whole transfer starts again: a segment cannot be repeated, since its toggle bit has been used. A downloaded value
 // may be written twice, with the same content.
 void ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
-    if (transfer.must_abort()) channel.farewell(wire::MailboxType::coe, transfer.abort_message());
+    if (transfer.must_abort()) channel.send_final_message(wire::MailboxType::coe, transfer.abort_message());
     transfer.restart();
 }
 

@@ -15,7 +15,7 @@ void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abor
     error_.code = code;
     error_.expected = static_cast<std::uint32_t>(expected);
     error_.actual = static_cast<std::uint32_t>(actual);
-    tell_ = tell;
+    abort_code_ = tell;
     phase_ = Phase::over;
 }
 
@@ -40,7 +40,7 @@ void SdoTransfer::write_initiate(MutableBytes data, std::uint8_t command) const 
 std::array<std::byte, SdoTransfer::kAbortBytes> SdoTransfer::abort_message() const {
     std::array<std::byte, kAbortBytes> data{};
     write_initiate(data, sdo::command(coe::kAbortSpecifier));
-    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(tell_));
+    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(abort_code_));
     return data;
 }
 

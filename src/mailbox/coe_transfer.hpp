@@ -72,7 +72,7 @@ class SdoTransfer : public MailClient {
 
     std::uint8_t initiated_;  // command specifier of the reply to the first message
     std::uint8_t segment_;
-    wire::coe::Abort tell_ = wire::coe::Abort::timeout;
+    wire::coe::Abort abort_code_ = wire::coe::Abort::timeout;
     Error error_;
 };
 

@@ -46,12 +46,11 @@ class Mailboxes {
     class WatchGuard;
 
     Task<Result<>> watch_all();
-    [[nodiscard]] bool hand_over_copy(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
-    Task<Result<>> hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
-                             MutableBytes message);
+    [[nodiscard]] bool start_forward(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
+    Task<Result<>> forward(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header, MutableBytes message);
     void ensure_watch();
     [[nodiscard]] std::size_t waiting() const;
-    void somebody_has_mail(bool surely);
+    void wake_channels(bool surely);
     void by_status_bits();
 
     Engine& engine_;

@@ -47,7 +47,7 @@ class CommandGuard {
                                    .drive = target_.drive,
                                    .elements = soe_element::kValue,
                                    .number = target_.idn.value});
-        channel_.farewell(wire::MailboxType::soe, cancel);
+        channel_.send_final_message(wire::MailboxType::soe, cancel);
     }
     bool set = false;
 

@@ -38,9 +38,9 @@ Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed)
     Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
     co_await together(switch_off, write_all);
-    const Error error = judge(station, switch_off.reply(), kStep, activate);
+    const Error error = error_of_reply(station, switch_off.reply(), kStep, activate);
     if (error.code != Errc::none) co_return error;
-    const Error second = judge(station, write_all.reply(), kStep, place.address);
+    const Error second = error_of_reply(station, write_all.reply(), kStep, place.address);
     if (second.code != Errc::none) co_return second;
     co_return Result<>();
 }
@@ -65,7 +65,7 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                        Bytes(bytes).first(count * reg::kFmmuStride));
     auto reply = co_await write_all;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
@@ -138,7 +138,7 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     Datagram clear(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                    Bytes(kNone).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride));
     auto reply = co_await clear;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     // The write fails on a slave without FMMUs, which has nothing to clear.
     if (error.code != Errc::none && count != 0) co_return error;
     set_takes_part(network, slave, false);
@@ -155,7 +155,7 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
     Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase},
                   MutableBytes(there).first(octets));
     auto reply = co_await look;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
     bool same = true;
     for (std::size_t n = 0; n < fmmu_count(slave); ++n)

@@ -232,7 +232,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
         slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
     }
-    hold_back(network);
+    update_held(network);
     for (Slave& slave : network.slaves()) {
         if (slave.ring == 0) {
             const Error error = missing_error(network, slave);

@@ -36,8 +36,8 @@ void count_port(Network& network, const Slave& slave, std::uint8_t port, const s
     sums.rx_errors += more[2U * port + 1];
     sums.forwarded += more[kForwarded + port];
     sums.lost_links += lost;
-    if (invalid > 0) network.tell(cable_event(slave, port, EventKind::line_errors, invalid));
-    if (lost > 0) network.tell(cable_event(slave, port, EventKind::link_lost, lost));
+    if (invalid > 0) network.report(cable_event(slave, port, EventKind::line_errors, invalid));
+    if (lost > 0) network.report(cable_event(slave, port, EventKind::link_lost, lost));
 }
 
 bool high(const LineErrors& sums) {
@@ -58,7 +58,7 @@ Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) 
                    Bytes(kZeros).first(reg::kLostLinkCounter.length), Repeat::no);
     co_await together(look, errors, links);
     const Error error =
-        judge(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
+        error_of_reply(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 

@@ -41,7 +41,7 @@ struct Network {
           ring(ring_places),
           tasks(most_tasks),
           mailboxes(engine, channels, emergencies) {
-        mailboxes.listener = {tell_emergency, this};
+        mailboxes.listener = {report_emergency, this};
         events.use(event_memory);
     }
 
@@ -93,15 +93,15 @@ struct Network {
     }
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
 
-    static void tell_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
+    static void report_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
         Event event{.kind = EventKind::emergency, .slave = slave};
         event.actual = emergency.error_register;
         event.detail = emergency.code;
-        static_cast<Network*>(network)->tell(event);
+        static_cast<Network*>(network)->report(event);
     }
 
     // Adds an event with the current time.
-    void tell(Event event) {
+    void report(Event event) {
         event.at = engine.now();
         events.add(event);
     }

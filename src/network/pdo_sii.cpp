@@ -113,7 +113,7 @@ Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
 }
 
 // A SyncManager carries process data if its type says so, or if it has no type but a PDO is assigned to it.
-void judge_types(const Slave& slave, FoundSms& found) {
+void apply_sm_types(const Slave& slave, FoundSms& found) {
     for (std::uint8_t n = 0; n < found.size(); ++n) {
         FoundSm& pdos = found[n];
         if (n >= slave.sm_count) {
@@ -146,7 +146,7 @@ Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& fo
     if (!read || !given_back) found = {};
     if (!read) co_return read;
     if (!given_back) co_return given_back;
-    judge_types(slave, found);
+    apply_sm_types(slave, found);
     co_return Result<>();
 }
 

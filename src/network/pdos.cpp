@@ -118,7 +118,7 @@ Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Find
 }
 
 // Fills slave.config.sms from the lists, otherwise from what was found.
-Result<> take_over(Network& network, Slave& slave, const Findings& found) {
+Result<> fill_process_sms(Network& network, Slave& slave, const Findings& found) {
     SlaveConfiguration& config = slave.config;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         FoundSm sm = found.counts[n];
@@ -163,7 +163,7 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
 }
 
 // Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
-Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
+Result<> select_source(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
     if (by_application(slave.config)) {
@@ -172,7 +172,7 @@ Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& 
     }
     if (!read && !by_slave) return read;
     if (!read) network.note(read.error());
-    const auto taken = take_over(network, slave, found);
+    const auto taken = fill_process_sms(network, slave, found);
     if (!taken) slave.config.sm_count = 0;
     if (taken && compare && found.sii_read) compare_with_sii(network, slave, found);
     return taken;
@@ -228,7 +228,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     }
     Result<> read;
     if (found.source == ConfigurationSource::sii || compare) read = co_await read_sii(network, slave, found, sink);
-    co_return judge(network, slave, found, read, compare);
+    co_return select_source(network, slave, found, read, compare);
 }
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntrySink& entries) {

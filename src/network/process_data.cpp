@@ -264,7 +264,7 @@ Error not_sent(const ProcessGroup& group, Link& link) {
     return error;
 }
 
-Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
+Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
@@ -272,7 +272,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
         if (frame.end != CycleEnd::missing) continue;
         if (take_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
-        Link::nothing_came(frame);
+        Link::mark_not_received(frame);
         ++missing;
     }
     std::uint32_t got = 0;
@@ -332,7 +332,7 @@ Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now) 
     Overlap& overlap = group.overlap;
     const auto frames = oldest_cycle(group);
     link.end_overlapped(frames, sent_at(group), now);
-    const auto ended = judge_cycle(group, frames, link, now);
+    const auto ended = evaluate_cycle(group, frames, link, now);
     overlap.receive_set =
         static_cast<std::uint8_t>(overlap.receive_set + 1 == overlap.sets ? 0 : overlap.receive_set + 1);
     group.cycle_received = overlap.received.load(std::memory_order_relaxed) + 1;

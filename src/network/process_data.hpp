@@ -41,7 +41,7 @@ struct ProcessGroup : Group {
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
     bool complete = false;          // mapped, and the working counters contain every wanted slave
-    bool told_short = false;        // the supervision has reported a working counter that fell short
+    bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
     std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
 };
@@ -86,14 +86,14 @@ void set_outputs(ProcessGroup& group);
 // be lost and belongs to a datagram that fell short; detail: Error::kOthersFresh when all datagrams are fresh),
 // no_cycle.
 void give_inputs(ProcessGroup& group);
-[[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
-                                                Time now);
+[[nodiscard]] Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
+                                                   Time now);
 [[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end,
                                                                          Time now) {
     group.cycle_received = group.cycles_sent;
     group.under_way = false;
     if (end != CycleEnd::right || group.special) [[unlikely]]
-        return judge_cycle(group, group.prepared, link, now);
+        return evaluate_cycle(group, group.prepared, link, now);
     group.cycles_lost = 0;
     return group.expected_wkc;
 }

@@ -46,13 +46,13 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
                   Bytes(kNone).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
-    const Error error = judge(station, write.reply(), Step::recover, reg::kSyncManagerBase);
+    const Error error = error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
 
 // Reads the identity of a slave that was missing during the scan.
-Task<Result<>> get_to_know(Network& network, Slave& slave) {
+Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     slave.error = {};
     auto assigned = co_await sii_assign(network.station(slave), false);
     if (!assigned) co_return assigned;
@@ -91,7 +91,7 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 
 // Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
 // or from the slave itself. It may differ from the reserved place.
-Task<Result<>> take_in(Network& network, Slave& slave) {
+Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     const bool kept = slave.place_kept;
     const auto kept_sms = slave.config.sms;
     const std::size_t kept_count = kept ? slave.config.sm_count : 0U;
@@ -126,7 +126,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Result<>();  // the hook may have changed the group
     if (slave.pdos_failed || slave.place_kept || slave.unplaced || !network.marks(slave).pdos_compared) {
-        auto taken_in = co_await take_in(network, slave);
+        auto taken_in = co_await discover_late_slave(network, slave);
         if (!taken_in) co_return taken_in;
     }
     if (!is_mapped(network, slave)) co_return Result<>();
@@ -157,7 +157,7 @@ bool is_configured(const Slave& slave) {
 // NONE is not stored here: the next look reports that the slave does not answer.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
-    network.tell({.kind = EventKind::state, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::state, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
 }
 
@@ -176,7 +176,7 @@ Task<Result<>> restart(Network& network, Slave& slave) {
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
     if (!slave.seen) {
-        auto known = co_await get_to_know(network, slave);
+        auto known = co_await read_missing_slave(network, slave);
         if (!known) co_return known;
         if (!is_mapped(network, slave)) slave.pdos_failed = false;
     }

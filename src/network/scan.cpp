@@ -80,7 +80,8 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
     auto reply = co_await write;
-    const Error error = judge(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
+    const Error error =
+        error_of_reply(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
     if (error.code != Errc::none) network.note(slave, error);
     co_return Result<>();
 }

@@ -6,11 +6,11 @@
 namespace margay {
 
 // A roll: the result of one broadcast read of AL status. A lost frame is not sent again. Errors: no_frame.
-struct Roll {
+struct BroadcastState {
     std::uint16_t count = 0;
     std::uint16_t al_status = 0;  // of all slaves, ORed
 };
-[[nodiscard]] Task<Result<Roll>> call_roll(Network& network);
+[[nodiscard]] Task<Result<BroadcastState>> read_all_states(Network& network);
 
 // Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets the
 // guest address, its identity is read, and it is taken as one of these slaves, if vendor, product and revision are
@@ -31,6 +31,6 @@ void note_lost(Network& network, Slave& slave);
 // A lost slave answers at its station address: checks whether it is the same slave. If so it is reported as found, and
 // takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to 0, so that find_lost()
 // identifies it.
-[[nodiscard]] Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now);
+[[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);
 
 }  // namespace margay

@@ -57,7 +57,7 @@ bool can_be(const StartupCommand& command) {
 Task<Result<>> write_register_of(Station station, const StartupCommand& command) {
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, command.index}, command.octets());
     auto reply = co_await write;
-    const Error error = judge(station, reply, Step::none, command.index);
+    const Error error = error_of_reply(station, reply, Step::none, command.index);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
@@ -71,7 +71,7 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
         Datagram read(station.engine.link(), wire::Command::FPRD, {station.address, command.index},
                       MutableBytes(seen).first(command.length));
         auto reply = co_await read;
-        Error error = judge(station, reply, Step::none, command.index);
+        Error error = error_of_reply(station, reply, Step::none, command.index);
         if (error.code != Errc::none) co_return error;
         bool same = true;
         std::array<std::byte, 8> wanted{};

@@ -19,7 +19,7 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     take_al_status(slave.al, seen);
     if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
-    if (!seen && !says_gone(seen.error())) co_return seen.error();
+    if (!seen && !does_not_answer(seen.error())) co_return seen.error();
     if (request_is_met(network, slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
 }

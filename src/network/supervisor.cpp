@@ -24,13 +24,13 @@ struct Watch {
     Network& network;
     const SuperviseRequest& wanted;
     AlState target_before{};  // wanted.target when it was read last
-    Roll last{};
-    std::uint16_t told_count = 0;   // number of answering slaves, as last reported
-    unsigned looks = 0;             // consecutive looks that have not explained a short working counter
-    bool silent = false;            // no frame comes back
-    std::uint64_t heard = 0;        // frames received,
-    std::uint64_t lost_before = 0;  // and lost, when a frame was received last
-    std::uint32_t walked = 0;       // slaves in the ring when it was last read by a search
+    BroadcastState last{};
+    std::uint16_t reported_count = 0;  // number of answering slaves, as last reported
+    unsigned looks = 0;                // consecutive looks that have not explained a short working counter
+    bool silent = false;               // no frame comes back
+    std::uint64_t heard = 0;           // frames received,
+    std::uint64_t lost_before = 0;     // and lost, when a frame was received last
+    std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
     Time retry_at = Time::min();
     Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
     std::size_t next_helped =
@@ -59,20 +59,21 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || network.marks(slave).in_use)
+        if (!does_not_answer(seen.error()) || !was_there || slave.al.state == AlState::none ||
+            network.marks(slave).in_use)
             co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
     }
     if (slave.al.state == AlState::none && seen->state != AlState::none)
-        co_return co_await welcome_back(network, slave, *seen);
+        co_return co_await readmit_slave(network, slave, *seen);
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     co_return co_await settle_request(network, slave);
 }
 
 // All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
-Task<Result<>> doubt(Network& network, Slave& slave) {
+Task<Result<>> check_fmmus(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
         co_return Result<>();
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
@@ -112,15 +113,15 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
-        if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
         co_return Result<>();
     }
     // That the slave is gone again is reported by the next look.
-    if (!says_gone(done.error())) {
+    if (!does_not_answer(done.error())) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
         event.error = done.error();
         if (network.marks(slave).attempts == 0) {
-            network.tell(event);
+            network.report(event);
             network.note(slave, done.error());
         }
     }
@@ -142,33 +143,33 @@ Task<Result<>> search(Watch& watch) {
 }
 
 // Reports members of hot connect groups that have not come with their heads.
-void tell_missing(Watch& watch) {
+void report_missing(Watch& watch) {
     Network& network = watch.network;
     watch.groups_at = kNever;
     for (Slave& slave : network.slaves()) {
         const ExpectedSlave* wanted = slave.wanted;
         if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none ||
-            network.marks(slave).told_missing)
+            network.marks(slave).missing_reported)
             continue;
         const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
             return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect &&
                    is_located(network.expected, *s.wanted);
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
-        network.marks(slave).told_missing = true;
-        network.tell({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
+        network.marks(slave).missing_reported = true;
+        network.report({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
     }
 }
 
-void tell_count(Watch& watch, std::uint16_t count) {
-    if (count == watch.told_count) return;
-    watch.network.tell({.kind = EventKind::slave_count, .expected = watch.told_count, .actual = count});
-    watch.told_count = count;
+void report_count(Watch& watch, std::uint16_t count) {
+    if (count == watch.reported_count) return;
+    watch.network.report({.kind = EventKind::slave_count, .expected = watch.reported_count, .actual = count});
+    watch.reported_count = count;
 }
 
 // Reports working counters that fell short, and those that are right again. Returns whether a look at the slaves is
 // needed.
-bool judge_groups(Watch& watch) {
+bool report_working_counters(Watch& watch) {
     bool unexpected = false;
     for (ProcessGroup& group : watch.network.process.groups) {
         if (!group.mapped || group.mapping) continue;
@@ -181,12 +182,12 @@ bool judge_groups(Watch& watch) {
             came &= d.came;
         }
         unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
-        if (!came || right != group.told_short) continue;
-        group.told_short = !right;
-        watch.network.tell({.kind = right ? EventKind::right_again : EventKind::fell_short,
-                            .group = group.number,
-                            .expected = group.expected_wkc,
-                            .actual = got});
+        if (!came || right != group.short_reported) continue;
+        group.short_reported = !right;
+        watch.network.report({.kind = right ? EventKind::right_again : EventKind::fell_short,
+                              .group = group.number,
+                              .expected = group.expected_wkc,
+                              .actual = got});
     }
     return unexpected;
 }
@@ -196,7 +197,7 @@ bool judge_groups(Watch& watch) {
 constexpr std::uint64_t kSilentFrames = 10;
 
 // Returns the number of frames lost since one was received.
-std::uint64_t note_heard(Watch& watch) {
+std::uint64_t count_lost_frames(Watch& watch) {
     const LinkStatistics& link = watch.network.engine.link().statistics();
     const std::uint64_t lost = link.lost + link.send_refused;  // without a link frames are not even sent
     if (link.frames_received != watch.heard) watch.lost_before = lost;
@@ -204,9 +205,9 @@ std::uint64_t note_heard(Watch& watch) {
     return lost - watch.lost_before;
 }
 
-void segment_silent(Watch& watch) {
-    if (note_heard(watch) < kSilentFrames || watch.silent) return;
-    watch.network.tell({.kind = EventKind::lost});
+void report_silent_segment(Watch& watch) {
+    if (count_lost_frames(watch) < kSilentFrames || watch.silent) return;
+    watch.network.report({.kind = EventKind::lost});
     watch.silent = true;
 }
 
@@ -227,24 +228,24 @@ void start_helpers(Watch& watch, Crew& crew) {
 }
 
 // Whether the ring has changed, or contains a slave that is not identified.
-bool walk_is_due(Watch& watch, const Roll& roll) {
+bool walk_is_due(Watch& watch, const BroadcastState& roll) {
     if (watch.network.searching) return false;
     if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
     return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
            watch.network.engine.now() >= watch.search_at;
 }
 
-Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected) {
+Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool unexpected) {
     Network& network = watch.network;
     auto looked = co_await for_each_slave(network, [&network](Slave& s) { return look_at(network, s); });
     if (!looked) co_return looked;
     watch.looks = unexpected ? watch.looks + 1 : 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
-        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return doubt(network, s); });
+        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return check_fmmus(network, s); });
         if (!doubted) co_return doubted;
     }
-    tell_count(watch, roll.count);
+    report_count(watch, roll.count);
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Result<>();
 }
@@ -252,18 +253,18 @@ Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected)
 // One roll and the actions that follow from it.
 Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
-    auto roll = co_await call_roll(network);
+    auto roll = co_await read_all_states(network);
     if (!roll) {
-        segment_silent(watch);
+        report_silent_segment(watch);
         co_return Result<>();
     }
-    (void)note_heard(watch);
+    (void)count_lost_frames(watch);
     if (std::exchange(watch.silent, false)) {
-        network.tell({.kind = EventKind::found});
+        network.report({.kind = EventKind::found});
         watch.last = {};
     }
     take_target(watch);
-    const bool unexpected = judge_groups(watch);
+    const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
     // When a slave changes its state between two rolls, another slave in the new state hides it: the roll has the OR of
@@ -274,7 +275,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         auto looked = co_await look(watch, crew, *roll, unexpected);
         if (!looked) co_return looked;
     }
-    if (network.engine.now() >= watch.groups_at) tell_missing(watch);
+    if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
     co_return Result<>();
 }
@@ -289,7 +290,7 @@ Duration pause(const Watch& watch) {
 
 Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
-    watch.told_count = answering(network);
+    watch.reported_count = answering(network);
     watch.walked = network.ring_count;
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));

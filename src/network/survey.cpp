@@ -42,7 +42,8 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     Datagram read_configuration(link, Command::FPRD, at(reg::kEscConfiguration), MutableBytes(configuration));
     co_await together(read_dl, read_alias, read_status, read_configuration);
     for (const Datagram* datagram : {&read_dl, &read_alias, &read_status, &read_configuration}) {
-        const Error error = judge(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
+        const Error error =
+            error_of_reply(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
         if (error.code != Errc::none) co_return error;
     }
     store_dl_information(slave, dl);

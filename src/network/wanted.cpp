@@ -47,7 +47,7 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
 
 }  // namespace
 
-void hold_back(Network& network) {
+void update_held(Network& network) {
     const Tolerance& tolerated = network.tolerance;
     for (Slave& slave : network.slaves()) {
         const bool other = tolerated.other_slaves || (slave.wanted != nullptr && slave.wanted->tolerate);
@@ -101,7 +101,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     return !slave.config.optional && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
 }
 
-Error trouble(Network& network, const Slave& slave) {
+Error state_error(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (wanted == AlState::init) return state_trouble(network, slave, wanted);

@@ -7,7 +7,7 @@ namespace margay {
 
 // Applies the tolerance: sets for each slave whether it is held. Call it after the comparison with the expected slaves,
 // and when the tolerance has changed.
-void hold_back(Network& network);
+void update_held(Network& network);
 
 // The reason why a slave is held; code none when it is not.
 [[nodiscard]] Error held_error(const Slave& slave, Step step);
@@ -34,7 +34,7 @@ void hold_back(Network& network);
 [[nodiscard]] bool is_wanted_in_exchange(const Network& network, const Slave& slave);
 
 // The reason why the slave is not in its wanted state, as far as known; code none when it is.
-[[nodiscard]] Error trouble(Network& network, const Slave& slave);
+[[nodiscard]] Error state_error(Network& network, const Slave& slave);
 
 // The reason why an application's request for this state is refused; code none when it is allowed: above_highest,
 // other_slave or unexpected_slave (the slave is held), supervised.

@@ -29,7 +29,7 @@ Task<Result<AlStatus>> read_al_status(Station station) {
     Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
                   MutableBytes(bytes));
     auto reply = co_await look;
-    const Error error = judge(station, reply, Step::read_state, reg::kAlStatus.address);
+    const Error error = error_of_reply(station, reply, Step::read_state, reg::kAlStatus.address);
     if (error.code != Errc::none) co_return error;
     co_return load_al_status(load_le<std::uint16_t>(bytes) |
                              (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));

@@ -14,7 +14,7 @@ namespace margay {
 // failed for another reason.
 inline void take_al_status(AlStatus& known, const Result<AlStatus>& seen) {
     if (seen) known = *seen;
-    if (says_gone(seen.error())) known = AlStatus{};
+    if (does_not_answer(seen.error())) known = AlStatus{};
 }
 
 // Requests `state` and waits until the slave has reached it, the slave refuses, or `timeout` is over. An error

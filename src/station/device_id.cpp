@@ -29,7 +29,7 @@ Task<Result<std::uint16_t>> await_id(Station station) {
         Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
                       MutableBytes(octets));
         auto reply = co_await look;
-        const Error error = judge(station, reply, kStep, reg::kAlStatus.address);
+        const Error error = error_of_reply(station, reply, kStep, reg::kAlStatus.address);
         if (error.code != Errc::none) co_return error;
         const auto status = load_le<std::uint16_t>(octets);
         const bool answered =

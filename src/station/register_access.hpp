@@ -26,7 +26,8 @@ struct Station {
 };
 
 // Converts the reply to a datagram for one station into an error. Code none: the slave took part.
-[[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step, std::uint16_t register_address) {
+[[nodiscard]] inline Error error_of_reply(const Station& station, Reply reply, Step step,
+                                          std::uint16_t register_address) {
     if (reply.ok() && reply.wkc == 1) return {};
     if (!reply.ok()) {
         Error error = station.error(reply.errc, step, register_address);
@@ -41,7 +42,7 @@ struct Station {
 
 // Whether the error shows that the slave does not answer at its address: the frame came back with a working counter of
 // zero. A lost frame or a full arena says nothing about the slave.
-[[nodiscard]] inline bool says_gone(const Error& error) {
+[[nodiscard]] inline bool does_not_answer(const Error& error) {
     return error.code == Errc::working_counter && error.actual == 0;
 }
 
@@ -55,7 +56,7 @@ class ReadRegister : public DatagramWait {
           datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address}, MutableBytes(bytes_)) {}
     bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<T> await_resume() const noexcept {
-        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<T>(load_le<T>(bytes_)) : Result<T>(error);
     }
 
@@ -84,7 +85,7 @@ class WriteRegister : public DatagramWait {
           datagram_(station.engine.link(), wire::Command::FPWR, {station.address, address}, Bytes(bytes_)) {}
     bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<> await_resume() const noexcept {
-        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<>() : Result<>(error);
     }
 

@@ -54,7 +54,7 @@ class SiiReader::VisitAwaiter {
 
   private:
     [[nodiscard]] Error judged(const Datagram& datagram) const {
-        return judge(station_, datagram.reply(), Step::read_sii, word_);
+        return error_of_reply(station_, datagram.reply(), Step::read_sii, word_);
     }
 
     const Station& station_;
