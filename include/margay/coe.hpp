@@ -68,6 +68,7 @@ struct ObjectListRequest : MailRequest {
     std::uint32_t count = 0;  // result: number of all indices
 };
 
+// An object of the dictionary (ETG.1000.6 "Get object description").
 struct ObjectDescription {
     static constexpr std::size_t kNameBytes = 64;
     std::uint16_t index = 0;
@@ -79,12 +80,14 @@ struct ObjectDescription {
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
 };
 
+// Reads the description of an object.
 struct ObjectDescriptionRequest : MailRequest {
     ObjectDescriptionRequest();
     std::uint16_t index = 0;
     ObjectDescription description;  // result
 };
 
+// An entry of an object: one subindex (ETG.1000.6 "Get entry description").
 struct EntryDescription {
     static constexpr std::size_t kNameBytes = 64;
     // A value of the entry's type, in the order of the wire; empty if the slave does not report it, or if it is longer.
@@ -110,6 +113,7 @@ struct EntryDescription {
     [[nodiscard]] constexpr bool writable() const { return (access & 0x0038) != 0; }
 };
 
+// Reads the description of an entry.
 struct EntryDescriptionRequest : MailRequest {
     EntryDescriptionRequest();
     std::uint16_t index = 0;
@@ -198,6 +202,7 @@ Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
     return value_from_octets<T>(octets);
 }
 
+// Writes a value of the size of its type.
 template <SdoValue T>
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, T value,
                   Duration timeout = Duration{0}) {
@@ -208,6 +213,7 @@ Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
 // Reads a text (VISIBLE_STRING) into `into` and returns the part of `into` that has the text, without trailing zeros.
 Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                                       std::span<char> into, Duration timeout = Duration{0});
+// Writes a text (VISIBLE_STRING).
 Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                        std::string_view text, Duration timeout = Duration{0});
 

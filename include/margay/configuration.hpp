@@ -21,8 +21,8 @@ namespace margay {
 enum class Direction : std::uint8_t { outputs, inputs };
 
 // A SyncManager that carries process data.
-struct ProcessSm {            // number of the SyncManager in the slave
-    std::uint8_t number = 0;  // which of the slave's SyncManagers
+struct ProcessSm {
+    std::uint8_t number = 0;  // number of the SyncManager in the slave
     Direction direction = Direction::outputs;
     std::uint8_t control = 0;  // control octet, ESC register 0x0804 + 8 · number
     std::uint16_t start = 0;   // address in the slave's memory
@@ -77,7 +77,7 @@ struct SlaveConfiguration {
     static constexpr std::size_t kProcessSms = 8;
     using Watchdog = std::chrono::duration<std::uint32_t, std::micro>;
 
-    ConfigurationSource source = ConfigurationSource::none;  // who set `sms`
+    ConfigurationSource source = ConfigurationSource::none;  // the source of `sms`
 
     std::uint8_t group = 0;
     bool block_lrw : 1 = false;           // this slave does not support LRW: its group uses LRD and LWR

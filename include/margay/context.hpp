@@ -20,28 +20,23 @@ class Nic;
 class Osal;
 struct Master;
 
-// Octets of memory that a context with these limits needs.
+// How many octets of memory a context with these limits needs.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
     constexpr std::size_t kFixedBytes =
         16384;                               // the engine, the queue of requests, errors and events, one frame buffer
-    constexpr std::size_t kFrameBytes = 64;  // How many octets of memory a context with these limits needs.
-    // The coroutine frames of one slave being worked on, and a mailbox of 1 KiB; half of it where pointers are half as
-    // long.
-    constexpr std::size_t kTaskBytes =
-        1024 * sizeof(void*);  // engine, request queue, errors and events, one frame buffer
+    constexpr std::size_t kFrameBytes = 64;  // a frame on the wire
+    // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
+    // pointers of half the size.
+    constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    const std::size_t arena =
-        (tasks + 4) * kTaskBytes;  // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as
-                                   // much on a processor with pointers of half the size.
+    const std::size_t arena = (tasks + 4) * kTaskBytes;
     constexpr std::size_t kGroupBytes = 416;
-    constexpr std::size_t kProcessFrameBytes = 2048;  // with its datagrams
+    constexpr std::size_t kProcessFrameBytes = 2048;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
-    constexpr std::size_t kRingBytes = 32;            // a prepared frame with its datagrams
-    constexpr std::size_t kMarksBytes = 8;            // what the library remembers of a slave
-    const std::size_t
-        slave =  // an entry of the list of slaves in ring order; 16 of these are for unexpected slaves (strangers)
-        kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes +
-        limits.emergencies * sizeof(Emergency);  // what the library notes about a slave (SlaveMarks)
+    constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 places are for unexpected slaves
+    constexpr std::size_t kMarksBytes = 8;            // what the library notes about a slave (SlaveMarks)
+    const std::size_t slave =
+        kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
            limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * kRingBytes + 256;
 }
@@ -75,6 +70,7 @@ class Context {
     [[nodiscard]] ErrorLog& warnings();
     // The events that the supervision has reported, oldest first. One other thread may read it.
     [[nodiscard]] EventQueue& events();
+    // The counters of the link. For the thread that polls.
     [[nodiscard]] const LinkStatistics& statistics() const;
 
     // Timeouts and repetitions of the link. Values that are set before init() apply from init() on. For the thread that

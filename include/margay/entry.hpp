@@ -118,6 +118,7 @@ inline void store_raw(std::byte* to, Raw raw) {
 
 }  // namespace detail
 
+// The kind of type that an entry is read or written as.
 enum class EntryKind : std::uint8_t { any, boolean, unsigned_integer, signed_integer, real, octets };
 
 // The base of Input and Output: the address of the entry, its type, and where config_map() found it. The handle must

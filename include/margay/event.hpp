@@ -13,6 +13,7 @@
 
 namespace margay {
 
+// The kind of an event. In brackets: which members of Event have a value, and their meaning.
 enum class EventKind : std::uint8_t {
     state,        // the AL status of a slave has changed (before, now)
     lost,         // a slave does not answer any more; slave 0: no frame comes back from the segment
@@ -37,6 +38,7 @@ enum class EventKind : std::uint8_t {
               // expected: since run_cycle() began)
 };
 
+// One event. Unused members are 0.
 struct Event {
     Time at{};
     EventKind kind = EventKind::state;
@@ -52,6 +54,7 @@ struct Event {
     Error error{};
 };
 
+// The text of a kind. A static string, callable from anywhere.
 [[nodiscard]] std::string_view to_text(EventKind kind);
 
 // Writes a sentence into `out` (cut if it does not fit, without a terminating zero) and returns the written part. No

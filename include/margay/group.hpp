@@ -33,6 +33,7 @@ struct RegisterReading {
     std::uint64_t value = 0;
 };
 
+// One group: its configuration, and its state after config_map(). For the thread that owns the context.
 struct Group {
     // The layout of the image; set it before config_map().
     GroupConfiguration config;

@@ -14,6 +14,7 @@ namespace margay {
 
 struct Network;
 
+// One slave, as the library passes it to a hook. A copy is valid until the hook ends.
 class HookedSlave {
   public:
     [[nodiscard]] std::uint16_t number() const { return number_; }

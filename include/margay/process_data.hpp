@@ -50,6 +50,7 @@ struct ImagePart {
     ImageBytes bytes;  // the octets of the data; the first bit of the data is bit offset_bits % 8 of the first octet
 };
 
+// The part of one slave in the image of its group.
 struct SlaveImage {
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
 

@@ -32,18 +32,19 @@
 
 namespace margay {
 
+// `unused`: never submitted. `success` and `error`: the request is over.
 enum class RequestState : std::uint8_t { unused, busy, success, error };
 
 class Context;
 struct OperationDescription;
 
+// The base of all requests. A busy request must not be moved, changed or submitted again.
 class Request {
   public:
     // How long the request may take in total, from the poll() that accepts the request, including the time before the
     // request begins. Then the request ends with Errc::timeout. Zero: no limit, unless the request says otherwise.
     Duration timeout{0};
-    std::uint8_t priority =
-        0;  // 0 to 3, 3 is the highest; submit() refuses a higher one, and a negative timeout: invalid_argument
+    std::uint8_t priority = 0;  // 0 to 3, 3 is the highest; submit() refuses more, and a negative timeout
 
     Request(const Request&) = delete;
     Request& operator=(const Request&) = delete;

@@ -54,6 +54,7 @@ struct Port {
     std::uint16_t neighbour = 0;  // number of the slave at the other end, the first is 1; 0: none, or the master
 };
 
+// The use of a SyncManager, with the values of the SII and of object 0x1C00.
 enum class SmType : std::uint8_t { unused = 0, mailbox_out = 1, mailbox_in = 2, outputs = 3, inputs = 4 };
 
 // A SyncManager as the SII describes it. "Out" is from the master to the slave.
@@ -65,8 +66,10 @@ struct SmInfo {
     SmType type = SmType::unused;
 };
 
+// The use of an FMMU, with the values of the SII.
 enum class FmmuUse : std::uint8_t { unused = 0, outputs = 1, inputs = 2, mailbox_status = 3 };
 
+// The mailbox protocols of a slave, with the bits of SII word 0x001C.
 namespace mailbox_protocol {
 inline constexpr std::uint16_t kAoE = 0x01;
 inline constexpr std::uint16_t kEoE = 0x02;
@@ -86,6 +89,7 @@ struct MailboxInfo {
     [[nodiscard]] constexpr bool present() const { return out_bytes != 0 && in_bytes != 0; }
 };
 
+// The CoE services of a slave, with the bits of the SII.
 namespace coe_detail {
 inline constexpr std::uint8_t kSdo = 0x01;
 inline constexpr std::uint8_t kSdoInformation = 0x02;
@@ -143,8 +147,7 @@ struct Slave {
     static constexpr std::size_t kSyncManagers = 8;
     static constexpr std::size_t kFmmus = 8;
 
-    std::uint16_t position =
-        0;  // the number of the slave, the first is 1; config_init() assigns it (see ExpectedSlave)
+    std::uint16_t position = 0;  // its number, the first is 1; config_init() assigns it (ExpectedSlave)
     StationAddress station_address;
     std::uint16_t alias = 0;  // ESC register 0x0012, loaded from the SII
     std::uint16_t dl_status = 0;
@@ -157,8 +160,7 @@ struct Slave {
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
     // slave.
     std::optional<std::uint16_t> device_id{};
-    bool device_emulation : 1 =
-        false;              // AL status mirrors AL control: the master must never acknowledge an error of this slave
+    bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error of this slave
     bool seen : 1 = false;  // the slave was present since config_init() began: its ESC registers and SII have been read
     bool hook_failed : 1 = false;  // the last preop_to_safeop has ended with an error: the slave stays in PREOP
     bool pdos_failed : 1 = false;  // the PDOs of the configuration could not be written: the slave stays in PREOP
@@ -168,11 +170,9 @@ struct Slave {
     // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT if it has no mailbox, and gets
     // no outputs.
     bool held : 1 = false;
-    bool place_kept : 1 =
-        false;  // its part of the image follows from SlaveSetup::pdos; the slave itself was not asked yet
-    bool unplaced : 1 =
-        false;  // it needs a part of the image, but its sizes were unknown when config_map() divided the image
-    bool counted : 1 = false;  // the expected working counters of its group count this slave
+    bool place_kept : 1 = false;  // its part of the image is that of SlaveSetup::pdos; it was not asked yet
+    bool unplaced : 1 = false;    // it needs a part of the image, but config_map() did not know its sizes
+    bool counted : 1 = false;     // the expected working counters of its group count this slave
     // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 

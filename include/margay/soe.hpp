@@ -60,6 +60,7 @@ struct SoeCommand : MailRequest {
 // mailbox_error, protocol, unsupported, unknown_slave …
 Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                             std::span<std::byte> into, Duration timeout = Duration{0});
+// Writes an element. Errors as of SoEread().
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 
@@ -91,6 +92,7 @@ Result<T> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn
     return value_from_octets<T>(octets);
 }
 
+// Writes a value of the size of its type.
 template <SdoValue T>
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, T value,
                   Duration timeout = Duration{0}) {

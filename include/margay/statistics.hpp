@@ -14,13 +14,11 @@ struct LinkStatistics {
     std::uint64_t lost = 0;           // frames that did not come back in time
     std::uint64_t retried = 0;        // datagrams that were sent again after that
     std::uint64_t echoes = 0;         // own frames that no slave has processed
-    std::uint64_t unmarked =
-        0;  // dropped: slaves have incremented the working counter, but the mark of the first ESC is missing
-    std::uint64_t foreign = 0;     // other protocols, other EtherCAT frame types
-    std::uint64_t malformed = 0;   // truncated or contradictory
-    std::uint64_t unexpected = 0;  // late, duplicated or unknown: no such frame is on the wire
-    std::uint64_t mismatched =
-        0;  // a frame with this index is on the wire, but its datagrams differ from those that were sent
+    std::uint64_t unmarked = 0;      // dropped: slaves have processed the frame, but it lacks the mark of the first ESC
+    std::uint64_t foreign = 0;       // other protocols, other EtherCAT frame types
+    std::uint64_t malformed = 0;     // truncated or contradictory
+    std::uint64_t unexpected = 0;    // late, duplicated or unknown: no such frame is on the wire
+    std::uint64_t mismatched = 0;    // the index is that of a frame on the wire, but the datagrams differ
     std::uint64_t send_refused = 0;  // frames that the NIC did not accept
 };
 

@@ -15,10 +15,10 @@ namespace margay {
 struct PortErrors {
     std::uint32_t invalid_frames = 0;  // frames damaged before this port: CRC or alignment error
     std::uint32_t rx_errors = 0;       // receive errors of the physical layer
-    std::uint32_t forwarded =
-        0;  // frames damaged before the previous slave, which has already counted them: not an error of this cable
+    std::uint32_t forwarded = 0;       // damaged before the previous slave, which has counted them: not this cable
     std::uint32_t lost_links = 0;
 };
+// The error counters of one slave.
 struct LineErrors {
     std::array<PortErrors, 4> ports{};
     std::uint32_t processing_unit = 0;  // frames that are no EtherCAT frames, or mutilated
@@ -28,11 +28,11 @@ struct LineErrors {
 };
 
 // Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has
-// left). When the number of slaves, their states or a working counter is wrong, it reads each slave, finds the slaves
-// that have changed and reports them by events. Then it acknowledges errors, assigns addresses again to slaves that
-// have lost their power, repeats the whole start-up of these slaves, and brings them to `target`. It works on all such
-// slaves at the same time while the process data of the others continues. If another slave is in the place of a lost
-// one, it is reported and not started up.
+// left). When the number of slaves or their states have changed, or a working counter is too low, it reads the state of
+// each slave, finds the slaves that have changed and reports them by events. Then it acknowledges errors, assigns
+// addresses again to slaves that have lost their power, repeats the whole start-up of these slaves, and brings them to
+// `target`. It works on all such slaves at the same time while the process data of the others continues. If another
+// slave is in the place of a lost one, it is reported and not started up.
 //
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring, parent and ports.
 // Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks, process

@@ -320,8 +320,7 @@ Result<> submit(Context& ctx, Request& request) {
 
 void Request::cancel() {
     std::uint32_t state = state_.load(std::memory_order_acquire);
-    while ((state & kPreparing) != 0)
-        state = state_.load(std::memory_order_acquire);  // lasts a few instructions of submit()
+    while ((state & kPreparing) != 0) state = state_.load(std::memory_order_acquire);  // a few instructions of submit()
     if (plain(state) != RequestState::busy) return;
     Master& master = *master_of(*ctx_);
     const bool owner = master.owned_by_caller();

@@ -253,9 +253,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
     Osal& osal = master_of(ctx)->osal;
-    (void)poll(
-        ctx,
-        osal.now());  // begins a SuperviseRequest that waits in the queue: reach() then sets its own target after it
+    (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target
     OwnSupervision supervision(network);
     supervision.target = state;
     network.target = state;
