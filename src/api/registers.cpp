@@ -1,4 +1,4 @@
-// Registers of an ESC.
+// Requests for registers of an ESC.
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "station/register_access.hpp"
