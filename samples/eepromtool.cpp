@@ -80,7 +80,7 @@ EepromContent read_all(Eeprom& eeprom, const Options& options) {
         print_note(
             fmt::format("note: {} tells {} octets (word 0x003e); it is read up to its end mark, --size {} reads all",
                         eeprom.name(), size.octets, size.octets));
-        return read_described(eeprom, line.progress());
+        return read_used_part(eeprom, line.progress());
     }
     if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
     return read_eeprom(eeprom, size.octets, line.progress());
@@ -108,8 +108,8 @@ int dump(Eeprom& eeprom, const Options& options) {
 
 // Returns why an image cannot be written to this EEPROM; empty when it can. The size of a blank EEPROM is unknown
 // before writing, so a blank EEPROM is not checked for its size.
-std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
-    const auto wrong = why_not_to_write(image);
+std::string image_size_fault(Eeprom& eeprom, Bytes image, const Options& options) {
+    const auto wrong = image_fault(image);
     if (!wrong.empty() && (!options.force || image.size() % 2 != 0))
         return fmt::format("{} is not written: {}{}", options.file, wrong,
                            options.force ? "" : " (--force writes it nevertheless)");
@@ -123,7 +123,7 @@ std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
 int write(Eeprom& eeprom, const Options& options) {
     const auto file = load_image(options.file);
     if (!file.error.empty()) return print_system_error(file.error);
-    const auto refused = why_not_there(eeprom, file.octets, options);
+    const auto refused = image_size_fault(eeprom, file.octets, options);
     if (!refused.empty()) return print_error(refused);
     for (const auto& finding : sii_findings(file.octets))
         if (finding.fault != wire::sii::Fault::size_mismatch) print_note("warning: " + finding_text(finding));

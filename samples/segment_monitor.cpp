@@ -101,7 +101,7 @@ class Monitor {
             // slows virtual time down, so that a person can read the screen
             if (source_.virtual_time() && !options_.plain) std::this_thread::sleep_for(kRefresh);
             if (!options_.plain) show(screen);
-            if (!obey(screen.key())) break;
+            if (!handle_key(screen.key())) break;
         }
         show(screen);
         supervise_.cancel();
@@ -111,7 +111,7 @@ class Monitor {
     // Call it after the screen is closed. Prints the errors, and the figures if --histogram asks for them. Returns the
     // exit code.
     [[nodiscard]] int report() {
-        take_errors();
+        store_errors();
         for (const auto& error : errors_) samples::warn(error);
         if (errors_dropped_ + ctx_.errors().dropped() != 0)
             samples::warn(fmt::format("{} more errors are not shown", errors_dropped_ + ctx_.errors().dropped()));
@@ -123,7 +123,7 @@ class Monitor {
     }
 
     // Copies the entries of errors() and warnings() to lines for the screen and for report().
-    void take_errors() {
+    void store_errors() {
         while (const auto error = ctx_.errors().take()) {
             failed_ = true;
             keep("error: " + samples::sentence(*error));
@@ -151,7 +151,7 @@ class Monitor {
             std::array<char, 400> buffer{};
             add_line(std::string(describe(*event, buffer)));
         }
-        take_errors();
+        store_errors();
     }
 
     void add_line(const std::string& text) {
@@ -167,7 +167,7 @@ class Monitor {
     }
 
     // Returns false when the user asks the program to end.
-    bool obey(int key) {
+    bool handle_key(int key) {
         if (key == KEY_UP && scroll_ > 0) --scroll_;
         if (key == KEY_DOWN && scroll_ + 1 < ctx_.slaves().size()) ++scroll_;
         if (key == 'r') pace_.clear();

@@ -25,7 +25,7 @@ int rebuild(const std::string& recording, const std::string& folder) {
     if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
     if (!capture.remark.empty()) warn("note: " + capture.remark);
     const auto slaves = slaves_of(capture);
-    if (slaves.empty()) return fail(fmt::format("{}: {}", recording, why_no_slaves(capture)));
+    if (slaves.empty()) return fail(fmt::format("{}: {}", recording, no_slaves_reason(capture)));
     std::error_code problem;
     std::filesystem::create_directories(folder, problem);
     if (problem)

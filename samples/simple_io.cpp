@@ -39,18 +39,18 @@ class SimpleIo {
 
     // Returns the exit code of the program.
     int run() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return give_up(ready.error());
+        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return report_failure(ready.error());
         const auto found = config_init(ctx_);
-        if (!found) return give_up(found.error());
+        if (!found) return report_failure(found.error());
         const auto bytes = config_map(ctx_, image_);
-        if (!bytes) return give_up(bytes.error());
+        if (!bytes) return report_failure(bytes.error());
         const Group& group = ctx_.group(0);
         print_out("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
                   group.output_bytes, group.input_bytes, group.frames, group.frames == 1 ? "" : "s",
                   group.expected_wkc);
-        tell_errors();
+        print_errors();
         if (!reach_op()) {
-            if (!stop_asked()) tell_states();
+            if (!stop_asked()) print_states();
             leave();
             return 1;
         }
@@ -71,16 +71,16 @@ class SimpleIo {
         supervise_.cancel();
         (void)writestate(ctx_, 0, AlState::init);
     }
-    int give_up(const Error& error) {
+    int report_failure(const Error& error) {
         warn(sentence(error));
-        tell_errors();
+        print_errors();
         return 1;
     }
-    void tell_errors() {
+    void print_errors() {
         while (const auto error = ctx_.errors().take()) warn(sentence(*error));
         while (const auto odd = ctx_.warnings().take()) warn("warning: " + sentence(*odd));
     }
-    void tell_states() {
+    void print_states() {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
                 warn(fmt::format("slave {} ({}) is in {}", slave.position, slave.name(), al_text(slave.al)));
@@ -126,12 +126,12 @@ class SimpleIo {
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
                 warn(fmt::format("cycle {}: {}", cycles_, sentence(got.error())));
             last_ = got.error();
-            tell_events();
+            print_events();
         }
     }
 
     // The supervision works between the cycles. Its events are printed here.
-    void tell_events() {
+    void print_events() {
         while (const auto event = ctx_.events().take()) {
             std::array<char, 400> text{};
             print_out("cycle {}: {}\n", cycles_, describe(*event, text));

@@ -1,4 +1,4 @@
-// The context: lays the parts of a master into the caller's memory.
+// The context: places the parts of a master in the caller's memory.
 #include "api/master.hpp"
 #include "network/expectation.hpp"
 
@@ -24,7 +24,7 @@ static_assert(sizeof(PreparedFrame) +
 
 namespace {
 
-// Hands out pieces of the context's memory, front to back.
+// Divides the context's memory into arrays, from front to back.
 class Carver {
   public:
     explicit Carver(std::span<std::byte> memory) : left_(memory) {}
@@ -52,9 +52,9 @@ class Carver {
 };
 
 constexpr std::uint32_t kMostGroups = 256;
-constexpr std::size_t kRingToSpare = 16;  // strangers that may be in the ring besides the slaves
+constexpr std::size_t kRingToSpare = 16;  // unexpected slaves that may be in the ring besides the slaves
 
-// Each group's image has 16 MiB of logical address space, unless the application wants it elsewhere.
+// The default logical addresses give each group 16 MiB; the application may change GroupConfiguration::start.
 ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     constexpr std::uint32_t kGroupSpacing = 0x0100'0000;
     const std::size_t datagrams = ProcessTables::datagrams_for(limits.process_frames);
@@ -111,7 +111,7 @@ std::size_t Context::arena_bytes() const {
 
 void Context::close() {
     if (master_ == nullptr) return;
-    master_->network.events.callback = nullptr;  // the application may have ended what the callback uses
+    master_->network.events.callback = nullptr;  // the data that the callback uses may no longer exist
     cancel_queued(*master_);
     std::destroy_at(master_);
     master_ = nullptr;

@@ -188,7 +188,7 @@ class Reader {
 
 std::vector<SeenSlave> slaves_of(const Capture& capture) { return Reader().run(capture); }
 
-std::string why_no_slaves(const Capture& capture) {
+std::string no_slaves_reason(const Capture& capture) {
     std::uint16_t most = 0;
     for (const auto& exchange : capture.exchanges)
         for (const auto& pair : pairs_of(exchange))

@@ -31,7 +31,7 @@ struct SeenSlave {
 [[nodiscard]] std::vector<SeenSlave> slaves_of(const Capture& capture);
 
 // Says why slaves_of() finds no slaves.
-[[nodiscard]] std::string why_no_slaves(const Capture& capture);
+[[nodiscard]] std::string no_slaves_reason(const Capture& capture);
 
 // Writes a segment description with the slaves in a line. The image of slave n is expected in "slaveN.bin"; n starts
 // at 1.

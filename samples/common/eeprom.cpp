@@ -46,7 +46,7 @@ EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& pr
     return out;
 }
 
-EepromContent read_described(Eeprom& eeprom, const Progress& progress) {
+EepromContent read_used_part(Eeprom& eeprom, const Progress& progress) {
     const auto size = eeprom_size(eeprom);
     if (!size.error.empty()) return {{}, size.error};
     const auto told = std::min<std::size_t>(size.octets, UINT32_MAX);
@@ -83,7 +83,7 @@ EepromContent read_described(Eeprom& eeprom, const Progress& progress) {
     return out;
 }
 
-std::string why_not_to_write(Bytes image) {
+std::string image_fault(Bytes image) {
     if (image.size() % sii::kWordBytes != 0)
         return fmt::format("{} octets are not a whole number of words", image.size());
     for (const auto& finding : sii_findings(image)) {

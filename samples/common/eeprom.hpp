@@ -57,11 +57,11 @@ struct EepromContent {
 // Reads up to and including the end mark of the categories, or up to the point where the chain of categories is
 // broken. It never reads more than 64 KiB, whatever the size word says. The octets behind the end mark have no defined
 // meaning; read_eeprom() reads them too.
-[[nodiscard]] EepromContent read_described(Eeprom& eeprom, const Progress& progress);
+[[nodiscard]] EepromContent read_used_part(Eeprom& eeprom, const Progress& progress);
 
 // Returns why an image must not be written to any slave; empty when it can be written. The strict check finds more
 // faults; the user decides about these.
-[[nodiscard]] std::string why_not_to_write(Bytes image);
+[[nodiscard]] std::string image_fault(Bytes image);
 
 struct WriteReport {
     std::size_t words = 0;      // number of words in the image

@@ -106,7 +106,7 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
 std::vector<std::byte> read_image(Context& ctx, const Slave& slave, ProcessMap& map) {
     if (!slave.sii_read) return {};
     SlaveEeprom eeprom(ctx, slave.position);
-    auto content = read_described(eeprom, no_progress());
+    auto content = read_used_part(eeprom, no_progress());
     if (!content.error.empty()) map.remarks.push_back(content.error);
     return std::move(content.octets);
 }

@@ -30,7 +30,7 @@ std::string ethernet_state(int socket, const char* name) {
 }
 
 // Returns why `body` must not scan the segment; empty when it can.
-std::string why_not_to_scan(Source& source) {
+std::string scan_refusal(Source& source) {
     const auto look = look_at_segment(source.nic(), source.osal());
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
@@ -78,7 +78,7 @@ int run_on_source(const SourceArguments& values, const std::function<int(Source&
     auto source = open_source(values.source, values.options);
     if (!source) return fail(source.error(), exit_code::kSystem);
     // In virtual time there is no other master.
-    const auto refusal = source->virtual_time() || values.take_over ? std::string() : why_not_to_scan(*source);
+    const auto refusal = source->virtual_time() || values.take_over ? std::string() : scan_refusal(*source);
     int code = refusal.empty() ? body(*source) : fail(refusal);
     const auto remark = source->finish();
     if (remark.empty()) return code;

@@ -1,4 +1,4 @@
-// The object dictionary of a slave: SDO information.
+// The requests that describe the object dictionary of a slave (SDO information).
 #include "api/mail.hpp"
 #include "mailbox/coe_information.hpp"
 

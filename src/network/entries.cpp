@@ -42,7 +42,7 @@ void note(EntryHandle& handle, const FoundEntry& entry) {
              .bits = entry.bits};
 }
 
-// Visits the entries of the SyncManagers that the application lists whole.
+// Visits the entries of the SyncManagers whose entries the application lists completely.
 template <class Visit>
 void walk_lists(const Slave& slave, Visit visit) {
     for (const SmPdos& list : slave.config.pdos()) {
@@ -64,7 +64,7 @@ void walk_lists(const Slave& slave, Visit visit) {
     }
 }
 
-// A slave that may be missing is: its entries are found when it comes.
+// An optional slave may be absent: its entries are matched when it comes.
 bool may_wait(const EntryHandle& handle, const Slave& slave) {
     return handle.optional || (slave.config.optional && !slave.seen);
 }

@@ -32,8 +32,8 @@ Slave* find_located(Network& network, const ExpectedSlave& wanted) {
     return found == slaves.end() ? nullptr : &*found;
 }
 
-// Those that hang in the group of this head, each as the next member that it can be; as the next one at all when it can
-// be none.
+// Assigns the slaves connected below this head to the members of its group: each slave is the next member that it can
+// be, or simply the next member if it can be none.
 void find_members(Network& network, std::size_t head, const Slave& first) {
     const Expected list = network.expected;
     const std::size_t end = group_end(list, head);
@@ -63,8 +63,8 @@ void find_those_anywhere(Network& network) {
     }
 }
 
-// The position of a slave of the line that comes when `position` is next: missing ones that may be are passed over for
-// one that it fits.
+// Returns the position of a slave of the line when `position` is the next one. Optional slaves that do not fit are
+// skipped if the slave fits a later one.
 std::size_t next_position(Expected list, const Slave& slave, std::size_t position, std::size_t last) {
     for (std::size_t at = position; at <= last; ++at) {
         const ExpectedSlave* wanted = at_position(list, at);
@@ -74,8 +74,8 @@ std::size_t next_position(Expected list, const Slave& slave, std::size_t positio
     return position;
 }
 
-// Where all are to go in the table: slave.position, which is no index any more until they are there. Returns how many
-// entries the table has then.
+// Sets slave.position of all slaves to their new place in the table; until they are moved there it is not their index.
+// Returns the resulting number of entries in the table.
 std::size_t plan_numbers(Network& network) {
     const Expected list = network.expected;
     std::size_t last = 0;
@@ -99,7 +99,7 @@ std::size_t plan_numbers(Network& network) {
     return number;
 }
 
-// Whom the list wants at this number; nobody where it leaves out a position.
+// The expected slave of this number; nullptr where the list leaves out a position.
 const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     std::size_t last = 0;
     for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
@@ -109,7 +109,7 @@ const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     return nullptr;
 }
 
-// An entry for one that is not there. What its ESC has is not known: all that may be needed.
+// Fills the entry of a missing slave. The resources of its ESC are unknown: the maximum is assumed.
 void make_missing(Network& network, std::size_t number) {
     Slave& slave = network.slave(number);
     slave.position = static_cast<std::uint16_t>(number);
@@ -129,7 +129,7 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
         bool right = known && (wanted.hot_connect == 0 || wanted.position == 0);
         for (std::size_t before = 0; before < n && right; ++before) {
             const bool same_place = wanted.position != 0 && expected[before].position == wanted.position;
-            // A group is a run of neighbours.
+            // The members of a group are adjacent in the list.
             const bool torn = !member && wanted.hot_connect != 0 && expected[before].hot_connect == wanted.hot_connect;
             right = !same_place && !torn;
         }
@@ -232,7 +232,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
         slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
     }
-    hold_back(network);
+    update_held(network);
     for (Slave& slave : network.slaves()) {
         if (slave.ring == 0) {
             const Error error = missing_error(network, slave);

@@ -295,7 +295,7 @@ TEST(EepromReadDescribed, StopsAtTheEndMark) {
     FaultyEeprom eeprom(image(1));
     const auto content = [&] {
         store_le<std::uint16_t>(MutableBytes(eeprom.octets), sii::word::kSize * 2, 0x7FFF);
-        return read_described(eeprom, no_progress());
+        return read_used_part(eeprom, no_progress());
     }();
     EXPECT_EQ(content.error, "");
     ASSERT_GT(content.octets.size(), 130U);
@@ -317,28 +317,28 @@ TEST(EepromReadDescribed, HasABoundWhateverTheImageSays) {
             store_le<std::uint16_t>(MutableBytes(eeprom.octets), at, 0x0801);
             store_le<std::uint16_t>(MutableBytes(eeprom.octets), at + 2, words);
         }
-        EXPECT_EQ(read_described(eeprom, no_progress()).error, "");
+        EXPECT_EQ(read_used_part(eeprom, no_progress()).error, "");
         EXPECT_LE(eeprom.last_read, sii::kMostContentBytes) << words;
     }
 }
 
 TEST(WhyNotToWrite, OnlyWhatIsGravelyWrong) {
     const auto good = image(1);
-    EXPECT_EQ(why_not_to_write(good), "");
-    EXPECT_EQ(why_not_to_write(Bytes(good).first(600)), "");  // without the unused end of the EEPROM
-    EXPECT_NE(why_not_to_write(Bytes(good).first(130)), "");
-    EXPECT_NE(why_not_to_write(Bytes(good).first(601)), "");
-    EXPECT_NE(why_not_to_write({}), "");
-    EXPECT_NE(why_not_to_write(std::vector<std::byte>(1024, std::byte{0xFF})), "");
+    EXPECT_EQ(image_fault(good), "");
+    EXPECT_EQ(image_fault(Bytes(good).first(600)), "");  // without the unused end of the EEPROM
+    EXPECT_NE(image_fault(Bytes(good).first(130)), "");
+    EXPECT_NE(image_fault(Bytes(good).first(601)), "");
+    EXPECT_NE(image_fault({}), "");
+    EXPECT_NE(image_fault(std::vector<std::byte>(1024, std::byte{0xFF})), "");
     auto wrong = good;
     wrong[14] ^= std::byte{1};
-    EXPECT_NE(why_not_to_write(wrong).find("checksum"), std::string::npos);
+    EXPECT_NE(image_fault(wrong).find("checksum"), std::string::npos);
     auto longer = good;
     longer.resize(2048);
-    EXPECT_NE(why_not_to_write(longer).find("size"), std::string::npos);
+    EXPECT_NE(image_fault(longer).find("size"), std::string::npos);
     auto odd_mailbox = good;  // a fault that the user may write
     odd_mailbox[sii::word::kMailboxProtocols * 2] = std::byte{4};
-    EXPECT_EQ(why_not_to_write(odd_mailbox), "");
+    EXPECT_EQ(image_fault(odd_mailbox), "");
 }
 
 struct ImageFiles : testing::Test {
