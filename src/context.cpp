@@ -1,5 +1,6 @@
 // The context: places the parts of a master in the caller's memory.
 #include "api/master.hpp"
+#include "api/operation.hpp"
 #include "network/expectation.hpp"
 
 #include <margay/margay.hpp>
@@ -148,6 +149,16 @@ Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
     ContextAccess::master(ctx)->network.expected_next = slaves;
+    return Result<>();
+}
+
+Result<> clear_error(Context& ctx, std::uint16_t slave) {
+    if (const Error refused = check_owner(ctx, Step::none); refused.code != Errc::none) return refused;
+    Network& network = ContextAccess::master(ctx)->network;
+    if (const Error refused = check_slave_or_all(network, slave, Step::none); refused.code != Errc::none)
+        return refused;
+    for (Slave& one : network.slaves())
+        if (slave == 0 || one.position == slave) one.error = {};
     return Result<>();
 }
 

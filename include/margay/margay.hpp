@@ -64,6 +64,10 @@ Result<std::uint16_t> config_init(Context& ctx);
 // number of the entry).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
+// Clears slave(n).error, so that the next error of the slave is kept there; slave 0: of all slaves. The errors in
+// errors() stay. Never waits; callable from the cycle. Errors: wrong_state before init(), not_owner, unknown_slave.
+Result<> clear_error(Context& ctx, std::uint16_t slave);
+
 // Configures the process data of one group and brings its slaves from PREOP to SAFEOP, all at the same time:
 // 1. Calls the hook preop_to_safeop of each slave.
 // 2. Writes the PDOs that the configuration of the slave requires.

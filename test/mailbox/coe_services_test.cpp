@@ -1,4 +1,5 @@
 // Complete access and its fallback, PDOs by the dictionary, SDO information, PDOs by mailbox.
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 #include <map>
@@ -29,7 +30,7 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     bus.add_stack(128, true);
     bus.add_stack(128, false);
     bus.start();
-    bus.ctx->slave(2).coe_details |= coe_detail::kCompleteAccess;  // advertised although it is refused
+    facts(bus.ctx->slave(2)).coe_details |= coe_detail::kCompleteAccess;  // advertised although it is refused
     for (const std::uint16_t index : std::initializer_list<std::uint16_t>{0x1018, 0x1C00, 0x1C12, 0x1600, 0x1A00}) {
         for (const std::uint8_t subindex : std::initializer_list<std::uint8_t>{0, 1}) {
             std::array<std::byte, 64> whole{};

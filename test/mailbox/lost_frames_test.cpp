@@ -31,7 +31,7 @@ Outcome run(Transfer transfer, std::uint16_t mailbox_bytes, Fault fault, int at)
             .insert(number);
     }
     transfer(bus, slave);
-    Outcome outcome{bus.nic->sent - before, slave.application.writes, mailbox_statistics(*bus.ctx, 1)};
+    Outcome outcome{bus.nic->sent - before, slave.application.writes, *mailbox_statistics(*bus.ctx, 1)};
     // The next requests work.
     EXPECT_EQ(*SDOread<std::uint64_t>(*bus.ctx, 1, 0x2001, 0), 0x1122334455667788U);
     const auto none = SDOread<std::uint8_t>(*bus.ctx, 1, 0x3000, 0);

@@ -64,7 +64,7 @@ class SoePdo : public testing::Test {
                        ConfigurationSource source = ConfigurationSource::soe) {
         auto& config = bus.ctx->slave(1).config;
         config = {};
-        bus.ctx->slave(1).error = {};
+        EXPECT_TRUE(clear_error(*bus.ctx, 1));
         const auto mapped = config_map(*bus.ctx, image);
         ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
         EXPECT_EQ(config.source, source);
@@ -77,7 +77,7 @@ class SoePdo : public testing::Test {
     void expect_unknown() {
         auto& config = bus.ctx->slave(1).config;
         config = {};
-        bus.ctx->slave(1).error = {};
+        EXPECT_TRUE(clear_error(*bus.ctx, 1));
         (void)config_map(*bus.ctx, image);
         EXPECT_EQ(config.source, ConfigurationSource::none);
         EXPECT_EQ(config.sm_count, 0);

@@ -139,8 +139,7 @@ TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
     ASSERT_TRUE(segment.connect({line[2], 1}, {fourth, 0}));
     power(fourth, true);
-    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; }))
-        << joined(events());
+    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; })) << joined(events());
     std::array<std::byte, 4> vendor{};
     SdoUpload upload;
     upload.slave = 4;

@@ -67,9 +67,10 @@ TEST_F(Mistakes, OneImageForTwoGroupsIsRefused) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ctx->slave(2).config.group = 1;
     ASSERT_TRUE(config_map(*ctx, image).ok());
-    EXPECT_EQ(words(config_map(*ctx, image, 1).error()),
-              "mapping process data: the image overlaps that of another group: give each group octets of its own (group "
-              "0)");
+    EXPECT_EQ(
+        words(config_map(*ctx, image, 1).error()),
+        "mapping process data: the image overlaps that of another group: give each group octets of its own (group "
+        "0)");
     EXPECT_TRUE(config_map(*ctx, std::span(image).subspan(2), 1).ok()) << "the octets behind those that are used";
     EXPECT_TRUE(config_map(*ctx, second_image, 1).ok());
     EXPECT_TRUE(config_map(*ctx, second_image, 1).ok()) << "the same group again";
@@ -165,10 +166,8 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
     static constexpr Pdo kObject[] = {{0x6000, kEight}};
     static constexpr Pdo kTwice[] = {{0x1600, kEight}, {0x1600, kEight}};
     static constexpr Pdo kOnce[] = {{0x1600, kEight}};
-    static constexpr SmPdos kLists[][2] = {{{0, kEmptyEntry}, {1, {}}},
-                                           {{0, kObject}, {1, {}}},
-                                           {{0, kTwice}, {1, {}}},
-                                           {{0, kOnce}, {0, kOnce}}};
+    static constexpr SmPdos kLists[][2] = {
+        {{0, kEmptyEntry}, {1, {}}}, {{0, kObject}, {1, {}}}, {{0, kTwice}, {1, {}}}, {{0, kOnce}, {0, kOnce}}};
     static constexpr SlaveSetup kSetups[] = {
         {.pdos = kLists[0]}, {.pdos = kLists[1]}, {.pdos = kLists[2]}, {.pdos = kLists[3]}};
     static constexpr std::string_view kSaid[] = {

@@ -1,4 +1,5 @@
 // Registers that are read with each cycle: the AL status of all slaves, and the time of the reference clock.
+#include "facts.hpp"
 #include "network/image_datagrams.hpp"
 #include "oshw/pcap/recorder.hpp"
 #include "process_data/bus.hpp"
@@ -115,7 +116,7 @@ TEST_F(ReadingsTest, TheReferenceClockIsASlaveWithAClock) {
     EXPECT_EQ(mapped.error().code, Errc::unknown_slave);
     EXPECT_EQ(mapped.error().slave, 4);
     group().config.dc_reference = 2;
-    ctx().slave(2).dl.dc = false;
+    facts(ctx().slave(2)).dl.dc = false;
     mapped = config_map(ctx(), image);
     EXPECT_EQ(mapped.error().code, Errc::invalid_argument);
     EXPECT_EQ(mapped.error().slave, 2);

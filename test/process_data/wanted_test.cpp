@@ -326,9 +326,8 @@ TEST_F(Wanted, TargetsAreReachedInBothDirectionsUnderSupervision) {
     run();
     for (const AlState state : {AlState::preop, AlState::op, AlState::init, AlState::safeop, AlState::op}) {
         ASSERT_TRUE(set_target(*ctx, 2, state).ok());
-        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && all_right(*ctx); }))
-            << to_text(state) << "\n"
-            << joined(events());
+        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && all_right(*ctx); })) << to_text(state) << "\n"
+                                                                                               << joined(events());
         cycles(20);
         EXPECT_EQ(ctx->slave(2).al, (AlStatus{state, false, 0}));
         EXPECT_TRUE(in_op(1) && in_op(3)) << "the others stay";

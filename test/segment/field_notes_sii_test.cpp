@@ -1,4 +1,5 @@
 // Slaves with a wrong EEPROM, and the reaction of the master. test/README.md lists the field note of each test.
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 #include "segment/field_notes.hpp"
 
@@ -125,7 +126,7 @@ TEST(FieldNotesWatchdog, ASlaveThatInsistsOnAWatchdogGetsOne) {
     MailboxBus bus;
     bus.add_stack().application.description_value.outputs.watchdog_required = true;
     bus.start();
-    bus.ctx->slave(1).sync_managers[2].control = 0x24;
+    facts(bus.ctx->slave(1)).sync_managers[2].control = 0x24;
     std::vector<std::byte> image(64);
     ASSERT_TRUE(config_map(*bus.ctx, image));
     EXPECT_EQ(bus.ctx->slave(1).al, (AlStatus{AlState::safeop, false, 0})) << bus.words(bus.ctx->slave(1).error);

@@ -1,6 +1,7 @@
 // Real slaves and their users: bring-up, state changes and lost slaves. test/README.md lists the field note of each
 // test.
 #include "segment/field_notes.hpp"
+#include "facts.hpp"
 
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
@@ -67,7 +68,7 @@ TEST_F(FieldNotes, AcknowledgeWithoutAnErrorIsHarmless) {
     map();
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
     // A request with acknowledge, for an error that the slave no longer has.
-    ctx.slave(1).al.error = true;
+    facts(ctx.slave(1)).al.error = true;
     ASSERT_TRUE(writestate(ctx, 1, AlState::op));
     cycles(10);
     EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));

@@ -30,7 +30,7 @@ class PdoConfiguration : public FieldNotes {
     std::string wrong_with(std::span<const SmPdos> lists) {
         const SlaveSetup setup{.pdos = lists};
         ctx.slave(1).config.setup = &setup;
-        ctx.slave(1).error = {};
+        EXPECT_TRUE(clear_error(ctx, 1));
         map();
         EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::safeop, false, 0}));
         EXPECT_EQ(ctx.slave(1).al.state, ctx.slave(1).error.code == Errc::none ? AlState::safeop : AlState::preop)

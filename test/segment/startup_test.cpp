@@ -1,5 +1,6 @@
 // Start-up commands and hooks at all state transitions, up and down, the first time and each later time. Errors have
 // texts that name what failed.
+#include "facts.hpp"
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -26,7 +27,7 @@ class Startup : public FieldNotes {
     std::string wrong_with(std::span<const StartupCommand> commands) {
         const SlaveSetup setup{.startup = commands};
         ctx.slave(1).config.setup = &setup;
-        ctx.slave(1).error = {};
+        EXPECT_TRUE(clear_error(ctx, 1));
         map();
         EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::safeop, false, 0}));
         EXPECT_EQ(ctx.slave(1).al.state, ctx.slave(1).error.code == Errc::none ? AlState::safeop : AlState::preop);
@@ -254,13 +255,13 @@ TEST_F(Startup, AHookThatFailsKeepsTheSlaveOnItsWayUpAndNotOnItsWayDown) {
     EXPECT_EQ(ctx.slave(1).error.code, Errc::unsupported);
     EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
     record.fail_at = "before SO";
-    ctx.slave(1).error = {};
+    EXPECT_TRUE(clear_error(ctx, 1));
     map();
     cycles(5);
     EXPECT_FALSE(writestate(ctx, 1, AlState::op));
     EXPECT_EQ(statecheck(ctx, 1, AlState::op, 10ms)->state, AlState::safeop);
     record.fail_at = "before SP";
-    ctx.slave(1).error = {};
+    EXPECT_TRUE(clear_error(ctx, 1));
     EXPECT_TRUE(writestate(ctx, 1, AlState::preop));
     EXPECT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);
     EXPECT_EQ(ctx.slave(1).error.code, Errc::unsupported) << "told";
@@ -512,7 +513,7 @@ TEST_F(Startup, WhatADriveRefusesIsNamed) {
               "cannot be executed at this time)");
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 8, Idn::product(1), std::uint32_t{9})),
               "slave 1: command at PS (no. 1, P-0-0001, drive 8): argument out of range");
-    ctx.slave(1).mailbox.protocols = 0;
+    facts(ctx.slave(1)).mailbox.protocols = 0;
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 0, Idn::product(1), std::uint32_t{9})),
               "slave 1: command at PS (no. 1, P-0-0001, drive 0): not supported by the slave");
 }
