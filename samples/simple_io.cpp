@@ -83,7 +83,7 @@ class SimpleIo {
     void print_states() {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
-                warn(fmt::format("slave {} ({}) is in {}", slave.position, slave.name(), al_text(slave.al)));
+                warn(fmt::format("slave {} ({}) is in {}", slave.number, slave.name(), al_text(slave.al)));
     }
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
@@ -141,7 +141,7 @@ class SimpleIo {
     void print_inputs() {
         for (const Slave& slave : ctx_.slaves()) {
             if (slave.image.inputs.bits == 0) continue;
-            print_out("slave {} ({}):", slave.position, slave.name());
+            print_out("slave {} ({}):", slave.number, slave.name());
             for (const std::byte octet : slave.image.inputs.bytes)
                 print_out(" {:02x}", std::to_integer<unsigned>(octet));
             print_out("\n");

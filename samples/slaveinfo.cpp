@@ -40,15 +40,15 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
         if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
         for (const margay::Slave& slave : ctx.slaves())
             if (options.sdo && has_coe(slave))
-                segment["slaves"][slave.position - 1U]["dictionary"] =
-                    dictionary_json(read_dictionary(ctx, slave.position));
+                segment["slaves"][slave.number - 1U]["dictionary"] =
+                    dictionary_json(read_dictionary(ctx, slave.number));
         write_out(segment.dump(2) + "\n");
         return;
     }
     print_out("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");
     for (const margay::Slave& slave : ctx.slaves()) {
         write_out(slave_text(slave));
-        if (options.sdo && has_coe(slave)) write_out(dictionary_text(read_dictionary(ctx, slave.position)));
+        if (options.sdo && has_coe(slave)) write_out(dictionary_text(read_dictionary(ctx, slave.number)));
         write_out("\n");
     }
     write_out(topology_text(ctx));

@@ -79,9 +79,9 @@ std::span<const Slave> Context::slaves() {
     return master_ == nullptr ? std::span<const Slave>() : master_->network.slaves();
 }
 
-const Slave& Context::slave(std::size_t position) {
-    if (master_ == nullptr || position < 1 || position > master_->network.count) return none_;
-    return master_->network.slave(position);
+const Slave& Context::slave(std::size_t number) {
+    if (master_ == nullptr || number < 1 || number > master_->network.count) return none_;
+    return master_->network.slave(number);
 }
 
 Group& Context::group(std::size_t number) {
@@ -158,7 +158,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave) {
     if (const Error refused = check_slave_or_all(network, slave, Step::none); refused.code != Errc::none)
         return refused;
     for (Slave& one : network.slaves())
-        if (slave == 0 || one.position == slave) one.error = {};
+        if (slave == 0 || one.number == slave) one.error = {};
     return Result<>();
 }
 

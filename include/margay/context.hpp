@@ -53,7 +53,7 @@ class Context {
     // The slave with the number `position`; the first slave is 1. For a number without a slave (0 included) returns a
     // slave whose `position` is 0 and whose image has no bits: its octets read as zero, and a write to them has no
     // effect.
-    [[nodiscard]] const Slave& slave(std::size_t position);
+    [[nodiscard]] const Slave& slave(std::size_t number);
 
     // The group of process data `number`; the first group is 0. For a number without a group returns a group that is
     // never mapped.

@@ -147,7 +147,7 @@ struct Slave {
     static constexpr std::size_t kSyncManagers = 8;
     static constexpr std::size_t kFmmus = 8;
 
-    std::uint16_t position = 0;  // its number, the first is 1; config_init() assigns it (ExpectedSlave)
+    std::uint16_t number = 0;  //  the first is 1; config_init() assigns it (ExpectedSlave)
     StationAddress station_address;
     std::uint16_t alias = 0;  // ESC register 0x0012, loaded from the SII
     std::uint16_t dl_status = 0;
@@ -156,7 +156,7 @@ struct Slave {
     AlStatus al;  // as read last
     // The slave's place in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
     // `position` as long as there are no hot connect groups and no missing slaves.
-    std::uint16_t ring = 0;
+    std::uint16_t ring_position = 0;
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
     // slave.
     std::optional<std::uint16_t> device_id{};

@@ -34,11 +34,11 @@ struct LineErrors {
 // `target`. It works on all such slaves at the same time while the process data of the others continues. If another
 // slave is in the place of a lost one, it is reported and not started up.
 //
-// When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring, parent and ports.
-// Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks, process
-// data (ExpectedSlave says how they are identified). An unexpected slave is reported as EventKind::stranger, with the
-// port it is connected to, after it was found twice, with `retry` between the two. It is not used until config_init()
-// scans again.
+// When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
+// ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,
+// process data (ExpectedSlave says how they are identified). An unexpected slave is reported as EventKind::stranger,
+// with the port it is connected to, after it was found twice, with `retry` between the two. It is not used until
+// config_init() scans again.
 //
 // A slave that is held (Tolerance) is kept in PREOP or INIT. set_target() (margay/run.hpp) or a change of `target` sets
 // the states of the slaves, up or down; a StateRequest or writestate() for another state is refused: Errc::supervised.

@@ -132,7 +132,7 @@ nlohmann::ordered_json slave_json(const Slave& s) {
     auto fmmus = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < s.fmmu_count; ++i) fmmus.push_back(fmmu_use(s.fmmu_use[i]));
     return {
-        {"position", s.position},
+        {"position", s.number},
         {"station_address", s.station_address.value},
         {"alias", s.alias},
         {"name", std::string(s.name())},
@@ -170,11 +170,11 @@ void add_line(Context& ctx, const Slave& slave, const std::string& first, const 
               std::string& text) {
     const Slave* at = &slave;
     for (const auto* begin = &first; at != nullptr; begin = &indent) {
-        text += fmt::format("{}{} {}{}\n", *begin, at->position, title(*at),
+        text += fmt::format("{}{} {}{}\n", *begin, at->number, title(*at),
                             at->parent == 0 ? std::string() : fmt::format(" (port {})", at->parent_port));
         std::vector<const Slave*> children;
         for (const Slave& other : ctx.slaves())
-            if (other.parent == at->position && other.position != at->position) children.push_back(&other);
+            if (other.parent == at->number && other.number != at->number) children.push_back(&other);
         at = children.size() == 1 ? children.front() : nullptr;
         if (at != nullptr) continue;
         for (const Slave* child : children) {
@@ -194,7 +194,7 @@ std::string sentence(const Error& error) {
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }
 
 std::string slave_text(const Slave& s) {
-    std::string text = fmt::format("Slave {}: {}\n", s.position, title(s));
+    std::string text = fmt::format("Slave {}: {}\n", s.number, title(s));
     text += fmt::format("  Station address   {:#06x}    alias {}\n", s.station_address.value, s.alias);
     text += fmt::format("  Vendor {:#010x}  product {:#010x}  revision {:#010x}  serial {:#010x}\n", s.identity.vendor,
                         s.identity.product, s.identity.revision, s.identity.serial);

@@ -73,7 +73,7 @@ void MailboxChannel::ensure_pump() {
         (void)mailboxes_->tasks_.start(std::move(task));
         return;
     }
-    const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = position_};
+    const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = number_};
     while (MailTurn* turn = queue_.front()) finish(static_cast<MailExchange&>(*turn), full);
 }
 
@@ -222,7 +222,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
         header.priority = sending_->options_.patience.priority;
         header.address = sending_->options_.address;
         if (header.length == 0) {
-            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = position_});
+            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = number_});
             return false;
         }
     }
@@ -356,7 +356,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
 // same key wait for a while.
 void MailboxChannel::reply_is_lost() {
     lost_at_ = kNever;
-    const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = position_};
+    const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = number_};
     for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);

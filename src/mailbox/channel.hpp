@@ -65,7 +65,7 @@ class MailboxChannel {
         status_bit_ = static_cast<std::uint8_t>(bit);
     }
 
-    [[nodiscard]] const Station station() const { return {*engine_, address_, position_}; }
+    [[nodiscard]] const Station station() const { return {*engine_, address_, number_}; }
     [[nodiscard]] Slave& slave() const { return *slave_; }
     [[nodiscard]] Engine& engine() const { return *engine_; }
     [[nodiscard]] Arena& arena() const { return engine_->arena(); }
@@ -141,7 +141,7 @@ class MailboxChannel {
     Mailboxes* mailboxes_ = nullptr;
     Slave* slave_ = nullptr;
     StationAddress address_;
-    std::uint16_t position_ = 0;
+    std::uint16_t number_ = 0;
     MailboxInfo info_;
     bool open_ = false;
     std::uint32_t epoch_ = 0;

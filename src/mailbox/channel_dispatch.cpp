@@ -49,7 +49,7 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         if (exchange.type_ != header.type) continue;
-        Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = position_};
+        Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = number_};
         error.expected = static_cast<std::uint32_t>(receive_room());
         error.actual = header.length;
         return finish(exchange, error);
@@ -63,7 +63,7 @@ void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
     if (of_unanswered || awaiting_.empty()) return;
-    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = position_};
+    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = number_};
     if (data.size() >= wire::kMailboxErrorBytes)
         error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
     finish(static_cast<MailExchange&>(*awaiting_.front()), error);

@@ -74,7 +74,7 @@ Error MailboxChannel::overdue(const MailExchange& exchange) const {
     const bool left = exchange.state_ == MailExchange::State::sent;
     return {.code = last_failure_ == Errc::none ? Errc::timeout : last_failure_,
             .step = left ? Step::mailbox_receive : Step::mailbox_send,
-            .slave = position_};
+            .slave = number_};
 }
 
 // ------------------------------------------------------------------ sessions
@@ -141,7 +141,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     engine_ = &station.engine;
     slave_ = &slave;
     address_ = station.address;
-    position_ = station.position;
+    number_ = station.number;
     info_ = info;
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
     counts_ = true;
@@ -163,7 +163,7 @@ void MailboxChannel::close() {
     open_ = false;
     ++epoch_;
     pump_.end();
-    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = position_};
+    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = number_};
     for (List<MailTurn>* list : {&queue_, &awaiting_})
         while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), closed);
     while (MailTurn* turn = tickets_.pop_front()) {

@@ -187,7 +187,7 @@ void EntryQuery::decode(Bytes all) {
 
 Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, MailPatience patience) {
     const auto complete = [&](Error error) {
-        error.slave = channel.station().position;
+        error.slave = channel.station().number;
         error.step = Step::sdo_information;
         error.index = about.index;
         error.subindex = about.subindex;

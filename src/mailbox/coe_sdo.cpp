@@ -25,7 +25,7 @@ class AbortGuard {
 };
 
 Error complete(Error error, const MailboxChannel& channel, const SdoObject& object, Step step) {
-    error.slave = channel.station().position;
+    error.slave = channel.station().number;
     error.step = step;
     error.index = object.index;
     error.subindex = object.subindex;

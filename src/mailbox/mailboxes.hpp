@@ -17,7 +17,7 @@ class Mailboxes {
     ~Mailboxes() { close_all(); }
 
     // `position` of the slave; 1 is the first slave.
-    [[nodiscard]] MailboxChannel& channel(std::size_t position) { return channels_[position - 1]; }
+    [[nodiscard]] MailboxChannel& channel(std::size_t number) { return channels_[number - 1]; }
     [[nodiscard]] std::size_t count() const { return channels_.size(); }
     [[nodiscard]] Engine& engine() { return engine_; }
     [[nodiscard]] Arena& arena() { return engine_.arena(); }

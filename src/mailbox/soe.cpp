@@ -10,7 +10,7 @@ namespace soe = wire::soe;
 namespace {
 
 Error complete(Error error, const MailboxChannel& channel, const SoeTarget& target, Step step) {
-    error.slave = channel.station().position;
+    error.slave = channel.station().number;
     error.step = step;
     error.index = target.idn.value;
     error.subindex = target.drive;
@@ -139,7 +139,7 @@ bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
                                .elements = header.elements,
                                .idn = header.idn(),
                                .data = mail.data.subspan(soe::kHeaderBytes)};
-    hooks.soe_notification(channel.slave().position, told, hooks.soe_notification_user);
+    hooks.soe_notification(channel.slave().number, told, hooks.soe_notification_user);
     return true;
 }
 

@@ -38,9 +38,9 @@ void find_members(Network& network, std::size_t head, const Slave& first) {
     const Expected list = network.expected;
     const std::size_t end = group_end(list, head);
     std::size_t next = head + 1;
-    for (std::size_t place = first.ring + 1U; place <= network.count && next < end; ++place) {
+    for (std::size_t place = first.ring_position + 1U; place <= network.count && next < end; ++place) {
         Slave& slave = network.slave(place);
-        if (slave.wanted != nullptr || group_above(network, slave.ring) != list[head].hot_connect) continue;
+        if (slave.wanted != nullptr || group_above(network, slave.ring_position) != list[head].hot_connect) continue;
         std::size_t member = next;
         while (member < end && !fits(slave, list[member])) ++member;
         if (member == end) member = next;
@@ -74,7 +74,7 @@ std::size_t next_position(Expected list, const Slave& slave, std::size_t positio
     return position;
 }
 
-// Sets slave.position of all slaves to their new place in the table; until they are moved there it is not their index.
+// Sets slave.number of all slaves to their new place in the table; until they are moved there it is not their index.
 // Returns the resulting number of entries in the table.
 std::size_t plan_numbers(Network& network) {
     const Expected list = network.expected;
@@ -85,13 +85,13 @@ std::size_t plan_numbers(Network& network) {
         if (wanted.position != 0) continue;
         ++number;
         for (Slave& slave : network.slaves())
-            if (slave.wanted == &wanted) slave.position = static_cast<std::uint16_t>(number);
+            if (slave.wanted == &wanted) slave.number = static_cast<std::uint16_t>(number);
     }
     std::size_t next = 1;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted != nullptr) continue;
         const std::size_t position = next <= last ? next_position(list, slave, next, last) : ++number;
-        slave.position = static_cast<std::uint16_t>(position);
+        slave.number = static_cast<std::uint16_t>(position);
         if (next > last) continue;
         slave.wanted = at_position(list, position);
         next = position + 1;
@@ -112,7 +112,7 @@ const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
 // Fills the entry of a missing slave. The resources of its ESC are unknown: the maximum is assumed.
 void make_missing(Network& network, std::size_t number) {
     Slave& slave = network.slave(number);
-    slave.position = static_cast<std::uint16_t>(number);
+    slave.number = static_cast<std::uint16_t>(number);
     slave.station_address = network.station_address(number);
     slave.wanted = wanted_at(network.expected, number);
     slave.dl.fmmus = 16;
@@ -142,7 +142,7 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
 }
 
 Error difference(const Slave& slave, const ExpectedSlave& wanted) {
-    Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.position};
+    Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.number};
     error.detail = slave.identity.vendor;
     const auto differs = [&](const auto& expected, std::uint32_t actual, IdentityField what) {
         if (!expected.has_value() || *expected == actual) return false;
@@ -159,7 +159,7 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         differs(wanted.alias, slave.alias, IdentityField::alias))
         return error;
     if (wanted.device_id && !slave.device_id)
-        return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.position};
+        return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.number};
     if (differs(wanted.device_id, slave.device_id.value_or(0), IdentityField::device_id)) return error;
     return {};
 }
@@ -205,18 +205,19 @@ Result<bool> number_slaves(Network& network) {
     bool moved = false;
     for (std::size_t n = 1; n <= numbers; ++n) {
         Slave& here = network.slave(n);
-        while (here.position != 0 && here.position != n) std::swap(here, network.slave(here.position));
+        while (here.number != 0 && here.number != n) std::swap(here, network.slave(here.number));
     }
     for (std::size_t n = 1; n <= numbers; ++n) {
         Slave& slave = network.slave(n);
-        if (slave.position == 0) {
+        if (slave.number == 0) {
             make_missing(network, n);
             continue;
         }
-        moved |= slave.position != slave.ring;
+        moved |= slave.number != slave.ring_position;
         slave.station_address = network.station_address(n);
-        if (slave.error.code != Errc::none) slave.error.slave = slave.position;
-        if (slave.ring != 0 && slave.ring <= network.ring.size()) network.ring[slave.ring - 1U].slave = slave.position;
+        if (slave.error.code != Errc::none) slave.error.slave = slave.number;
+        if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
+            network.ring[slave.ring_position - 1U].slave = slave.number;
     }
     return moved;
 }
@@ -225,21 +226,21 @@ void compare_with_expected(Network& network, FirstFault& faults) {
     if (network.expected.empty()) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr) {
-            slave.unexpected = slave.ring != 0;
+            slave.unexpected = slave.ring_position != 0;
             continue;
         }
-        slave.other = slave.ring != 0 && difference(slave, *slave.wanted).code != Errc::none;
+        slave.other = slave.ring_position != 0 && difference(slave, *slave.wanted).code != Errc::none;
         if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
         slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
     }
     update_held(network);
     for (Slave& slave : network.slaves()) {
-        if (slave.ring == 0) {
+        if (slave.ring_position == 0) {
             const Error error = missing_error(network, slave);
             if (error.code != Errc::none) faults.note(network, slave, error);
         }
         Error error;
-        if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position};
+        if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.number};
         if (slave.other) error = difference(slave, *slave.wanted);
         if (error.code != Errc::none) network.note(slave, error);
         if (slave.held) faults.keep(error);

@@ -181,7 +181,7 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.config.group >= network.process.groups.size()) {
             Error error = fault(Errc::unknown_group, slave.config.group);
-            error.slave = slave.position;
+            error.slave = slave.number;
             faults.note(network, slave, error);
             continue;
         }
@@ -189,7 +189,7 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         faults.keep(held_error(slave, Step::identify));
         if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
         Error hook = slave.error;
-        hook.slave = slave.position;
+        hook.slave = slave.number;
         if (slave.hook_failed) faults.keep(hook);
     }
 }

@@ -16,7 +16,7 @@ struct HookAccess {
 [[nodiscard]] inline Result<> of_slave(const Result<>& done, const Slave& slave) {
     if (done) return done;
     Error error = done.error();
-    error.slave = slave.position;
+    error.slave = slave.number;
     if (error.step == Step::none) error.step = Step::application_hook;
     return error;
 }
@@ -25,7 +25,7 @@ struct HookAccess {
 // Without a hook: success.
 template <class... Args>
 Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void* user, Args... args) {
-    const HookedSlave hooked = HookAccess::slave(network, slave.position);
+    const HookedSlave hooked = HookAccess::slave(network, slave.number);
     if (hook.sequence() != nullptr) {
         auto done = co_await hook.sequence()(hooked, args..., user);
         co_return of_slave(done, slave);

@@ -12,7 +12,7 @@ constexpr std::uint16_t kFirstProcessOctet = 0x0F00;  // digital outputs; regist
 constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) & ~std::uint64_t{7}; }
 
 Error fault(Errc code, const Slave& slave, std::uint16_t index = 0) {
-    return {.code = code, .step = Step::map_process_data, .slave = slave.position, .index = index};
+    return {.code = code, .step = Step::map_process_data, .slave = slave.number, .index = index};
 }
 
 // Whether an FMMU of this slave can start and end in the middle of an octet.

@@ -18,12 +18,12 @@ constexpr std::uint8_t kClearAt = 0x80;
 // An event for the cable at a port, seen from the master: the slave and port where the cable starts, and the slave at
 // its other end.
 Event cable_event(const Slave& slave, std::uint8_t port, EventKind kind, std::uint32_t count) {
-    Event event{.kind = kind, .port = port, .slave = slave.position, .actual = count};
+    Event event{.kind = kind, .port = port, .slave = slave.number, .actual = count};
     event.other = slave.ports[port].neighbour;
     if (port == slave.entry_port) {
         event.slave = slave.parent;
         event.port = slave.parent_port;
-        event.other = slave.position;
+        event.other = slave.number;
     }
     return event;
 }
@@ -95,9 +95,9 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
 Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums) {
     Crew crew(network.tasks);
     for (Slave& slave : network.slaves()) {
-        if (slave.position > sums.size() || slave.al.state == AlState::none) continue;
+        if (slave.number > sums.size() || slave.al.state == AlState::none) continue;
         while (crew.full()) co_await crew.one();
-        if (!crew.start(read_line_errors(network, slave, sums[slave.position - 1U])) && crew.running() > 0)
+        if (!crew.start(read_line_errors(network, slave, sums[slave.number - 1U])) && crew.running() > 0)
             co_await crew.one();
     }
     co_await crew.all();

@@ -77,21 +77,21 @@ struct Network {
     [[nodiscard]] std::span<RingPlace> seen_ring() {
         return ring.first(std::min<std::size_t>(ring_count, ring.size()));
     }
-    [[nodiscard]] StationAddress station_address(std::size_t position) const {
-        return {static_cast<std::uint16_t>(settings.first_station_address + position - 1)};
+    [[nodiscard]] StationAddress station_address(std::size_t number) const {
+        return {static_cast<std::uint16_t>(settings.first_station_address + number - 1)};
     }
     // By position; 1 is the first slave.
-    [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
+    [[nodiscard]] Slave& slave(std::size_t number) { return table[number - 1]; }
     // The marks of a slave of the table; `guest` has none.
-    [[nodiscard]] SlaveMarks& marks(std::size_t position) { return mark_table[position - 1]; }
-    [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.position); }
-    [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.position - 1U]; }
-    [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
+    [[nodiscard]] SlaveMarks& marks(std::size_t number) { return mark_table[number - 1]; }
+    [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.number); }
+    [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.number - 1U]; }
+    [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.number}; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const {
-        return slave.position >= 1 && slave.position <= mailboxes.count();
+        return slave.number >= 1 && slave.number <= mailboxes.count();
     }
-    [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
+    [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.number); }
 
     static void report_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
         Event event{.kind = EventKind::emergency, .slave = slave};

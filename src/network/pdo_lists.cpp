@@ -15,7 +15,7 @@ bool is_input(std::uint16_t pdo) { return pdo >= 0x1A00 && pdo < 0x1C00; }
 Error fault(const Slave& slave, Errc code, std::uint16_t index, std::size_t subindex = 0) {
     return {.code = code,
             .step = Step::configure_pdos,
-            .slave = slave.position,
+            .slave = slave.number,
             .index = index,
             .subindex = static_cast<std::uint8_t>(std::min<std::size_t>(subindex, 255))};
 }

@@ -34,7 +34,7 @@ bool has_dictionary(Network& network, const Slave& slave) {
 void tell_difference(Network& network, const Slave& slave, std::uint8_t number, ConfigurationSource counts,
                      std::uint32_t bits, ConfigurationSource other, std::uint32_t other_bits) {
     if (bits == other_bits) return;
-    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.position};
+    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.number};
     told.index = wire::reg::sync_manager(number).address;
     told.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
     told.expected = bits;
@@ -46,7 +46,7 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         const SmType sii = slave.sync_managers[n].type;
         if (types[n] == sii || types[n] == SmType::unused || sii == SmType::unused) continue;
-        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.position};
+        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.number};
         told.index = wire::reg::sync_manager(n).address;
         told.expected = static_cast<std::uint32_t>(types[n]);
         told.actual = static_cast<std::uint32_t>(sii);
@@ -111,7 +111,7 @@ Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Find
     if (found.source == ConfigurationSource::coe && slaves.any) return slaves.bits;
     if (found.source == ConfigurationSource::sii && slaves.any && slaves.pdos == listed.open)
         return listed.bits + slaves.bits;
-    Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.position};
+    Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.number};
     for (const Pdo& pdo : list.pdos)
         if (pdo.entries.empty() && error.index == 0) error.index = pdo.index;
     return error;

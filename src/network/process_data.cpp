@@ -37,10 +37,10 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
         const bool absent = slave.al.state == AlState::none || (slave.counted && !slave.takes_part);
         if (slave.config.group != group.number || !absent) continue;
-        if (slave.unplaced && slave.counted && n == 0) return slave.position;
+        if (slave.unplaced && slave.counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
-        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.position;
+        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.number;
     }
     return 0;
 }

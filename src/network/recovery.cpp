@@ -73,7 +73,7 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
 
 // Checks that the place that was reserved for the slave has the sizes of its process data.
 Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
-    Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.position};
+    Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.number};
     const auto bits_of = [](std::span<const ProcessSm> sms, std::uint8_t number) {
         std::uint32_t bits = 0;
         for (const ProcessSm& sm : sms) bits += sm.number == number ? sm.bits : 0;
@@ -109,7 +109,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
-        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
+        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
     if (!is_mapped(network, slave)) co_return Result<>();
     ProcessGroup& group = network.process.groups[slave.config.group];
     const Error entries = place_entries(network, group, &slave);
@@ -157,7 +157,7 @@ bool is_configured(const Slave& slave) {
 // NONE is not stored here: the next look reports that the slave does not answer.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
-    network.report({.kind = EventKind::state, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
 }
 

@@ -75,8 +75,8 @@ Task<Result<>> clear_slaves(Network& network) {
 Task<Result<>> assign_address(Network& network, Slave& slave) {
     std::array<std::byte, 2> address{};
     store_le<std::uint16_t>(address, 0, slave.station_address.value);
-    if (slave.ring == 0) co_return Result<>();
-    const RingPosition place{static_cast<std::uint16_t>(slave.ring - 1)};
+    if (slave.ring_position == 0) co_return Result<>();
+    const RingPosition place{static_cast<std::uint16_t>(slave.ring_position - 1)};
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
     auto reply = co_await write;
@@ -88,7 +88,7 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
 
 // A held slave without a mailbox stays in INIT.
 Task<Result<>> start_mailbox(Network& network, Slave& slave, FirstFault& faults) {
-    if (slave.ring == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
+    if (slave.ring_position == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
     auto done = co_await bring_to_preop(network, slave);
     if (!done) faults.note(network, slave, done.error());
     co_return Result<>();
@@ -133,8 +133,8 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
         Slave& slave = network.slave(i);
         slave = Slave{};
         network.marks(i) = {};
-        slave.position = i;
-        slave.ring = i;
+        slave.number = i;
+        slave.ring_position = i;
         if (in_init) slave.al.state = AlState::init;
         slave.station_address = network.station_address(i);
     }
@@ -145,8 +145,8 @@ void begin_table(Network& network, std::uint16_t count, bool in_init) {
 Task<Result<>> arrange(Network& network) {
     for (Slave& slave : network.slaves()) {
         // A search that reads the ring may have found that the slave is absent.
-        if (slave.ring == 0 || slave.ring > network.ring.size()) continue;
-        network.ring[slave.ring - 1U] = {.slave = slave.position, .dl_status = slave.dl_status};
+        if (slave.ring_position == 0 || slave.ring_position > network.ring.size()) continue;
+        network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
     const auto topology = find_topology(network.seen_ring());
@@ -184,7 +184,7 @@ class Scanning {
 // Reports the slaves whose identity could not be read.
 void keep_unasked(Network& network, FirstFault& faults) {
     for (const Slave& slave : network.slaves())
-        if (slave.ring != 0 && !slave.seen) faults.keep(slave.error);
+        if (slave.ring_position != 0 && !slave.seen) faults.keep(slave.error);
 }
 
 }  // namespace

@@ -78,13 +78,13 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
 // address the first one counts. The other places are not assigned yet.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
-    for (Slave& slave : network.slaves()) slave.ring = 0;
+    for (Slave& slave : network.slaves()) slave.ring_position = 0;
     for (RingPlace& place : network.seen_ring()) {
         if (place.address < first || place.address >= first + network.count) continue;
         Slave& slave = network.slave(place.address - first + 1);
-        if (slave.ring != 0 || is_lost(network, slave)) continue;
-        slave.ring = 1;
-        place.slave = slave.position;
+        if (slave.ring_position != 0 || is_lost(network, slave)) continue;
+        slave.ring_position = 1;
+        place.slave = slave.number;
     }
     (void)find_topology(network.seen_ring());
     store_topology(network.seen_ring(), network.slaves());
@@ -117,7 +117,7 @@ Task<Result<>> read_ring(Network& network, const Searching& searching) {
 // Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
 Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
-        if (slave.ring != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
+        if (slave.ring_position != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
         auto there = co_await read_al_status(network.station(slave));
         if (does_not_answer(there.error()) && !network.marks(slave).in_use && slave.al.state != AlState::none)
             note_lost(network, slave);
@@ -234,7 +234,7 @@ Verdict choose(Network& network, const Slave* after, Holds holds) {
     for (const bool behind : {true, false}) {
         for (Slave& slave : network.slaves()) {
             if (!is_lost(network, slave) || !holds(slave) ||
-                (after == nullptr || slave.position > after->position) != behind)
+                (after == nullptr || slave.number > after->number) != behind)
                 continue;
             if (fits(slave, network.guest)) return {&slave, nullptr};
             if (verdict.instead_of == nullptr && behind) verdict.instead_of = &slave;
@@ -270,9 +270,9 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
     if (!named) co_return named;
     if (n >= network.ring_count) co_return kOvertaken;
-    network.ring[n].slave = slave.position;
+    network.ring[n].slave = slave.number;
     store_topology(network.seen_ring(), network.slaves());
-    network.report({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     network.marks(slave).missing_reported = false;
@@ -297,8 +297,8 @@ void report_other_slave(Network& network, Slave& slave) {
         error.detail = there.vendor;
     }
     error.step = Step::recover;
-    error.slave = slave.position;
-    Event event{.kind = EventKind::other_slave, .slave = slave.position, .error = error};
+    error.slave = slave.number;
+    Event event{.kind = EventKind::other_slave, .slave = slave.number, .error = error};
     event.expected = slave.seen || slave.wanted == nullptr ? wanted.product : slave.wanted->product.value_or(0);
     event.actual = there.product;
     event.detail = there.vendor;
@@ -414,9 +414,9 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 }
 
 void note_lost(Network& network, Slave& slave) {
-    network.report({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
+    network.report({.kind = EventKind::lost, .slave = slave.number, .before = slave.al});
     slave.al = {};
-    slave.ring = 0;
+    slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
 }
@@ -434,7 +434,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         if (!same) co_return Result<>();  // the next look repeats the check
         if (!*same) co_return co_await rename(network, slave.station_address, 0);
     }
-    network.report({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);

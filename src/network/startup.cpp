@@ -143,7 +143,7 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
         if (done) continue;
         Error error = done.error();
         error.step = step_of(which);
-        error.slave = slave.position;
+        error.slave = slave.number;
         error.index = command.index;
         if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
         if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;

@@ -113,12 +113,12 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
-        if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Result<>();
     }
     // That the slave is gone again is reported by the next look.
     if (!does_not_answer(done.error())) {
-        Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
+        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
         event.error = done.error();
         if (network.marks(slave).attempts == 0) {
             network.report(event);
@@ -157,7 +157,7 @@ void report_missing(Watch& watch) {
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
         network.marks(slave).missing_reported = true;
-        network.report({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
+        network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
     }
 }
 

@@ -81,11 +81,11 @@ Result<> find_topology(std::span<RingPlace> ring) {
 }
 
 void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
-    for (Slave& slave : slaves) slave.ring = 0;
+    for (Slave& slave : slaves) slave.ring_position = 0;
     for (const RingPlace& place : ring) {
         if (place.slave == 0) continue;
         Slave& slave = slaves[place.slave - 1U];
-        slave.ring = static_cast<std::uint16_t>(&place - ring.data() + 1);
+        slave.ring_position = static_cast<std::uint16_t>(&place - ring.data() + 1);
         slave.dl_status = place.dl_status;
         store_parent(ring, place, slave);
         for (std::size_t p = 0; p < slave.ports.size(); ++p) {
@@ -97,7 +97,7 @@ void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
     }
     for (Slave& slave : slaves)
         for (Port& port : slave.ports)
-            if (!port.open && port.neighbour != 0 && slaves[port.neighbour - 1U].ring != 0) port.neighbour = 0;
+            if (!port.open && port.neighbour != 0 && slaves[port.neighbour - 1U].ring_position != 0) port.neighbour = 0;
 }
 
 }  // namespace margay

@@ -9,12 +9,12 @@
 namespace margay {
 namespace {
 
-Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.position}; }
+Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
 // For slaves of a hot connect group, which may be missing as a whole.
 bool head_is_there(Network& network, std::uint8_t hot_connect) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return s.ring != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
+        return s.ring_position != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
                is_located(network.expected, *s.wanted);
     });
 }
@@ -146,7 +146,7 @@ void set_targets(Network& network, std::uint16_t slave, AlState state) {
     if (slave == 0) network.target = state;
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
-        if (one.position == slave) one.target = state;
+        if (one.number == slave) one.target = state;
         update_counted(network, one);
     }
 }

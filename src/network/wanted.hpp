@@ -54,7 +54,7 @@ class FirstFault {
     // Keeps the error, and notes it in the slave and in errors().
     void note(Network& network, Slave& slave, const Error& error) {
         Error named = error;
-        named.slave = slave.position;  // a hook need not fill it in
+        named.slave = slave.number;  // a hook need not fill it in
         network.note(slave, named);
         keep(named);
     }

@@ -18,10 +18,10 @@ namespace margay {
 struct Station {
     Engine& engine;
     StationAddress address;
-    std::uint16_t position = 0;  // in the ring, for errors; 1 is the first slave
+    std::uint16_t number = 0;  // of the slave, for errors
     [[nodiscard]] Arena& arena() const { return engine.arena(); }
     [[nodiscard]] Error error(Errc code, Step step, std::uint16_t index = 0) const {
-        return {.code = code, .step = step, .slave = position, .index = index};
+        return {.code = code, .step = step, .slave = number, .index = index};
     }
 };
 

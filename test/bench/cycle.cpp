@@ -85,7 +85,7 @@ class Entries {
         for (std::size_t n = 0; n < kCount; ++n) {
             const Slave& slave = ctx.slave(n / 8 + 1);
             const EntryPlace place{
-                .slave = slave.position,
+                .slave = slave.number,
                 .direction = Direction::inputs,
                 .offset_bits = slave.image.inputs.offset_bits + static_cast<std::uint32_t>(n % 8 * 16),
                 .bits = 16,

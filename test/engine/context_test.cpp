@@ -28,7 +28,7 @@ TEST_F(ContextTest, BeforeInitEverythingIsRefusedAndNothingCrashes) {
     EXPECT_EQ(config_init(ctx).error().code, Errc::wrong_state);
     EXPECT_EQ(poll(ctx, osal.now()), kNever);
     EXPECT_TRUE(ctx.slaves().empty());
-    EXPECT_EQ(ctx.slave(1).position, 0);
+    EXPECT_EQ(ctx.slave(1).number, 0);
 }
 
 TEST_F(ContextTest, BeforeInitThereIsNothingToRead) {

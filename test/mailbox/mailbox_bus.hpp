@@ -103,7 +103,7 @@ class MailboxBus {
         ASSERT_EQ(*found, segment.size());
         for (const Slave& slave : ctx->slaves()) {
             ASSERT_EQ(slave.error.code, Errc::none) << words(slave.error);
-            ASSERT_EQ(slave.al.state, AlState::preop) << slave.position;
+            ASSERT_EQ(slave.al.state, AlState::preop) << slave.number;
         }
     }
 

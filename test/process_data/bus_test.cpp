@@ -31,7 +31,7 @@ TEST_F(BusTest, MapsWhatTheSiiSaysAndBringsToSafeop) {
     EXPECT_EQ(*bytes, 2U + 75 + 3 + 1);
     EXPECT_EQ(bus.errors(), std::vector<std::string>());
     for (const Slave& slave : ctx().slaves())
-        EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.position;
+        EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.number;
     EXPECT_EQ(ctx().slave(1).config.source, ConfigurationSource::sii);
     EXPECT_EQ(ctx().slave(3).image.outputs.bits, 600U);
     EXPECT_EQ(ctx().slave(3).image.inputs.bits, 8U) << "whole octets";

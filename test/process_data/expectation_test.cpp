@@ -70,7 +70,7 @@ TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
         {.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
     EXPECT_EQ(scan(expected), Words());
     EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose positions do not count it";
-    EXPECT_EQ(ctx().slave(3).ring, 2);
+    EXPECT_EQ(ctx().slave(3).ring_position, 2);
     EXPECT_EQ(ctx().slave(3).parent, 1);
     EXPECT_EQ(ctx().slave(2).parent, 3) << "the tree is told in the same numbers";
     EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
@@ -126,9 +126,9 @@ TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
     const ExpectedSlave expected[] = {
         {.position = 1}, {.device_id = std::uint16_t{0x0055}}, {.device_id = std::uint16_t{0x0234}}};
     EXPECT_EQ(bring_up(expected), Words());
-    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(2).ring_position, 3);
     EXPECT_EQ(ctx->slave(2).device_id, 0x0055);
-    EXPECT_EQ(ctx->slave(3).ring, 2);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
     EXPECT_EQ(ctx->slave(3).device_id, 0x0234);
     EXPECT_FALSE(ctx->slave(1).device_id.has_value());
     run();

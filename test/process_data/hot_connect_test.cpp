@@ -40,8 +40,8 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(bring_up(expected), Words());
     ASSERT_EQ(ctx->slaves().size(), 4U);
     EXPECT_EQ(ctx->slave(3).identity.product, 0x101U) << "numbers are those of the whole line";
-    EXPECT_EQ(ctx->slave(3).ring, 2);
-    EXPECT_EQ(ctx->slave(2).ring, 0);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
+    EXPECT_EQ(ctx->slave(2).ring_position, 0);
     EXPECT_EQ(ctx->slave(2).al.state, AlState::none);
     EXPECT_FALSE(ctx->slave(2).seen);
     run();
@@ -66,7 +66,7 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(ctx->slave(2).name(), "MG IO") << "all of its SII is known now";
     EXPECT_EQ(ctx->slave(2).parent, 1);
     EXPECT_EQ(ctx->slave(3).parent, 2);
-    EXPECT_EQ(ctx->slave(4).ring, 4);
+    EXPECT_EQ(ctx->slave(4).ring_position, 4);
     const auto story = events();
     EXPECT_EQ(told(story, "slave 2: found again, in INIT"), 1) << joined(story);
     EXPECT_EQ(told(story, "slave 2: recovered, in OP"), 1) << joined(story);
@@ -419,15 +419,15 @@ TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
     EXPECT_EQ(ctx->slave(3).parent, 2);
     pull(line[2]);
     cycles(20);
-    EXPECT_EQ(ctx->slave(3).ring, 0);
+    EXPECT_EQ(ctx->slave(3).ring_position, 0);
     EXPECT_FALSE(ctx->slave(2).ports[1].open);
     plug({line[0], 3}, line[2]);
     ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
     cycles(20);
     EXPECT_EQ(ctx->slave(3).parent, 1);
     EXPECT_EQ(ctx->slave(3).parent_port, 3);
-    EXPECT_EQ(ctx->slave(3).ring, 2);
-    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
+    EXPECT_EQ(ctx->slave(2).ring_position, 3);
     EXPECT_EQ(ctx->slave(1).ports[3].neighbour, 3);
     EXPECT_EQ(ctx->slave(2).ports[1].neighbour, 0);
     EXPECT_EQ(*cycle(), 9U);

@@ -185,14 +185,14 @@ void check(Case& c, std::mt19937& random) {
                 const bool out = sm.direction == Direction::outputs;
                 const bool in_slave = bit_of(out ? escs[n].memory : before[n].memory, std::size_t{sm.start} * 8 + bit);
                 ASSERT_EQ(in_slave, bit_of(out ? sent : image, at + bit))
-                    << "slave " << slave.position << " sm " << k << " bit " << bit;
+                    << "slave " << slave.number << " sm " << k << " bit " << bit;
             }
             if (sm.direction == Direction::outputs)
                 for (std::size_t octet = 0; octet < sm.bytes(); ++octet) may_write[sm.start + octet] = 0xFF;
         }
         std::size_t wrong = 0;
         for (std::size_t i = 0; i < 0x10000; ++i) wrong += (escs[n].written[i] & ~may_write[i]) != 0 ? 1 : 0;
-        ASSERT_EQ(wrong, 0U) << "slave " << slave.position << ": written beside its SyncManagers";
+        ASSERT_EQ(wrong, 0U) << "slave " << slave.number << ": written beside its SyncManagers";
         if (slave.image.mailbox_status_bit != SlaveImage::kNone) {
             EXPECT_EQ(bit_of(image, slave.image.mailbox_status_bit), (before[n].memory[0x080D] & 8) != 0);
         }

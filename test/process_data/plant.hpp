@@ -50,7 +50,7 @@ struct Plant : Bus {
     }
     bool all_in_op() {
         for (std::size_t n = 1; n <= ctx->slaves().size(); ++n)
-            if (ctx->slave(n).ring != 0 && !in_op(n)) return false;
+            if (ctx->slave(n).ring_position != 0 && !in_op(n)) return false;
         return true;
     }
     template <class Holds>

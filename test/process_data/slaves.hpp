@@ -14,7 +14,7 @@ inline constexpr std::uint8_t kInputControl = 0x20;
 
 inline Slave make_slave(std::uint16_t position, std::uint8_t fmmus = 8, std::uint8_t sync_managers = 8) {
     Slave slave;
-    slave.position = position;
+    slave.number = position;
     slave.station_address.value = static_cast<std::uint16_t>(0x1000 + position);
     slave.dl.fmmus = fmmus;
     slave.dl.sync_managers = sync_managers;

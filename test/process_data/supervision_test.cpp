@@ -345,10 +345,10 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
     EXPECT_EQ(std::ranges::count(told, "link interrupted between slave 2 port 1 and slave 3: 1 time"), 1)
         << joined(told);
     EXPECT_EQ(lines[1].ports[1].lost_links, 1U);
-    EXPECT_EQ(ctx().slave(3).ring, 0);
+    EXPECT_EQ(ctx().slave(3).ring_position, 0);
     bus.segment.set_cable({2, 0}, true);
     ASSERT_LE(cycles_until_right(), 1000);
-    EXPECT_EQ(ctx().slave(3).ring, 3);
+    EXPECT_EQ(ctx().slave(3).ring_position, 3);
 }
 
 TEST_F(SupervisionTest, AThousandSlaves) {

@@ -181,7 +181,7 @@ TEST_F(Wanted, LoweringTheTargetOfTheSupervisionBringsTheSlavesDownAndUpAgain) {
     run();
     supervision.target = AlState::safeop;
     cycles(300);
-    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.number;
     auto story = events();
     EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
     EXPECT_EQ(told(story, "OP to SAFEOP"), 3) << joined(story);
@@ -499,7 +499,7 @@ TEST_F(LostFramesOf, AReadingOfStatesDoNotMakeSlavesLost) {
     lossy->lose = 100;
     const auto states = readstate(*ctx);
     EXPECT_EQ(states.error().code, Errc::no_frame) << "that is what is known";
-    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.number;
     lossy->lose = 0;
     EXPECT_EQ(readstate(*ctx)->state, AlState::safeop);
 }

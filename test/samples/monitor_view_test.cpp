@@ -17,7 +17,7 @@ struct MonitorView : testing::Test {
 
     void SetUp() override {
         for (std::size_t i = 0; i < slaves.size(); ++i) {
-            slaves[i].position = static_cast<std::uint16_t>(i + 1);
+            slaves[i].number = static_cast<std::uint16_t>(i + 1);
             slaves[i].al.state = AlState::op;
         }
         slaves[3].al = {.state = AlState::safeop, .error = true, .code = 0x001B};

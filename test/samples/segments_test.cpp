@@ -124,8 +124,8 @@ void reach_op_and_exchange(Plant& plant) {
     ASSERT_TRUE(found) << plant.errors();
     ASSERT_EQ(*found, present);
     for (const Slave& slave : plant.ctx.slaves()) {
-        EXPECT_EQ(slave.al, (AlStatus{AlState::preop, false, 0})) << slave.position;
-        EXPECT_NE(slave.name(), "") << slave.position;
+        EXPECT_EQ(slave.al, (AlStatus{AlState::preop, false, 0})) << slave.number;
+        EXPECT_NE(slave.name(), "") << slave.number;
     }
     const auto mapped = config_map(plant.ctx, plant.image);
     ASSERT_TRUE(mapped) << plant.errors();
@@ -152,16 +152,16 @@ void reach_op_and_exchange(Plant& plant) {
         EXPECT_EQ(*wkc, group.expected_wkc);
         std::size_t compared = 0;
         for (const Slave& slave : plant.ctx.slaves()) {
-            auto* device = plant.device(slave.position);
+            auto* device = plant.device(slave.number);
             const ImagePart& outputs = slave.image.outputs;
             const ImagePart& inputs = slave.image.inputs;
             if (outputs.bits + inputs.bits == 0) continue;
-            ASSERT_NE(device, nullptr) << slave.position;
-            EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.position;
+            ASSERT_NE(device, nullptr) << slave.number;
+            EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.number;
             const bool plain = device->inputs().size() * 8 >= inputs.bits;
-            const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.position - 1u)));
+            const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.number - 1u)));
             EXPECT_TRUE(same_bits(inputs, plain ? Bytes(device->inputs()) : Bytes(buffers)))
-                << slave.name() << slave.position;
+                << slave.name() << slave.number;
             compared += outputs.bits + inputs.bits;
         }
         compared_bits = compared;

@@ -54,7 +54,7 @@ class SegmentTest : public testing::Test {
     }
     void expect_all_in(AlState state) {
         for (const Slave& slave : ctx.slaves()) {
-            EXPECT_EQ(slave.al.state, state) << slave.position;
+            EXPECT_EQ(slave.al.state, state) << slave.number;
             EXPECT_EQ(slave.error.code, Errc::none) << words(slave.error);
         }
     }

@@ -44,7 +44,7 @@ class FieldNotes : public SegmentTest {
         }
         for (const Slave& slave : ctx.slaves()) {
             if (slave.config.group != 0 && state != AlState::preop) continue;
-            EXPECT_EQ(slave.al.state, std::min(state, slave.config.highest)) << slave.position;
+            EXPECT_EQ(slave.al.state, std::min(state, slave.config.highest)) << slave.number;
         }
     }
 

@@ -52,8 +52,8 @@ TEST_F(Scan, FindsWhatIsThere) {
     EXPECT_EQ(ctx.slave(2).identity.vendor, sim::kVendorId);
     EXPECT_EQ(ctx.slave(2).station_address.value, 0x1002);
     EXPECT_EQ(ctx.slave(3).parent, 2);
-    EXPECT_EQ(ctx.slave(5).position, 0) << "there is no fifth";
-    EXPECT_EQ(ctx.slave(0).position, 0);
+    EXPECT_EQ(ctx.slave(5).number, 0) << "there is no fifth";
+    EXPECT_EQ(ctx.slave(0).number, 0);
     EXPECT_FALSE(ctx.errors().take());
 }
 

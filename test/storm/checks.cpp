@@ -106,7 +106,7 @@ void World::set_outputs(std::uint8_t group) {
         const bool quiet = slave.name().find("rive") != std::string_view::npos;
         Value value((part.bits + 7) / 8);
         for (std::size_t i = 0; i < value.size(); ++i)
-            value[i] = quiet ? std::byte{0} : pattern(1000U + slave.position, counter_, i);
+            value[i] = quiet ? std::byte{0} : pattern(1000U + slave.number, counter_, i);
         set_bits(image, part, value);
     }
 }
@@ -117,7 +117,7 @@ void World::note_outputs(std::uint8_t group) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave) || !in_one_piece(slave.config, Direction::outputs))
             continue;
-        for (const auto n : devices_at(slave.position)) sent_[n][part.bits].insert(bits_of(image, part));
+        for (const auto n : devices_at(slave.number)) sent_[n][part.bits].insert(bits_of(image, part));
     }
 }
 
@@ -136,8 +136,8 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
         if (!carries(ctx_->group(group), slave)) continue;
         const auto devices = at(slave);
         if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
-            if (devices.empty()) fail("the cycle is right without a slave", place(slave.position));
-            if (slave.position == wrong_) fail("the cycle is right with a wrong slave", place(slave.position));
+            if (devices.empty()) fail("the cycle is right without a slave", place(slave.number));
+            if (slave.number == wrong_) fail("the cycle is right with a wrong slave", place(slave.number));
         }
         if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;
         const Value value = bits_of(image, part);
@@ -146,7 +146,7 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
             if (spy != nullptr && !spy->has_shown(value, part.bits, cycle.sent))
                 fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
                          "an input is delivered as good that the slave did not have",
-                     place(slave.position) + ": " + hex(value) + ", it has shown " +
+                     place(slave.number) + ": " + hex(value) + ", it has shown " +
                          (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
                          ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
@@ -158,7 +158,7 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
             bool watched = false;
             for (const auto n : devices) watched = watched || spies_[n] != nullptr;
             if (!known && watched)
-                fail("an input is in the image that the slave never had", place(slave.position) + ": " + hex(value));
+                fail("an input is in the image that the slave never had", place(slave.number) + ": " + hex(value));
         }
     }
 }

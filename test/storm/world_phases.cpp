@@ -57,9 +57,9 @@ void World::configure_all() {
     }
     for (const Slave& slave : ctx_->slaves()) {
         const bool expected = slave.wanted != nullptr && slave.wanted->config != nullptr;
-        if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.position % s.groups);
-        slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.position % s.slave_lrd_lwr == 0;
-        slave.config.mailbox_status = s.mailbox_status != 0 && slave.position % s.mailbox_status == 0;
+        if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.number % s.groups);
+        slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.number % s.slave_lrd_lwr == 0;
+        slave.config.mailbox_status = s.mailbox_status != 0 && slave.number % s.mailbox_status == 0;
         if (s.watchdog_us != 0) slave.config.process_data_watchdog = SlaveConfiguration::Watchdog(s.watchdog_us);
         if (s.startup != 0) slave.config.setup = &kSetup;
         if (s.hooks == 1 || s.hooks == 2) slave.hooks.transition = Hooks::transition;
@@ -74,11 +74,11 @@ void World::expect_slaves() {
     expected_.clear();
     for (const Slave& slave : slaves)
         expected_.push_back(
-            {.position = slave.position, .vendor = slave.identity.vendor, .product = slave.identity.product});
+            {.position = slave.number, .vendor = slave.identity.vendor, .product = slave.identity.product});
     if (plan_.settings.expect == 2 && !expected_.empty()) {
         auto& one = expected_[plan_.seed % expected_.size()];
         one.product = *one.product + 0x7000'0000;
-        wrong_ = one.position;
+        wrong_ = one.number;
     }
     if (plan_.settings.expect == 3) {
         expected_configuration_ = {};

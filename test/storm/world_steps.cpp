@@ -140,7 +140,7 @@ void World::submit_slot(const Step& step, bool by_owner) {
 
 void World::configure(std::uint32_t position, std::uint32_t what, std::uint32_t value) {
     const Slave& slave = ctx_->slave(position);
-    if (slave.position == 0) return;
+    if (slave.number == 0) return;
     switch (what % 6) {
         case 0: slave.config.group = static_cast<std::uint8_t>(value % images_.size()); break;
         case 1: slave.config.block_lrw = value % 2 != 0; break;
