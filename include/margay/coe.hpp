@@ -153,14 +153,14 @@ Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
 
 // Reads an object list, or the description of an object or of one of its entries (SDO information, ETG.1000.6). See the
 // requests above.
-Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,
-                                  void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
-                                  Duration timeout = Duration{0});
-Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
-                                             Duration timeout = Duration{0});
-Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
-                                           std::uint8_t subindex, bool with_values = false,
-                                           Duration timeout = Duration{0});
+Result<std::uint32_t> read_object_list(Context& ctx, std::uint16_t slave, ObjectList list,
+                                       void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
+                                       Duration timeout = Duration{0});
+Result<ObjectDescription> read_object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                  Duration timeout = Duration{0});
+Result<EntryDescription> read_entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                std::uint8_t subindex, bool with_values = false,
+                                                Duration timeout = Duration{0});
 
 // Values that have the same bits in the slave and in the host: integers, enumerations, bool (one octet), float and
 // double.

@@ -355,12 +355,12 @@ struct EntryNameRequest : MailRequest {
 };
 
 // Functions that wait for these requests; see wait().
-Result<EntryPlace> entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                         Duration timeout = Duration{0});
-Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration timeout = Duration{0});
+Result<EntryPlace> find_entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                              Duration timeout = Duration{0});
+Result<EntryPlace> find_entry(Context& ctx, const EntryAddress& address, Duration timeout = Duration{0});
 // Errors: unsupported if no name was found. A name that is too long is cut.
-Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                                    std::span<char> into, Duration timeout = Duration{0});
+Result<std::string_view> read_entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                         std::span<char> into, Duration timeout = Duration{0});
 
 // The octets of an entry, after the checks that each access by EntryPlace needs: the group is still mapped as it was
 // when the entry was found (entry_stale), and the type is right (entry_direction, entry_size, entry_type). For programs

@@ -1,5 +1,16 @@
 // The functions of the master. Each comment says whether the function may be called from a running cycle and whether it
 // waits.
+//
+// Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
+// SoEread(), SoEwrite(), SoEcommand(). The functions that every master has keep their usual names: config_init(),
+// config_map(), send_processdata(), receive_processdata(), readstate(), writestate(), statecheck(). Every other
+// function that does something is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(),
+// set_target(). A function that only returns what is known already is named after its result: all_right(),
+// inputs_fresh(), emergencies(). The request of a function has the same words in CamelCase, and a method of Context
+// returns a part of the context.
+//
+// Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
+// `position` is a place in the ring, which the standard counts with auto-increment addresses.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -123,8 +134,8 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
 
 // Bring back slaves by hand; a SuperviseRequest does both by itself.
 //
-// reconfig_slave() repeats the whole start-up, from INIT on, of a slave that answers at its station address: mailboxes,
-// start-up commands, hook, process data. The slave ends in SAFEOP, or in PREOP if its group is not mapped.
+// reconfigure_slave() repeats the whole start-up, from INIT on, of a slave that answers at its station address:
+// mailboxes, start-up commands, hook, process data. The slave ends in SAFEOP, or in PREOP if its group is not mapped.
 //
 // recover_slave() finds slaves that have lost their station address, for example after a loss of power, and assigns the
 // address again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if that slave
@@ -132,7 +143,7 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
 // its place).
 //
 // Both wait.
-Result<> reconfig_slave(Context& ctx, std::uint16_t slave);
+Result<> reconfigure_slave(Context& ctx, std::uint16_t slave);
 Result<> recover_slave(Context& ctx, std::uint16_t slave);
 
 // Sends the outputs of a group's image in the frames that config_map() has prepared, and queued datagrams in the space
@@ -188,7 +199,7 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
 // Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait.
-Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
-Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
+Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
+Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
 
 }  // namespace margay

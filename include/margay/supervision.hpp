@@ -57,7 +57,7 @@ struct SuperviseRequest : Request {
     std::span<LineErrors> line_errors;
 };
 
-// Repeats the whole start-up of one slave. See reconfig_slave().
+// Repeats the whole start-up of one slave. See reconfigure_slave().
 struct ReconfigRequest : SlaveRequest {
     ReconfigRequest();
 };

@@ -134,7 +134,7 @@ void read_value(Context& ctx, std::uint16_t slave, DictionaryEntry& entry) {
 
 DictionaryObject read_object(Context& ctx, std::uint16_t slave, std::uint16_t index) {
     DictionaryObject object;
-    const auto described = object_description(ctx, slave, index);
+    const auto described = read_object_description(ctx, slave, index);
     if (!described) {
         object.description.index = index;
         object.problem = sentence(described.error());
@@ -143,7 +143,7 @@ DictionaryObject read_object(Context& ctx, std::uint16_t slave, std::uint16_t in
     object.description = *described;
     for (unsigned n = 0; n <= described->max_subindex; ++n) {
         DictionaryEntry entry;
-        const auto found = entry_description(ctx, slave, index, static_cast<std::uint8_t>(n));
+        const auto found = read_entry_description(ctx, slave, index, static_cast<std::uint8_t>(n));
         if (!found && found.error().code == Errc::sdo_abort) continue;  // a gap: the object has no such subindex
         if (!found) {
             object.problem = sentence(found.error());
@@ -173,7 +173,7 @@ nlohmann::ordered_json value_json(const DictionaryEntry& entry) {
 Dictionary read_dictionary(Context& ctx, std::uint16_t slave) {
     Dictionary dictionary;
     std::vector<std::uint16_t> indices;
-    const auto listed = object_list(
+    const auto listed = read_object_list(
         ctx, slave, ObjectList::all,
         [](std::span<const std::uint16_t> some, void* user) {
             auto& all = *static_cast<std::vector<std::uint16_t>*>(user);

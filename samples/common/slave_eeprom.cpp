@@ -7,7 +7,7 @@
 namespace margay::samples {
 
 std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
-    const auto done = eeprom_read(ctx_, position_, word, into);
+    const auto done = read_sii(ctx_, position_, word, into);
     return done ? std::string() : sentence(done.error());
 }
 
@@ -16,8 +16,7 @@ std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
 Eeprom::Written SlaveEeprom::write(std::uint32_t word, Bytes octets) {
     Written written;
     for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {
-        const auto done =
-            eeprom_write(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
+        const auto done = write_sii(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
         if (!done) {
             written.error = sentence(done.error());
             break;

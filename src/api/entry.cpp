@@ -128,20 +128,20 @@ EntryNameRequest::EntryNameRequest() : MailRequest(kName) {}
 
 // ------------------------------------------------------------------ functions that wait
 
-Result<EntryPlace> entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                         Duration timeout) {
-    return entry(ctx, EntryAddress::object(slave, index, subindex), timeout);
+Result<EntryPlace> find_entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                              Duration timeout) {
+    return find_entry(ctx, EntryAddress::object(slave, index, subindex), timeout);
 }
 
-Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration timeout) {
+Result<EntryPlace> find_entry(Context& ctx, const EntryAddress& address, Duration timeout) {
     EntryRequest request;
     request.address = address;
     request.timeout = timeout;
     return submit_and_wait(ctx, request, request.place);
 }
 
-Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                                    std::span<char> into, Duration timeout) {
+Result<std::string_view> read_entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                         std::span<char> into, Duration timeout) {
     EntryNameRequest request;
     request.slave = slave;
     request.timeout = timeout;

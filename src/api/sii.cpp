@@ -52,7 +52,7 @@ static constexpr OperationDescription kWrite =
 SiiReadRequest::SiiReadRequest() : SlaveRequest(kRead) {}
 SiiWriteRequest::SiiWriteRequest() : SlaveRequest(kWrite) {}
 
-Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data) {
+Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data) {
     SiiReadRequest request;
     request.slave = slave;
     request.word = word;
@@ -60,7 +60,7 @@ Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std:
     return submit_and_wait(ctx, request);
 }
 
-Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
+Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
     SiiWriteRequest request;
     request.slave = slave;
     request.word = word;

@@ -82,7 +82,7 @@ SuperviseRequest::SuperviseRequest() : Request(kSupervise) {}
 ReconfigRequest::ReconfigRequest() : SlaveRequest(kReconfigure) {}
 RecoverRequest::RecoverRequest() : SlaveRequest(kRecover) {}
 
-Result<> reconfig_slave(Context& ctx, std::uint16_t slave) {
+Result<> reconfigure_slave(Context& ctx, std::uint16_t slave) {
     ReconfigRequest request;
     request.slave = slave;
     return submit_and_wait(ctx, request);

@@ -11,7 +11,7 @@ namespace margay {
 // The whole start-up of a slave that answers at its station address, from INIT to SAFEOP: mailboxes, start-up commands,
 // the hook, process data. The slave takes part in no cycle meanwhile. A slave whose group is not mapped, or that is not
 // wanted in SAFEOP, ends in PREOP. Errors besides those of the steps: no_place (the image has no place for the slave),
-// pdo_size (its place has another size). See reconfig_slave().
+// pdo_size (its place has another size). See reconfigure_slave().
 [[nodiscard]] Task<Result<>> reconfigure(Network& network, Slave& slave);
 
 // Brings a slave that answers at its station address to its goal(), up or down. Acknowledges an error, and executes the

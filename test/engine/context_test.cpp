@@ -160,7 +160,7 @@ TEST_F(ContextTest, EmptySegment) {
 TEST_F(ContextTest, RequestsAreCheckedBeforeTheyStart) {
     ASSERT_TRUE(init(ctx, nic, osal));
     std::array<std::byte, 4> data{};
-    EXPECT_EQ(eeprom_read(ctx, 1, 0, data).error().code, Errc::unknown_slave);
+    EXPECT_EQ(read_sii(ctx, 1, 0, data).error().code, Errc::unknown_slave);
     ScanRequest scan;
     ASSERT_TRUE(submit(ctx, scan));
     EXPECT_TRUE(scan.busy());

@@ -268,7 +268,7 @@ TEST(SdoInformation, TheFiveListsAndTheirLengths) {
         bus.add_stack(mailbox);
         bus.start();
         std::vector<std::uint16_t> lengths;
-        ASSERT_TRUE(object_list(*bus.ctx, 1, ObjectList::lengths, collect, &lengths).ok());
+        ASSERT_TRUE(read_object_list(*bus.ctx, 1, ObjectList::lengths, collect, &lengths).ok());
         ASSERT_EQ(lengths.size(), 5U);
         const std::pair<ObjectList, std::uint16_t> lists[] = {{ObjectList::all, 0},
                                                               {ObjectList::rx_mappable, subdevice::od::kRxMappable},
@@ -283,7 +283,7 @@ TEST(SdoInformation, TheFiveListsAndTheirLengths) {
                 if (in) expected.push_back(object.index);
             }
             std::vector<std::uint16_t> found;
-            const auto count = object_list(*bus.ctx, 1, list, collect, &found);
+            const auto count = read_object_list(*bus.ctx, 1, list, collect, &found);
             ASSERT_TRUE(count.ok()) << bus.words(count.error());
             EXPECT_EQ(found, expected);
             EXPECT_EQ(*count, expected.size());
@@ -297,14 +297,14 @@ TEST(SdoInformation, DescribesObjectsAndEntries) {
     bus.add_stack(40);  // names arrive in fragments
     bus.start();
     for (const auto& object : kObjects) {
-        const auto described = object_description(*bus.ctx, 1, object.index);
+        const auto described = read_object_description(*bus.ctx, 1, object.index);
         ASSERT_TRUE(described.ok()) << bus.words(described.error());
         EXPECT_EQ(described->name(), object.name);
         EXPECT_EQ(described->data_type, static_cast<std::uint16_t>(object.type));
         EXPECT_EQ(described->object_code, static_cast<std::uint8_t>(object.code));
         EXPECT_EQ(described->max_subindex, object.max_subindex());
         for (const auto& entry : object.entries) {
-            const auto found = entry_description(*bus.ctx, 1, object.index, entry.subindex, true);
+            const auto found = read_entry_description(*bus.ctx, 1, object.index, entry.subindex, true);
             ASSERT_TRUE(found.ok()) << bus.words(found.error());
             EXPECT_EQ(found->access, entry.access);
             EXPECT_EQ(found->data_type, static_cast<std::uint16_t>(entry.type));
@@ -313,16 +313,16 @@ TEST(SdoInformation, DescribesObjectsAndEntries) {
             }
         }
     }
-    const auto setting = entry_description(*bus.ctx, 1, 0x2000, 0, true);
+    const auto setting = read_entry_description(*bus.ctx, 1, 0x2000, 0, true);
     ASSERT_TRUE(setting.ok());
     EXPECT_EQ(setting->bit_length, 16);
     EXPECT_EQ(load_le<std::int16_t>(setting->default_value.octets), 100);
     EXPECT_EQ(load_le<std::int16_t>(setting->minimum.octets), -500);
     EXPECT_EQ(load_le<std::int16_t>(setting->maximum.octets), 500);
     EXPECT_TRUE(setting->writable());
-    const auto plain = entry_description(*bus.ctx, 1, 0x2000, 0, false);
+    const auto plain = read_entry_description(*bus.ctx, 1, 0x2000, 0, false);
     EXPECT_EQ(plain->minimum.bytes, 0);
-    const auto none = object_description(*bus.ctx, 1, 0x3000);
+    const auto none = read_object_description(*bus.ctx, 1, 0x3000);
     EXPECT_EQ(none.error().code, Errc::sdo_abort);
     EXPECT_EQ(bus.words(none.error()),
               "slave 1: SDO information of 0x3000:0: the slave aborted the transfer (abort code 0x06020000: object "
@@ -353,7 +353,7 @@ TEST(SdoInformation, ADictionaryMayBeOfAnySize) {
         unsigned count = 0;
         bool in_order = true;
     } seen;
-    const auto count = object_list(
+    const auto count = read_object_list(
         *bus.ctx, 1, ObjectList::all,
         [](std::span<const std::uint16_t> some, void* user) {
             auto& s = *static_cast<Seen*>(user);

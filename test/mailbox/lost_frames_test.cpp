@@ -110,7 +110,7 @@ TEST(LostFrames, ObjectList) {
         "object list",
         [](MailboxBus& bus, StackSlave&) {
             std::vector<std::uint16_t> all;
-            const auto count = object_list(
+            const auto count = read_object_list(
                 *bus.ctx, 1, ObjectList::all,
                 [](std::span<const std::uint16_t> some, void* user) {
                     auto& list = *static_cast<std::vector<std::uint16_t>*>(user);
@@ -141,7 +141,7 @@ TEST(LostFrames, WhereNothingIsRepeated) {
         ASSERT_TRUE(again.ok()) << bus.words(again.error());
         EXPECT_TRUE(std::equal(value.begin(), value.end(), block.begin()));
         std::vector<std::uint16_t> all;
-        const auto count = object_list(
+        const auto count = read_object_list(
             *bus.ctx, 1, ObjectList::all,
             [](std::span<const std::uint16_t> some, void* user) {
                 auto& list = *static_cast<std::vector<std::uint16_t>*>(user);
@@ -152,7 +152,7 @@ TEST(LostFrames, WhereNothingIsRepeated) {
         EXPECT_EQ(all.size(), *count);
         EXPECT_EQ(all.size(), 81U);
         EXPECT_TRUE(std::ranges::is_sorted(all)) << "none is told twice";
-        const auto described = object_description(*bus.ctx, 1, 0x1018);
+        const auto described = read_object_description(*bus.ctx, 1, 0x1018);
         ASSERT_TRUE(described.ok()) << bus.words(described.error());
         EXPECT_EQ(described->name(), "Identity");
     };

@@ -266,7 +266,7 @@ TEST(HostileReplies, EndAnObjectList) {
                 for (int n = 0; n < 3000; ++n) slave.reply(hostile.then);
         };
         std::size_t calls = 0;
-        const auto listed = object_list(
+        const auto listed = read_object_list(
             *bus.ctx, 1, ObjectList::all,
             [](std::span<const std::uint16_t> some, void* user) { *static_cast<std::size_t*>(user) += some.size(); },
             &calls, 60s);

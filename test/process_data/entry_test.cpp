@@ -322,7 +322,7 @@ TEST_F(EntryTest, ARemapFindsThemAnew) {
     Output<std::uint32_t> target{2, 0x7000, 3};
     EntryHandle* const entries[] = {&target};
     ASSERT_TRUE(map(entries).ok());
-    const auto by_hand = entry(*bus.ctx, 2, 0x7000, 3);
+    const auto by_hand = find_entry(*bus.ctx, 2, 0x7000, 3);
     ASSERT_TRUE(by_hand.ok()) << words(by_hand.error());
     EXPECT_EQ(by_hand->offset_bits, target.place().offset_bits);
     EXPECT_EQ(target.place().offset_bits, 17U * 8 + 8);
@@ -344,23 +344,23 @@ TEST_F(EntryTest, ARemapFindsThemAnew) {
 TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     add_device(bus, odd_widths());
     bus.start();
-    EXPECT_EQ(entry(*bus.ctx, 1, 0x7000, 3).error().code, Errc::unknown_group) << "nothing is mapped yet";
+    EXPECT_EQ(find_entry(*bus.ctx, 1, 0x7000, 3).error().code, Errc::unknown_group) << "nothing is mapped yet";
     ASSERT_TRUE(map({}).ok());
-    const auto odd = entry(*bus.ctx, EntryAddress::at(1, 0, 2, 1));
+    const auto odd = find_entry(*bus.ctx, EntryAddress::at(1, 0, 2, 1));
     ASSERT_TRUE(odd.ok()) << words(odd.error());
     EXPECT_EQ(odd->index, 0x7010);
     EXPECT_EQ(odd->bits, 13U);
-    const auto angle = entry(*bus.ctx, 1, 0x6000, 4);
+    const auto angle = find_entry(*bus.ctx, 1, 0x6000, 4);
     ASSERT_TRUE(angle.ok()) << words(angle.error());
     EXPECT_EQ(angle->direction, Direction::inputs);
-    EXPECT_EQ(entry(*bus.ctx, 1, 0x7777, 0).error().code, Errc::entry_not_mapped);
-    EXPECT_EQ(entry(*bus.ctx, 9, 0x7000, 1).error().code, Errc::unknown_slave);
+    EXPECT_EQ(find_entry(*bus.ctx, 1, 0x7777, 0).error().code, Errc::entry_not_mapped);
+    EXPECT_EQ(find_entry(*bus.ctx, 9, 0x7000, 1).error().code, Errc::unknown_slave);
     std::array<char, 32> name{};
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x7010, 1, name), "Odd");
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x6000, 7, name), "Serial");
-    EXPECT_EQ(entry_name(*bus.ctx, 1, 0x7010, 77, name).error().code, Errc::unsupported);
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x7010, 1, name), "Odd");
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x6000, 7, name), "Serial");
+    EXPECT_EQ(read_entry_name(*bus.ctx, 1, 0x7010, 77, name).error().code, Errc::unsupported);
     std::array<char, 3> little{};
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x6000, 7, little), "Ser");
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x6000, 7, little), "Ser");
 
     ASSERT_EQ(bus.to_op().state, AlState::op);
     EXPECT_TRUE(write_entry<std::int16_t>(*bus.ctx, *odd, -77).ok());

@@ -414,7 +414,7 @@ TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
     bus.segment.set_power(2, true, bus.osal.now());
     EXPECT_TRUE(recover_slave(ctx(), 3).ok());
     EXPECT_EQ(ctx().slave(3).al.state, AlState::init);
-    EXPECT_TRUE(reconfig_slave(ctx(), 3).ok());
+    EXPECT_TRUE(reconfigure_slave(ctx(), 3).ok());
     EXPECT_EQ(ctx().slave(3).al.state, AlState::safeop);
     EXPECT_EQ(bus.to_op().state, AlState::op);
     EXPECT_TRUE(cycle().ok());
@@ -423,10 +423,10 @@ TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
 TEST_F(SupervisionTest, WrongCallsAreRefused) {
     HostContext fresh;
     EXPECT_EQ(submit(fresh, supervision).error().code, Errc::wrong_state);
-    EXPECT_EQ(reconfig_slave(fresh, 1).error().code, Errc::wrong_state);
+    EXPECT_EQ(reconfigure_slave(fresh, 1).error().code, Errc::wrong_state);
     EXPECT_EQ(recover_slave(fresh, 1).error().code, Errc::wrong_state);
     start(2);
-    EXPECT_EQ(reconfig_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    EXPECT_EQ(reconfigure_slave(ctx(), 3).error().code, Errc::unknown_slave);
     EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::unknown_slave);
     supervision.target = AlState::boot;
     EXPECT_EQ(submit(ctx(), supervision).error().code, Errc::invalid_argument);

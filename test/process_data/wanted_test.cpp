@@ -294,7 +294,7 @@ TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
     request.wanted = AlState::op;
     ASSERT_TRUE(submit(*ctx, request).ok());
     expect_held(wait(*ctx, request).error());
-    EXPECT_EQ(reconfig_slave(*ctx, 2).ok(), true);
+    EXPECT_EQ(reconfigure_slave(*ctx, 2).ok(), true);
     EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
 }
 

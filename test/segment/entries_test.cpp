@@ -22,7 +22,7 @@ TEST_F(EntriesByDictionary, AreFoundAsTheyAreMapped) {
     start();
     for (std::uint16_t n = 1; n <= manners.size(); ++n) {
         std::array<char, 32> name{};
-        EXPECT_EQ(*entry_name(ctx, n, 0x6000, 31, name), "SubIndex 031")
+        EXPECT_EQ(*read_entry_name(ctx, n, 0x6000, 31, name), "SubIndex 031")
             << "by its dictionary, its SII does not have it";
     }
     for (std::uint16_t n = 1; n <= manners.size(); ++n) {

@@ -224,7 +224,7 @@ TEST_F(FieldNotesSii, AnEepromThatAcknowledgesNothingWhileItStoresIsWritten) {
     std::copy_n(memory.begin(), area.size(), area.begin());
     area[8] = std::byte{0x34};
     area[14] = static_cast<std::byte>(wire::sii::checksum(area));
-    const auto written = eeprom_write(ctx, 1, 0, area);
+    const auto written = write_sii(ctx, 1, 0, area);
     ASSERT_TRUE(written) << words(written.error());
     EXPECT_TRUE(std::equal(area.begin(), area.end(), memory.begin()));
 }
@@ -270,7 +270,7 @@ TEST_F(FieldNotesSii, ASlowEepromIsWrittenWordByWordAndReadBack) {
     std::array<std::byte, 32> text{};
     for (std::size_t i = 0; i < text.size(); ++i) text[i] = static_cast<std::byte>(0xA0 + i);
     const Time before = osal.now();
-    const auto written = eeprom_write(ctx, 1, 0x30, text);
+    const auto written = write_sii(ctx, 1, 0x30, text);
     ASSERT_TRUE(written) << words(written.error());
     EXPECT_GE(osal.now() - before, 16 * 13ms) << "written and read, each word by itself";
     EXPECT_TRUE(std::equal(text.begin(), text.end(), segment.slave(0).sii().image().begin() + 0x60));

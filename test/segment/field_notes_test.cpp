@@ -162,8 +162,8 @@ TEST_F(FieldNotes, TheEepromIsGivenBackToTheSlave) {
     start();
     expect_all_in(AlState::preop);
     std::array<std::byte, 8> identity{};
-    ASSERT_TRUE(eeprom_read(ctx, 1, 0x08, identity));
-    ASSERT_TRUE(eeprom_write(ctx, 2, 0x20, identity));
+    ASSERT_TRUE(read_sii(ctx, 1, 0x08, identity));
+    ASSERT_TRUE(write_sii(ctx, 2, 0x20, identity));
     for (const AlState state : {AlState::init, AlState::preop}) {
         ASSERT_TRUE(writestate(ctx, 0, state));
         EXPECT_EQ(*statecheck(ctx, 0, state, 1s), (AlStatus{state, false, 0}));

@@ -328,13 +328,13 @@ TEST_F(Scan, EepromIsWrittenAndReadThroughThePublicFunctions) {
     switch_on();
     ASSERT_TRUE(bring_up());
     const std::array<std::byte, 4> text{std::byte{'a'}, std::byte{'b'}, std::byte{'c'}, std::byte{'d'}};
-    ASSERT_TRUE(eeprom_write(ctx, 2, 0x20, text));
+    ASSERT_TRUE(write_sii(ctx, 2, 0x20, text));
     std::array<std::byte, 8> back{};
-    ASSERT_TRUE(eeprom_read(ctx, 2, 0x1F, back));
+    ASSERT_TRUE(read_sii(ctx, 2, 0x1F, back));
     EXPECT_TRUE(std::equal(text.begin(), text.end(), back.begin() + 2));
     std::array<std::byte, 3> odd{};
-    EXPECT_EQ(eeprom_read(ctx, 2, 0, odd).error().code, Errc::invalid_argument);
-    EXPECT_EQ(eeprom_read(ctx, 3, 0, back).error().code, Errc::unknown_slave);
+    EXPECT_EQ(read_sii(ctx, 2, 0, odd).error().code, Errc::invalid_argument);
+    EXPECT_EQ(read_sii(ctx, 3, 0, back).error().code, Errc::unknown_slave);
 }
 
 }  // namespace
