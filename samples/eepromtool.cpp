@@ -1,4 +1,4 @@
-// eepromtool: reads, writes and shows the EEPROM (SII) of a slave, or of a file as if it were one.
+// eepromtool: reads, writes and shows the EEPROM (SII) of a slave. An image file can be used in the place of a slave.
 #include "common/eeprom.hpp"
 #include "common/program.hpp"
 #include "common/sii_text.hpp"
@@ -40,8 +40,8 @@ int print_system_error(const std::string& text) { return fail(text, exit_code::k
 
 void print_note(const std::string& text) { fmt::print(stderr, "{}\n", text); }
 
-// A line that is written over and over on a terminal, and nothing anywhere else. Stops at Ctrl-C, between two
-// words.
+// A progress line on standard error, written again at each step. It is shown on a terminal only. Ctrl-C stops the work
+// between two words.
 class ProgressLine {
   public:
     ProgressLine() : terminal_(::isatty(STDERR_FILENO) != 0) {}
@@ -69,7 +69,8 @@ class ProgressLine {
     bool shown_ = false;
 };
 
-// As many octets as --size says; else the whole EEPROM. Where that tells more than any SII has, only what is in use.
+// Reads the number of octets that --size gives, or else the whole EEPROM. When the size word gives more than any SII
+// needs, only the part up to the end mark is read.
 EepromContent read_all(Eeprom& eeprom, const Options& options) {
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
     if (!size.error.empty()) return {{}, size.error};
@@ -79,7 +80,7 @@ EepromContent read_all(Eeprom& eeprom, const Options& options) {
         print_note(
             fmt::format("note: {} tells {} octets (word 0x003e); it is read up to its end mark, --size {} reads all",
                         eeprom.name(), size.octets, size.octets));
-        return read_described(eeprom, line.progress());
+        return read_used_part(eeprom, line.progress());
     }
     if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
     return read_eeprom(eeprom, size.octets, line.progress());
@@ -105,10 +106,10 @@ int dump(Eeprom& eeprom, const Options& options) {
     return 0;
 }
 
-// Why an image cannot go into this EEPROM; empty when it can. The size of a blank EEPROM nobody knows before
-// it has been tried.
-std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
-    const auto wrong = why_not_to_write(image);
+// Returns why an image cannot be written to this EEPROM; empty when it can. The size of a blank EEPROM is unknown
+// before writing, so a blank EEPROM is not checked for its size.
+std::string image_size_fault(Eeprom& eeprom, Bytes image, const Options& options) {
+    const auto wrong = image_fault(image);
     if (!wrong.empty() && (!options.force || image.size() % 2 != 0))
         return fmt::format("{} is not written: {}{}", options.file, wrong,
                            options.force ? "" : " (--force writes it nevertheless)");
@@ -122,7 +123,7 @@ std::string why_not_there(Eeprom& eeprom, Bytes image, const Options& options) {
 int write(Eeprom& eeprom, const Options& options) {
     const auto file = load_image(options.file);
     if (!file.error.empty()) return print_system_error(file.error);
-    const auto refused = why_not_there(eeprom, file.octets, options);
+    const auto refused = image_size_fault(eeprom, file.octets, options);
     if (!refused.empty()) return print_error(refused);
     for (const auto& finding : sii_findings(file.octets))
         if (finding.fault != wire::sii::Fault::size_mismatch) print_note("warning: " + finding_text(finding));
@@ -173,7 +174,7 @@ int run_on_slave(Source& source, const Options& options) {
     const auto ready = init(ctx, source.nic(), source.osal());
     if (!ready) return print_error(sentence(ready.error()));
     const auto found = config_init(ctx);
-    // A slave whose EEPROM is wrong is why somebody uses this: errors of single slaves do not matter.
+    // Errors of single slaves are ignored: this program is used to repair slaves with a wrong EEPROM.
     if (!found && found.error().slave == 0) return print_error(sentence(found.error()));
     if (options.position == 0 || options.position > ctx.slaves().size())
         return print_error(
@@ -188,7 +189,7 @@ int run_on_slave(Source& source, const Options& options) {
 
 int run(const Options& options) {
     if (options.size % 2 != 0) return fail("--size: an EEPROM has a whole number of words", exit_code::kUsage);
-    stop_at_signals();  // between two words
+    stop_at_signals();  // Ctrl-C stops the work between two words
     if (options.source.source.starts_with(kFileSource)) return run_on_file(options);
     if (options.position == 0) return fail("say the POSITION of the slave; 1 is the first", exit_code::kUsage);
     return run_on_source(options.source, [&](Source& source) { return run_on_slave(source, options); });

@@ -1,12 +1,13 @@
-# Sourced by the scripts: need_packages NAME … sees to it that these Debian packages are there.
+# Functions that install Debian packages, sourced by the other scripts.
 #
-# With root and apt it installs what is missing. Elsewhere it names what is missing, says how to install it and returns
-# 1. Where there is no dpkg to ask it names all of them and leaves it to the build to find out.
+# need_packages NAME … installs missing packages when it runs as root and apt exists. Otherwise it prints the missing
+# packages and the command that installs them, and returns 1. Without dpkg it prints all packages and returns 0; then
+# the build reports what is missing.
 #
-# want_packages NAME … installs each of these packages by itself where it can, names those that are still missing, and
-# returns 0: they are useful, not needed.
+# want_packages NAME … is for packages that are useful but not necessary. When it runs as root and apt exists, it
+# installs each missing package separately. It prints the packages that are still missing, and returns 0.
 #
-# compilers prints how many compilers to run at once: one for each processor, but not more than fit into the memory.
+# compilers prints the number of compilers to run in parallel: one per processor, but not more than fit into the memory.
 
 missing_packages() {
     command -v dpkg-query >/dev/null 2>&1 || return 0
@@ -53,7 +54,7 @@ want_packages() {
     echo "Install them with: sudo apt-get install --no-install-recommends$missing" >&2
 }
 
-# A compiler of this project takes up to 1 GiB. `meminfo` is another file in the place of /proc/meminfo, for tests.
+# A compiler needs up to 1 GiB for a file of this project. Tests set `meminfo` to a file that replaces /proc/meminfo.
 compilers() {
     processors=$(nproc 2>/dev/null) || processors=1
     gibibytes=$(awk '/^MemAvailable:/ { print int($2 / 1048576) }' "${meminfo:-/proc/meminfo}" 2>/dev/null) || gibibytes=
@@ -72,7 +73,7 @@ apt_update_once() {
     apt_quietly update && apt_updated=yes
 }
 
-# Says nothing unless it fails.
+# Runs apt-get. Prints the output of apt-get only when apt-get fails.
 apt_quietly() {
     log=$(mktemp)
     if DEBIAN_FRONTEND=noninteractive apt-get -q "$@" >"$log" 2>&1 </dev/null; then

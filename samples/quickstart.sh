@@ -1,6 +1,6 @@
 #!/bin/sh
-# From a fresh checkout to a first look at a segment: installs what the build needs (Debian, as root), builds into
-# build/ and runs slaveinfo on a simulated segment.
+# First steps in a fresh checkout: installs the packages that the build needs (on Debian, as root), builds into build/,
+# and runs slaveinfo on a simulated segment.
 set -eu
 cd "$(dirname "$0")/.."
 . samples/packages.sh
@@ -8,7 +8,8 @@ cd "$(dirname "$0")/.."
 need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
     libncurses-dev || exit 1
 
-# A build folder that has been configured keeps its settings. A cache alone is what a failed attempt leaves.
+# A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: it is configured
+# again.
 [ -e build/Makefile ] || [ -e build/build.ninja ] || cmake -S . -B build -DMARGAY_TESTS=OFF -DMARGAY_UNITY=ON
 begin=$(date +%s)
 cmake --build build --parallel "$(compilers)"

@@ -1,6 +1,6 @@
-// segment_monitor: brings a segment to OP, keeps it there, and shows live how it is: states, working counters, how
-// punctual the cycle is, errors of the cables, and what happens. Keys: up and down scroll, r starts the figures anew, q
-// ends.
+// segment_monitor: brings a segment to OP, keeps it in OP, and shows a live view: states, working counters, lateness
+// of the cycle, line errors of the ports, and events. Keys: up and down scroll, r clears the figures, q ends the
+// program.
 #include "common/cycle_pace.hpp"
 #include "common/monitor_view.hpp"
 #include "common/program.hpp"
@@ -34,7 +34,7 @@ constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 constexpr Duration kRefresh = std::chrono::milliseconds(100);
 constexpr std::size_t kEventsKept = 100;
 
-// Where the lines go.
+// The output of the monitor: a terminal or plain text.
 class Screen {
   public:
     virtual ~Screen() = default;
@@ -80,7 +80,7 @@ class Monitor {
 
     Result<> bring_up() {
         if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return ready.error();
-        // Errors of single slaves are what the monitor shows: it goes on with the others.
+        // The monitor shows errors of single slaves and continues with the other slaves.
         if (const auto found = config_init(ctx_); !found && found.error().slave == 0) return found.error();
         if (const auto bytes = config_map(ctx_, image_); !bytes && !ctx_.group(0).mapped) return bytes.error();
         line_errors_.resize(ctx_.slaves().size());
@@ -98,18 +98,20 @@ class Monitor {
             cycle();
             if (source_.osal().now() < next_show) continue;
             next_show = source_.osal().now() + kRefresh;
-            if (source_.virtual_time() && !options_.plain) std::this_thread::sleep_for(kRefresh);  // for the eye
+            // slows virtual time down, so that a person can read the screen
+            if (source_.virtual_time() && !options_.plain) std::this_thread::sleep_for(kRefresh);
             if (!options_.plain) show(screen);
-            if (!obey(screen.key())) break;
+            if (!handle_key(screen.key())) break;
         }
         show(screen);
         supervise_.cancel();
         (void)writestate(ctx_, 0, AlState::init);
     }
 
-    // After the screen is gone: prints the errors, and the figures where asked for. Returns the exit code.
+    // Call it after the screen is closed. Prints the errors, and the figures if --histogram asks for them. Returns the
+    // exit code.
     [[nodiscard]] int report() {
-        take_errors();
+        store_errors();
         for (const auto& error : errors_) samples::warn(error);
         if (errors_dropped_ + ctx_.errors().dropped() != 0)
             samples::warn(fmt::format("{} more errors are not shown", errors_dropped_ + ctx_.errors().dropped()));
@@ -120,8 +122,8 @@ class Monitor {
         return bad_cycles_ != 0 || failed_ ? samples::exit_code::kSegment : samples::exit_code::kWell;
     }
 
-    // Keeps what errors() holds, as lines for the screen and for the end.
-    void take_errors() {
+    // Copies the entries of errors() and warnings() to lines for the screen and for report().
+    void store_errors() {
         while (const auto error = ctx_.errors().take()) {
             failed_ = true;
             keep("error: " + samples::sentence(*error));
@@ -149,7 +151,7 @@ class Monitor {
             std::array<char, 400> buffer{};
             add_line(std::string(describe(*event, buffer)));
         }
-        take_errors();
+        store_errors();
     }
 
     void add_line(const std::string& text) {
@@ -164,8 +166,8 @@ class Monitor {
         screen.show(model_, scroll_);
     }
 
-    // False: the user has had enough.
-    bool obey(int key) {
+    // Returns false when the user asks the program to end.
+    bool handle_key(int key) {
         if (key == KEY_UP && scroll_ > 0) --scroll_;
         if (key == KEY_DOWN && scroll_ + 1 < ctx_.slaves().size()) ++scroll_;
         if (key == 'r') pace_.clear();
@@ -181,7 +183,7 @@ class Monitor {
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     samples::MonitorModel model_;
     std::size_t scroll_ = 0;
-    std::uint64_t bad_cycles_ = 0;  // since the start, whatever the key r has cleared
+    std::uint64_t bad_cycles_ = 0;  // since the start; the key r does not clear this counter
     std::vector<std::string> errors_;
     std::uint64_t errors_dropped_ = 0;
     bool failed_ = false;

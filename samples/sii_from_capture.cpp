@@ -1,5 +1,5 @@
-// Rebuilds the SII images of the slaves in a recording from what the master read of them, and a segment
-// description to go with them.
+// sii_from_capture: rebuilds the SII images of the slaves in a recording from the EEPROM data that the master read,
+// and writes a segment description for these images.
 #include "common/arguments.hpp"
 #include "common/capture_slaves.hpp"
 #include "common/program.hpp"
@@ -25,7 +25,7 @@ int rebuild(const std::string& recording, const std::string& folder) {
     if (!capture.error.empty()) return fail(capture.error, exit_code::kSystem);
     if (!capture.remark.empty()) warn("note: " + capture.remark);
     const auto slaves = slaves_of(capture);
-    if (slaves.empty()) return fail(fmt::format("{}: {}", recording, why_no_slaves(capture)));
+    if (slaves.empty()) return fail(fmt::format("{}: {}", recording, no_slaves_reason(capture)));
     std::error_code problem;
     std::filesystem::create_directories(folder, problem);
     if (problem)

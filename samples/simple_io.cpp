@@ -1,5 +1,5 @@
-// simple_io: brings a segment to OP, lets the outputs count, and prints what comes in. What happens to slaves meanwhile
-// is told, and put right while the others go on.
+// simple_io: brings a segment to OP, writes a counter to the outputs, and prints the inputs. It reports events of
+// slaves; the supervision recovers such slaves while the other slaves continue.
 #include "common/cycle_pace.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
@@ -37,20 +37,20 @@ class SimpleIo {
   public:
     SimpleIo(samples::Source& source, const Options& options) : source_(source), options_(options) {}
 
-    // Returns what the program ends with.
+    // Returns the exit code of the program.
     int run() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return give_up(ready.error());
+        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return report_failure(ready.error());
         const auto found = config_init(ctx_);
-        if (!found) return give_up(found.error());
+        if (!found) return report_failure(found.error());
         const auto bytes = config_map(ctx_, image_);
-        if (!bytes) return give_up(bytes.error());
+        if (!bytes) return report_failure(bytes.error());
         const Group& group = ctx_.group(0);
         print_out("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
                   group.output_bytes, group.input_bytes, group.frames, group.frames == 1 ? "" : "s",
                   group.expected_wkc);
-        tell_errors();
+        print_errors();
         if (!reach_op()) {
-            if (!stop_asked()) tell_states();
+            if (!stop_asked()) print_states();
             leave();
             return 1;
         }
@@ -71,22 +71,22 @@ class SimpleIo {
         supervise_.cancel();
         (void)writestate(ctx_, 0, AlState::init);
     }
-    int give_up(const Error& error) {
+    int report_failure(const Error& error) {
         warn(sentence(error));
-        tell_errors();
+        print_errors();
         return 1;
     }
-    void tell_errors() {
+    void print_errors() {
         while (const auto error = ctx_.errors().take()) warn(sentence(*error));
         while (const auto odd = ctx_.warnings().take()) warn("warning: " + sentence(*odd));
     }
-    void tell_states() {
+    void print_states() {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
-                warn(fmt::format("slave {} ({}) is in {}", slave.position, slave.name(), al_text(slave.al)));
+                warn(fmt::format("slave {} ({}) is in {}", slave.number, slave.name(), al_text(slave.al)));
     }
 
-    // One cycle: send, receive, and let everything else go on until the next one is due.
+    // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
     Result<std::uint32_t> cycle() {
         const Time start = source_.osal().now();
         Result<std::uint32_t> got;
@@ -100,8 +100,8 @@ class SimpleIo {
         return got;
     }
 
-    // The supervision brings the slaves to OP, and back there whatever happens. Process data runs before: their
-    // watchdogs want outputs.
+    // The supervision brings the slaves to OP, and back to OP after any fault. The first process data is exchanged
+    // before the supervision starts, because the SyncManager watchdogs of the slaves need outputs.
     bool reach_op() {
         constexpr unsigned kMostCycles = 10'000;
         pace_.start();
@@ -126,12 +126,12 @@ class SimpleIo {
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
                 warn(fmt::format("cycle {}: {}", cycles_, sentence(got.error())));
             last_ = got.error();
-            tell_events();
+            print_events();
         }
     }
 
-    // Beside the cycle the supervision works; here is what it has to tell.
-    void tell_events() {
+    // The supervision works between the cycles. Its events are printed here.
+    void print_events() {
         while (const auto event = ctx_.events().take()) {
             std::array<char, 400> text{};
             print_out("cycle {}: {}\n", cycles_, describe(*event, text));
@@ -141,7 +141,7 @@ class SimpleIo {
     void print_inputs() {
         for (const Slave& slave : ctx_.slaves()) {
             if (slave.image.inputs.bits == 0) continue;
-            print_out("slave {} ({}):", slave.position, slave.name());
+            print_out("slave {} ({}):", slave.number, slave.name());
             for (const std::byte octet : slave.image.inputs.bytes)
                 print_out(" {:02x}", std::to_integer<unsigned>(octet));
             print_out("\n");
@@ -160,9 +160,9 @@ class SimpleIo {
 };
 
 int run(samples::Source& source, const Options& options) {
-    // What happens is to be seen when it happens, in a log too.
+    // Line buffering: each event appears in a terminal or a log file at once.
     std::setvbuf(stdout, nullptr, _IOLBF, 0);
-    samples::stop_at_signals();  // the slaves are left in INIT, however the program ends
+    samples::stop_at_signals();  // after a signal, too, the program puts the slaves to INIT before it ends
     const auto program = std::make_unique<SimpleIo>(source, options);
     return program->run();
 }

@@ -1,4 +1,4 @@
-// slaveinfo: what is on the segment.
+// slaveinfo: prints the slaves of a segment, their process image and their object dictionaries.
 #include "common/dictionary_report.hpp"
 #include "common/process_map.hpp"
 #include "common/process_struct.hpp"
@@ -40,22 +40,22 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
         if (map != nullptr) segment["process_image"] = map_json(ctx, *map);
         for (const margay::Slave& slave : ctx.slaves())
             if (options.sdo && has_coe(slave))
-                segment["slaves"][slave.position - 1U]["dictionary"] =
-                    dictionary_json(read_dictionary(ctx, slave.position));
+                segment["slaves"][slave.number - 1U]["dictionary"] =
+                    dictionary_json(read_dictionary(ctx, slave.number));
         write_out(segment.dump(2) + "\n");
         return;
     }
     print_out("{} slave{} found\n\n", ctx.slaves().size(), ctx.slaves().size() == 1 ? "" : "s");
     for (const margay::Slave& slave : ctx.slaves()) {
         write_out(slave_text(slave));
-        if (options.sdo && has_coe(slave)) write_out(dictionary_text(read_dictionary(ctx, slave.position)));
+        if (options.sdo && has_coe(slave)) write_out(dictionary_text(read_dictionary(ctx, slave.number)));
         write_out("\n");
     }
     write_out(topology_text(ctx));
     if (map != nullptr) write_out("\n" + map_text(ctx, *map));
 }
 
-// Maps all slaves, which go to SAFEOP for it, and lets them go back.
+// Maps all slaves, which puts them to SAFEOP, prints the process image, and puts the slaves back to PREOP.
 int map_and_print(margay::Context& ctx, const Options& options) {
     using namespace margay::samples;
     std::vector<std::byte> image(std::size_t{1} << 20);

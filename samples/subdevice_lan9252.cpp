@@ -1,7 +1,8 @@
-// A device of one's own on a microcontroller with a LAN9252 behind SPI: state machine, CoE with an object dictionary,
-// FoE for the firmware in BOOT, process data, without an operating system. `board` at the end is what to fill in.
+// An example of a device on a microcontroller with a LAN9252 on SPI: state machine, CoE with an object dictionary, FoE
+// for the firmware in BOOT, process data. It needs no operating system. To use it, fill in the functions of `board`
+// below.
 //
-// On a PC it is compiled to be checked, and ends at once, as no chip answers.
+// On a PC it is compiled only to check it. There it ends at once, because no chip answers.
 #include "common/lan9252_spi.hpp"
 
 #include "subdevice/coe_server.hpp"
@@ -14,7 +15,7 @@ using margay::Bytes;
 using margay::MutableBytes;
 using margay::Time;
 
-// --- To be filled in: a transfer with chip select low, a clock, pins, flash ---
+// --- Fill in: an SPI transfer with chip select low, a clock, pins, flash ---
 
 void spi_transfer(MutableBytes in_and_out) noexcept { (void)in_and_out; }
 Time now() noexcept { return {}; }
@@ -31,7 +32,7 @@ using namespace margay;
 using namespace margay::subdevice;
 using namespace std::chrono_literals;
 
-// ------------------------------------------------------------------ what the device is
+// ------------------------------------------------------------------ description of the device
 
 constexpr DeviceDescription kDevice{
     .vendor_id = 0x00004D47,
@@ -80,13 +81,14 @@ constexpr Object kObjects[] = {
     variable(0x6000, "Switches", kSwitches),
     variable(0x7000, "Lamps", kLamps),
 };
-#ifndef __SANITIZE_ADDRESS__  // GCC 12 takes no address for a constant under the sanitizers
+#ifndef __SANITIZE_ADDRESS__  // GCC 12 with sanitizers does not accept this address in a constant expression
 static_assert(well_formed(kObjects, Values::bytes));
 #endif
 
-// ------------------------------------------------------------------ what it does
+// ------------------------------------------------------------------ behaviour of the device
 
-// The messages' and values' own memory; all else is bookkeeping. The footprint is measured beside it.
+// Memory for the messages and values. All other objects hold state only. The test embedded/footprint measures the
+// footprint.
 struct Buffers {
     MailboxMemory<512, 3> mailbox;
     std::array<std::byte, 256> staging{};
@@ -128,7 +130,7 @@ class Firmware final : public FoeStore {
     FoeAnswer finish_write(std::size_t bytes, Time) override {
         return board::flash_check(bytes) ? FoeAnswer::go() : FoeAnswer::error(FoeError::wrong_checksum);
     }
-    void give_up() override {}
+    void report_failure() override {}
 };
 
 class Spi final : public samples::SpiBus {
@@ -137,7 +139,7 @@ class Spi final : public samples::SpiBus {
     Time now() noexcept override { return board::now(); }
 };
 
-// ------------------------------------------------------------------ all of it, without a heap
+// ------------------------------------------------------------------ all objects of the device, without a heap
 
 Buffers buffers;
 Spi spi;

@@ -1,4 +1,4 @@
-// Serves a simulated segment on a network interface, in real time, to any master.
+// virtual_segment: connects a simulated segment to a network interface, in real time, for any master.
 #include "common/program.hpp"
 #include "common/segment_console.hpp"
 #include "common/segment_server.hpp"

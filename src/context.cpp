@@ -1,5 +1,6 @@
-// The context: lays the parts of a master into the caller's memory.
+// The context: places the parts of a master in the caller's memory.
 #include "api/master.hpp"
+#include "api/operation.hpp"
 #include "network/expectation.hpp"
 
 #include <margay/margay.hpp>
@@ -24,7 +25,7 @@ static_assert(sizeof(PreparedFrame) +
 
 namespace {
 
-// Hands out pieces of the context's memory, front to back.
+// Divides the context's memory into arrays, from front to back.
 class Carver {
   public:
     explicit Carver(std::span<std::byte> memory) : left_(memory) {}
@@ -52,9 +53,9 @@ class Carver {
 };
 
 constexpr std::uint32_t kMostGroups = 256;
-constexpr std::size_t kRingToSpare = 16;  // strangers that may be in the ring besides the slaves
+constexpr std::size_t kRingToSpare = 16;  // unexpected slaves that may be in the ring besides the slaves
 
-// Each group's image has 16 MiB of logical address space, unless the application wants it elsewhere.
+// The default logical addresses give each group 16 MiB; the application may change GroupConfiguration::start.
 ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     constexpr std::uint32_t kGroupSpacing = 0x0100'0000;
     const std::size_t datagrams = ProcessTables::datagrams_for(limits.process_frames);
@@ -78,9 +79,9 @@ std::span<const Slave> Context::slaves() {
     return master_ == nullptr ? std::span<const Slave>() : master_->network.slaves();
 }
 
-const Slave& Context::slave(std::size_t position) {
-    if (master_ == nullptr || position < 1 || position > master_->network.count) return none_;
-    return master_->network.slave(position);
+const Slave& Context::slave(std::size_t number) {
+    if (master_ == nullptr || number < 1 || number > master_->network.count) return none_;
+    return master_->network.slave(number);
 }
 
 Group& Context::group(std::size_t number) {
@@ -111,7 +112,7 @@ std::size_t Context::arena_bytes() const {
 
 void Context::close() {
     if (master_ == nullptr) return;
-    master_->network.events.callback = nullptr;  // the application may have ended what the callback uses
+    master_->network.events.callback = nullptr;  // the data that the callback uses may no longer exist
     cancel_queued(*master_);
     std::destroy_at(master_);
     master_ = nullptr;
@@ -148,6 +149,16 @@ Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
     ContextAccess::master(ctx)->network.expected_next = slaves;
+    return Result<>();
+}
+
+Result<> clear_error(Context& ctx, std::uint16_t slave) {
+    if (const Error refused = check_owner(ctx, Step::none); refused.code != Errc::none) return refused;
+    Network& network = ContextAccess::master(ctx)->network;
+    if (const Error refused = check_slave_or_all(network, slave, Step::none); refused.code != Errc::none)
+        return refused;
+    for (Slave& one : network.slaves())
+        if (slave == 0 || one.number == slave) one.error = {};
     return Result<>();
 }
 

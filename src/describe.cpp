@@ -1,4 +1,4 @@
-// An Error as a sentence.
+// describe() for an Error: writes it as a sentence.
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/coe.hpp"
@@ -21,7 +21,7 @@ bool is_command(Step step) { return step >= Step::command_ip && step <= Step::co
 
 bool is_entry(Errc code) { return code >= Errc::entry_not_mapped && code <= Errc::entry_stale; }
 
-// An object, or the place of an entry in the assignment: "0x1C12:1, entry 3".
+// The object of an entry, or its position in the assignment: "0x1C12:1, entry 3".
 void write_entry_place(TextWriter& out, const Error& e) {
     (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
     if (e.detail != 0) out << ", entry " << e.detail;
@@ -53,14 +53,14 @@ void write_command(TextWriter& out, const Error& e) {
     out << ")";
 }
 
-// The call itself was refused, whatever it was about.
+// The call itself was refused; the error does not concern a slave.
 bool is_refused_call(const Error& e) {
     const bool of_call = e.code == Errc::not_owner || e.code == Errc::not_polled || e.code == Errc::waiting_forbidden ||
                          e.code == Errc::in_callback || e.code == Errc::wrong_state || e.code == Errc::busy;
     return of_call && e.slave == 0 && e.index == 0;
 }
 
-// What `index` and `subindex` of an error mean depends on the step.
+// Writes `index` and `subindex`, whose meaning depends on the step.
 void write_place(TextWriter& out, const Error& e) {
     if (is_refused_call(e)) return;
     if (is_entry(e.code)) return write_entry_place(out, e);
@@ -113,7 +113,7 @@ std::string_view sm_text(std::uint32_t type) {
     return type < std::size(kTexts) ? kTexts[type] : "nothing known";
 }
 
-// "by 64 bits: the object dictionary has 128, which counts, the SII 64".
+// Example: "by 64 bits (the object dictionary has 128, which counts, the SII 64)".
 void write_difference(TextWriter& out, const Error& e) {
     const auto source = [](std::uint32_t s) { return to_text(static_cast<ConfigurationSource>(s & 0xFFU)); };
     out << " by " << (e.expected > e.actual ? e.expected - e.actual : e.actual - e.expected) << " bits ("
@@ -134,7 +134,7 @@ std::string_view pdo_list_text(PdoListFault why) {
     return "reason unknown";
 }
 
-// The memory that the application gives and that is too small, by its name in the API.
+// Names the memory of the application that is too small, by its name in the API.
 std::string_view capacity_text(const Error& e) {
     if (e.detail == Error::kTasks) return "Limits::tasks";
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
@@ -150,7 +150,7 @@ std::string_view capacity_text(const Error& e) {
     }
 }
 
-// Of what the application has configured.
+// The causes that are errors of the application's configuration.
 void write_configuration_cause(TextWriter& out, const Error& e) {
     switch (e.code) {
         case Errc::above_highest:
@@ -183,7 +183,7 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
     }
 }
 
-// SII, word of a mailbox size or of the length of a SyncManager: too large for a frame.
+// The SII word of a mailbox size, or of the length of a SyncManager: the size does not fit a frame.
 void write_oversized_mailbox(TextWriter& out, const Error& e) {
     std::string_view which = "mailbox SyncManager";
     switch (e.index) {

@@ -1,4 +1,4 @@
-// An Event as a sentence.
+// describe() for an Event: writes it as a sentence.
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
 #include "wire/emergency_code.hpp"
@@ -16,7 +16,7 @@ void write_al(TextWriter& out, const AlStatus& al) {
     if (al.code != 0) (out << " (").hex(al.code, 4) << ": " << wire::al_status_text(al.code) << ")";
 }
 
-// "between slave 4 port 1 and slave 5".
+// Example: "between slave 4 port 1 and slave 5".
 void write_cable(TextWriter& out, const Event& e) {
     if (e.slave == 0)
         out << "between the master and slave " << e.other;

@@ -1,4 +1,4 @@
-// Process data by the public API: the cycle.
+// Process data for the public API: the cycle.
 #include "api/master.hpp"
 
 #include <margay/margay.hpp>
@@ -14,7 +14,7 @@ Error refused(Errc code, std::uint8_t group) {
             .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
-// Not all frames of the cycle are here yet.
+// Waits for frames of the cycle that have not arrived yet.
 [[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Master& master, ProcessGroup& group, Duration timeout) {
     group.cycle_received = group.cycles_sent;
     group.under_way = false;
@@ -28,11 +28,11 @@ Error refused(Errc code, std::uint8_t group) {
         now = osal.now();
         if (engine.receive_cycle(group.prepared, now) != CycleEnd::missing) break;
     }
-    return judge_cycle(group, group.prepared, engine.link(), now);
+    return evaluate_cycle(group, group.prepared, engine.link(), now);
 }
 
-// The oldest cycle that is under way, or the one that another thread sends while this one waits for it. Its time counts
-// from when it was sent.
+// Receives the oldest cycle on the wire. If there is none, waits for another thread to send one. The timeout counts
+// from the sending of the cycle.
 [[gnu::noinline]] Result<std::uint32_t> receive_overlapped(Master& master, ProcessGroup& group, Duration timeout) {
     Engine& engine = master.network.engine;
     Osal& osal = master.osal;
@@ -44,7 +44,7 @@ Error refused(Errc code, std::uint8_t group) {
     bool none = false;
     for (;;) {
         const auto frames = oldest_cycle(group);
-        // The other thread has sent it meanwhile, however long ago it has read its clock for that.
+        // The other thread has sent the cycle meanwhile. The time it was sent with may be old, so count from now.
         if (none && !frames.empty()) from = now;
         none = frames.empty();
         const bool all = !none && engine.receive_overlapped(frames, now);
@@ -58,7 +58,7 @@ Error refused(Errc code, std::uint8_t group) {
     }
 }
 
-// A group without a cycle of its own that is under way.
+// Receives a group with overlapping cycles; for another group no cycle was sent.
 [[gnu::noinline]] Result<std::uint32_t> receive_special(Master& master, ProcessGroup& group, Duration timeout) {
     if (group.overlap.sets > 1) return receive_overlapped(master, group, timeout);
     return nothing_sent(group);
@@ -71,7 +71,7 @@ Error refused(Errc code, std::uint8_t group) {
     return send_cycle(group, link, now);
 }
 
-// `now` is called when it is known that there is something to be sent.
+// Calls `now` only if there is a group to send.
 template <class Now>
 [[gnu::always_inline]] inline Result<> send_group(Context& ctx, std::uint8_t group, Now now) {
     Master* master = master_of(ctx);

@@ -1,1 +1,1 @@
-// Nothing: the target of this file has the precompiled headers of all test programs.
+// Empty on purpose: the target of this file compiles the precompiled headers for all test programs.

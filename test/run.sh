@@ -1,6 +1,7 @@
 #!/bin/sh
-# Builds everything and runs all tests: plain in build/, then under AddressSanitizer and UndefinedBehaviorSanitizer in
-# build-sanitized/, and the tests with threads under ThreadSanitizer in build-threads/. Stops at the first that fails.
+# Builds everything and runs all tests: without sanitizers in build/, then under AddressSanitizer and
+# UndefinedBehaviorSanitizer in build-sanitized/, then the tests with threads under ThreadSanitizer in build-threads/.
+# Stops at the first of these runs that fails.
 #
 #   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
 #
@@ -31,7 +32,7 @@ useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086
-want_packages $useful  # tests that need one that is still missing are skipped
+want_packages $useful  # tests that need a missing package are skipped
 
 records=$(mktemp -d)
 trap 'rm -rf "$records"' EXIT
@@ -82,7 +83,8 @@ if [ $quick = yes ]; then
 else
     run build -DMARGAY_UNITY=tests -- "$@"
     export UBSAN_OPTIONS=print_stacktrace=1
-    # The rules of the storm are judged above; sequences are larger here, and arenas full at other moments.
+    # The run above checks the rules of the storm. Here sequences need more memory, so that the arena is full at other
+    # moments. Therefore only reports of the sanitizers count.
     run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -- -E '^storm/' "$@"
     step 'build-sanitized: storm' sh -c \
         'build-sanitized/bin/storm --seeds 60 --no-shrink --keep-going >build-sanitized/storm.log 2>&1 || true'

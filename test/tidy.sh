@@ -1,5 +1,6 @@
 #!/bin/sh
-# clang-tidy over the library and the samples; takes minutes and is no part of run.sh. Needs build/ (sh test/run.sh).
+# Runs clang-tidy on the library and the samples. It needs minutes and is not part of run.sh. It needs build/ (sh
+# test/run.sh).
 #
 #   sh test/tidy.sh [regular expression of files …]
 set -eu

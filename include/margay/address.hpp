@@ -1,4 +1,4 @@
-// The address kinds of EtherCAT, each a type of its own so that one cannot be passed for another.
+// The addresses of EtherCAT. Each kind has a type of its own, so that the compiler finds a wrong kind.
 #pragma once
 
 #include <compare>
@@ -12,8 +12,8 @@ struct StationAddress {
     friend constexpr auto operator<=>(StationAddress, StationAddress) = default;
 };
 
-// Place of a slave in the order in which a frame passes the processing units, from 0. On the wire (APRD and
-// its kin) the address is the negative of it: every slave adds one and the one that reads zero is meant.
+// Position of a slave in the order in which a frame passes the processing units, from 0. On the wire (APRD, APWR, …)
+// the address is the negative of the position: each slave adds one, and the slave that reads zero is addressed.
 struct RingPosition {
     std::uint16_t value = 0;
     [[nodiscard]] constexpr std::uint16_t on_wire() const { return static_cast<std::uint16_t>(-value); }

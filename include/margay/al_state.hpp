@@ -6,8 +6,8 @@
 
 namespace margay {
 
-// Low four bits of AL control (0x0120) and AL status (0x0130). `none` is not a state of the standard: it is what
-// a slave reads as that does not answer.
+// The low four bits of AL control (0x0120) and AL status (0x0130). `none` is no state of the standard: it means that
+// the slave does not answer.
 enum class AlState : std::uint8_t {
     none = 0,
     init = 1,
@@ -17,8 +17,8 @@ enum class AlState : std::uint8_t {
     op = 8,
 };
 
-// What a slave reports about itself: the state, whether the error indication (bit 4) is set, and the AL status
-// code (0x0134) that goes with it.
+// What a slave reports about itself: its state, its error indication (bit 4), and the AL status code (0x0134) of the
+// error.
 struct AlStatus {
     AlState state = AlState::none;
     bool error = false;

@@ -10,8 +10,8 @@
 
 namespace margay {
 
-// Points at a list that the caller keeps: a constant array, a std::array, a std::vector. The list must live as long as
-// the library may use it; the user of this type says how long that is. A temporary list is refused by the compiler.
+// Points to a list in the caller's memory: a constant array, a std::array, a std::vector. The list must live as long as
+// the library may use it; the comment at each use says how long that is. The compiler refuses a temporary list.
 template <class T>
 class Borrowed : public std::span<const T> {
   public:
@@ -22,7 +22,7 @@ class Borrowed : public std::span<const T> {
     template <std::size_t N>
     constexpr Borrowed(const T (&list)[N]) : Base(list) {}
     template <std::size_t N>
-    constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would be gone at the end of the statement
+    constexpr Borrowed(const T (&&list)[N]) = delete;  // the list would end with the statement
     constexpr Borrowed(const T* first, std::size_t count) : Base(first, count) {}
     template <std::ranges::contiguous_range R>
     requires(std::ranges::borrowed_range<R>&& std::convertible_to<R, Base>) constexpr Borrowed(R&& list) : Base(list) {}

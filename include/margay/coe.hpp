@@ -1,5 +1,5 @@
-// CANopen over EtherCAT as the application sees it: the object dictionary of a slave, by requests that run beside the
-// cycle and by calls that wait.
+// CANopen over EtherCAT (CoE) for the application: access to the object dictionary of a slave, by requests that run
+// beside the cycle and by functions that wait.
 //
 //     margay::SdoUpload request;                       // lives in the caller's memory, may be used again and again
 //     request.slave = 3;
@@ -31,19 +31,20 @@ class Context;
 
 // ------------------------------------------------------------------ requests
 
-// Reads an object, or with complete_access all subindices from subindex (0 or 1) on. What a slave refuses to give that
-// way is read subindex by subindex, and laid out as a complete access is: subindex 0 in two octets, the others one
-// behind the other.
+// Reads an object (ETG.1000.6 "SDO upload"); with complete_access all subindices, beginning with `subindex` (0 or 1).
+// If the slave refuses complete access, the library reads the subindices one by one and arranges the result in the same
+// way: subindex 0 in two octets, the others directly behind it. Errors: see SDOread().
 struct SdoUpload : MailRequest {
     SdoUpload();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     bool complete_access = false;
-    std::span<std::byte> data;  // the value goes here; the memory is the caller's
-    std::size_t bytes = 0;      // result: octets of the value
+    std::span<std::byte> data;  // destination of the value; the caller's memory
+    std::size_t bytes = 0;      // result: size of the value in octets
 };
 
-// Writes an object. Where a slave refuses complete access it is written subindex by subindex.
+// Writes an object (ETG.1000.6 "SDO download"). If the slave refuses complete access, the library writes the subindices
+// one by one. `data` is the caller's memory. Errors: see SDOwrite().
 struct SdoDownload : MailRequest {
     SdoDownload();
     std::uint16_t index = 0;
@@ -52,24 +53,26 @@ struct SdoDownload : MailRequest {
     std::span<const std::byte> data;
 };
 
-// The lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` gives five numbers: how many objects each of the
-// others has.
+// The object lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` returns five numbers: how many objects each of
+// the other lists has.
 enum class ObjectList : std::uint16_t { lengths, all, rx_mappable, tx_mappable, backup, settings };
 
-// Lists objects. They are handed over as they come, a few at a time: a dictionary may be of any size.
+// Reads a list of objects. The indices are passed to `found` as they arrive, a few at a time: a dictionary may be of
+// any size.
 struct ObjectListRequest : MailRequest {
     ObjectListRequest();
     ObjectList list = ObjectList::all;
-    // Called by poll() on the thread that polls; must neither wait nor call the library.
+    // poll() calls this function in the thread that polls; it must neither wait nor call the library.
     void (*found)(std::span<const std::uint16_t> indices, void* user) = nullptr;
     void* user = nullptr;
-    std::uint32_t count = 0;  // result: how many in all
+    std::uint32_t count = 0;  // result: number of all indices
 };
 
+// An object of the dictionary (ETG.1000.6 "Get object description").
 struct ObjectDescription {
     static constexpr std::size_t kNameBytes = 64;
     std::uint16_t index = 0;
-    std::uint16_t data_type = 0;  // index of the type: 0x0005 UNSIGNED8 …
+    std::uint16_t data_type = 0;  // index of the data type: 0x0005 UNSIGNED8 …
     std::uint8_t max_subindex = 0;
     std::uint8_t object_code = 0;  // 7 VARIABLE, 8 ARRAY, 9 RECORD …
     std::array<char, kNameBytes> name_text{};
@@ -77,15 +80,17 @@ struct ObjectDescription {
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
 };
 
+// Reads the description of an object.
 struct ObjectDescriptionRequest : MailRequest {
     ObjectDescriptionRequest();
     std::uint16_t index = 0;
     ObjectDescription description;  // result
 };
 
+// An entry of an object: one subindex (ETG.1000.6 "Get entry description").
 struct EntryDescription {
     static constexpr std::size_t kNameBytes = 64;
-    // A value of the entry's type, as it travels; empty where the slave does not tell it, or where it is longer.
+    // A value of the entry's type, in the order of the wire; empty if the slave does not report it, or if it is longer.
     struct Value {
         std::array<std::byte, 8> octets{};
         std::uint8_t bytes = 0;
@@ -94,9 +99,10 @@ struct EntryDescription {
     std::uint8_t subindex = 0;
     std::uint16_t data_type = 0;
     std::uint16_t bit_length = 0;
-    // Read in PREOP, SAFEOP, OP: bits 0–2; write: 3–5; RxPDO, TxPDO mappable: 6, 7; backup, settings: 8, 9.
+    // Bits 0–2: readable in PREOP, SAFEOP, OP; bits 3–5: writable in these states; bits 6, 7: can be mapped to an
+    // RxPDO, a TxPDO; bits 8, 9: backup, settings.
     std::uint16_t access = 0;
-    std::uint32_t unit = 0;  // 0: none told
+    std::uint32_t unit = 0;  // 0: none reported
     Value default_value;
     Value minimum;
     Value maximum;
@@ -107,22 +113,23 @@ struct EntryDescription {
     [[nodiscard]] constexpr bool writable() const { return (access & 0x0038) != 0; }
 };
 
+// Reads the description of an entry.
 struct EntryDescriptionRequest : MailRequest {
     EntryDescriptionRequest();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
-    bool with_values = false;      // unit, default, minimum and maximum are asked for too
+    bool with_values = false;      // also read unit, default, minimum and maximum
     EntryDescription description;  // result
 };
 
-// Sends an RxPDO by mailbox (CoE service RxPDO); a slave does not answer it. For slaves that offer it.
+// Sends an RxPDO by mailbox (CoE service RxPDO), for slaves that support it. The slave sends no reply.
 struct MailPdoSend : MailRequest {
     MailPdoSend();
-    std::uint16_t number = 0;  // of the PDO, 9 bits
+    std::uint16_t number = 0;  // number of the PDO, 9 bits
     std::span<const std::byte> data;
 };
 
-// Asks for a TxPDO by mailbox (CoE service TxPDO remote request).
+// Requests a TxPDO by mailbox (CoE service TxPDO remote request).
 struct MailPdoFetch : MailRequest {
     MailPdoFetch();
     std::uint16_t number = 0;
@@ -130,29 +137,33 @@ struct MailPdoFetch : MailRequest {
     std::size_t bytes = 0;  // result
 };
 
-// ------------------------------------------------------------------ calls that wait
+// ------------------------------------------------------------------ functions that wait
 //
-// Each submits the request of its kind and waits for it: see wait() for what that means in which thread.
+// Each function submits the request of the same name and waits for it; wait() describes how it waits in each thread.
 
-// Reads an object, returns the octets of its value. Errors: sdo_abort (detail: the abort code, which describe() puts in
-// words), capacity (expected: the octets of the value), timeout, mailbox_error, protocol, unsupported, unknown_slave …
+// Reads an object and returns the size of its value in octets. `timeout` zero: 3 s for each answer of the slave.
+// Errors: sdo_abort (detail: the abort code; describe() puts it in words), capacity (expected: the size of the value in
+// octets), timeout, mailbox_error, protocol, unsupported, unknown_slave …
 Result<std::size_t> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                             bool complete_access, std::span<std::byte> into, Duration timeout = Duration{0});
-// Writes an object. When the slave's answer is lost on the wire and the slave cannot repeat it, the value is written
-// once more: an object that does something each time it is written may do it twice then. Errors as of reading.
+// Writes an object. If the slave's answer is lost on the wire and the slave cannot repeat it, the library writes the
+// value a second time: an object with an effect at each write may then have the effect twice. Errors as of SDOread().
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, bool complete_access,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 
-Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,
-                                  void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
-                                  Duration timeout = Duration{0});
-Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
-                                             Duration timeout = Duration{0});
-Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
-                                           std::uint8_t subindex, bool with_values = false,
-                                           Duration timeout = Duration{0});
+// Reads an object list, or the description of an object or of one of its entries (SDO information, ETG.1000.6). See the
+// requests above.
+Result<std::uint32_t> read_object_list(Context& ctx, std::uint16_t slave, ObjectList list,
+                                       void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
+                                       Duration timeout = Duration{0});
+Result<ObjectDescription> read_object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                  Duration timeout = Duration{0});
+Result<EntryDescription> read_entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                std::uint8_t subindex, bool with_values = false,
+                                                Duration timeout = Duration{0});
 
-// Values that a slave keeps as they are: integers, enumerations, bool (one octet), float and double.
+// Values that have the same bits in the slave and in the host: integers, enumerations, bool (one octet), float and
+// double.
 template <class T>
 concept SdoValue = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
@@ -163,7 +174,7 @@ void reverse(std::array<std::byte, N>& octets) {
 }
 }  // namespace detail
 
-// As they travel: least significant octet first.
+// Conversion to and from the order of the wire: least significant octet first.
 template <SdoValue T>
 [[nodiscard]] std::array<std::byte, sizeof(T)> octets_of(T value) {
     std::array<std::byte, sizeof(T)> octets{};
@@ -179,7 +190,7 @@ template <SdoValue T>
     return value;
 }
 
-// Reads a value of exactly that size: Errc::wrong_size, or capacity, when the slave's has another one.
+// Reads a value of exactly this size. Errors: wrong_size or capacity if the value of the slave has another size.
 //
 //     const auto speed = margay::SDOread<std::int32_t>(ctx, 2, 0x606C, 0);
 template <SdoValue T>
@@ -198,6 +209,7 @@ Result<T> SDOread(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
     return value_from_octets<T>(octets);
 }
 
+// Writes a value of the size of its type.
 template <SdoValue T>
 Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex, T value,
                   Duration timeout = Duration{0}) {
@@ -205,28 +217,29 @@ Result<> SDOwrite(Context& ctx, std::uint16_t slave, std::uint16_t index, std::u
     return SDOwrite(ctx, slave, index, subindex, false, std::span<const std::byte>(octets), timeout);
 }
 
-// Reads a text (VISIBLE_STRING) into `into` and returns the part that was written, without zeros behind it.
+// Reads a text (VISIBLE_STRING) into `into` and returns the part of `into` that has the text, without trailing zeros.
 Result<std::string_view> SDOread_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                                       std::span<char> into, Duration timeout = Duration{0});
+// Writes a text (VISIBLE_STRING).
 Result<> SDOwrite_text(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
                        std::string_view text, Duration timeout = Duration{0});
 
-// An abort code in words, as of the standard's table. A static string, callable from anywhere.
+// The text of an abort code (ETG.1000.6 table "SDO abort codes"). A static string, callable from anywhere.
 [[nodiscard]] std::string_view sdo_abort_text(std::uint32_t code);
 
 // ------------------------------------------------------------------ what slaves report on their own
 
-// The emergencies of a slave. From any thread; take() is for one thread at a time. For a slave that does not exist: an
-// empty ring.
+// The emergencies of a slave. Callable from any thread; only one thread at a time may call take(). For a slave that
+// does not exist: an empty ring.
 [[nodiscard]] EmergencyRing& emergencies(Context& ctx, std::uint16_t slave);
 
-// Has poll() look every so often, with one datagram for all slaves, for mail that nobody has asked for. Zero, as after
-// init(): such mail is found when a request has to do with the slave, or in the cycle of a slave whose mailbox status
-// is mapped (SlaveConfiguration::mailbox_status).
-// Never waits. Errors: wrong_state before init(), not_owner, invalid_argument (a negative time).
+// Makes poll() check the mailboxes of all slaves in this interval, with one datagram, for messages that no request
+// asked for. Zero, the value after init(): such messages are found only when a request uses the mailbox of the slave,
+// or in the cycle of a slave whose mailbox status is mapped (SlaveConfiguration::mailbox_status). Never waits. Errors:
+// wrong_state before init(), not_owner, invalid_argument (a negative time).
 Result<> watch_mailboxes(Context& ctx, Duration every);
 
-// The counters of the mailbox of a slave since the slave was found. Never waits; callable from the cycle. Errors:
+// The counters of the mailbox of a slave, since the slave was found. Never waits; callable from the cycle. Errors:
 // wrong_state before init(), not_owner, unknown_slave.
 [[nodiscard]] Result<MailboxStatistics> mailbox_statistics(Context& ctx, std::uint16_t slave);
 

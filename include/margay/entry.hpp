@@ -1,4 +1,4 @@
-// Process data by name: entries of PDOs as typed values of the process image, found by their object or by their place
+// Process data by name: an entry of a PDO as a typed value of the process image, found by its object or by its position
 // in the PDOs.
 //
 //     margay::Output<std::uint16_t> control{1, 0x6040};      // slave 1, object 0x6040:0
@@ -9,11 +9,12 @@
 //     …
 //     control.write(0x000F);  if (position.read() > 1000) …  // between cycles
 //
-// Which entries there are is what config_map() believes: the lists of SlaveSetup::pdos, else the slave's object
-// dictionary, else its SII, so that slaves without CoE are known too. What a drive exchanges by SoE consists of IDNs
-// and has no entries.
+// config_map() finds the entries in the first source that knows the PDOs of the slave: the lists of SlaveSetup::pdos,
+// the slave's object dictionary, the SII. So entries of slaves without CoE are found too. The process data of an SoE
+// drive consists of IDNs and has no entries.
 //
-// An entry may begin at any bit and have 1 to 64 bits. It is little-endian on the wire and a value of the host here.
+// An entry may begin at any bit and has 1 to 64 bits. It is little-endian on the wire; Input and Output convert it to a
+// value of the host.
 #pragma once
 
 #include <margay/configuration.hpp>
@@ -34,18 +35,18 @@ namespace margay {
 
 class Context;
 
-// Which entry of which slave: an object of the dictionary, or a place in the PDOs.
+// Names one entry of one slave: by its object, or by its position in the PDOs.
 struct EntryAddress {
-    std::uint16_t slave = 0;  // 1 the first
+    std::uint16_t slave = 0;  // the first slave is 1
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
-    // By place, when `pdo` is not 0: which PDO of the SyncManager and which entry of the PDO, 1 the first, as the
-    // subindices of the assignment object and of the mapping object count them. Gaps are entries, and count.
+    // By position, if `pdo` is not 0: the number of the PDO in the SyncManager and the number of the entry in the PDO.
+    // Both start at 1, like the subindices of the assignment object and of the mapping object. Gaps count as entries.
     std::uint8_t sync_manager = 0;
     std::uint8_t pdo = 0;
     std::uint8_t entry = 0;
 
-    // Where an object is mapped twice in one direction, the first entry is found; the others are found by their place.
+    // If an object is mapped more than once in one direction, this finds the first entry; use at() for the others.
     [[nodiscard]] static constexpr EntryAddress object(std::uint16_t slave, std::uint16_t index,
                                                        std::uint8_t subindex = 0) {
         return {.slave = slave, .index = index, .subindex = subindex};
@@ -57,22 +58,23 @@ struct EntryAddress {
     friend constexpr bool operator==(const EntryAddress&, const EntryAddress&) = default;
 };
 
-// Where an entry lies in the image of its group.
+// Where an entry is located in the image of its group.
 struct EntryPlace {
     std::uint16_t slave = 0;
     std::uint16_t index = 0;  // of the object
     std::uint8_t subindex = 0;
     std::uint8_t group = 0;
     Direction direction = Direction::outputs;
-    std::uint8_t data_type = 0;     // of CoE, where the SII tells it; 0: not told
-    std::uint32_t offset_bits = 0;  // from the start of the group's image; bit 0 is the lowest of the first octet
+    std::uint8_t data_type = 0;     // CoE data type as the SII reports it; 0: unknown
+    std::uint32_t offset_bits = 0;  // from the start of the group's image; bit 0 is the lowest bit of the first octet
     std::uint32_t bits = 0;
     std::uint32_t mapping = 0;  // Group::mappings when the entry was found; 0: it is not mapped
 };
 
 namespace detail {
 
-// 1 to 64 bits that begin at bit `shift` (0 to 7) of the first octet. No other octets are touched.
+// Loads or stores 1 to 64 bits that begin at bit `shift` (0 to 7) of the first octet. Does not access octets beyond
+// them.
 [[nodiscard]] std::uint64_t load_bits(const std::byte* from, unsigned shift, unsigned bits);
 void store_bits(std::byte* to, unsigned shift, unsigned bits, std::uint64_t value);
 
@@ -95,7 +97,7 @@ struct RawOf<8> {
     using Type = std::uint64_t;
 };
 
-// Little-endian octets as an unsigned integer, and back.
+// Conversion between little-endian octets and an unsigned integer.
 template <class Raw>
 [[nodiscard]] inline Raw load_raw(const std::byte* from) {
     if constexpr (std::endian::native == std::endian::little) {
@@ -116,21 +118,24 @@ inline void store_raw(std::byte* to, Raw raw) {
 
 }  // namespace detail
 
+// The kind of type that an entry is read or written as.
 enum class EntryKind : std::uint8_t { any, boolean, unsigned_integer, signed_integer, real, octets };
 
-// What an Input or an Output is for config_map(): which entry, of which type, and where it was found. It must live as
-// long as GroupConfiguration::entries names it, and the list stays as it is while its group is mapped: a handle that is
-// taken out of the list is not told of the next mapping, and points into an image that may be gone.
+// The base of Input and Output: the address of the entry, its type, and where config_map() found it. The handle must
+// live as long as GroupConfiguration::entries contains it, and the list must not change while its group is mapped: a
+// handle that was removed from the list is not updated at the next mapping, and then points into an image that may no
+// longer exist.
 class EntryHandle {
   public:
     EntryHandle(const EntryHandle&) = delete;
     EntryHandle& operator=(const EntryHandle&) = delete;
 
-    // That it is not mapped is no error of config_map().
+    // If true, config_map() does not fail when the entry is not mapped.
     bool optional = false;
 
-    // False until config_map() has found it. Reading gives 0 then, and what is written goes nowhere. Each config_map()
-    // of its group finds it anew; an entry of a slave that comes later is found when the slave comes.
+    // False until config_map() has found the entry. Until then read() returns 0 and write() has no effect. Each
+    // config_map() of the group finds the entry again; the entry of a slave that appears later is found when the slave
+    // appears.
     [[nodiscard]] bool mapped() const { return place_.mapping != 0; }
     [[nodiscard]] const EntryPlace& place() const { return place_; }
     [[nodiscard]] const EntryAddress& address() const { return address_; }
@@ -140,23 +145,24 @@ class EntryHandle {
         : address_(address), direction_(direction), kind_(kind), type_bits_(type_bits) {}
     ~EntryHandle() = default;
 
-    // Where it begins in its half of another image of the same group; nullptr: it is not mapped, or not in there.
+    // The first octet of the entry in `half`, the outputs or the inputs of another image of the same group; nullptr:
+    // the entry is not mapped, or is outside of `half`.
     template <class Octet>
     [[nodiscard]] Octet* in(std::span<Octet> half) const {
         const std::size_t end = half_octet_ + (std::size_t{shift_} + place_.bits + 7) / 8;
         return mapped() && end <= half.size() ? half.data() + half_octet_ : nullptr;
     }
 
-    std::array<std::byte, 8> own_{};   // stands in for the image while it is not mapped
-    std::byte* octets_ = own_.data();  // its first octet
-    bool plain_ = true;                // whole octets of the type, or a bool within one octet
-    std::uint8_t shift_ = 0;           // of its first bit in the first octet
-    std::byte mask_{0xFF};             // of its bits in the first octet
+    std::array<std::byte, 8> own_{};   // used in place of the image while the entry is not mapped
+    std::byte* octets_ = own_.data();  // first octet of the entry
+    bool plain_ = true;                // the entry consists of whole octets of the type, or is a bool within one octet
+    std::uint8_t shift_ = 0;           // position of its first bit in the first octet
+    std::byte mask_{0xFF};             // its bits in the first octet
     std::uint8_t value_bits_ = 0;      // 1 to 64
 
   private:
     friend struct EntryAccess;
-    // What the walk over the slave's PDOs has come upon.
+    // What the search in the slave's PDOs has found.
     struct Found {
         bool any = false;
         bool other_direction = false;
@@ -177,9 +183,9 @@ class EntryHandle {
     Found found_;
 };
 
-// bool, integers, enumerations, float and double. An integer type is the smallest that holds the entry: std::uint16_t
-// for 9 to 16 bits. A signed one of fewer bits is sign-extended. bool is for 1 to 8 bits: any bit that is set is true,
-// and true is written as 1. config_map() refuses other types.
+// The types of values: bool, integers, enumerations, float and double. The integer type must be the smallest that holds
+// the entry: std::uint16_t for 9 to 16 bits. A signed entry of fewer bits is sign-extended. bool is for 1 to 8 bits: it
+// is true if any bit is set, and true is written as 1. config_map() refuses other types.
 template <class T>
 concept EntryValue = (std::is_arithmetic_v<T> || std::is_enum_v<T>)&&sizeof(T) <= 8;
 
@@ -253,9 +259,9 @@ class TypedEntry : public EntryHandle {
     }
 };
 
-// An entry that the slave sends. Reading checks nothing of what config_map() has checked, and costs one comparison more
-// than reading the octets by a pointer where the entry is all bits of the type; it is for the thread
-// that receives the group's process data, between cycles. What a slave that is lost has sent last stays readable.
+// An entry that the slave sends. read() repeats none of the checks of config_map(); if the entry uses all bits of the
+// type, it costs one comparison more than reading the octets by a pointer. Call it between cycles, in the thread that
+// receives the group's process data. The last value of a lost slave stays readable (GroupConfiguration::lost_inputs).
 template <EntryValue T>
 class Input : public TypedEntry<T> {
   public:
@@ -264,16 +270,16 @@ class Input : public TypedEntry<T> {
     constexpr explicit Input(const EntryAddress& address) : TypedEntry<T>(address, Direction::inputs) {}
 
     [[nodiscard]] T read() const { return this->load(this->octets_); }
-    // From inputs that another thread has taken over: SharedImage::inputs().
+    // Reads from inputs that another thread has fetched: SharedImage::inputs().
     [[nodiscard]] T read(std::span<const std::byte> inputs) const {
         const std::byte* at = this->in(inputs);
         return at == nullptr ? T{} : this->load(at);
     }
 };
 
-// An entry that the slave receives. Writing checks nothing: of a value that has more bits than the entry the lowest are
-// taken. It is for the thread that sends the group's process data, between cycles; where the entry shares an octet with
-// others, one thread writes them all.
+// An entry that the slave receives. write() checks nothing: of a value with more bits than the entry it writes the
+// lowest bits. Call it between cycles, in the thread that sends the group's process data. If several entries share an
+// octet, one thread must write all of them.
 template <EntryValue T>
 class Output : public TypedEntry<T> {
   public:
@@ -282,22 +288,22 @@ class Output : public TypedEntry<T> {
     constexpr explicit Output(const EntryAddress& address) : TypedEntry<T>(address, Direction::outputs) {}
 
     void write(T value) { this->store(this->octets_, value); }
-    // What was written last.
+    // The value that was written last.
     [[nodiscard]] T read() const { return this->load(this->octets_); }
-    // Into outputs that another thread prepares: SharedImage::outputs().
+    // Writes into outputs that another thread prepares: SharedImage::outputs().
     void write(std::span<std::byte> outputs, T value) const {
         if (std::byte* at = this->in(outputs); at != nullptr) this->store(at, value);
     }
 };
 
-// Entries of octets: arrays and texts (VISIBLE_STRING, OCTET_STRING), at any bit. config_map() refuses an entry of
-// another size.
+// An entry of several octets: an array or a text (VISIBLE_STRING, OCTET_STRING). It may begin at any bit. config_map()
+// refuses an entry of another size.
 class OctetsEntry : public EntryHandle {
   public:
     [[nodiscard]] std::size_t size() const { return octets_count_; }
-    // Copies as many octets as `into` has room for, and returns how many. 0 while it is not mapped.
+    // Copies the octets that fit into `into`, and returns their number. Returns 0 while the entry is not mapped.
     std::size_t read(std::span<std::byte> into) const;
-    // The same as a text, without the zeros behind it.
+    // The same as a text, without trailing zeros.
     [[nodiscard]] std::string_view read_text(std::span<char> into) const;
 
   protected:
@@ -320,16 +326,16 @@ class OutputOctets : public OctetsEntry {
   public:
     constexpr OutputOctets(const EntryAddress& address, std::uint16_t octets)
         : OctetsEntry(address, Direction::outputs, octets) {}
-    // What `value` is too short for becomes zero; what is too long is cut.
+    // A value that is too short is filled with zeros; a value that is too long is cut.
     void write(std::span<const std::byte> value) { store(value); }
     void write_text(std::string_view text) { store(std::as_bytes(std::span(text))); }
 };
 
 // ------------------------------------------------------------------ without a list
 
-// Finds an entry of a slave whose group is mapped: asks the slave's dictionary or SII again. `wanted`: in both
-// directions, the outputs first, unless `one_direction` is set. Errors: entry_not_mapped, unknown_slave, and those of
-// asking.
+// Finds an entry of a slave whose group is mapped. Reads the slave's object dictionary or SII again. Searches both
+// directions, the outputs first; if `one_direction` is set, only the direction `wanted`. Errors: entry_not_mapped,
+// unknown_slave, unknown_group (the group is not mapped), and the errors of reading.
 struct EntryRequest : Request {
     EntryRequest();
     EntryAddress address;
@@ -338,27 +344,27 @@ struct EntryRequest : Request {
     EntryPlace place;  // result
 };
 
-// Reads the name of an entry: of the object dictionary where the slave tells it by SDO information, else of the PDOs of
+// Reads the name of an entry: from the object dictionary if the slave provides SDO information, else from the PDOs of
 // the SII.
 struct EntryNameRequest : MailRequest {
     EntryNameRequest();
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     std::span<char> into;
-    std::size_t bytes = 0;  // result: how many of `into` the name has; 0: nobody has a name for it
+    std::size_t bytes = 0;  // result: length of the name in `into`; 0: no name was found
 };
 
-// The calls that wait; see wait().
-Result<EntryPlace> entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                         Duration timeout = Duration{0});
-Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration timeout = Duration{0});
-// Errors: unsupported when nobody has a name for it. A longer name is cut.
-Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                                    std::span<char> into, Duration timeout = Duration{0});
+// Functions that wait for these requests; see wait().
+Result<EntryPlace> find_entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                              Duration timeout = Duration{0});
+Result<EntryPlace> find_entry(Context& ctx, const EntryAddress& address, Duration timeout = Duration{0});
+// Errors: unsupported if no name was found. A name that is too long is cut.
+Result<std::string_view> read_entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                         std::span<char> into, Duration timeout = Duration{0});
 
-// The octets of an entry and the checks that reading and writing by its place makes each time: that its group is
-// mapped, as it was when the entry was found (entry_stale), and that the type is right (entry_direction, entry_size,
-// entry_type). For programs that show values; a cycle uses Input and Output.
+// The octets of an entry, after the checks that each access by EntryPlace needs: the group is still mapped as it was
+// when the entry was found (entry_stale), and the type is right (entry_direction, entry_size, entry_type). For programs
+// that display values; a cycle uses Input and Output.
 [[nodiscard]] Result<std::span<std::byte>> entry_octets(Context& ctx, const EntryPlace& place, EntryKind kind,
                                                         std::uint32_t type_bits, bool write);
 

@@ -1,4 +1,4 @@
-// What has gone wrong in a context, and what is odd: see Context::errors() and Context::warnings().
+// The ring of errors or warnings of a context: see Context::errors() and Context::warnings().
 #pragma once
 
 #include <margay/error.hpp>
@@ -6,7 +6,8 @@
 
 namespace margay {
 
-// The oldest errors that nobody has taken yet. The thread that polls writes, one other thread may read.
+// The unread errors, oldest first; a full ring drops new errors. The thread that polls writes; one other thread may
+// read.
 using ErrorLog = SpscRing<Error>;
 
 }  // namespace margay

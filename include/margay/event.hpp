@@ -1,5 +1,5 @@
-// What happens to a segment while it runs: told by the supervision, and emergencies by whoever fetches mail (see
-// watch_mailboxes()), as a queue that another thread may read and as a callback.
+// Events: changes in a running segment. The supervision reports them; emergencies are reported when a mailbox message
+// is fetched (see watch_mailboxes()). Events go to a queue that another thread may read, and to a callback.
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -13,38 +13,39 @@
 
 namespace margay {
 
+// The kind of an event. In brackets: which members of Event have a value, and their meaning.
 enum class EventKind : std::uint8_t {
-    state,        // a slave is in another state than it was: before, now
+    state,        // the AL status of a slave has changed (before, now)
     lost,         // a slave does not answer any more; slave 0: no frame comes back from the segment
     found,        // a lost slave answers again; slave 0: frames come back again
-    other_slave,  // in the place of a lost slave there is another one (expected, actual: product codes; detail: its
-                  // vendor; error: what differs)
-    stranger,     // somebody whom nobody expects hangs at `port` of `slave` (actual: product, expected: its revision,
-                  // detail: vendor)
-    missing,      // the hot connect group of `slave` is there, its head `other`, and `slave` is not
-    recovered,    // a slave is where it belongs again
-    recovery_failed,  // why is in `error`; it will be tried again
-    fell_short,       // the working counter of a group's cycle is short of that of the slaves that should take part
-                      // (expected, actual)
-    right_again,      // and it is right again
-    slave_count,      // so many slaves answer now (expected: before, actual: now)
-    line_errors,      // frames were damaged on the way into a port: the cable between `slave` at `port` and `other`
-                      // (actual: how many)
-    link_lost,        // that cable was interrupted (actual: how often)
-    emergency,        // a slave has sent a CoE emergency (detail: its code, actual: its error register)
-    unsupervised,     // a SuperviseRequest has ended, by cancel(), by an error (`error`) or because it was destroyed:
-                      // slaves that fall out from now on stay out
-    overrun,          // the work of run_cycle() takes longer than a period (actual: periods left out since it was told
-                      // last, expected: since run_cycle() began)
+    other_slave,  // another slave is in the place of a lost slave (expected, actual: product codes; detail: vendor of
+                  // the other slave; error: what differs)
+    stranger,     // an unexpected slave is connected to `port` of `slave` (actual: product, expected: revision, detail:
+                  // vendor of the unexpected slave)
+    missing,      // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
+    recovered,    // a slave has reached its target state again
+    recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
+    fell_short,   // the working counter of a group's cycle is below that of the slaves that should take part (expected,
+                  // actual)
+    right_again,  // the working counter of the group is right again
+    slave_count,  // the number of slaves that answer has changed (expected: before, actual: now)
+    line_errors,  // frames were damaged on the cable between `slave` at `port` and `other` (actual: how many)
+    link_lost,    // the link of that cable was lost (actual: how often)
+    emergency,    // a slave has sent a CoE emergency (detail: its code, actual: its error register)
+    unsupervised,  // a SuperviseRequest has ended, by cancel(), by an error (`error`) or because it was destroyed:
+                   // slaves that are lost from now on are not brought back
+    overrun,  // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
+              // expected: since run_cycle() began)
 };
 
+// One event. Unused members are 0.
 struct Event {
     Time at{};
     EventKind kind = EventKind::state;
     std::uint8_t group = 0;
     std::uint8_t port = 0;
-    std::uint16_t slave = 0;  // 1 is the first; 0 the segment, or the master's port
-    std::uint16_t other = 0;  // the slave at the other end of a cable; 0: nobody known
+    std::uint16_t slave = 0;  // the first slave is 1; 0: the segment, or the master's port
+    std::uint16_t other = 0;  // the slave at the other end of a cable; 0: unknown
     AlStatus before{};
     AlStatus now{};
     std::uint32_t expected = 0;
@@ -53,24 +54,25 @@ struct Event {
     Error error{};
 };
 
+// The text of a kind. A static string, callable from anywhere.
 [[nodiscard]] std::string_view to_text(EventKind kind);
 
-// Writes one sentence into `out` (cut where it does not fit, no zero behind it) and returns the part that was written.
-// No allocation; callable from the cycle.
+// Writes a sentence into `out` (cut if it does not fit, without a terminating zero) and returns the written part. No
+// allocation; callable from the cycle.
 std::string_view describe(const Event& event, std::span<char> out);
 
-// Events in the order in which they happened. The thread that polls writes, one other thread may read; when nobody
-// reads, the oldest kCapacity events stay.
+// The events in the order in which they occurred. The thread that polls writes; one other thread may read. If no thread
+// reads, the queue keeps the oldest kCapacity events.
 class EventQueue : public SpscRing<Event> {
   public:
     static constexpr std::uint32_t kCapacity = 64;
 
-    // Called for each event by the thread that polls, from within poll(): must neither wait nor poll. Set it from that
-    // thread. An event that the ring drops is given to the callback all the same.
+    // Called by poll() for each event, in the thread that polls: must neither wait nor poll. Set it in that thread. The
+    // callback also receives the events that do not fit the ring.
     void (*callback)(const Event& event, void* user) = nullptr;
     void* user = nullptr;
 
-    // For the library: tells the callback, and keeps the event.
+    // For the library: calls the callback, and stores the event.
     void add(const Event& event) {
         if (callback != nullptr) callback(event, user);
         (void)SpscRing<Event>::add(event);

@@ -1,4 +1,4 @@
-// A group: slaves that share a process image and are exchanged together, at a rate of their own.
+// A group: slaves that share a process image and are exchanged together, in a cycle of their own.
 #pragma once
 
 #include <margay/configuration.hpp>
@@ -9,52 +9,56 @@
 
 namespace margay {
 
-// What came of one datagram of process data in the last cycle that was received.
+// The result of one datagram of process data in the last received cycle.
 struct DatagramStatus {
-    std::uint16_t expected = 0;  // working counter when every slave takes part, except optional ones that are not there
+    std::uint16_t expected = 0;  // working counter if all slaves take part, except missing optional slaves
+    // working counter of the received datagram
     std::uint16_t got = 0;
-    // When all those take part that are not known to be lost, or in need of their configuration.
+    // Working counter if all slaves take part except those that are known to be lost or to need their configuration.
     std::uint16_t accepted = 0;
-    std::uint16_t full = 0;  // when every slave takes part, optional ones too
-    bool came = false;       // its frame came back; otherwise `got` says nothing
-    bool fresh = false;      // its inputs went into the image: all slaves took part that are not known to be lost
+    std::uint16_t full = 0;  // working counter if all slaves take part, optional ones included
+    bool came = false;       // its frame came back; otherwise `got` has no meaning
+    bool fresh = false;  // its inputs were copied into the image: all slaves that are not known to be lost took part
     // All slaves took part.
     [[nodiscard]] constexpr bool right() const { return came && (got == expected || got == full); }
-    // All took part that can: its inputs are in the image. Those of the others stay as they were last.
+    // All slaves that can take part did so: the inputs of these slaves are in the image. The inputs of the others are
+    // unchanged.
     [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
 };
 
-// What a datagram that reads a register with each cycle has brought with the last one.
+// The result of a datagram that reads a register in each cycle.
 struct RegisterReading {
     bool came = false;         // its frame came back
-    std::uint16_t slaves = 0;  // how many took part: its working counter. When nobody did the value stays as it was
+    std::uint16_t slaves = 0;  // working counter: how many slaves took part. If it is 0, `value` is unchanged
     std::uint64_t value = 0;
 };
 
+// One group: its configuration, and its state after config_map(). For the thread that owns the context.
 struct Group {
-    // How the image shall be laid out; to be set before config_map().
+    // The layout of the image; set it before config_map().
     GroupConfiguration config;
 
-    // What config_map() made of it. Empty until then.
+    // The results of config_map(). Empty before it.
     bool mapped = false;
-    std::uint32_t mappings = 0;  // how often config_map() has laid it out; never 0 again
+    std::uint32_t mappings = 0;  // how often config_map() has mapped the group; never 0 after the first time
     std::span<std::byte> image;  // outputs, then inputs; the caller's memory
     std::uint32_t output_bytes = 0;
     std::uint32_t input_bytes = 0;
-    std::uint32_t expected_wkc = 0;  // of all datagrams together
-    std::uint16_t frames = 0;        // a cycle takes
+    std::uint32_t expected_wkc = 0;  // sum of the datagrams
+    std::uint16_t frames = 0;        // frames in a cycle
     std::span<const DatagramStatus> datagrams;
 
-    // Cycles are counted from 1 on, since config_map(): how many were sent, and which one the last
-    // receive_processdata() has ended. Each is for the thread that calls the one or the other.
+    // The numbers of cycles since config_map(), the first is 1: the last cycle that was sent, and the cycle that the
+    // last receive_processdata() has ended. The first is for the thread that sends, the second for the thread that
+    // receives.
     std::uint32_t cycles_sent = 0;
     std::uint32_t cycle_received = 0;
 
-    // By GroupConfiguration::al_status: AL status (ESC register 0x0130) of all slaves of the segment, each bit set that
-    // any of them has set. `slaves`: how many there are.
+    // For GroupConfiguration::al_status: the AL status (ESC register 0x0130) of all slaves of the segment, combined by
+    // OR. `slaves`: the number of slaves in the ring.
     RegisterReading al_status;
-    // By GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of that slave when the frame passed
-    // it, in ns. `slaves`: it and those that took the time over.
+    // For GroupConfiguration::dc_reference: the system time (ESC register 0x0910) of the reference slave when the frame
+    // passed it, in ns. `slaves`: the reference slave and the slaves that copied the time.
     RegisterReading dc_time;
 };
 

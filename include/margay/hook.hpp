@@ -1,11 +1,11 @@
-// A function of the application that the library calls on the way of one slave, in one of two forms.
+// A function of the application that the library calls while it works on one slave. A hook has one of two forms.
 //
-// A plain function does its work at once and returns a Result: it may fill data, for example the configuration of the
-// slave. It must not wait: functions that wait are refused with Errc::in_callback. It may return Errc::busy: then it is
-// called again after a millisecond.
+// A plain function does its work at once and returns a Result. For example, it fills in the configuration of the slave.
+// It must not wait: functions that wait return Errc::in_callback. It may return Errc::busy: then the library calls it
+// again after a millisecond.
 //
-// A sequence is a coroutine that returns a Task. It may await all that HookedSlave offers: mailbox and registers of its
-// slave. It blocks nobody: other slaves go on, and so does the cycle.
+// A sequence is a coroutine that returns a Task. It may await all functions of HookedSlave: access to the mailbox and
+// the registers of its slave. It blocks nothing: other slaves and the cycle continue.
 //
 //     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {
@@ -13,8 +13,8 @@
 //     }
 //     ctx.slave(1).hooks.preop_to_safeop = choose_mode;
 //
-// Both forms mean the same at the first start-up and when a slave comes back: poll() calls them in either case. An
-// exception that leaves a hook ends the program.
+// poll() calls hooks of both forms, at the first start-up and when a slave comes back. An exception that leaves a hook
+// ends the program.
 #pragma once
 
 #include <margay/result.hpp>

@@ -1,5 +1,5 @@
-// What a hook may do with its slave: see hook.hpp. All functions that return a Task are to be awaited by the hook; what
-// they point to must live until then.
+// The slave as a hook sees it, and what the hook may do with it: see hook.hpp. The hook must await every function that
+// returns a Task; memory passed to the function must live until then.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -14,15 +14,16 @@ namespace margay {
 
 struct Network;
 
+// One slave, as the library passes it to a hook. A copy is valid until the hook ends.
 class HookedSlave {
   public:
     [[nodiscard]] std::uint16_t number() const { return number_; }
-    // What is known of the slave, and its configuration, which a hook may change.
+    // The facts about the slave, and its configuration, which a hook may change.
     [[nodiscard]] const Slave& slave() const;
-    // Of the context: the memory of sequences.
+    // The memory of sequences, part of the context (task.hpp).
     [[nodiscard]] Arena& arena() const;
 
-    // Objects of the dictionary; results and errors as of SDOread() and SDOwrite().
+    // Access to the object dictionary; results and errors as of SDOread() and SDOwrite().
     [[nodiscard]] Task<Result<std::size_t>> sdo_read(std::uint16_t index, std::uint8_t subindex,
                                                      std::span<std::byte> into, bool complete_access = false) const;
     [[nodiscard]] Task<> sdo_write(std::uint16_t index, std::uint8_t subindex, std::span<const std::byte> value,
@@ -36,16 +37,17 @@ class HookedSlave {
         return write_value(*this, index, subindex, octets_of(value));
     }
 
-    // Parameters of drives; results and errors as of SoEread(), SoEwrite() and SoEcommand(). `drive`: 0 to 7.
+    // Access to the parameters of drives; results and errors as of SoEread(), SoEwrite() and SoEcommand(). `drive`: 0
+    // to 7.
     [[nodiscard]] Task<Result<std::size_t>> soe_read(std::uint8_t drive, Idn idn, std::span<std::byte> into) const;
     [[nodiscard]] Task<> soe_write(std::uint8_t drive, Idn idn, std::span<const std::byte> value) const;
     [[nodiscard]] Task<> soe_command(std::uint8_t drive, Idn idn) const;
 
-    // Registers of the ESC; errors as of read_register() and write_register().
+    // Access to ESC registers; errors as of read_register() and write_register().
     [[nodiscard]] Task<> register_read(std::uint16_t address, std::span<std::byte> into) const;
     [[nodiscard]] Task<> register_write(std::uint16_t address, std::span<const std::byte> value) const;
 
-    // Lets time pass.
+    // Waits for this time; other slaves and the cycle continue.
     [[nodiscard]] Task<> sleep(Duration duration) const;
 
   private:

@@ -1,5 +1,5 @@
-// For systems with a heap: a configuration that owns all that it points at, for programs that build it at run time.
-// Nothing of the library includes this.
+// For systems with a heap: a configuration that owns all its lists, for programs that build it at run time. The library
+// itself does not include this header.
 #pragma once
 
 #include <margay/expected.hpp>
@@ -12,22 +12,22 @@
 
 namespace margay {
 
-// A list of expected slaves with deep copies of all that belongs to them: configurations, setups, PDOs, entries,
-// start-up commands and their data. What was handed to add() may go away at once.
+// A list of expected slaves with deep copies of all their data: configurations, setups, PDOs, entries, start-up
+// commands and their data. The arguments of add() need not live longer than the call.
 //
 //     margay::HostConfiguration plan;
 //     plan.add({.position = 1, .product = 0x07D43052}, config);
 //     margay::expect(ctx, plan.expected());       // `plan` lives at least as long as the context
 //
-// An expected slave, once added, stays where it is: add() of further slaves moves nothing that a context uses, but
-// expected() is to be given to expect() again after that.
+// add() moves no expected slave that was added before, so a context may use the list meanwhile. After add(), pass
+// expected() to expect() again.
 class HostConfiguration {
   public:
     HostConfiguration() = default;
     HostConfiguration(const HostConfiguration&) = delete;  // contexts point into it
     HostConfiguration& operator=(const HostConfiguration&) = delete;
 
-    // Adds a slave; `slave.config` is copied where it is set.
+    // Adds a slave and copies `slave.config` if it is set, or `config`.
     void add(const ExpectedSlave& slave) {
         room().push_back(slave);
         if (slave.config != nullptr) expected_.back().back().config = keep(*slave.config);
@@ -39,7 +39,7 @@ class HostConfiguration {
 
     [[nodiscard]] Borrowed<ExpectedSlave> expected() const { return expected_.back(); }
 
-    // Copies a configuration with all that it points at; the copy lives as long as this object.
+    // Copies a configuration with all its lists; the copy lives as long as this object.
     [[nodiscard]] const SlaveConfiguration* keep(const SlaveConfiguration& config) {
         SlaveConfiguration copy = config;
         if (config.setup != nullptr) copy.setup = keep(*config.setup);
@@ -73,7 +73,8 @@ class HostConfiguration {
         return copy;
     }
 
-    // The list, with room for one more. A list that is full stays for the contexts that use it, and is copied.
+    // The list, with space for one more slave. A full list stays for the contexts that use it; a larger copy replaces
+    // it here.
     std::vector<ExpectedSlave>& room() {
         if (expected_.back().size() < expected_.back().capacity()) return expected_.back();
         std::vector<ExpectedSlave> larger;
@@ -83,7 +84,7 @@ class HostConfiguration {
     }
 
     std::deque<std::vector<ExpectedSlave>> expected_{std::vector<ExpectedSlave>()};
-    // Lists of lists that grow at their end only: no element moves.
+    // Lists of lists that grow only at their end: no element moves.
     std::deque<SlaveConfiguration> configurations_;
     std::deque<SlaveSetup> setups_;
     std::deque<std::vector<SmPdos>> sm_pdos_;

@@ -1,4 +1,4 @@
-// For systems with a heap: a context that owns its memory. Nothing of the library includes this.
+// For systems with a heap: a context that owns its memory. The library itself does not include this header.
 #pragma once
 
 #include <margay/context.hpp>
@@ -7,7 +7,7 @@
 
 namespace margay {
 
-// A context that allocates its memory once, when it is made.
+// A context that allocates its memory once, in its constructor.
 class HostContext : public Context {
   public:
     explicit HostContext(const Limits& limits = {})

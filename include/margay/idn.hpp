@@ -1,5 +1,5 @@
-// What the servodrive profile (IEC 61800-7-204, ETG.1000.6 "Servo drive profile over EtherCAT") calls a parameter: its
-// identification number, the elements it has, and its attribute. Plain values.
+// The terms of the servo drive profile (IEC 61800-7-204, ETG.1000.6 "Servo drive profile over EtherCAT") for a
+// parameter: its identification number (IDN), its elements, and its attribute. Plain values.
 #pragma once
 
 #include <cstddef>
@@ -10,10 +10,10 @@
 
 namespace margay {
 
-// An identification number: S-0-0015, P-0-0100 …: of the standard or of the product, the parameter set, the number in
-// it.
+// An identification number, for example S-0-0015 or P-0-0100: standard (S) or product-specific (P), the parameter set,
+// and the number in the set.
 struct Idn {
-    std::uint16_t value = 0;  // bit 15: of the product; bits 12–14: set; bits 0–11: number
+    std::uint16_t value = 0;  // bit 15: product-specific; bits 12–14: parameter set; bits 0–11: number
 
     [[nodiscard]] static constexpr Idn standard(unsigned number, unsigned set = 0) {
         return {static_cast<std::uint16_t>((set & 7U) << 12 | (number & 0x0FFFU))};
@@ -27,13 +27,13 @@ struct Idn {
     friend constexpr bool operator==(const Idn&, const Idn&) = default;
 };
 
-// Writes it as people do, "S-0-0047", into `out` (cut where it does not fit, no zero behind it) and returns the part
-// that was written.
+// Writes the IDN in the notation "S-0-0047" into `out` (cut if it does not fit, without a terminating zero) and returns
+// the written part.
 std::string_view to_text(Idn idn, std::span<char> out);
-// Reads that notation: "S-0-0047", "p-0-100", also "S-0-47" and "S-0047" (set 0). Nothing when it is none.
+// Parses this notation: "S-0-0047", "p-0-100", also "S-0-47" and "S-0047" (set 0). Empty if `text` is no IDN.
 [[nodiscard]] std::optional<Idn> parse_idn(std::string_view text);
 
-// The elements of a parameter, as bits: a request may ask for several, which come one behind the other in this order.
+// The elements of a parameter, as bits. A request may combine several; they follow each other in this order.
 namespace soe_element {
 inline constexpr std::uint8_t kDataState = 0x01;
 inline constexpr std::uint8_t kName = 0x02;
@@ -45,7 +45,7 @@ inline constexpr std::uint8_t kValue = 0x40;
 inline constexpr std::uint8_t kDefault = 0x80;
 }  // namespace soe_element
 
-// How a value is to be shown.
+// How to display a value.
 enum class SoeType : std::uint8_t {
     binary = 0,
     unsigned_decimal = 1,
@@ -56,16 +56,16 @@ enum class SoeType : std::uint8_t {
     floating = 6
 };
 
-// What kind of value a parameter has: its element 3.
+// The attribute of a parameter (its element 3): the type and format of its value.
 struct SoeAttribute {
-    std::uint16_t scale = 1;  // conversion factor to the value shown
-    std::uint8_t bytes = 2;   // of the value, or of each element of a list: 1, 2, 4 or 8
-    bool list =
-        false;  // of variable length: two octets of present and two of largest length in octets, then the elements
+    std::uint16_t scale = 1;  // factor from the value to the displayed value
+    std::uint8_t bytes = 2;   // size of the value, or of each element of a list: 1, 2, 4 or 8
+    bool list = false;  // of variable length: two octets present length and two octets maximum length in octets, then
+                        // the elements
     bool command = false;  // a procedure command
     SoeType type = SoeType::binary;
-    std::uint8_t decimals = 0;     // places behind the point, 0 to 15
-    bool protected_preop = false;  // cannot be written in that state
+    std::uint8_t decimals = 0;     // decimal places of the displayed value, 0 to 15
+    bool protected_preop = false;  // cannot be written in this state
     bool protected_safeop = false;
     bool protected_op = false;
     friend constexpr bool operator==(const SoeAttribute&, const SoeAttribute&) = default;
@@ -89,13 +89,13 @@ struct SoeAttribute {
            (a.protected_op ? 0x4000'0000U : 0U);
 }
 
-// The data state of a procedure command, and what is written to its value.
+// The bits of a procedure command: of its data state, and of the value that the master writes.
 namespace soe_command {
-inline constexpr std::uint16_t kSet = 0x0001;      // both
-inline constexpr std::uint16_t kEnable = 0x0002;   // both: may be executed, is not interrupted
-inline constexpr std::uint16_t kRunning = 0x0004;  // state: not executed yet
-inline constexpr std::uint16_t kFailed = 0x0008;   // state: an error, it cannot be executed
-inline constexpr std::uint16_t kInvalid = 0x0100;  // state, of any parameter: the value is not valid
+inline constexpr std::uint16_t kSet = 0x0001;      // state and value
+inline constexpr std::uint16_t kEnable = 0x0002;   // state and value: enabled, not interrupted
+inline constexpr std::uint16_t kRunning = 0x0004;  // state: not finished yet
+inline constexpr std::uint16_t kFailed = 0x0008;   // state: error, the command cannot be executed
+inline constexpr std::uint16_t kInvalid = 0x0100;  // state, of any parameter: the value is invalid
 }  // namespace soe_command
 
 }  // namespace margay

@@ -1,4 +1,4 @@
-// How long the link waits, and how often it tries.
+// Timeouts of the link, and the number of its repetitions.
 #pragma once
 
 #include <margay/time.hpp>
@@ -7,16 +7,16 @@
 
 namespace margay {
 
-// Of one context: Context::link_settings(). May be changed before init() and at any time afterwards by the thread that
-// polls; a new value holds from the next frame on. Frames of process data have their own time, the `timeout` of
-// receive_processdata().
+// The settings of one context: Context::link_settings(). They may be changed before init(), and later at any time by
+// the thread that polls; a new value applies from the next frame on. Process data has a timeout of its own, the
+// argument of receive_processdata().
 struct LinkSettings {
-    // From sending a frame to giving it up as lost: longer than the slowest round trip. Above zero.
+    // Time after which a sent frame is lost: longer than the slowest round trip. Must be above zero.
     Duration frame_timeout = std::chrono::milliseconds(10);
-    // How long datagrams wait while the NIC takes none of them, because it stays busy or has no link: then all that
-    // wait end with Errc::nic_busy. A NIC that takes any datagram in between begins a new wait. Above zero.
+    // How long datagrams wait while the NIC accepts none of them because it is busy or has no link; then all waiting
+    // datagrams end with Errc::nic_busy. The time starts again whenever the NIC accepts a datagram. Must be above zero.
     Duration queue_timeout = std::chrono::seconds(1);
-    // How often a datagram that may be repeated is sent when its frame is lost, the first time included.
+    // How often a repeatable datagram is sent while its frames are lost, the first time included.
     std::uint8_t sendings = 6;
 };
 

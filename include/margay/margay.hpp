@@ -1,4 +1,16 @@
-// Margay: the functions. Each says whether it may be called from a running cycle; a function that waits says so.
+// The functions of the master. Each comment says whether the function may be called from a running cycle and whether it
+// waits.
+//
+// Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
+// SoEread(), SoEwrite(), SoEcommand(). The functions that every master has keep their usual names: config_init(),
+// config_map(), send_processdata(), receive_processdata(), readstate(), writestate(), statecheck(). Every other
+// function that does something is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(),
+// set_target(). A function that only returns what is known already is named after its result: all_right(),
+// inputs_fresh(), emergencies(). The request of a function has the same words in CamelCase, and a method of Context
+// returns a part of the context.
+//
+// Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
+// `position` is a place in the ring, which the standard counts with auto-increment addresses.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -15,117 +27,155 @@
 
 namespace margay {
 
-// Gives the context its NIC and its system. Both outlive the context. To be called once, before anything else;
-// Errc::invalid_argument when the limits are out of range.
+// Gives the context its NIC and its system functions. Call init() once, before all other functions. `nic` and `osal`
+// must outlive the context. The calling thread becomes the owner of the context (request.hpp). Errors: invalid_argument
+// (a limit is out of range), wrong_state (init() was called before), capacity (the memory of the context is too small).
 Result<> init(Context& ctx, Nic& nic, Osal& osal);
 
-// The heart: takes in what the NIC has received, lets every busy request go on, sends what is due, and returns the time
-// at which it wants to be called again at the latest (kNever: only for a new frame or request). Never waits; callable
-// from the cycle. `now` is the time of the osal and never goes backwards.
+// Does the work of the master: processes the frames that the NIC has received, resumes all busy requests, and sends the
+// frames that are due. Returns the latest time at which poll() must be called again; kNever: only a new frame or a new
+// request needs the next call. Never waits; callable from the cycle, by the owner of the context only. `now` is the
+// time of the osal and must never go backwards. An error is added to errors(): not_owner, in_callback (called from a
+// callback or hook).
 Time poll(Context& ctx, Time now);
 
-// Waits for link, counts the slaves, gives them station addresses from 0x1001 on, reads what the ESCs and the SIIs say,
-// finds the topology, configures the mailboxes and brings all slaves to PREOP, all at once. Returns how many slaves
-// there are.
+// Waits for the link, counts the slaves, and assigns station addresses from 0x1001 on. Reads the ESC registers and the
+// SII of each slave, finds the topology, configures the mailboxes and brings all slaves to PREOP. Works on all slaves
+// at the same time. Returns the number of slaves. Waits.
 //
-// Success means that every wanted slave is there, is the wanted one, could be asked what it is, and is in PREOP. What
-// goes wrong with a single slave does not stop the others: config_init() does all that can be done, and then returns
-// the error of the first such slave (error().slave is its number, not 0); all of them are in errors() and in
-// slave(n).error. slaves() and all other calls are usable then: going on is the application's decision. Such errors:
-// missing_slave, other_slave, unsupported (a device id is expected and the slave tells none), unexpected_slave
-// (expect() has a list and the slave is not in it), and whatever a slave's start-up has failed with. What is tolerated
-// (tolerate(), ExpectedSlave::tolerate) is told in errors() and is no failure, and so are, for slaves that reach PREOP
-// all the same: SII content that is blank, truncated, contradicts itself or has a wrong checksum, an explicit device id
-// that nobody expects, and a topology that the DL status does not explain.
+// Success means: every wanted slave is present, its identity is the expected one and could be read, and the slave is in
+// PREOP. An error of one slave does not stop the other slaves: config_init() finishes all work that is possible, and
+// then returns the error of the first failed slave (error().slave is the number of that slave, not 0). All errors are
+// in errors() and in slave(n).error. slaves() and all other calls can be used then: the application decides whether to
+// continue. Such errors are:
+// - missing_slave;
+// - other_slave: another slave than the expected one;
+// - unsupported: a device id is expected, and the slave reports none;
+// - unexpected_slave: expect() has a list, and the slave is not in the list;
+// - every error of the start-up of a slave.
 //
-// Errors of the segment, with slave 0, after which there are no slaves: link_down, no_frame, no_slaves, unstable,
-// capacity (more slaves, with those that are expected, than limits().slaves; expected says how many). Waits. Called
-// again it scans anew, whoever is there now, without anything being
-// switched off: end a SuperviseRequest before, and map the groups again; numbers, hooks and configurations begin anew
-// too.
+// Differences that the application tolerates (tolerate(), ExpectedSlave::tolerate) are reported in errors() only;
+// config_init() does not fail for them. The same is true of these problems of a slave that reaches PREOP nevertheless:
+// an SII that is blank, truncated, contradictory or has a wrong checksum; an explicit device id that is not expected
+// and cannot be read; a topology that does not agree with the DL status.
+//
+// Errors of the whole segment have slave 0, and there are no slaves then: link_down, no_frame, no_slaves, unstable,
+// capacity (the slaves that were found and the expected slaves that are missing are more than limits().slaves;
+// expected: how many there are).
+//
+// A second call scans the segment again; no slave must be switched off for it. Slave numbers, hooks and configurations
+// start again from their initial values. End a SuperviseRequest before the call, and map the groups again after it.
 Result<std::uint16_t> config_init(Context& ctx);
 
-// Says which slaves the next config_init() shall find, how they are numbered and with what each shall be configured:
-// see ExpectedSlave. An empty list: whatever is there. Slaves that are not as expected are held, see Tolerance.
-// `slaves` is the caller's memory and must live until the config_init() after the next expect(). Errors: wrong_state
-// before init(), not_owner, invalid_argument (known by nothing, two at one position, a group torn apart; actual:
-// which).
+// Sets the list of slaves that the next config_init() is to find: their identity, their numbers and their configuration
+// (see ExpectedSlave). An empty list: every slave is accepted. Slaves that differ from the list are held (see
+// Tolerance). `slaves` is the caller's memory and must live until the end of the config_init() that follows the next
+// expect(). Never waits. Errors: wrong_state before init(), not_owner, invalid_argument (an entry has no position,
+// alias or device id; two entries have one position; the members of a hot connect group are not neighbours; actual: the
+// number of the entry).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
-// Calls the slaves' hooks, makes the slaves' PDOs what their configuration wants, finds out what process data each
-// slave of the group exchanges (slave(n).config: by the application, else a file, else its object dictionary, else the
-// parameters of its drives, else its SII; that these differ is told in warnings()), lays it into `image`
-// (slave(n).image), writes SyncManagers and FMMUs and brings the slaves from PREOP to SAFEOP, all at once. Returns how
-// many octets of the image are used. `image` is the caller's and must live as long as process data is exchanged; it is
-// set to zero. Entries of GroupConfiguration::entries are found and checked. Waits.
+// Clears slave(n).error, so that the next error of the slave is kept there; slave 0: of all slaves. The errors in
+// errors() stay. Never waits; callable from the cycle. Errors: wrong_state before init(), not_owner, unknown_slave.
+Result<> clear_error(Context& ctx, std::uint16_t slave);
+
+// Configures the process data of one group and brings its slaves from PREOP to SAFEOP, all at the same time:
+// 1. Calls the hook preop_to_safeop of each slave.
+// 2. Writes the PDOs that the configuration of the slave requires.
+// 3. Finds the process data that each slave exchanges (slave(n).config). The first source that knows it counts: the
+//    application, a file, the object dictionary, the parameters of the drives (SoE), the SII. Differences between the
+//    sources are reported in warnings().
+// 4. Assigns each slave its part of `image` (slave(n).image), and writes SyncManagers and FMMUs.
+// 5. Finds and checks the entries of GroupConfiguration::entries.
 //
-// Success means that every wanted slave of the group is in SAFEOP, or where its configuration and set_target() want it
-// below that. What goes wrong with a single slave does not stop the others: config_map() does all that can be done, and
-// then returns the error of the first such slave; all of them are in errors() and in slave(n).error, and
-// group(n).mapped says that process data can be exchanged without them. Such errors: missing_slave, other_slave and
-// unexpected_slave (those that are held, of this group; a slave that nobody expects is of group 0), what the slave's
-// hook, the discovery of its PDOs or its configuration has failed with, unknown_group (index: the group that
-// slave(n).config names; there is none); and of an entry: entry_not_mapped, entry_direction, entry_size, entry_type.
+// Returns how many octets of the image are used. `image` is the caller's memory, must live as long as process data is
+// exchanged, and is set to zero. Waits.
 //
-// A slave that cannot be asked (it is missing, held, or does not answer) keeps its place in the image if its sizes are
-// known: by slave(n).config.sms, or by SlaveSetup::pdos where these tell all entries. Expected working counters count
-// every slave that is wanted: while one does not take part receive_processdata() says so.
+// Success means: every wanted slave of the group is in SAFEOP, or in the lower state that its configuration or
+// set_target() requires. An error of one slave does not stop the other slaves: config_map() finishes all work that is
+// possible, and then returns the error of the first failed slave. All errors are in errors() and in slave(n).error.
+// group(n).mapped says whether process data can be exchanged without the failed slaves. Such errors are:
+// - missing_slave, other_slave, unexpected_slave: held or missing slaves of this group (an unexpected slave belongs to
+//   group 0);
+// - every error of the slave's hook, of the search for its PDOs, or of its configuration;
+// - unknown_group: slave(n).config names a group that does not exist (index: the group);
+// - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type.
 //
-// Errors of the group, after which nothing of it is mapped: wrong_state (no slaves yet), unknown_group,
+// A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
+// sizes are known: by slave(n).config.sms, or by SlaveSetup::pdos if these lists name all entries. Expected working
+// counters count every wanted slave: while one of them does not take part, receive_processdata() returns an error.
+//
+// Errors of the whole group, after which no slave of the group is mapped: wrong_state (no slaves yet), unknown_group,
 // image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
-// States. All three refresh or use slave(n).al: the state that the slave itself reports, its error indication and AL
-// status code; a slave that does not answer is in state NONE. Wait; beside a running cycle submit the requests of the
-// same names.
+// AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
+// its AL status code. A slave that does not answer has state NONE. The functions wait; beside a running cycle submit
+// the requests of the same names.
 //
-// readstate() reads all slaves and returns the lowest state, with the error indication if any slave has one; slaves
-// that are where their configuration lets them go at the highest do not lower it. writestate() executes the commands
-// and the hook before the transition from the state that was read last, requests a state of one slave or of all (slave
-// 0; of each no more than it is allowed), and acknowledges an error that the last reading has found; it does not wait
-// for the state. For SAFEOP and OP it returns the error of the first slave that is held or missing, the others are
-// written to all the same; a state other than the one that the supervision keeps is refused (supervised: set_target()).
-// What comes after the transition is done by whichever of the other two, or the supervision, sees it
-// first. statecheck() reads all slaves until the one, or all, are in `state` without error, or `timeout` is over, and
-// returns what it read last: that is no error, look at it.
+// readstate() reads the AL status of all slaves and returns the lowest state, with the error indication if any slave
+// has it. A slave whose configuration does not allow a higher state (SlaveConfiguration::highest) does not lower the
+// result once it has reached that state.
+//
+// writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
+// it is allowed. It starts from the state that was read last, first executes the start-up commands and the hook before
+// the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
+// and OP it returns the error of the first slave that is held or missing; the request is sent to the other slaves
+// nevertheless. While a supervision keeps another state, writestate() fails with Errc::supervised: use set_target().
+//
+// The commands and the hook after the transition are executed by the first of these that sees the new state:
+// readstate(), statecheck(), or the supervision.
+//
+// statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error, or until `timeout` is
+// over. Returns what it read last. A timeout is no error: compare the returned state.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);
 
-// Bringing slaves back by hand; a SuperviseRequest does both by itself. reconfig_slave() goes through the whole
-// start-up of a slave that answers at its station address, from INIT on: mailboxes, start-up lists, hook, process data;
-// to SAFEOP, or PREOP where its group is not mapped. recover_slave() finds slaves that are back without their station
-// address, as after a loss of power, and gives it to them; with `slave` 0 it returns whether any was found, else
-// whether that one answers now: Errc::unknown_slave when it does not, other_slave when another one is in its place.
-// Wait.
-Result<> reconfig_slave(Context& ctx, std::uint16_t slave);
+// Bring back slaves by hand; a SuperviseRequest does both by itself.
+//
+// reconfigure_slave() repeats the whole start-up, from INIT on, of a slave that answers at its station address:
+// mailboxes, start-up commands, hook, process data. The slave ends in SAFEOP, or in PREOP if its group is not mapped.
+//
+// recover_slave() finds slaves that have lost their station address, for example after a loss of power, and assigns the
+// address again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if that slave
+// answers now. Errors: unknown_slave (the slave does not answer, or none was found), other_slave (another slave is in
+// its place).
+//
+// Both wait.
+Result<> reconfigure_slave(Context& ctx, std::uint16_t slave);
 Result<> recover_slave(Context& ctx, std::uint16_t slave);
 
-// The cycle. send_processdata() sends the outputs of a group's image in the frames that config_map() has prepared, and
-// queued datagrams in the space that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits,
-// does not allocate. Errors: unknown_group (nothing mapped), nic (a frame was not taken).
+// Sends the outputs of a group's image in the frames that config_map() has prepared, and queued datagrams in the space
+// that is left (GroupConfiguration::acyclic_bytes). Callable from the cycle: never waits, does not allocate. Errors:
+// wrong_state before init(), not_owner, unknown_group (the group is not mapped), nic (the NIC did not accept a frame),
+// busy (see below: overlapping cycles).
 //
-// With `now`, the time of the osal, for a task that has read its clock already.
+// The overload with `now`, the time of the osal, is for a task that has already read the clock.
 Result<> send_processdata(Context& ctx, std::uint8_t group = 0);
 Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 
-// Takes in the frames of the last send_processdata(): returns as soon as all are back, and gives up those that are not
-// back after `timeout`. Inputs go into the image datagram by datagram, each only if its working counter is the expected
-// one; otherwise the old ones stay. Returns the working counter of all datagrams together. group(n).datagrams tells of
-// each. What else comes in waits for poll(), which is to be called between cycles. Errors:
-//   unknown_group
-//   no_cycle         nothing was sent since the last receive_processdata(); the image is unchanged
-//   no_frame         (actual: frames that did not come back) their inputs are old
-//   working_counter  (expected, actual) some slave did not take part. With detail Error::kOthersFresh every such slave
-//                    is known to be lost (by readstate() or the supervision; slave: one of them), and the inputs of all
-//                    others are fresh: the application may go on without the lost ones. Without it nobody knows yet
-//                    which slave is missing, and the inputs of whole datagrams are old: inputs_fresh() tells whose.
+// Receives the frames of the last send_processdata(). Returns as soon as all frames have come back; frames that have
+// not come back after `timeout` are lost. Copies inputs into the image, one datagram after the other, and each only if
+// its working counter is the expected one; otherwise the image keeps the old inputs. Returns the sum of the working
+// counters of all datagrams. group(n).datagrams has the result of each datagram. Callable from the cycle; waits for
+// `timeout` at most. Other frames that arrive are kept for poll(), which is to be called between cycles. Errors:
+// - wrong_state before init(), not_owner.
+// - unknown_group: the group does not exist or is not mapped.
+// - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
+// - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old.
+// - working_counter (expected, actual): a slave did not take part. With detail Error::kOthersFresh, every slave that
+//   did not take part is known to be lost (by readstate() or the supervision; slave: one of them), and the inputs of
+//   all other slaves are fresh: the application may continue without the lost slaves. Without this detail it is not yet
+//   known which slave is missing, and the inputs of whole datagrams are old: inputs_fresh() says which slaves have old
+//   inputs.
 //
-// Cycles may overlap (GroupConfiguration::cycles_in_flight, 2 or more): the next one is sent while others are on their
-// way, and each receive_processdata() ends the oldest of them, waiting `timeout` for it since it was sent or since the
-// call, whichever is later. group(n).cycle_received says which one that was. Inputs go into the image then and not
-// before. Each send_processdata() that does not end with busy (all are on their way; expected: how many) is a cycle to
-// be received. Without one to be received receive_processdata() waits for one: timeout.
+// Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
+// cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
+// group(n).cycle_received is the number of that cycle. `timeout` counts from the sending of the cycle or from the call,
+// whichever is later. Each send_processdata() sends one cycle that must be received, except if it returns busy
+// (cycles_in_flight cycles are on the wire already; expected: that number). If no cycle is on the wire,
+// receive_processdata() waits for one; error: timeout.
 //
 //     send_processdata(ctx);
 //     for (;;) {
@@ -133,22 +183,23 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 //         receive_processdata(ctx, timeout); … inputs of the cycle before …
 //     }
 //
-// One other thread may call send_processdata() for such groups, and nothing else, while the owner of the context
-// receives, polls and calls all the rest. NIC and osal have to allow that (oshw/nic.hpp). Outputs in the image are the
-// sending thread's then, inputs the owner's; copies from slave to slave (GroupConfiguration::copies) want one thread.
-// While config_map() runs for such a group, and when the context ends, nobody sends it.
+// One other thread may call send_processdata() for such a group, and no other function, while the owner of the context
+// receives, polls and makes all other calls. The NIC and the osal must allow that (oshw/nic.hpp). Outputs in the image
+// then belong to the sending thread, inputs to the owner. Copies from slave to slave (GroupConfiguration::copies) need
+// one thread for both. No thread may send such a group while config_map() runs for it, or while the context is
+// destroyed.
 Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::uint8_t group = 0);
 
-// Whether the inputs of this slave in the image are those of the last cycle that was received: the slave takes part,
-// and all slaves that take part did so in all datagrams that carry inputs of this slave. A slave with outputs only: the
-// same of its outputs. False for a slave without process data, without place or unknown, before the first cycle, and
-// from the moment on that the slave is known to be lost; what its inputs are then is up to
-// GroupConfiguration::lost_inputs. For the thread that receives; callable from the cycle, takes a few instructions for
-// each datagram of the group.
+// Whether the inputs of this slave in the image are those of the last received cycle: the slave takes part, and all
+// slaves that take part did so in every datagram that carries inputs of this slave. For a slave that has only outputs:
+// the same of the datagrams of its outputs. False before the first cycle, for an unknown slave, and for a slave that
+// has no process data or no place in the image. False from the moment when the slave is known to be lost;
+// GroupConfiguration::lost_inputs decides what its inputs are then. For the thread that receives; callable from the
+// cycle, costs a few instructions for each datagram of the group.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
-// Reads and writes the SII EEPROM of a slave by word address; see SiiReadRequest and SiiWriteRequest. Wait.
-Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
-Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
+// Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait.
+Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
+Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
 
 }  // namespace margay

@@ -1,4 +1,4 @@
-// Process data: where each slave's lies in the image.
+// Where the process data of each slave is located in the image.
 #pragma once
 
 #include <cstddef>
@@ -7,9 +7,9 @@
 
 namespace margay {
 
-// Octets of the image. An index past their end names no octet of the image: zero is read there, and what is written
-// there is dropped. So slaves without data in this direction, slaves that are not mapped and slave(0) may be used as
-// any other. Spans made from it have no such check.
+// The octets of a slave in the image. An access beyond the end is safe: a read returns zero, and a write has no effect.
+// So the application can use slaves without data in this direction, slaves that are not mapped and slave(0) like other
+// slaves. A span made from this object has no such check.
 class ImageBytes {
   public:
     constexpr ImageBytes() = default;
@@ -37,7 +37,7 @@ class ImageBytes {
 
 }  // namespace margay
 
-// Converts to spans as a span does: the octets are the image's.
+// ImageBytes converts to a span like a span does: the octets belong to the image.
 template <>
 inline constexpr bool std::ranges::enable_borrowed_range<margay::ImageBytes> = true;
 
@@ -46,18 +46,20 @@ namespace margay {
 // The data of one slave in one direction.
 struct ImagePart {
     std::uint32_t offset_bits = 0;  // from the start of the group's image
-    std::uint32_t bits = 0;         // to the end of its last SyncManager, gaps included
-    ImageBytes bytes;               // the octets that hold it; its first bit is bit offset_bits % 8 of the first
+    std::uint32_t bits = 0;         // up to the end of its last SyncManager, gaps included
+    ImageBytes bytes;  // the octets of the data; the first bit of the data is bit offset_bits % 8 of the first octet
 };
 
+// The part of one slave in the image of its group.
 struct SlaveImage {
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
 
     ImagePart outputs;
     ImagePart inputs;
-    // The bit of the image that is set while the slave's mailbox has something to read.
+    // The position of the bit in the image that is set while the slave's mailbox has a message to read.
     std::uint32_t mailbox_status_bit = kNone;
-    // For the library: the last cycle that was sent before the slave took part. Its inputs may be fresh after that one.
+    // For the library: the number of the last cycle that was sent before the slave took part. Only inputs of later
+    // cycles are fresh.
     std::uint32_t joined_after = 0;
 };
 

@@ -1,7 +1,7 @@
-// Registers and memory of a slave's ESC, as the data sheets number them: for what no other call does. The library knows
-// nothing of what is written here; it may write the same registers itself.
+// Access to the registers and the memory of a slave's ESC, by the addresses of the data sheets, for uses that no other
+// function covers. The library does not know what the application writes here, and may write the same registers itself.
 //
-//     margay::RegisterReadRequest request;                // beside the cycle: rides in its frames
+//     margay::RegisterReadRequest request;         // beside the cycle: sent in the frames of the cycle
 //     request.slave = 2;
 //     request.address = 0x092C;                    // system time difference
 //     request.data = octets;
@@ -15,22 +15,23 @@
 
 namespace margay {
 
-// Reads `data.size()` octets from `address` on, in one datagram: 1 to 1486, and not beyond 0xFFFF.
+// Reads `data.size()` octets from `address` on, in one datagram: 1 to 1486 octets, not beyond 0xFFFF. The caller's
+// memory.
 struct RegisterReadRequest : SlaveRequest {
     RegisterReadRequest();
     std::uint16_t address = 0;
     std::span<std::byte> data;
 };
 
-// Writes them. A frame that is lost is sent again: what has an effect each time it is written may have it twice.
+// Writes them. A lost frame is sent again: a write with an effect at each access may have the effect twice.
 struct RegisterWriteRequest : SlaveRequest {
     RegisterWriteRequest();
     std::uint16_t address = 0;
     std::span<const std::byte> data;
 };
 
-// The same, waiting; see wait(). Errors: unknown_slave, invalid_argument (no octet, or too many), working_counter (the
-// slave does not answer, or has no such register), no_frame.
+// The same as functions that wait; see wait(). Errors: unknown_slave, invalid_argument (no octets, or too many),
+// working_counter (the slave does not answer, or has no such register), no_frame.
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data);
 Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data);
 

@@ -8,7 +8,7 @@
 
 namespace margay {
 
-struct Nothing {};  // the value of a Result that only says whether it went well
+struct Nothing {};  // the value of a Result that only says success or error
 
 template <class T = Nothing>
 class [[nodiscard]] Result {
@@ -22,13 +22,13 @@ class [[nodiscard]] Result {
     [[nodiscard]] constexpr bool ok() const { return error_.code == Errc::none; }
     [[nodiscard]] constexpr explicit operator bool() const { return ok(); }
 
-    // The value; meaningful only when ok().
+    // The value; valid only if ok().
     [[nodiscard]] constexpr T& operator*() { return value_; }
     [[nodiscard]] constexpr const T& operator*() const { return value_; }
     [[nodiscard]] constexpr T* operator->() { return &value_; }
     [[nodiscard]] constexpr const T* operator->() const { return &value_; }
 
-    // The error; code is Errc::none when ok().
+    // The error; its code is Errc::none if ok().
     [[nodiscard]] constexpr const Error& error() const { return error_; }
 
   private:

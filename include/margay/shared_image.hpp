@@ -1,4 +1,4 @@
-// A process image for applications whose other threads work on it: whole cycles, never half of one.
+// A process image for another thread of the application. That thread always reads and writes complete cycles.
 #pragma once
 
 #include <array>
@@ -10,12 +10,12 @@
 
 namespace margay {
 
-// A value of some octets that one thread writes whole and another one reads whole: neither ever waits, the reader has
-// the newest one.
+// A value that one thread writes and another thread reads as a whole. No thread ever waits, and the reader gets the
+// newest value.
 class TripleBuffer {
   public:
     TripleBuffer() = default;
-    // `memory` holds three times `octets`.
+    // `memory` must have three times `octets`.
     void attach(std::span<std::byte> memory, std::size_t octets) {
         for (std::size_t n = 0; n < 3; ++n) parts_[n] = memory.subspan(n * octets, octets);
         back_ = 0;
@@ -23,13 +23,14 @@ class TripleBuffer {
         middle_.store(2, std::memory_order_release);
     }
 
-    // The writer's: what it writes into, as it left it two publications before, and its hand-over.
+    // For the writer: the octets to write, which still have the content of two publications before; and the
+    // publication.
     [[nodiscard]] std::span<std::byte> back() const { return parts_[back_]; }
     void publish() {
         back_ = middle_.exchange(static_cast<std::uint8_t>(back_ | kFresh), std::memory_order_acq_rel) & kIndex;
     }
 
-    // The reader's: takes over the newest value; false when there is none since the last time.
+    // For the reader: fetches the newest value; false if there is none since the last call.
     bool refresh() {
         if ((middle_.load(std::memory_order_relaxed) & kFresh) == 0) return false;
         front_ = middle_.exchange(front_, std::memory_order_acq_rel) & kIndex;
@@ -47,17 +48,18 @@ class TripleBuffer {
     std::atomic<std::uint8_t> middle_{2};
 };
 
-// The image of a group for one other thread than that of the cycle. Name it in GroupConfiguration::shared before
-// config_map(); from then on each send_processdata() sends the outputs published last, and each receive_processdata()
-// that brings in a whole cycle, or one that is whole but for slaves known to be lost, publishes its inputs.
+// The image of a group for one other thread than the thread of the cycle. Set GroupConfiguration::shared before
+// config_map(); after that each send_processdata() sends the outputs that were published last, and each
+// receive_processdata() that receives all inputs (except those of slaves that are known to be lost) publishes them.
 //
-//     // Sizes as config_map() will have them, or more:
+//     // Sizes: those that config_map() will need, or more.
 //     std::vector<std::byte> memory(SharedImage::memory_bytes(outputs, inputs));
 //     SharedImage shared(memory);
 //     ctx.group(0).config.shared = &shared;
-//     … in the other thread, whenever it likes:
-//     if (shared.refresh_inputs()) …shared.inputs()…;
-//     …shared.outputs()…; shared.publish_outputs();
+//     // In the other thread, at any time:
+//     if (shared.refresh_inputs()) { … shared.inputs() … }
+//     … shared.outputs() …
+//     shared.publish_outputs();
 class SharedImage {
   public:
     explicit SharedImage(std::span<std::byte> memory) : memory_(memory) {}
@@ -68,13 +70,13 @@ class SharedImage {
         return 3 * (output_bytes + input_bytes);
     }
 
-    // --- The other thread, once config_map() is through ---
-    // To be written; offsets as in the image. After publishing it holds an older value again: write all of it, or keep
-    // a copy.
+    // --- The other thread, after config_map() ---
+    // The outputs to write, with the offsets of the image. After a publication this buffer has older values again:
+    // write all outputs each time, or keep a copy.
     [[nodiscard]] std::span<std::byte> outputs() { return outputs_.back(); }
     void publish_outputs() { outputs_.publish(); }
-    // Takes over the newest inputs; false when no cycle has brought any since the last time. inputs() begins where the
-    // image's inputs begin.
+    // Fetches the newest inputs; false if no cycle has brought inputs since the last call. inputs() begins with the
+    // first input octet of the image.
     bool refresh_inputs() { return inputs_.refresh(); }
     [[nodiscard]] std::span<const std::byte> inputs() const { return inputs_.front(); }
 

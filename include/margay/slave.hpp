@@ -1,7 +1,6 @@
-// A slave as the application sees it. The facts are plain values that the library fills in; a context hands out a const
-// Slave, so the application reads the facts and does not write them. The wishes, `config` and `hooks`, belong to the
-// application, which may write them at any time that their comments allow. Read and write from the thread that owns the
-// context.
+// A slave as the application sees it. The library fills in the facts about the slave, which are plain values; a context
+// returns a const Slave, so that the application reads the facts and does not write them. `config` and `hooks` belong
+// to the application, which may write them at the times that their comments name. For the thread that owns the context.
 #pragma once
 
 #include <margay/address.hpp>
@@ -22,7 +21,7 @@
 
 namespace margay {
 
-// SII words 0x0008–0x000F.
+// The identity of a slave: SII words 0x0008–0x000F.
 struct Identity {
     std::uint32_t vendor = 0;
     std::uint32_t product = 0;
@@ -31,7 +30,7 @@ struct Identity {
     friend constexpr bool operator==(const Identity&, const Identity&) = default;
 };
 
-// ESC registers 0x0000–0x0009.
+// What the ESC can do: ESC registers 0x0000–0x0009.
 struct DlInformation {
     std::uint8_t type = 0;
     std::uint8_t revision = 0;
@@ -44,29 +43,33 @@ struct DlInformation {
     bool dc_64bit = false;
 };
 
-// How a port is wired, by ESC register 0x0007.
+// The kind of a port, from ESC register 0x0007.
 enum class PortType : std::uint8_t { not_implemented, not_configured, ebus, mii };
 
+// A port of a slave, as the DL status (ESC register 0x0110) and the topology show it.
 struct Port {
     PortType type = PortType::not_implemented;
-    bool link : 1 = false;        // physical link
-    bool open : 1 = false;        // the loop is open: frames leave and come in here
-    std::uint16_t neighbour = 0;  // the slave at the other end, 1 the first; 0 none, or the master
+    bool link : 1 = false;        // the port has a physical link
+    bool open : 1 = false;        // the loop of the port is open: frames leave and arrive at this port
+    std::uint16_t neighbour = 0;  // number of the slave at the other end, the first is 1; 0: none, or the master
 };
 
+// The use of a SyncManager, with the values of the SII and of object 0x1C00.
 enum class SmType : std::uint8_t { unused = 0, mailbox_out = 1, mailbox_in = 2, outputs = 3, inputs = 4 };
 
-// A SyncManager as the SII describes it. Out is from the master to the slave.
+// A SyncManager as the SII describes it. "Out" is from the master to the slave.
 struct SmInfo {
     std::uint16_t start = 0;
     std::uint16_t length_bytes = 0;
     std::uint8_t control = 0;
-    std::uint8_t enable = 0;  // the SII's enable octet: bit 0 is what goes into the activate register
+    std::uint8_t enable = 0;  // the enable octet of the SII: bit 0 goes into the activate register
     SmType type = SmType::unused;
 };
 
+// The use of an FMMU, with the values of the SII.
 enum class FmmuUse : std::uint8_t { unused = 0, outputs = 1, inputs = 2, mailbox_status = 3 };
 
+// The mailbox protocols of a slave, with the bits of SII word 0x001C.
 namespace mailbox_protocol {
 inline constexpr std::uint16_t kAoE = 0x01;
 inline constexpr std::uint16_t kEoE = 0x02;
@@ -76,16 +79,17 @@ inline constexpr std::uint16_t kSoE = 0x10;
 inline constexpr std::uint16_t kVoE = 0x20;
 }  // namespace mailbox_protocol
 
-// Where the mailboxes are. All zero: the slave has none.
+// The mailboxes of a slave. All zero: the slave has none.
 struct MailboxInfo {
-    std::uint16_t out_start = 0;  // master writes here (SyncManager 0)
+    std::uint16_t out_start = 0;  // the master writes here (SyncManager 0)
     std::uint16_t out_bytes = 0;
-    std::uint16_t in_start = 0;  // master reads here (SyncManager 1)
+    std::uint16_t in_start = 0;  // the master reads here (SyncManager 1)
     std::uint16_t in_bytes = 0;
     std::uint16_t protocols = 0;  // mailbox_protocol bits
     [[nodiscard]] constexpr bool present() const { return out_bytes != 0 && in_bytes != 0; }
 };
 
+// The CoE services of a slave, with the bits of the SII.
 namespace coe_detail {
 inline constexpr std::uint8_t kSdo = 0x01;
 inline constexpr std::uint8_t kSdoInformation = 0x02;
@@ -95,13 +99,13 @@ inline constexpr std::uint8_t kUploadAtStartup = 0x10;
 inline constexpr std::uint8_t kCompleteAccess = 0x20;
 }  // namespace coe_detail
 
-// How a slave tells its explicit device id, by its SII.
+// How a slave reports its explicit device id, according to its SII.
 enum class DeviceIdSource : std::uint8_t { none, al_status, memory };
 
 class Context;
 struct ExpectedSlave;
 
-// What a drive tells by SoE without being asked: that a procedure command has been executed, or an emergency.
+// A message that a drive sends by SoE on its own: that a procedure command has been executed, or an emergency.
 struct SoeNotification {
     bool emergency = false;
     std::uint8_t drive = 0;
@@ -110,104 +114,108 @@ struct SoeNotification {
     std::span<const std::byte> data;
 };
 
-// Functions of the application that poll() calls on the way of one slave. `user` is handed to them.
+// Functions of the application that poll() calls while it works on one slave. The library hands `user` to them.
 struct SlaveHooks {
-    // Before the slave's process data is looked at, in PREOP (SOEM's PO2SO hook): the place to choose its PDOs. An
-    // error keeps the slave in PREOP.
+    // Called in PREOP, before the library reads or configures the process data of the slave (SOEM's PO2SO hook): here
+    // the application can select PDOs. An error keeps the slave in PREOP.
     Hook<> preop_to_safeop;
     void* user = nullptr;
-    // Around the changes of state that the library makes: before the state is requested, after the commands of
-    // SlaveSetup::startup for it, and after the slave has reached the state. On the way up, an error keeps the slave in
-    // the state that it has; on the way down, the error is added to errors() and the slave goes all the same. What has
-    // failed after the change is an error of the slave.
+    // Called around each state change that the library makes: before the library requests the state, after the commands
+    // of SlaveSetup::startup for this transition; and after the slave has reached the state. On the way up, an error
+    // keeps the slave in its present state. On the way down, the error is added to errors() and the state change
+    // continues. An error of the hook after the state change is an error of the slave.
     Hook<Transition, Moment> transition;
 
-    // A TxPDO has come by mailbox (CoE service TxPDO) that no request waited for. Called by poll(): must neither wait
-    // nor call the library. `data` is valid until it returns.
+    // Called when a TxPDO has arrived by mailbox (CoE service TxPDO) that no request waits for. poll() calls the
+    // function: it must neither wait nor call the library. `data` is valid until the function returns.
     void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data,
                         void* user) = nullptr;
-    // The slave asks for an RxPDO (CoE service RxPDO remote request): a MailPdoSend, submitted once poll() has
-    // returned, answers it. Called as mailbox_pdo is, with the same user.
+    // Called when the slave asks for an RxPDO (CoE service RxPDO remote request). To answer, submit a MailPdoSend after
+    // poll() has returned. The rules are those of mailbox_pdo, and so is the user pointer.
     void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
     void* mailbox_pdo_user = nullptr;
 
-    // A notification has come by SoE. Called as mailbox_pdo is; what it is told is valid until it returns.
+    // Called when an SoE notification has arrived. The rules are those of mailbox_pdo; `told` is valid until the
+    // function returns.
     void (*soe_notification)(std::uint16_t slave, const SoeNotification& told, void* user) = nullptr;
     void* soe_notification_user = nullptr;
 };
 
+// One slave: what the library knows about it, and what the application wants of it.
 struct Slave {
     static constexpr std::size_t kNameBytes = 64;
     static constexpr std::size_t kSyncManagers = 8;
     static constexpr std::size_t kFmmus = 8;
 
-    std::uint16_t position = 0;  // its number, 1 the first; as config_init() gave it (expect() says how)
+    std::uint16_t number = 0;  //  the first is 1; config_init() assigns it (ExpectedSlave)
     StationAddress station_address;
     std::uint16_t alias = 0;  // ESC register 0x0012, loaded from the SII
     std::uint16_t dl_status = 0;
     Identity identity;
     DlInformation dl;
-    AlStatus al;  // as last read
-    // Its place in the ring as seen last, 1 the first; 0: it is not there. Without hot connect groups and missing
-    // slaves the same as `position`.
-    std::uint16_t ring = 0;
-    // Explicit device id (ETG.1020), of a switch on the device mostly; asked for where expect() wants one.
+    AlStatus al;  // as read last
+    // The slave's place in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
+    // `position` as long as there are no hot connect groups and no missing slaves.
+    std::uint16_t ring_position = 0;
+    // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
+    // slave.
     std::optional<std::uint16_t> device_id{};
-    bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error here
-    bool seen : 1 = false;              // it has been there since config_init() began: what ESC and SII say is known
-    bool hook_failed : 1 = false;  // preop_to_safeop has ended with an error the last time: the slave stays in PREOP
-    bool pdos_failed : 1 = false;  // its PDOs cannot be made what its configuration wants: likewise
-    bool takes_part : 1 = false;   // its process data is configured and, as far as known, exchanged
-    bool other : 1 = false;        // config_init() has found another slave than ExpectedSlave wants here
+    bool device_emulation : 1 = false;  // AL status mirrors AL control: never acknowledge an error of this slave
+    bool seen : 1 = false;  // the slave was present since config_init() began: its ESC registers and SII have been read
+    bool hook_failed : 1 = false;  // the last preop_to_safeop has ended with an error: the slave stays in PREOP
+    bool pdos_failed : 1 = false;  // the PDOs of the configuration could not be written: the slave stays in PREOP
+    bool takes_part : 1 = false;   // its process data is configured and, as far as the library knows, exchanged
+    bool other : 1 = false;        // config_init() has found another slave here than ExpectedSlave describes
     bool unexpected : 1 = false;   // config_init() has found it, and the list of expect() does not have it
-    // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT where it has no mailbox, and
-    // gets no outputs.
+    // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT if it has no mailbox, and gets
+    // no outputs.
     bool held : 1 = false;
-    bool place_kept : 1 = false;  // its place in the image follows from SlaveSetup::pdos; the slave was not asked yet
-    bool unplaced : 1 = false;    // it is wanted in the image, but its sizes were not known when that was laid out
-    bool counted : 1 = false;     // its share is in the expected working counters of its group
-    // What set_target() has said of this slave; NONE: nothing, the target of all slaves counts.
+    bool place_kept : 1 = false;  // its part of the image is that of SlaveSetup::pdos; it was not asked yet
+    bool unplaced : 1 = false;    // it needs a part of the image, but config_map() did not know its sizes
+    bool counted : 1 = false;     // the expected working counters of its group count this slave
+    // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 
-    // Topology: every slave but the first hangs at a port of another one.
-    std::uint16_t parent = 0;  // 0: the master
+    // Topology: every slave except the first is connected to a port of another slave.
+    std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
     std::array<Port, 4> ports{};
 
-    // From the SII. sync_managers and fmmus are in the order of the SII, cut at the size of the table.
-    std::uint32_t sii_bytes = 0;  // size of the EEPROM by its own word 0x003E
+    // From the SII. sync_managers and fmmu_use have the order of the SII; entries that do not fit the arrays are
+    // dropped.
+    std::uint32_t sii_bytes = 0;  // size of the EEPROM, as SII word 0x003E reports it
     MailboxInfo mailbox;
-    MailboxInfo boot_mailbox;      // protocols as in mailbox
+    MailboxInfo boot_mailbox;      // `protocols` is that of `mailbox`
     std::uint8_t coe_details = 0;  // coe_detail bits
     std::uint8_t foe_details = 0;
     std::uint8_t eoe_details = 0;
     DeviceIdSource device_id_source = DeviceIdSource::none;
-    std::uint16_t device_id_word = 0;  // of the SII: where it says at which ESC address the device id is
-    std::int16_t ebus_current_ma = 0;  // taken from the E-bus; negative: fed into it
+    std::uint16_t device_id_word = 0;  // SII word: the ESC address at which the device id is located
+    std::int16_t ebus_current_ma = 0;  // current that the slave draws from the E-bus; negative: it feeds the E-bus
     bool sii_read = false;
     std::uint8_t sm_count = 0;
     std::uint8_t fmmu_count = 0;
-    std::uint8_t name_bytes = 0;  // of name_text
+    std::uint8_t name_bytes = 0;  // length of name_text
     std::array<SmInfo, kSyncManagers> sync_managers{};
     std::array<FmmuUse, kFmmus> fmmu_use{};
 
-    // The first thing that went wrong with this slave since the last scan began; errc none when nothing has.
+    // The first error of this slave since the last scan began, or since clear_error(); code none if there was none.
     Error error;
 
-    // Whom expect() wants here; nullptr: nobody in particular. The list of the caller.
+    // The entry of the list of expect() for this slave; nullptr: there is none. Points into the caller's list.
     const ExpectedSlave* wanted = nullptr;
 
-    // Where the process data of the slave is located in the image, once its group is mapped. The octets are writable.
+    // The slave's part of the image of its group, after the group is mapped. The octets are writable.
     SlaveImage image;
 
-    // The wishes of the application. They are mutable because a context hands out a const Slave.
+    // What the application wants of the slave. Mutable, because a context returns a const Slave.
     mutable SlaveConfiguration config;
     mutable SlaveHooks hooks;
 
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};
 };
-static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 536);  // many of them fit a small memory
+static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 536);  // so that many slaves fit into a small memory
 
 }  // namespace margay

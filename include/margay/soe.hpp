@@ -1,5 +1,5 @@
-// The servodrive profile over EtherCAT (SoE, ETG.1000.6) as the application sees it: the parameters of drives, by
-// requests that run beside the cycle and by calls that wait.
+// Servo drive profile over EtherCAT (SoE, ETG.1000.6) for the application: access to the parameters of drives, by
+// requests that run beside the cycle and by functions that wait.
 //
 //     margay::SoeRead request;                         // lives in the caller's memory, may be used again and again
 //     request.slave = 2;
@@ -11,7 +11,7 @@
 //
 //     auto position = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
-// What drives report on their own goes to slave(n).hooks.soe_notification.
+// Messages that drives send on their own go to slave(n).hooks.soe_notification.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -21,19 +21,19 @@ namespace margay {
 
 // ------------------------------------------------------------------ requests
 
-// Reads elements of a parameter: one or several, which come one behind the other in the order of their bits. A name, a
-// unit and the value of a list begin with two octets of present and two of largest length. Any size; Errc::capacity
-// (expected: the octets there are) when `data` is too small.
+// Reads one or several elements of a parameter; several follow each other in the order of their bits. A name, a unit
+// and the value of a list begin with a list head: two octets with the present length and two with the maximum length.
+// Any size; Errc::capacity (expected: the size in octets) if `data` is too small.
 struct SoeRead : MailRequest {
     SoeRead();
-    std::uint8_t drive = 0;  // of the slave, 0 to 7
+    std::uint8_t drive = 0;  // drive in the slave, 0 to 7
     Idn idn;
     std::uint8_t elements = soe_element::kValue;
-    std::span<std::byte> data;  // the elements go here; the memory is the caller's
-    std::size_t bytes = 0;      // result
+    std::span<std::byte> data;  // destination of the elements; the caller's memory
+    std::size_t bytes = 0;      // result: size in octets
 };
 
-// Writes an element, in nearly every case the value.
+// Writes an element, usually the value. `data` is the caller's memory.
 struct SoeWrite : MailRequest {
     SoeWrite();
     std::uint8_t drive = 0;
@@ -42,39 +42,41 @@ struct SoeWrite : MailRequest {
     std::span<const std::byte> data;
 };
 
-// Executes a procedure command: sets and enables it, looks at its data state until it is done, and takes it back.
-// Cancelled, or with `timeout` over, the command is taken back too. Without a timeout it waits for as long as the drive
-// works on it.
+// Executes a procedure command: sets and enables it, reads its data state until it is finished, and clears it. If the
+// request is cancelled or `timeout` is over, the command is cleared too. Without a timeout the request waits as long as
+// the drive executes the command.
 struct SoeCommand : MailRequest {
     SoeCommand();
     std::uint8_t drive = 0;
     Idn idn;
 };
 
-// ------------------------------------------------------------------ calls that wait
+// ------------------------------------------------------------------ functions that wait
 //
-// Each submits the request of its kind and waits for it: see wait() for what that means in which thread.
+// Each function submits the request of the same name and waits for it; wait() describes how it waits in each thread.
 
-// Reads elements, returns their octets. Errors: soe_error (detail: its code, which describe() puts in words), capacity
-// (expected: octets there are), timeout, mailbox_error, protocol, unsupported, unknown_slave …
+// Reads elements and returns their size in octets. `timeout` zero: 3 s for each answer of the slave. Errors: soe_error
+// (detail: the error code; describe() puts it in words), capacity (expected: the size in octets), timeout,
+// mailbox_error, protocol, unsupported, unknown_slave …
 Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                             std::span<std::byte> into, Duration timeout = Duration{0});
+// Writes an element. Errors as of SoEread().
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                   std::span<const std::byte> value, Duration timeout = Duration{0});
 
 // Executes a procedure command. Errors: those of SoEread(), command_failed (detail: the data state).
 Result<> SoEcommand(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout = Duration{0});
 
-// What kind of value a parameter has.
+// Reads the attribute of a parameter: the type and the format of its value.
 Result<SoeAttribute> SoEattribute(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn,
                                   Duration timeout = Duration{0});
 
-// Reads a name, a unit or a value that is a text into `into`, which has room for four octets more than the text, and
-// returns the text without zeros behind it.
+// Reads a name, a unit or a value that is a text. `into` needs four octets more than the text, for the list head.
+// Returns the text without trailing zeros.
 Result<std::string_view> SoEread_text(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn,
                                       std::uint8_t element, std::span<char> into, Duration timeout = Duration{0});
 
-// Reads a value of exactly that size: Errc::wrong_size, or capacity, when the drive's has another one.
+// Reads a value of exactly this size. Errors: wrong_size or capacity if the value of the drive has another size.
 template <SdoValue T>
 Result<T> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, Duration timeout = Duration{0}) {
     std::array<std::byte, sizeof(T)> octets{};
@@ -90,6 +92,7 @@ Result<T> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn
     return value_from_octets<T>(octets);
 }
 
+// Writes a value of the size of its type.
 template <SdoValue T>
 Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, T value,
                   Duration timeout = Duration{0}) {
@@ -97,7 +100,7 @@ Result<> SoEwrite(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn
     return SoEwrite(ctx, slave, drive, idn, soe_element::kValue, std::span<const std::byte>(octets), timeout);
 }
 
-// An error code in words, as of the standard's table. A static string, callable from anywhere.
+// The text of an error code (ETG.1000.6 table "SoE error codes"). A static string, callable from anywhere.
 [[nodiscard]] std::string_view soe_error_text(std::uint16_t code);
 
 }  // namespace margay

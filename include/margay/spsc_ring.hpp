@@ -1,5 +1,5 @@
-// A ring between two threads: one writes, one reads, and neither ever waits. Errors, warnings, events and emergencies
-// are kept in such rings.
+// A ring between two threads: one thread writes, one thread reads, and no thread ever waits. The library keeps errors,
+// warnings, events and emergencies in such rings.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@
 
 namespace margay {
 
-// The memory is the owner's and outlives the ring. When the ring is full the oldest values stay; values that come are
-// dropped and counted. A ring without memory is always empty.
+// The memory belongs to the owner of the ring and must outlive the ring. A full ring keeps the oldest values, and drops
+// and counts new values. A ring without memory is always empty.
 template <class T>
 class SpscRing {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -26,10 +26,10 @@ class SpscRing {
 
     // --- The reading thread ---
 
-    // Takes the oldest value out of the ring.
+    // Removes the oldest value from the ring and returns it.
     std::optional<T> take() {
         std::uint32_t state = taken_.load(std::memory_order_relaxed);
-        // clear() may move the reader's place until the slot is reserved.
+        // clear() may move the reading position until the slot is reserved.
         do {
             if ((state & kPlace) == added_.load(std::memory_order_acquire)) return std::nullopt;
         } while (!taken_.compare_exchange_weak(state, state | kReading, std::memory_order_acquire,
@@ -43,13 +43,13 @@ class SpscRing {
 
     // How many values were dropped because the ring was full.
     [[nodiscard]] std::uint32_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
-    // How many values came, the dropped ones included. Counts modulo 2^32.
+    // How many values were added, the dropped ones included. Counts modulo 2^32.
     [[nodiscard]] std::uint32_t count() const { return came_.load(std::memory_order_relaxed); }
     [[nodiscard]] std::uint32_t capacity() const { return size_; }
 
     // --- The writing thread: the library ---
 
-    // Adds a value. False: the ring is full, and the value was dropped and counted.
+    // Adds a value. False: the ring is full; the value was dropped and counted.
     bool add(const T& value) {
         came_.store(count() + 1, std::memory_order_relaxed);
         const std::uint32_t at = added_.load(std::memory_order_relaxed);
@@ -62,7 +62,7 @@ class SpscRing {
         return true;
     }
 
-    // Forgets all values, and what was counted. A value that the reading thread takes at this very time is still
+    // Removes all values and resets the counters. A value that the reading thread is copying at this moment is still
     // delivered.
     void clear() {
         const std::uint32_t end = added_.load(std::memory_order_relaxed);
@@ -70,7 +70,7 @@ class SpscRing {
         std::uint32_t state = taken_.load(std::memory_order_relaxed);
         std::uint32_t cleared = 0;
         do {
-            // While the reading thread copies a value, the slot is not free: end_reading() goes on to cleared_to_.
+            // While the reading thread copies a value, its slot is not free: end_reading() continues at cleared_to_.
             const std::uint32_t kept = (state & kReading) != 0 ? state & (kReading | kPlace) : end;
             cleared = kept | ((state + kOneClear) & kClears);
         } while (!taken_.compare_exchange_weak(state, cleared, std::memory_order_acq_rel, std::memory_order_relaxed));
@@ -78,7 +78,7 @@ class SpscRing {
         dropped_.store(0, std::memory_order_relaxed);
     }
 
-    // Gives the ring its memory, before the first value is added. Of more than kMost values the rest is left unused.
+    // Sets the memory of the ring, before the first value is added. The ring uses kMost values at most.
     void use(std::span<T> memory) {
         memory_ = memory;
         size_ = static_cast<std::uint32_t>(memory.size() < kMost ? memory.size() : kMost);
@@ -87,8 +87,9 @@ class SpscRing {
     static constexpr std::uint32_t kMost = 0x1FFFF;
 
   private:
-    // The reader's word: its place, how often the ring was cleared, and that the reading thread copies a value. Places
-    // run from 0 to twice the size, so that a full ring differs from an empty one whatever the size is.
+    // The state of the reader in one word: its position, how often the ring was cleared, and whether the reading thread
+    // copies a value. Positions count from 0 to twice the size, so that a full ring differs from an empty one for every
+    // size.
     static constexpr std::uint32_t kPlace = 0x0003FFFF;
     static constexpr std::uint32_t kOneClear = 0x00040000;
     static constexpr std::uint32_t kClears = 0x7FFC0000;

@@ -1,18 +1,19 @@
-// What a slave is told on its way from state to state: commands in a list, each with the transitions that it belongs
-// to. They are executed in the order of the list, at the first start-up and at every one after, also of a slave that
-// comes back.
+// Start-up commands: what the library writes to a slave at its state transitions. Each command in the list names its
+// transitions. Commands are executed in the order of the list, at the first start-up and at every later one, also of a
+// slave that comes back.
 //
 //     static constexpr std::array kGains{std::byte{1}, std::byte{2}, std::byte{3}};
 //     static constexpr margay::StartupCommand kStartup[] = {
 //         margay::write_object(margay::Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8}),
 //         margay::write_object(margay::Transition::preop_to_safeop, 0x2010, 0, kGains),
 //         margay::write_register(margay::Transition::init_to_preop, 0x0F80, std::uint16_t{1}),
-//         margay::check_register(margay::Transition::safeop_to_op, 0x0F82, std::uint16_t{1}, std::uint16_t{0xFFFF},
-//         50ms),
+//         margay::check_register<std::uint16_t>(margay::Transition::safeop_to_op, 0x0F82, 1, 0xFFFF, 50ms),
 //     };
 //     static constexpr margay::SlaveSetup kSetup{.startup = kStartup};
-//     ctx.slave(1).config.setup = &kSetup;        // or by expect(): then also for IP, before the slave leaves INIT the
-//     first time
+//     ctx.slave(1).config.setup = &kSetup;
+//
+// Or set the configuration by expect(): then the commands of IP are executed at the first start-up too, because the
+// slave has not left INIT yet.
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -29,7 +30,7 @@
 
 namespace margay {
 
-// Changes of state by their initials in the standard; with | several of them.
+// State transitions, with their abbreviations in the standard. The operator | combines several of them.
 enum class Transition : std::uint16_t {
     none = 0,
     init_to_preop = 0x001,    // IP
@@ -51,38 +52,39 @@ enum class Transition : std::uint16_t {
     return (static_cast<unsigned>(all) & static_cast<unsigned>(one)) != 0;
 }
 
-// From one state to another one; none where the standard has no such change.
+// The transition from one state to another; none if the standard has no such transition.
 [[nodiscard]] Transition transition(AlState from, AlState to);
-// "IP"; of several the first. A static string.
+// The abbreviation, for example "IP"; of several transitions that of the first. A static string.
 [[nodiscard]] std::string_view initials(Transition one);
 
-// Before the state is requested, or as soon as the slave is known to be there.
+// When a command or hook is executed: before the library requests the state, or after the slave has reached it.
 enum class Moment : std::uint8_t { before, after };
 
 struct StartupCommand {
     enum class Kind : std::uint8_t {
-        write_register,  // ESC registers or memory, by station address
-        check_register,  // read until it is as wanted, for `timeout`
-        // By mailbox, which works from PREOP on: what is to be done at IP or IB is done when the slave is there.
+        write_register,  // ESC registers or memory, addressed by station address
+        check_register,  // read until the value is the expected one, for `timeout` at most
+        // By mailbox, which works from PREOP on: commands for IP or IB are executed after the slave has reached the
+        // state.
         write_object,       // SDO download
         write_parameter,    // SoE write of a value: `index` is the IDN, `subindex` the number of the drive
-        execute_parameter,  // SoE procedure command, until it is done; `timeout` is for the whole of it
+        execute_parameter,  // SoE procedure command, until it has been executed; `timeout` is for the whole of it
     };
 
     Kind kind = Kind::write_register;
     Moment moment = Moment::before;
-    bool may_fail = false;         // what goes wrong is told in errors() and does not stop the slave
-    bool complete_access = false;  // of an object: all of it
+    bool may_fail = false;         // an error is reported in errors() and does not stop the slave
+    bool complete_access = false;  // of an object: read or write all subindices
     Transition transitions = Transition::none;
-    std::uint16_t index = 0;  // of the object, the IDN, or the address of the register
+    std::uint16_t index = 0;  // index of the object, IDN, or address of the register
     std::uint8_t subindex = 0;
-    std::uint8_t length = 0;           // octets of `value`
-    std::array<std::byte, 8> value{};  // as they go onto the wire, little-endian
-    std::array<std::byte, 8> mask{};   // of check_register: which bits of the value count
-    Borrowed<std::byte> data{};        // in place of `value`, for what is longer. The caller's memory
-    Duration timeout{0};               // zero: SlaveTimes::mailbox for an object, one look for a register
+    std::uint8_t length = 0;           // number of octets of `value`
+    std::array<std::byte, 8> value{};  // in the order of the wire, little-endian
+    std::array<std::byte, 8> mask{};   // of check_register: the bits of the value that are compared
+    Borrowed<std::byte> data{};        // for longer values, instead of `value`. The caller's memory
+    Duration timeout{0};               // zero: SlaveTimes::mailbox for an object, one reading for a register
 
-    // The same, after the state is reached; the same, allowed to fail; the same, with another timeout.
+    // Copies of the command: executed after the state is reached; allowed to fail; with another timeout.
     [[nodiscard]] constexpr StartupCommand afterwards() const {
         StartupCommand c = *this;
         c.moment = Moment::after;
@@ -114,7 +116,7 @@ constexpr std::array<std::byte, 8> little_endian(T value) {
 }
 }  // namespace detail
 
-// The type of the value says how many octets it has.
+// The type of the value determines the number of octets.
 template <std::integral T>
 [[nodiscard]] constexpr StartupCommand write_register(Transition when, std::uint16_t address, T value) {
     return {.kind = StartupCommand::Kind::write_register,
@@ -156,8 +158,8 @@ template <std::integral T>
             .subindex = subindex,
             .data = data};
 }
-// By complete access: subindex 0 in two octets, the others one behind the other. Made up of single ones where the slave
-// refuses it.
+// By complete access: subindex 0 takes two octets, the other subindices follow. If the slave refuses complete access,
+// the library writes the subindices one by one.
 [[nodiscard]] constexpr StartupCommand write_whole_object(Transition when, std::uint16_t index,
                                                           Borrowed<std::byte> data) {
     return {.kind = StartupCommand::Kind::write_object,
@@ -166,7 +168,8 @@ template <std::integral T>
             .index = index,
             .data = data};
 }
-// A value, of a list with its head; what is to decide on the telegrams belongs to IP, so that config_map() sees it.
+// Writes a value; a list includes its list head. A command that affects the telegrams of a drive belongs to IP, so that
+// config_map() sees the change.
 template <std::integral T>
 [[nodiscard]] constexpr StartupCommand write_parameter(Transition when, std::uint8_t drive, Idn idn, T value) {
     return {.kind = StartupCommand::Kind::write_parameter,

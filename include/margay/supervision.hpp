@@ -1,4 +1,4 @@
-// Keeping a segment alive: a request that stays busy and works beside the cycle.
+// Supervision of a segment: a request that stays busy, works beside the cycle, and brings lost slaves back.
 #pragma once
 
 #include <margay/event.hpp>
@@ -10,60 +10,63 @@
 
 namespace margay {
 
-// What the counters of a slave's port have counted since the supervision began (ESC registers 0x0300–0x0313, which stop
-// at 255 and are cleared in time).
+// Sums of the error counters of one port of a slave since the supervision began (ESC registers 0x0300–0x0313; these
+// stop at 255, so the supervision clears them in time).
 struct PortErrors {
-    std::uint32_t invalid_frames = 0;  // damaged on the way into this port: CRC, alignment
-    std::uint32_t rx_errors = 0;       // of the physical layer
-    std::uint32_t forwarded = 0;  // damaged before the slave in front, which has counted them: not this cable's fault
+    std::uint32_t invalid_frames = 0;  // frames damaged before this port: CRC or alignment error
+    std::uint32_t rx_errors = 0;       // receive errors of the physical layer
+    std::uint32_t forwarded = 0;       // damaged before the previous slave, which has counted them: not this cable
     std::uint32_t lost_links = 0;
 };
+// The error counters of one slave.
 struct LineErrors {
     std::array<PortErrors, 4> ports{};
-    std::uint32_t processing_unit = 0;  // no EtherCAT frames, or mutilated ones
+    std::uint32_t processing_unit = 0;  // frames that are no EtherCAT frames, or mutilated
     std::uint32_t pdi = 0;
-    std::array<std::uint8_t, 20> last{};  // the registers as they were read last
-    bool primed = false;                  // they were read
+    std::array<std::uint8_t, 20> last{};  // the registers as read last
+    bool primed = false;                  // `last` is valid
 };
 
-// The supervision. It takes the roll of the slaves with every cycle (one BRD of AL status, in what is left of a frame),
-// and looks closer when the number of slaves or their states have changed or a working counter fell short: it finds the
-// slave and tells by an event what has happened to it. Then it acknowledges errors, gives slaves that have lost their
-// power their addresses back, goes through their whole start-up again and brings them to `target`, all at once, while
-// the others' process data goes on. A slave in whose place there is another one is left alone, and told.
+// Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has
+// left). When the number of slaves or their states have changed, or a working counter is too low, it reads the state of
+// each slave, finds the slaves that have changed and reports them by events. Then it acknowledges errors, assigns
+// addresses again to slaves that have lost their power, repeats the whole start-up of these slaves, and brings them to
+// `target`. It works on all such slaves at the same time while the process data of the others continues. If another
+// slave is in the place of a lost one, it is reported and not started up.
 //
-// When the number of slaves has changed it goes through the ring and keeps slave(n).ring, parent and ports right.
-// Expected slaves that were missing are taken in when they appear, from nothing: SII, mailboxes, start-up lists, hooks,
-// process data (ExpectedSlave says how they are known). Whoever is nobody's is told as stranger, with where it hangs,
-// once it was found twice, `retry` apart, and left alone until config_init() scans anew.
+// When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
+// ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,
+// process data (ExpectedSlave says how they are identified). An unexpected slave is reported as EventKind::stranger,
+// with the port it is connected to, after it was found twice, with `retry` between the two. It is not used until
+// config_init() scans again.
 //
-// A slave that is held (Tolerance) is kept in PREOP or INIT. Where slaves shall go is said by set_target()
-// (margay/run.hpp) or by a change of `target`, up or down; a StateRequest or writestate() for another state is refused:
-// Errc::supervised. EventKind::recovered tells that a slave is where it is wanted again, never less than that.
+// A slave that is held (Tolerance) is kept in PREOP or INIT. set_target() (margay/run.hpp) or a change of `target` sets
+// the states of the slaves, up or down; a StateRequest or writestate() for another state is refused: Errc::supervised.
+// EventKind::recovered is reported only when a slave is in its target state again, never in a lower one.
 //
-// Submit it when config_map() is through; cancel() ends it. While it is busy config_init() is refused. The hooks of
-// slaves mean the same as at the first start-up: see hook.hpp.
+// Submit the request after config_map(); cancel() ends it. config_init() is refused while the request is busy. The
+// hooks of slaves are called as at the first start-up: see hook.hpp.
 struct SuperviseRequest : Request {
     SuperviseRequest();
-    AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; of all slaves without a target of their own
-    Duration interval = std::chrono::milliseconds(10);  // between rolls while there are no cycles
-    Duration retry = std::chrono::milliseconds(500);    // after an attempt to bring a slave back has failed
-    // The error counters of all slaves are read this often; zero: never. Sums go to line_errors, as far as it reaches:
-    // slave 1 first. The caller's memory.
+    AlState target = AlState::op;  // INIT, PREOP, SAFEOP or OP; for all slaves without a target of their own
+    Duration interval = std::chrono::milliseconds(10);  // between readings of the AL status while there are no cycles
+    Duration retry = std::chrono::milliseconds(500);    // waiting time after bringing a slave back has failed
+    // How often the error counters of all slaves are read; zero: never. The sums go to line_errors[n - 1] of slave n,
+    // for as many slaves as it has elements. The caller's memory.
     Duration line_interval{0};
     std::span<LineErrors> line_errors;
 };
 
-// Goes through the whole start-up of one slave again. See reconfig_slave().
+// Repeats the whole start-up of one slave. See reconfigure_slave().
 struct ReconfigRequest : SlaveRequest {
     ReconfigRequest();
 };
 
-// Reads the states of all slaves and looks for slaves that are back without their station address. `slave` not 0: fails
-// where that slave does not answer afterwards. See recover_slave().
+// Reads the states of all slaves and finds slaves that have lost their station address. `slave` not 0: fails if that
+// slave does not answer afterwards. See recover_slave().
 struct RecoverRequest : SlaveRequest {
     RecoverRequest();
-    std::uint16_t found = 0;  // result: how many
+    std::uint16_t found = 0;  // result: number of slaves found
 };
 
 }  // namespace margay

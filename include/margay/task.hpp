@@ -1,5 +1,5 @@
-// Task<T>: a sequence that waits without blocking anybody, as a C++20 coroutine. Hooks of the application are written
-// with it (see hook.hpp), and so is every protocol sequence of the library.
+// Task<T>: a sequence, that is, a C++20 coroutine that waits without blocking the thread. Hooks of the application are
+// written as tasks (see hook.hpp), and so are all protocol sequences of the library.
 //
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {
 //         const auto mode = co_await slave.sdo_read<std::int8_t>(0x6061, 0);
@@ -8,11 +8,11 @@
 //     }
 //
 // T is a Result. The memory of the coroutine comes from the arena of a context: one parameter of the coroutine (for a
-// member function: the object) has a member arena(). When the arena is full, the call returns an empty task: to await
-// an empty task yields Errc::capacity, and no statement of the sequence has been executed. A task begins when it is
-// awaited. Whoever owns the task ends it: to destroy a task destroys all that it waits for.
+// member function: the object) has a member arena(). If the arena is full, the call returns an empty task: awaiting it
+// yields Errc::capacity, and no statement of the sequence is executed. A task begins when it is awaited. Destroying a
+// task destroys all tasks that it awaits.
 //
-// An exception must not leave a sequence: it ends the program.
+// An exception must not leave a sequence: that ends the program.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -29,15 +29,15 @@ class Crew;
 
 namespace detail {
 
-// Memory of a coroutine, nullptr when the arena is full.
+// Allocates the memory of a coroutine; nullptr if the arena is full.
 [[nodiscard]] void* allocate_frame(Arena& arena, std::size_t bytes) noexcept;
 void release_frame(void* frame) noexcept;
 [[noreturn]] void exception_left_sequence() noexcept;
 
 struct PromiseBase : ListNode {
     std::coroutine_handle<> continuation;  // the coroutine that awaits the task,
-    Crew* crew = nullptr;                  // or the crew that the task belongs to:
-    std::coroutine_handle<> self;          // then the list node is in the list of the crew
+    Crew* crew = nullptr;                  // or the crew that the task belongs to: then
+    std::coroutine_handle<> self;          // the node of this object is in the list of the crew
 
     PromiseBase() = default;
     ~PromiseBase();
@@ -55,7 +55,7 @@ struct PromiseBase : ListNode {
     void unhandled_exception() noexcept { exception_left_sequence(); }
 
   protected:
-    // For Task: the end of a task. Returns the coroutine that goes on.
+    // For Task: called at the end of a task. Returns the coroutine that continues.
     [[nodiscard]] std::coroutine_handle<> ended(std::coroutine_handle<> own, const Error& error) noexcept;
 };
 
@@ -92,14 +92,14 @@ class [[nodiscard]] Task {
     }
     ~Task() { reset(); }
 
-    // False when the arena had no room for the task.
+    // False if the arena had no memory for the task.
     [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
     [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
-    // The value of a task that is done.
+    // The value of a finished task.
     [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
-    // The coroutine, which can be destroyed by this wherever the task is kept.
+    // The coroutine of the task. Destroying it destroys the task, wherever the Task object is.
     [[nodiscard]] std::coroutine_handle<> handle() const { return handle_; }
-    // Begins a task that no coroutine awaits; its owner asks done().
+    // Begins a task that no coroutine awaits; its owner calls done() to find its end.
     void start() {
         if (handle_) handle_.resume();
     }

@@ -1,5 +1,5 @@
-// Time as Margay sees it: a monotonic count of nanoseconds that the caller hands in. The library reads no
-// clock; only an osal does.
+// Time in Margay: a monotonic count of nanoseconds that the caller passes to the library. The library reads no clock;
+// only an osal does.
 #pragma once
 
 #include <margay/detail/chrono.hpp>
@@ -8,7 +8,7 @@ namespace margay {
 
 using Duration = std::chrono::nanoseconds;
 
-// The clock is a tag: it has no now(). A Time comes from an osal (see osal/osal.hpp) or from a test.
+// A clock type without now(). A Time comes from an osal (see osal/osal.hpp) or from a test.
 struct MonotonicClock {
     using rep = Duration::rep;
     using period = Duration::period;
@@ -19,10 +19,10 @@ struct MonotonicClock {
 
 using Time = MonotonicClock::time_point;
 
-// "No deadline": later than anything.
+// No deadline: later than every other time.
 inline constexpr Time kNever = Time::max();
 
-// `from` and `duration` later; kNever where that is past the end of all times. A negative duration counts as none.
+// `from` plus `duration`; kNever if the sum exceeds the range of Time. A negative duration counts as zero.
 [[nodiscard]] constexpr Time later(Time from, Duration duration) {
     if (duration <= Duration{0}) return from;
     return from > Time{} && duration >= kNever - from ? kNever : from + duration;

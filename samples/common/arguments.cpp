@@ -16,14 +16,15 @@
 namespace margay::samples {
 
 struct Arguments::Command {
-    std::unique_ptr<CLI::App> owned;  // of a program; the commands belong to it
+    std::unique_ptr<CLI::App> owned;  // only for a program; App objects of commands belong to the App of the program
     CLI::App* app = nullptr;
     std::vector<std::unique_ptr<Arguments>> commands{};
 };
 
 namespace {
 
-// What is wrong with the arguments. CLI11 reports a missing argument before an unknown one; the unknown one says more.
+// Describes what is wrong with the arguments. CLI11 reports a missing argument before an unknown argument. The unknown
+// argument is reported here, because it is the more useful message.
 std::string complaint(const CLI::App& app, const CLI::ParseError& error) {
     const auto unknown = app.remaining(true);
     for (const auto& word : unknown)

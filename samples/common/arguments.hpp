@@ -23,13 +23,13 @@
 
 namespace margay::samples {
 
-// The numbers that an option takes.
+// The range of a number that an option accepts, both ends included.
 struct Bounds {
     std::int64_t least = 0;
     std::int64_t most = 0;
 };
 
-// A whole number, decimal ("010" is ten) or hexadecimal with 0x; nothing when `text` is neither.
+// Parses a whole number, decimal ("010" is ten) or hexadecimal with 0x. Returns nothing when `text` is neither.
 [[nodiscard]] std::optional<std::int64_t> parse_number(std::string_view text);
 
 template <class T>
@@ -44,14 +44,14 @@ class Arguments {
     Arguments(const Arguments&) = delete;
     Arguments& operator=(const Arguments&) = delete;
 
-    // Variables outlive the parsing. Names of options and flags begin with "--".
+    // The variables must outlive run(). Names of options and flags begin with "--".
     void positional(const std::string& name, std::string& value, const std::string& text,
                     Presence presence = Presence::required);
     void option(const std::string& name, std::string& value, const std::string& text);
-    // `needs`: another option without which this flag makes no sense.
+    // `needs` names another option that must be given together with this flag; empty: none.
     void flag(const std::string& name, bool& value, const std::string& text, const std::string& needs = {});
 
-    // A number is a positional argument that may be left out.
+    // A positional argument that is a number is optional.
     template <WholeNumber T>
     void positional(const std::string& name, T& value, const std::string& text) {
         number(name, {limits<T>(), false, {}}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
@@ -60,13 +60,13 @@ class Arguments {
     void positional(const std::string& name, std::optional<T>& value, const std::string& text) {
         number(name, {limits<T>(), false, {}}, text, [&value](std::int64_t n) { value = static_cast<T>(n); });
     }
-    // A default outside `bounds` stands for "not given" and is not shown.
+    // A default outside `bounds` means "not given", and --help does not show it.
     template <WholeNumber T>
     void option(const std::string& name, T& value, const std::string& text, std::optional<Bounds> bounds = {}) {
         number(name, {bounds.value_or(limits<T>()), bounds.has_value(), static_cast<std::int64_t>(value)}, text,
                [&value](std::int64_t n) { value = static_cast<T>(n); });
     }
-    // One word of a list.
+    // An option whose value is one word of a list.
     template <class T>
     void choice(const std::string& name, std::optional<T>& value, const std::string& text,
                 std::vector<std::pair<std::string, T>> words) {
@@ -75,15 +75,15 @@ class Arguments {
         one_of(name, std::move(names), text, [&value, words](std::size_t n) { value = words[n].second; });
     }
 
-    // A command with arguments of its own. Where a program has commands, one must be given. `chosen` is called when it
-    // is this one. The reference is valid as long as the program's Arguments.
+    // A command with its own arguments. When a program has commands, one command must be given. `chosen` is called
+    // when this command is given. The reference is valid as long as the program's Arguments object.
     Arguments& command(const std::string& name, const std::string& text, const std::function<void()>& chosen);
 
-    // What to show besides a hint when the program is called without any argument.
+    // Text that is printed besides the usage hint when the program is called without any argument.
     void without_arguments(std::function<std::string()> text);
 
-    // Parses, runs `body` by run_program() and returns the exit code. --help and --version print and end with 0,
-    // arguments that make no sense end with exit_code::kUsage.
+    // Parses the arguments, executes `body` by run_program() and returns the exit code. --help and --version print
+    // their text and end with 0. Wrong arguments end with exit_code::kUsage.
     int run(int argc, char** argv, const std::function<int()>& body);
 
   private:

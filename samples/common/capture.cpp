@@ -8,7 +8,7 @@ namespace margay::samples {
 
 namespace {
 
-constexpr std::size_t kWindow = 64;  // requests that an answer may be late by
+constexpr std::size_t kWindow = 64;  // number of later requests before which an answer must arrive
 
 bool answers(Bytes request, Bytes answer) {
     if (request.size() > answer.size()) return false;

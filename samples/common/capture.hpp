@@ -1,4 +1,4 @@
-// Recordings of real traffic, as requests and the answers that the hardware gave to them.
+// Reads recordings of real traffic: the requests of the master, each with the answer of the hardware.
 #pragma once
 
 #include "wire/datagram.hpp"
@@ -14,21 +14,21 @@ struct Exchange {
     std::size_t frame = 0;  // number in the file, from 1
     Duration at{};          // since the first frame
     std::vector<std::byte> request;
-    std::vector<std::byte> answer;  // empty: none in the recording
+    std::vector<std::byte> answer;  // empty: the recording has no answer
     std::size_t answer_frame = 0;
 };
 
 struct Capture {
     std::vector<Exchange> exchanges;
-    std::string error;   // empty: all is well
-    std::string remark;  // about a file that was cut off at its end: what is whole of it is here
+    std::string error;   // empty: no error
+    std::string remark;  // set when the file is cut off at its end; the exchanges then come from the whole packets
 };
 
-// Reads a pcap or pcapng file and finds the answer to each request: the next frame back with the same
-// datagrams.
+// Reads a pcap or pcapng file and finds the answer to each request. The answer is the next returning frame with the
+// same datagrams.
 [[nodiscard]] Capture load_capture(const std::string& path);
 
-// One datagram of an exchange, both ways.
+// One datagram of an exchange: as sent and as received.
 struct DatagramPair {
     std::size_t frame = 0;
     wire::DatagramHeader request;
@@ -37,7 +37,7 @@ struct DatagramPair {
     Bytes received;
     std::uint16_t wkc = 0;
 };
-// The datagrams of an exchange that was answered. The views are into `exchange`.
+// The datagrams of an exchange that has an answer. The views point into `exchange`.
 [[nodiscard]] std::vector<DatagramPair> pairs_of(const Exchange& exchange);
 
 }  // namespace margay::samples

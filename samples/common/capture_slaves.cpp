@@ -44,7 +44,8 @@ class Reader {
   private:
     SeenSlave* find(const DatagramPair& pair) {
         const auto adp = pair.request.address.adp();
-        // What all say says something of one only where there is but one; which ones there are others tell.
+        // The answer to a broadcast read ORs the data of all slaves. It describes a single slave only when the segment
+        // has one slave; other datagrams show the number of slaves.
         if (pair.request.command == Command::BRD && slaves_seen_ == 1) {
             by_position_[0].position = 0;
             return &by_position_[0];
@@ -65,7 +66,7 @@ class Reader {
         }
     }
 
-    // The slave of a datagram for one, where it has answered something before.
+    // The slave that this datagram addresses, if it has answered an earlier datagram.
     SeenSlave* known(const DatagramPair& pair) {
         const auto adp = pair.request.address.adp();
         switch (pair.request.command) {
@@ -85,7 +86,7 @@ class Reader {
         }
     }
 
-    // An answer says that there is a register, and none says that there is none.
+    // An answer from a clock register shows that the register exists; a missing answer shows that it does not.
     void look_at_clock(const DatagramPair& pair) {
         const std::uint32_t ado = pair.request.address.ado();
         const std::uint32_t end = ado + static_cast<std::uint32_t>(pair.sent.size());
@@ -136,7 +137,7 @@ class Reader {
         if (const auto at = offset_of(reg::kSiiData.address, 1)) take(*slave, pair.received.subspan(*at));
     }
 
-    // Data of a read: as much of it as was fetched, of four or eight octets.
+    // Copies the data of an EEPROM read: four or eight octets, as many as the slave fetched.
     void take(SeenSlave& slave, Bytes data) {
         const auto word = words_.find(&slave);
         if (word == words_.end() || !reading_[&slave]) return;
@@ -153,7 +154,7 @@ class Reader {
         }
     }
 
-    // Words 0–7 that the master did not read are made to fit what the chip shows.
+    // Words 0–7 that the master did not read are filled in, so that they agree with the registers of the chip.
     void finish(SeenSlave& slave) {
         namespace sii = wire::sii;
         const auto& read = read_[&slave];
@@ -174,7 +175,7 @@ class Reader {
                      sii::size_word(static_cast<std::uint32_t>(slave.sii.size())));
     }
 
-    std::uint16_t slaves_seen_ = 0;  // by the broadcasts
+    std::uint16_t slaves_seen_ = 0;  // the working counter of broadcast reads
     std::map<std::uint16_t, SeenSlave> by_position_;
     std::map<std::uint16_t, SeenSlave> strangers_;
     std::map<std::uint16_t, std::uint16_t> stations_;
@@ -187,7 +188,7 @@ class Reader {
 
 std::vector<SeenSlave> slaves_of(const Capture& capture) { return Reader().run(capture); }
 
-std::string why_no_slaves(const Capture& capture) {
+std::string no_slaves_reason(const Capture& capture) {
     std::uint16_t most = 0;
     for (const auto& exchange : capture.exchanges)
         for (const auto& pair : pairs_of(exchange))
@@ -203,7 +204,7 @@ std::string why_no_slaves(const Capture& capture) {
 
 namespace {
 
-// What the recording tells of the clock, as a segment description has it; empty where it tells nothing.
+// The clock as a value of `dc` in a segment description; empty when the recording does not show it.
 std::string_view dc_of(const SeenSlave& slave) {
     if (!slave.clock) return {};
     if (!*slave.clock) return slave.receive_times.value_or(true) ? "receive_times" : "none";

@@ -1,5 +1,5 @@
-// What a recording tells of the slaves in it: their SII as far as it was read, their chips, and what the
-// master had set up before the recording began.
+// Collects what a recording shows of its slaves: the SII words that were read, the chip registers, and the settings
+// that a master made before the recording began.
 #pragma once
 
 #include "common/capture.hpp"
@@ -12,27 +12,29 @@ namespace margay::samples {
 
 struct SeenSlave {
     std::uint16_t position = 0;  // in the ring, from 0
-    std::vector<std::byte> sii;  // what was not read is 0xFF
+    std::vector<std::byte> sii;  // words that were not read are 0xFF
     std::size_t sii_octets_read = 0;
     std::map<std::uint16_t, std::byte>
         registers;  // chip registers as first read: 0x0000–0x0009, 0x0140, 0x0502, 0x0E00–0x0E0F
-    // Whether the registers of a clock (0x0910 and up) and those of the receive times (0x0900–0x090F) answered;
-    // nothing: the master did not ask this slave. Another master's answer to the same question decides between what the
-    // features promise and what is switched on.
+    // True when the registers of a clock (0x0910 and up) or the receive times (0x0900–0x090F) answered, false when
+    // they did not; nothing when the master did not read them from this slave. A second recording, of another master,
+    // shows whether a clock that the features register announces is switched on.
     std::optional<bool> clock;
     std::optional<bool> receive_times;
-    std::optional<bool> clock_has_64_bits;        // by the upper half of a time that was read
-    std::optional<std::uint16_t> station_before;  // used before the recording assigned one
+    std::optional<bool> clock_has_64_bits;  // true when a time with a non-zero upper half was read
+    // A station address that the master used before the recording assigned one.
+    std::optional<std::uint16_t> station_before;
 };
 
-// Slaves by position. A slave that is only ever addressed by a station address that nobody assigned gets the
-// positions behind the others, in the order of its address.
+// The slaves in ring order. A slave with a station address that the recording never assigns has no known position.
+// Such slaves are placed behind all others, in the order of their station addresses.
 [[nodiscard]] std::vector<SeenSlave> slaves_of(const Capture& capture);
 
-// Where slaves_of() finds none: why, in words.
-[[nodiscard]] std::string why_no_slaves(const Capture& capture);
+// Says why slaves_of() finds no slaves.
+[[nodiscard]] std::string no_slaves_reason(const Capture& capture);
 
-// A segment description of them, in a line; slave n's image is expected in "slaveN.bin", from 1.
+// Writes a segment description with the slaves in a line. The image of slave n is expected in "slaveN.bin"; n starts
+// at 1.
 [[nodiscard]] std::string describe_segment(const std::vector<SeenSlave>& slaves, const std::string& title);
 
 }  // namespace margay::samples

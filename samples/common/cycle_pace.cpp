@@ -15,7 +15,7 @@
 namespace margay::samples {
 namespace {
 
-// Other work ends this long before the deadline, so that it cannot make the cycle late.
+// Other work of the master ends this long before the deadline, so that it does not delay the cycle.
 constexpr Duration kQuietBefore = std::chrono::microseconds(100);
 
 CyclicOptions cyclic(const PaceOptions& options, bool real) {
@@ -65,7 +65,7 @@ void CyclePace::wait() {
     const bool real = !source_.virtual_time();
     const Time until = real ? deadline() - runner_.spin() - kQuietBefore : deadline();
     Time now = source_.osal().now();
-    do {  // once in any case: a cycle that leaves no time must not bring the other work to a stop
+    do {  // poll() runs at least once a cycle, so that a cycle without spare time does not stop the other work
         const Time wake = poll(ctx_, now);
         if (now < until) source_.osal().wait(std::min(wake, until), source_.nic().wait_handle());
         now = source_.osal().now();

@@ -1,5 +1,5 @@
-// The cycle of a program on any SOURCE: until the next deadline the master's other work goes on. On an interface it is
-// kept by CyclicRunner, in virtual time by the clock that moves with the waiting.
+// Keeps the cycle of a program on any SOURCE, and executes the other work of the master until the next deadline. On an
+// interface CyclicRunner keeps the period. In virtual time the clock moves while the program waits.
 #pragma once
 
 #include "common/arguments.hpp"
@@ -18,7 +18,7 @@ struct PaceOptions {
     unsigned spin_us = 0;
     int priority = 0;
     int cpu = -1;
-    std::string histogram;  // file for the picture of the times; empty: none
+    std::string histogram;  // file for an SVG picture of the times; empty: none
 };
 
 // --period, --spin, --priority, --cpu, --histogram.
@@ -26,22 +26,24 @@ void add_pace_options(Arguments& arguments, PaceOptions& options);
 
 class CyclePace {
   public:
-    // All outlive the pace.
+    // All arguments must outlive the object.
     CyclePace(Source& source, Context& ctx, const PaceOptions& options);
 
-    // In the thread that will wait(). Tells on standard error what the system did not grant, and which options have no
-    // effect in virtual time.
+    // Call it in the thread that calls wait(). Reports on standard error which settings the system refused, and which
+    // options have no effect in virtual time.
     void start();
-    // Lets poll() do its work until the deadline has come, and counts how late that was.
+    // Executes poll() until the deadline, then counts how late the cycle is.
     void wait();
-    // Counts a cycle: how long it took from sending until all was back, or what was wrong.
+    // Counts a cycle. `round_trip` is the time from sending until all frames were back; `received` is the result of
+    // the cycle.
     void count(Duration round_trip, const Result<std::uint32_t>& received);
 
-    // Begins counting anew.
+    // Clears all figures.
     void clear() { figures_ = {}; }
 
     [[nodiscard]] const CycleFigures& figures() const { return figures_; }
-    // Prints the figures and writes the picture where asked for. Empty, or why it could not be written.
+    // Prints the figures and writes the picture if --histogram asks for it. Returns an error text; empty when there is
+    // none.
     [[nodiscard]] std::string report() const;
 
   private:

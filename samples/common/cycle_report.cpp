@@ -18,7 +18,7 @@ std::string time_text(Duration time) {
     return fmt::format("{:.3g} s", ns / 1e9);
 }
 
-// Buckets joined four to one, from the first with a count to the last.
+// Joins four buckets to one bar, from the first bucket with a count to the last one.
 std::vector<DurationHistogram::Bucket> bars_of(const DurationHistogram& histogram) {
     constexpr std::size_t kJoined = 4;
     std::vector<DurationHistogram::Bucket> bars;
@@ -35,7 +35,7 @@ std::vector<DurationHistogram::Bucket> bars_of(const DurationHistogram& histogra
     return bars;
 }
 
-// 1 for a single one, so that outliers are seen beside thousands.
+// Logarithmic. A count of 1 gives 1, so that single outliers are visible beside thousands.
 double height(std::uint64_t count) { return count == 0 ? 0 : 1 + std::log10(static_cast<double>(count)); }
 
 std::uint64_t tallest(const std::vector<DurationHistogram::Bucket>& bars) {

@@ -1,4 +1,4 @@
-// What became of the cycles of a program: figures, and how to show them as text and as a picture.
+// Figures about the cycles of a program, as text and as a picture.
 #pragma once
 
 #include "osal/duration_histogram.hpp"
@@ -9,18 +9,18 @@
 namespace margay::samples {
 
 struct CycleFigures {
-    DurationHistogram lateness;    // from the deadline until the program went on
+    DurationHistogram lateness;    // from the deadline until the program continued
     DurationHistogram round_trip;  // from the call that sends until all frames were back
     std::uint64_t cycles = 0;
-    std::uint64_t overruns = 0;   // deadlines passed over because a cycle took too long
-    std::uint64_t no_frame = 0;   // cycles without all their frames
-    std::uint64_t wrong_wkc = 0;  // cycles with a working counter that was not the expected one
+    std::uint64_t overruns = 0;   // deadlines that were skipped because a cycle lasted too long
+    std::uint64_t no_frame = 0;   // cycles with missing frames
+    std::uint64_t wrong_wkc = 0;  // cycles with a working counter different from the expected one
 };
 
 // A table and bars of characters, for a terminal or a log.
 [[nodiscard]] std::string cycle_text(const CycleFigures& figures);
 
-// An SVG picture: both histograms, counts and time to logarithmic scale, and the counts of what went wrong.
+// An SVG picture: both histograms with logarithmic counts and times, and the error counters.
 [[nodiscard]] std::string cycle_svg(const CycleFigures& figures);
 
 }  // namespace margay::samples

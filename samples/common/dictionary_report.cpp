@@ -36,7 +36,7 @@ std::string type_text(std::uint16_t type) {
     return text.empty() || text == "unknown data type" ? fmt::format("{:#06x}", type) : std::string(text);
 }
 
-// In which states it can be read and written: PREOP, SAFEOP, OP.
+// Access rights as text, with the states in which they apply: PREOP, SAFEOP, OP.
 std::string access_text(std::uint16_t access) {
     std::string text =
         (access & 0x38) == 0 ? ((access & 0x07) == 0 ? "--" : "ro") : ((access & 0x07) == 0 ? "wo" : "rw");
@@ -118,7 +118,8 @@ void read_value(Context& ctx, std::uint16_t slave, DictionaryEntry& entry) {
     }
     std::vector<std::byte> buffer(std::max<std::size_t>((entry.description.bit_length + std::size_t{7}) / 8, 256));
     auto read = SDOread(ctx, slave, entry.description.index, entry.description.subindex, false, buffer);
-    if (!read && read.error().code == Errc::capacity) {  // longer than was told: now its length is known
+    // The value is longer than the dictionary says; the error contains the real length.
+    if (!read && read.error().code == Errc::capacity) {
         buffer.resize(read.error().expected);
         read = SDOread(ctx, slave, entry.description.index, entry.description.subindex, false, buffer);
     }
@@ -133,7 +134,7 @@ void read_value(Context& ctx, std::uint16_t slave, DictionaryEntry& entry) {
 
 DictionaryObject read_object(Context& ctx, std::uint16_t slave, std::uint16_t index) {
     DictionaryObject object;
-    const auto described = object_description(ctx, slave, index);
+    const auto described = read_object_description(ctx, slave, index);
     if (!described) {
         object.description.index = index;
         object.problem = sentence(described.error());
@@ -142,8 +143,8 @@ DictionaryObject read_object(Context& ctx, std::uint16_t slave, std::uint16_t in
     object.description = *described;
     for (unsigned n = 0; n <= described->max_subindex; ++n) {
         DictionaryEntry entry;
-        const auto found = entry_description(ctx, slave, index, static_cast<std::uint8_t>(n));
-        if (!found && found.error().code == Errc::sdo_abort) continue;  // a gap
+        const auto found = read_entry_description(ctx, slave, index, static_cast<std::uint8_t>(n));
+        if (!found && found.error().code == Errc::sdo_abort) continue;  // a gap: the object has no such subindex
         if (!found) {
             object.problem = sentence(found.error());
             break;
@@ -172,7 +173,7 @@ nlohmann::ordered_json value_json(const DictionaryEntry& entry) {
 Dictionary read_dictionary(Context& ctx, std::uint16_t slave) {
     Dictionary dictionary;
     std::vector<std::uint16_t> indices;
-    const auto listed = object_list(
+    const auto listed = read_object_list(
         ctx, slave, ObjectList::all,
         [](std::span<const std::uint16_t> some, void* user) {
             auto& all = *static_cast<std::vector<std::uint16_t>*>(user);

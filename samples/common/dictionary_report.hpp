@@ -1,4 +1,4 @@
-// The object dictionary of a slave with its values, as text for people and as JSON for programs.
+// Reads the object dictionary of a slave with its values and writes it as text for people and as JSON for programs.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -14,7 +14,7 @@ namespace margay::samples {
 struct DictionaryEntry {
     EntryDescription description;
     std::vector<std::byte> value;
-    std::string problem;  // why there is no value; empty: there is one
+    std::string problem;  // why there is no value; empty when there is a value
 };
 
 struct DictionaryObject {
@@ -25,14 +25,14 @@ struct DictionaryObject {
 
 struct Dictionary {
     std::vector<DictionaryObject> objects;
-    std::string problem;  // why there is none; empty: there is one
+    std::string problem;  // why there is no dictionary; empty when there is one
 };
 
-// Asks the slave for its list of all objects, then for each object and entry, and reads what can be read in PREOP.
-// Waits.
+// Reads the slave's list of all objects, then the description of each object and entry, then each value that is
+// readable in PREOP. Blocks until all answers have arrived.
 [[nodiscard]] Dictionary read_dictionary(Context& ctx, std::uint16_t slave);
 
-// A value by its type: numbers, texts, else octets.
+// A value as text by its CoE data type: a number, a string, or else octets.
 [[nodiscard]] std::string value_text(std::uint16_t data_type, std::span<const std::byte> value);
 
 [[nodiscard]] std::string dictionary_text(const Dictionary& dictionary);

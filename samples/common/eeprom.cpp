@@ -14,7 +14,7 @@ namespace {
 
 namespace sii = wire::sii;
 
-constexpr std::size_t kReadOctets = 256;  // at once, between two calls of progress
+constexpr std::size_t kReadOctets = 256;  // per read; between two reads `progress` is called
 constexpr std::size_t kWriteWords = 8;
 
 std::uint16_t word_of(Bytes octets, std::size_t word) { return load_le<std::uint16_t>(octets, word * sii::kWordBytes); }
@@ -46,13 +46,13 @@ EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& pr
     return out;
 }
 
-EepromContent read_described(Eeprom& eeprom, const Progress& progress) {
+EepromContent read_used_part(Eeprom& eeprom, const Progress& progress) {
     const auto size = eeprom_size(eeprom);
     if (!size.error.empty()) return {{}, size.error};
     const auto told = std::min<std::size_t>(size.octets, UINT32_MAX);
     const auto end = sii::content_end_word(static_cast<std::uint32_t>(told));
     EepromContent out;
-    // Reads on, up to `word`.
+    // Reads more octets, up to `word`.
     const auto read_to = [&](std::uint32_t word) {
         while (out.error.empty() && out.octets.size() < word * sii::kWordBytes) {
             const auto at = out.octets.size();
@@ -83,7 +83,7 @@ EepromContent read_described(Eeprom& eeprom, const Progress& progress) {
     return out;
 }
 
-std::string why_not_to_write(Bytes image) {
+std::string image_fault(Bytes image) {
     if (image.size() % sii::kWordBytes != 0)
         return fmt::format("{} octets are not a whole number of words", image.size());
     for (const auto& finding : sii_findings(image)) {
@@ -94,7 +94,7 @@ std::string why_not_to_write(Bytes image) {
             case sii::Fault::category_past_end:
             case sii::Fault::category_overlap:
             case sii::Fault::checksum: return finding_text(finding);
-            case sii::Fault::size_mismatch:  // shorter is usual: the rest of the EEPROM is not in the file
+            case sii::Fault::size_mismatch:  // a short file is usual: it leaves out the unused rest of the EEPROM
                 if (finding.actual < image.size()) return finding_text(finding);
                 break;
             default: break;
@@ -105,8 +105,7 @@ std::string why_not_to_write(Bytes image) {
 
 namespace {
 
-// Writes an image step by step. What was written is undone when a step fails, so that a slave is left with its old
-// content.
+// Writes an image step by step. When a step fails, all steps are undone, so that the slave keeps its old content.
 class ImageWriter {
   public:
     ImageWriter(Eeprom& eeprom, Bytes image, const Progress& progress)
@@ -140,7 +139,8 @@ class ImageWriter {
         return std::move(report_);
     }
 
-    // The words that differ: the configuration area last, in an order that is safe at any word (plan_area()).
+    // Plans a step for each word that differs. The configuration area is last, in an order that can stop at any word
+    // (plan_area()).
     void plan() {
         const bool has_area = image_.size() >= sii::kConfigurationBytes;
         for (std::size_t word = has_area ? sii::word::kIdentity : 0; word < report_.words; ++word)
@@ -154,7 +154,7 @@ class ImageWriter {
         for (const auto& write : area.writes()) steps_.push_back({write.word, write.before, write.after});
     }
 
-    // Runs of neighbours, a few at a time.
+    // Writes neighbouring words together, a few at a time.
     bool write_all() {
         while (done_ < steps_.size()) {
             if (!progress_("writing", done_, steps_.size())) {
@@ -174,15 +174,15 @@ class ImageWriter {
             if (!written.error.empty()) {
                 report_.error =
                     fmt::format("word 0x{:04x} is not written for sure: {}", steps_[done_].word, written.error);
-                ++done_;  // perhaps
+                ++done_;  // the word of the failed step can be written or not
                 return false;
             }
         }
         return true;
     }
 
-    // Undoes the steps, the last one first. A word that fails does not keep the others from it; behind three in a row
-    // the EEPROM is out of reach.
+    // Undoes the steps, the last step first. After a word that fails it continues with the next word. After three
+    // failures in a row it stops, because the EEPROM cannot be reached.
     void restore() {
         constexpr int kMostFailures = 3;
         const auto total = done_;
@@ -258,7 +258,7 @@ class ImageWriter {
     const Progress& progress_;
     std::vector<std::byte> before_;
     std::vector<Step> steps_;
-    std::size_t done_ = 0;  // steps that are done, or perhaps
+    std::size_t done_ = 0;  // number of finished steps; the last of them can be in doubt
     WriteReport report_;
 };
 

@@ -1,5 +1,4 @@
-// What eepromtool does with an EEPROM, whatever that is: of a slave, in a file, or one that a test makes
-// fail.
+// The operations of eepromtool on any EEPROM: of a slave, in a file, or one of a test that reports failures.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -12,11 +11,11 @@
 
 namespace margay::samples {
 
-// Errors are sentences, empty where all is well.
+// An EEPROM. Errors are sentences; empty when there is no error.
 class Eeprom {
   public:
     struct Written {
-        std::size_t words = 0;  // so many, from the first on, are written and were read back
+        std::size_t words = 0;  // number of words, from the first one, that were written and read back
         std::string error{};
     };
 
@@ -27,16 +26,16 @@ class Eeprom {
 
     // "slave 3", "x.bin".
     [[nodiscard]] virtual std::string name() const = 0;
-    // Whole words from `word` on.
+    // Read and write whole words, starting at `word`.
     [[nodiscard]] virtual std::string read(std::uint32_t word, MutableBytes into) = 0;
     [[nodiscard]] virtual Written write(std::uint32_t word, Bytes octets) = 0;
-    // How large it is for sure; 0 when only its content can tell.
+    // The size in octets if it is certain; 0 when only the content can give it.
     [[nodiscard]] virtual std::size_t known_size() const { return 0; }
-    // After writing: makes what was written last.
+    // Call it after the last write: makes the written content permanent.
     [[nodiscard]] virtual std::string keep() { return {}; }
 };
 
-// Called with what is being done and how much of it; false stops it.
+// Called with the name of the operation, the amount done and the total. Return false to stop the operation.
 using Progress = std::function<bool(std::string_view what, std::size_t done, std::size_t total)>;
 [[nodiscard]] inline Progress no_progress() {
     return [](std::string_view, std::size_t, std::size_t) { return true; };
@@ -46,38 +45,40 @@ struct EepromSize {
     std::size_t octets = 0;
     std::string error{};
 };
-// The size that is known, or else the one that word 0x3E tells; an error when that word is blank.
+// The known size, or else the size that word 0x3E gives. An error when this word is blank.
 [[nodiscard]] EepromSize eeprom_size(Eeprom& eeprom);
 
 struct EepromContent {
     std::vector<std::byte> octets{};
     std::string error{};
 };
-// The first `octets` octets.
+// Reads the first `octets` octets.
 [[nodiscard]] EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& progress);
-// Up to the end mark of the categories, the mark included, or up to where the chain of categories is broken; and never
-// more than 64 KiB, whatever the size word says. What lies behind belongs to nobody: read_eeprom() reads that too.
-[[nodiscard]] EepromContent read_described(Eeprom& eeprom, const Progress& progress);
+// Reads up to and including the end mark of the categories, or up to the point where the chain of categories is
+// broken. It never reads more than 64 KiB, whatever the size word says. The octets behind the end mark have no defined
+// meaning; read_eeprom() reads them too.
+[[nodiscard]] EepromContent read_used_part(Eeprom& eeprom, const Progress& progress);
 
-// What is so wrong with an image that no slave should get it; empty when nothing is. What the strict check
-// finds beyond that is for the user to judge.
-[[nodiscard]] std::string why_not_to_write(Bytes image);
+// Returns why an image must not be written to any slave; empty when it can be written. The strict check finds more
+// faults; the user decides about these.
+[[nodiscard]] std::string image_fault(Bytes image);
 
 struct WriteReport {
-    std::size_t words = 0;      // of the image
-    std::size_t different = 0;  // had to be written
-    std::size_t written = 0;    // were written for sure before it ended: each was read back
-    bool verified = false;      // in the end the whole image was read back and is right
-    bool restored = false;      // it failed, and the old content is there again: it was read back
+    std::size_t words = 0;      // number of words in the image
+    std::size_t different = 0;  // number of words that differ from the EEPROM
+    std::size_t written = 0;    // number of words that were certainly written before the end: each was read back
+    bool verified = false;      // the whole image was read back at the end and is equal
+    bool restored = false;      // writing failed, and the old content was written again and read back
     std::string error{};
-    std::string left{};  // after an error: what the EEPROM holds now, in words; empty where nothing was written
+    // After an error: a sentence about the present content of the EEPROM; empty when nothing was written.
+    std::string left{};
 };
-// Writes the words that differ, the configuration area (words 0x00–0x07) last, so that its checksum vouches for no
-// half-written image (wire/sii_area.hpp); then reads all of it back. When a word fails, when `progress` stops it, and
-// when other words are read back than were written (an EEPROM that is smaller than it says wraps its addresses around),
-// all words that were written get their old content again. Between the first and the last changed word of the
-// configuration area an end of power or of the connection leaves a wrong checksum, which the ESC tells and does not
-// load.
+// Writes the words that differ, then reads the whole image back. The configuration area (words 0x00–0x07) is written
+// last, so that its checksum is not valid for a half-written image (wire/sii_area.hpp). All written words get their
+// old content again in these cases: a word fails, `progress` returns false, or the words read back differ from the
+// words written (addresses wrap in an EEPROM that is smaller than its size word says). When power or the connection
+// fails between the first and the last changed word of the configuration area, the checksum is wrong: the ESC reports
+// it and does not load the area.
 [[nodiscard]] WriteReport write_eeprom(Eeprom& eeprom, Bytes image, const Progress& progress);
 
 struct AliasReport {
@@ -86,11 +87,11 @@ struct AliasReport {
     std::string error{};
 };
 [[nodiscard]] AliasReport read_alias(Eeprom& eeprom);
-// Writes the alias and the checksum that goes with it, and reads both back. An area whose checksum is wrong
-// already is left as it is, unless `force` says so: a right one would vouch for whatever is in it.
+// Writes the alias and the new checksum, and reads both back. When the checksum of the area is already wrong, nothing
+// is written unless `force` is set, because a correct checksum would make the unknown content of the area valid.
 [[nodiscard]] AliasReport write_alias(Eeprom& eeprom, std::uint16_t alias, bool force);
 
-// A file as it is read and written: octets as they are, or Intel HEX.
+// The format of a file: plain octets, or Intel HEX.
 enum class ImageFormat : std::uint8_t { binary, intel_hex };
 [[nodiscard]] ImageFormat format_by_name(std::string_view path);  // .hex, .ihex and .ihx are Intel HEX
 
@@ -99,12 +100,12 @@ struct ImageFile {
     ImageFormat format = ImageFormat::binary;
     std::string error{};
 };
-// `path` - is standard input. Which of the formats it is, is seen from the content.
+// Reads a file; `path` "-" is standard input. The content decides the format.
 [[nodiscard]] ImageFile load_image(const std::string& path);
-// `path` - is standard output. Other than that: the file is as it was when this fails.
+// Writes a file; `path` "-" is standard output. When writing fails, an existing file keeps its old content.
 [[nodiscard]] std::string save_image(const std::string& path, ImageFormat format, Bytes image);
 
-// An image file as an EEPROM; keep() writes it back in the format that it had.
+// An image file as an EEPROM. keep() writes the file in the format in which it was read.
 class FileEeprom final : public Eeprom {
   public:
     FileEeprom(std::string path, ImageFile file) : path_(std::move(path)), file_(std::move(file)) {}

@@ -16,12 +16,13 @@ namespace {
 using wire::Command;
 namespace reg = wire::reg;
 
-constexpr Duration kSwitchedOn = std::chrono::seconds(1);  // before the recording starts: everything has settled
+// The slaves are switched on this long before the recording starts, so that their start-up is complete.
+constexpr Duration kSwitchedOn = std::chrono::seconds(1);
 
 bool within(std::uint32_t address, std::uint32_t from, std::uint32_t to) { return from <= address && address < to; }
 
-// Whether request and device decide what stands at an ESC address. Not so: clocks, counters, events, mailbox
-// and process data, and what depends on how quick a processor is.
+// Whether the request and the device alone determine the value at an ESC address. Clocks, counters, events, mailbox,
+// process data and values that depend on the speed of a processor are not determined.
 bool determined(std::uint32_t address) {
     if (address >= reg::kProcessRam) return false;
     if (within(address, 0x0210, 0x0224) || within(address, 0x0300, 0x0314) || within(address, 0x0440, 0x0444))
@@ -29,19 +30,19 @@ bool determined(std::uint32_t address) {
     if (within(address, 0x0900, 0x0920) || within(address, 0x092C, 0x0930) || within(address, 0x0932, 0x0934))
         return false;
     if (within(address, 0x0984, 0x09A0) || within(address, 0x09AE, 0x09D0)) return false;
-    // Whether a mailbox is full yet.
+    // The status of a SyncManager depends on the time when a mailbox becomes full.
     const bool sync_manager =
         within(address, reg::kSyncManagerBase, reg::kSyncManagerBase + 16u * reg::kSyncManagerStride);
     return !sync_manager || address % reg::kSyncManagerStride != wire::SyncManagerLayout::status::offset;
 }
 
-// Bits that only tell whether the EEPROM has finished: the simulated one need not be as slow.
+// Clears bits that only show whether the EEPROM is busy: the simulated EEPROM can be faster.
 std::byte masked(std::uint32_t address, std::byte value) {
-    if (address == reg::kSiiControl.address) return value & std::byte{0xEF};  // bit 4 is reserved, and not constant
+    if (address == reg::kSiiControl.address) return value & std::byte{0xEF};  // bit 4 is reserved and not constant
     return address == reg::kSiiControl.address + 1u ? value & std::byte{0x78} : value;
 }
 
-// The hardware was still reading its EEPROM when it was asked for the data.
+// True when the hardware was still busy reading its EEPROM at the time of the request.
 bool answered_while_busy(const DatagramPair& pair) {
     const std::uint32_t ado = pair.request.address.ado();
     const std::uint32_t status_at = reg::kSiiControl.address + 1u;
@@ -76,7 +77,7 @@ void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simula
     std::size_t first_difference = simulated.size();
     for (std::size_t i = 0; i < simulated.size(); ++i) {
         const auto address = static_cast<std::uint32_t>(ado + i);
-        // Of process data only what the master itself sent and nobody overwrites is determined.
+        // In process data only octets that the master sent and that no slave overwrites are determined.
         if (logical ? pair.request.command != Command::LWR && pair.received[i] != pair.sent[i] : !determined(address))
             continue;
         if (busy && within(address, reg::kSiiData.address, reg::kSiiData.end())) continue;

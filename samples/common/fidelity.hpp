@@ -1,4 +1,4 @@
-// How faithfully a simulated segment answers what real hardware was asked.
+// Compares the answers of a simulated segment with the recorded answers of real hardware.
 #pragma once
 
 #include "common/capture.hpp"
@@ -16,20 +16,20 @@ struct FidelityReport {
         std::string example;
     };
 
-    std::size_t frames = 0;      // requests put to the segment
-    std::size_t unanswered = 0;  // of them without an answer in the recording: nothing to compare
-    std::size_t datagrams = 0;   // compared
+    std::size_t frames = 0;      // requests sent to the simulated segment
+    std::size_t unanswered = 0;  // requests without an answer in the recording; they are not compared
+    std::size_t datagrams = 0;   // compared datagrams
     std::size_t equal_wkc = 0;
-    std::size_t data_octets = 0;  // determined: what the request and the device decide, no clocks and no counters
+    // Compared octets: only octets that the request and the device determine, so no clocks and no counters.
+    std::size_t data_octets = 0;
     std::size_t equal_octets = 0;
     std::map<std::string, Kind> kinds;
 };
 
-// Puts the master's half of a recording to the segment at the times of the recording and compares the
-// answers.
+// Sends the requests of a recording to the simulated segment at the recorded times and compares the answers.
 [[nodiscard]] FidelityReport measure_fidelity(const Capture& capture, SimulatedSegment& simulated);
 
-// As text: shares, and every kind of difference.
+// A report as text: shares, and every kind of difference.
 [[nodiscard]] std::string to_text(const FidelityReport& report);
 
 }  // namespace margay::samples

@@ -1,4 +1,4 @@
-// Image files: see eeprom.hpp.
+// Reads and writes image files; see eeprom.hpp.
 #include "common/eeprom.hpp"
 #include "common/intel_hex.hpp"
 #include "common/program.hpp"
@@ -32,13 +32,13 @@ std::string save_to(std::FILE* file, const std::string& path, std::string_view c
     return {};
 }
 
-// Writes to `at`, for what the user calls `path`.
+// Writes to the file `at`. Errors name `path`, the name that the user gave.
 std::string save_directly(const std::string& at, const std::string& path, std::string_view content) {
     const File file(std::fopen(at.c_str(), "wb"));
     return file ? save_to(file.get(), path, content) : failure(path, "cannot be written");
 }
 
-// Beside the file, and then in its place, so that there is either the old content or the new one.
+// Writes a new file beside the old one and renames it, so that the file has either the old or the new content.
 std::string save_in_place(const std::string& path, std::string_view content) {
     std::error_code error;
     auto target = fs::canonical(path, error);
@@ -92,7 +92,7 @@ std::string save_image(const std::string& path, ImageFormat format, Bytes image)
     else
         std::ranges::transform(image, std::back_inserter(content), [](std::byte b) { return static_cast<char>(b); });
     if (path == "-") {
-        write_out(content);  // run_program() tells of a failure
+        write_out(content);  // run_program() reports a failure of the output
         return {};
     }
     std::error_code error;

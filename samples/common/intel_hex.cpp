@@ -16,8 +16,9 @@ enum class RecordType : std::uint8_t {
     linear_address = 4,
     linear_start = 5,
 };
-constexpr std::size_t kOverheadOctets = 5;                         // length, address, type, checksum
-constexpr std::size_t kMostOctets = std::size_t{8} * 1024 * 1024;  // what the SII's size word can tell
+constexpr std::size_t kOverheadOctets = 5;  // length, address, type, checksum
+// The largest size that the size word of the SII can express.
+constexpr std::size_t kMostOctets = std::size_t{8} * 1024 * 1024;
 
 std::optional<unsigned> digit(char c) {
     if (c >= '0' && c <= '9') return static_cast<unsigned>(c - '0');

@@ -1,6 +1,6 @@
-// The slave stack's ESC access over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and 12
-// "EtherCAT"): registers of the ESC by the CSR pair, process memory by the two FIFOs. No heap, no exceptions, nothing
-// but the SPI below it.
+// The ESC access of the slave stack over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and
+// 12 "EtherCAT"). It accesses ESC registers through the CSR command and data registers, and process memory through the
+// two FIFOs. It uses no heap and no exceptions, and only the SPI of the board.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -10,7 +10,7 @@
 
 namespace margay::samples {
 
-// What the board gives: one SPI transfer with chip select held, in both directions at once, and a clock.
+// The board provides these functions: one full-duplex SPI transfer during which chip select is active, and a clock.
 class SpiBus {
   public:
     virtual void transfer(MutableBytes in_and_out) noexcept = 0;
@@ -24,19 +24,19 @@ class Lan9252 final : public subdevice::EscAccess {
   public:
     explicit Lan9252(SpiBus& spi) : spi_(spi) {}
 
-    // After reset: waits until the chip tells its byte order and that it is ready. False: it did not within `tries`
-    // reads.
+    // Call it after a reset: waits until the chip returns its byte order test value and its ready bit. Returns false
+    // when this does not happen within `tries` reads.
     [[nodiscard]] bool begin(unsigned tries = 100'000) noexcept {
         for (; tries > 0; --tries)
             if (load(kByteTest) == kByteTestValue && (load(kHardwareConfig) & kReady) != 0) return true;
         return false;
     }
-    // The IRQ pin (push-pull, active high) follows the AL event request under its mask (0x0204).
+    // Makes the IRQ pin (push-pull, active high) follow the AL event request, masked by the AL event mask (0x0204).
     void enable_interrupt() noexcept {
         store(kInterruptConfig, kIrqEnable | kIrqActiveHigh | kIrqPushPull);
         store(kInterruptEnable, kEtherCatEvent);
     }
-    // An access that the chip has never completed; what was read then is zero.
+    // True when the chip did not complete an access. The data of such a read are zero.
     [[nodiscard]] bool failed() const noexcept { return failed_; }
 
     void read(std::uint16_t address, MutableBytes into) noexcept override {
@@ -71,7 +71,7 @@ class Lan9252 final : public subdevice::EscAccess {
 
   private:
     static constexpr std::uint16_t kProcessRam = 0x1000;
-    // System registers.
+    // Addresses of system registers.
     static constexpr std::uint16_t kReadFifo = 0x000;
     static constexpr std::uint16_t kWriteFifo = 0x020;
     static constexpr std::uint16_t kInterruptConfig = 0x054;
@@ -84,26 +84,28 @@ class Lan9252 final : public subdevice::EscAccess {
     static constexpr std::uint16_t kReadCommand = 0x30C;
     static constexpr std::uint16_t kWriteAddress = 0x310;
     static constexpr std::uint16_t kWriteCommand = 0x314;
-    // Their bits.
+    // Bits of these registers.
     static constexpr std::uint32_t kByteTestValue = 0x87654321;
     static constexpr std::uint32_t kReady = 1u << 27;
     static constexpr std::uint32_t kIrqEnable = 1u << 8;
     static constexpr std::uint32_t kIrqActiveHigh = 1u << 4;
     static constexpr std::uint32_t kIrqPushPull = 1u << 0;
     static constexpr std::uint32_t kEtherCatEvent = 1u << 0;
-    static constexpr std::uint32_t kBusy = 1u << 31;  // of all three commands
+    static constexpr std::uint32_t kBusy = 1u << 31;  // in all three command registers
     static constexpr std::uint32_t kCsrRead = 1u << 30;
-    static constexpr std::uint32_t kAbort = 1u << 30;  // of the FIFOs
-    static constexpr unsigned kCountShift = 8;         // of the FIFOs: double words there, or free
+    static constexpr std::uint32_t kAbort = 1u << 30;  // in the FIFO command registers
+    // In the FIFO command registers: number of double words that are available, or free.
+    static constexpr unsigned kCountShift = 8;
     static constexpr std::uint32_t kCountMask = 0x1F;
 
     static constexpr std::byte kSpiRead{0x03};
     static constexpr std::byte kSpiWrite{0x02};
     static constexpr std::size_t kSpiHead = 3;
-    static constexpr std::size_t kBlockBytes = 64 - 4;  // 16 double words, the first of which may begin late
-    static constexpr unsigned kPatience = 1000;         // reads of a busy bit
+    // 16 double words, where up to 3 octets of the first one can be unused.
+    static constexpr std::size_t kBlockBytes = 64 - 4;
+    static constexpr unsigned kPatience = 1000;  // number of reads of a busy bit before an access fails
 
-    // The address of a transfer stays the same for all its double words: that is how the FIFOs are meant.
+    // The address stays the same for all double words of a transfer, as the FIFOs require.
     void transfer(std::byte instruction, std::uint16_t address, std::size_t bytes) noexcept {
         buffer_[0] = instruction;
         buffer_[1] = static_cast<std::byte>(address >> 8);
@@ -118,14 +120,14 @@ class Lan9252 final : public subdevice::EscAccess {
         store_le<std::uint32_t>(buffer_, kSpiHead, value);
         transfer(kSpiWrite, address, 4);
     }
-    // Until the busy bit has gone; then the register as it is.
+    // Waits until the busy bit is clear and returns the register. Sets failed() when the bit stays set.
     std::uint32_t settle(std::uint16_t command) noexcept {
         for (unsigned n = 0; n < kPatience; ++n)
             if (const auto value = load(command); (value & kBusy) == 0) return value;
         failed_ = true;
         return 0;
     }
-    // Until the FIFO counts so many double words.
+    // Waits until the FIFO count is at least `words` double words.
     bool wait_for(std::uint16_t command, std::size_t words) noexcept {
         for (unsigned n = 0; n < kPatience; ++n)
             if ((load(command) >> kCountShift & kCountMask) >= words) return true;
@@ -133,7 +135,7 @@ class Lan9252 final : public subdevice::EscAccess {
         return false;
     }
 
-    // CSR accesses are of 1, 2 or 4 octets that lie on their own size.
+    // A CSR access has 1, 2 or 4 octets, and its address is a multiple of its size.
     static std::size_t csr_bytes(std::uint16_t address, std::size_t left) noexcept {
         if (address % 4 == 0 && left >= 4) return 4;
         return address % 2 == 0 && left >= 2 ? 2 : 1;
@@ -152,7 +154,7 @@ class Lan9252 final : public subdevice::EscAccess {
         (void)settle(kCsrCommand);
     }
 
-    // The first double word holds what lies at the address modulo four.
+    // The first double word begins at the address rounded down to a multiple of four.
     void read_fifo(std::uint16_t address, MutableBytes into) noexcept {
         const std::size_t skipped = address % 4;
         const auto words = (skipped + into.size() + 3) / 4;

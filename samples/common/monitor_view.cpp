@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kEvents = 6;
 
-// By columns, taking an UTF-8 character for one.
+// Cuts a line to `width` columns. A UTF-8 character counts as one column.
 std::string cut(const std::string& line, std::size_t width) {
     std::size_t columns = 0;
     for (std::size_t i = 0; i < line.size(); ++i) {
@@ -55,7 +55,7 @@ std::string times_line(std::string_view name, const DurationHistogram& h) {
 }
 
 std::string slave_line(const Slave& slave, const LineErrors* errors) {
-    auto text = fmt::format("{:>5}  {:<16} {}", slave.position,
+    auto text = fmt::format("{:>5}  {:<16} {}", slave.number,
                             slave.al.state == AlState::none ? std::string("lost") : al_text(slave.al), slave.name());
     if (errors == nullptr) return text;
     for (std::size_t port = 0; port < errors->ports.size(); ++port) {

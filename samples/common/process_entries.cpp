@@ -17,7 +17,7 @@ bool is_signed(std::uint8_t type) {
 }
 bool is_text(std::uint8_t type) { return type == 0x09 || type == 0x0A || type == 0x0B; }
 
-// The template argument; empty: octets.
+// The template argument for the handle; empty when the entry has to be used as octets.
 std::string value_type(const MapEntry& e) {
     if (e.bits == 1 || (e.data_type == 0x01 && e.bits <= 8)) return "bool";
     if (e.data_type == 0x08 && e.bits == 32) return "float";
@@ -45,7 +45,7 @@ class Names {
 
 struct Declaration {
     std::string name;
-    std::string text;  // empty: there is none
+    std::string text;  // empty: the entry has no declaration
 };
 
 std::vector<Declaration> declare(const ProcessMap& map) {
@@ -57,7 +57,7 @@ std::vector<Declaration> declare(const ProcessMap& map) {
         if (e.pdo == 0 || e.index == 0) continue;
         const std::string type = value_type(e);
         if (type.empty() && e.bits % 8 != 0) continue;
-        // Of an object that is mapped twice the second one is found by its place.
+        // Each mapping of an object after the first one is addressed by its place in the PDOs.
         const bool first = seen.emplace(e.slave, e.direction, e.index, e.subindex).second;
         const std::string object = fmt::format("{}, 0x{:04X}, {}", e.slave, e.index, e.subindex);
         const std::string place = fmt::format("margay::EntryAddress::at({}, {}, {}, {})", e.slave, e.sync_manager,

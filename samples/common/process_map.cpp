@@ -35,7 +35,8 @@ struct NamedEntry {
     std::string name{};
 };
 
-// The entries of all PDOs that the SII assigns to one SyncManager; without one, of all that it has of this direction.
+// The entries of all PDOs that the SII assigns to one SyncManager. Without a SyncManager: the entries of all PDOs of
+// this direction.
 std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync_manager, Direction direction) {
     std::vector<NamedEntry> all;
     const Bytes strings = sii::find_category(image, sii::category::kStrings).value_or(Bytes{});
@@ -58,7 +59,7 @@ std::vector<NamedEntry> entries_of(Bytes image, std::optional<std::uint8_t> sync
     return all;
 }
 
-// What the SII knows of an entry, and where it has no name what the dictionary tells.
+// Copies the name and type of an entry from the SII. When the SII has no name, the name comes from the dictionary.
 void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>& known, NamedEntry& e) {
     for (const auto& k : known) {
         if (k.pdo == e.pdo) e.pdo_name = k.pdo_name;
@@ -68,27 +69,26 @@ void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>&
     }
     const bool informs = (slave.coe_details & coe_detail::kSdoInformation) != 0;
     if (!informs || e.entry.index == 0 || !e.name.empty()) return;
-    const auto told = entry_description(ctx, slave.position, e.entry.index, e.entry.subindex);
+    const auto told = read_entry_description(ctx, slave.number, e.entry.index, e.entry.subindex);
     if (told) e.name = std::string(told->name());
     if (told && e.entry.data_type == 0 && told->data_type <= 0xFF)
         e.entry.data_type = static_cast<std::uint8_t>(told->data_type);
 }
 
-// The entries that the slave's dictionary has assigned; none where it does not tell. A place of the assignment that
-// holds 0 names no PDO.
+// The entries that the PDO assignment in the slave's dictionary lists; none when the dictionary cannot be read. A
+// subindex of the assignment that holds 0 names no PDO.
 std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, const ProcessSm& sm, Bytes image) {
     const auto known = entries_of(image, std::nullopt, sm.direction);
     const auto assignment = static_cast<std::uint16_t>(0x1C10 + sm.number);
     std::vector<NamedEntry> all;
-    const auto pdos = SDOread<std::uint8_t>(ctx, slave.position, assignment, 0);
+    const auto pdos = SDOread<std::uint8_t>(ctx, slave.number, assignment, 0);
     for (unsigned p = 1; pdos && p <= *pdos; ++p) {
-        const auto pdo = SDOread<std::uint16_t>(ctx, slave.position, assignment, static_cast<std::uint8_t>(p));
+        const auto pdo = SDOread<std::uint16_t>(ctx, slave.number, assignment, static_cast<std::uint8_t>(p));
         if (pdo && *pdo == 0) continue;
-        const auto count =
-            pdo ? SDOread<std::uint8_t>(ctx, slave.position, *pdo, 0) : Result<std::uint8_t>(pdo.error());
+        const auto count = pdo ? SDOread<std::uint8_t>(ctx, slave.number, *pdo, 0) : Result<std::uint8_t>(pdo.error());
         if (!count) return {};
         for (unsigned n = 1; n <= *count; ++n) {
-            const auto word = SDOread<std::uint32_t>(ctx, slave.position, *pdo, static_cast<std::uint8_t>(n));
+            const auto word = SDOread<std::uint32_t>(ctx, slave.number, *pdo, static_cast<std::uint8_t>(n));
             if (!word) return {};
             NamedEntry e{
                 .pdo = *pdo, .pdo_place = static_cast<std::uint8_t>(p), .entry_place = static_cast<std::uint8_t>(n)};
@@ -104,8 +104,8 @@ std::vector<NamedEntry> entries_by_dictionary(Context& ctx, const Slave& slave, 
 
 std::vector<std::byte> read_image(Context& ctx, const Slave& slave, ProcessMap& map) {
     if (!slave.sii_read) return {};
-    SlaveEeprom eeprom(ctx, slave.position);
-    auto content = read_described(eeprom, no_progress());
+    SlaveEeprom eeprom(ctx, slave.number);
+    auto content = read_used_part(eeprom, no_progress());
     if (!content.error.empty()) map.remarks.push_back(content.error);
     return std::move(content.octets);
 }
@@ -126,8 +126,8 @@ void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std
         if (described != 0)
             map.remarks.push_back(
                 fmt::format("slave {}: SyncManager {} is mapped with {} bits, the PDOs of its SII have {}",
-                            slave.position, sm.number, sm.bits, described));
-        map.entries.push_back({.slave = slave.position,
+                            slave.number, sm.number, sm.bits, described));
+        map.entries.push_back({.slave = slave.number,
                                .direction = sm.direction,
                                .sync_manager = sm.number,
                                .offset_bits = offset_bits,
@@ -135,7 +135,7 @@ void add_sync_manager(Context& ctx, const Slave& slave, const ProcessSm& sm, std
         return;
     }
     for (const auto& e : entries) {
-        map.entries.push_back({slave.position, sm.direction, sm.number, e.pdo, e.pdo_place, e.entry_place, e.pdo_name,
+        map.entries.push_back({slave.number, sm.direction, sm.number, e.pdo, e.pdo_place, e.entry_place, e.pdo_name,
                                e.entry.index, e.entry.subindex, e.name, e.entry.data_type, offset_bits,
                                e.entry.bit_length});
         offset_bits += e.entry.bit_length;
@@ -172,7 +172,7 @@ ProcessMap read_process_map(Context& ctx, std::uint8_t group) {
             if (slave.config.sms[n].bits != 0)
                 add_sync_manager(ctx, slave, slave.config.sms[n], sm_offset_bits(slave, packing, n), image, map);
         if (slave.image.mailbox_status_bit != SlaveImage::kNone)
-            map.entries.push_back({.slave = slave.position,
+            map.entries.push_back({.slave = slave.number,
                                    .direction = Direction::inputs,
                                    .sync_manager = 1,
                                    .pdo = 0,

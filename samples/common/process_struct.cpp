@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint32_t kMostFieldBits = 64;
 
-// No comment that a name could end.
+// Removes characters that could end the comment in which a name is written.
 std::string comment(std::string text) {
     for (char& c : text)
         if (c == '*' || c == '/' || c == '\\' || static_cast<unsigned char>(c) < 0x20) c = ' ';
@@ -23,7 +23,7 @@ struct CType {
     std::string suffix{};
 };
 
-// CoE's basic types where the length agrees, else unsigned integers, else octets.
+// The C type for a CoE type when the lengths agree, else an unsigned integer, else an array of octets.
 CType c_type(const MapEntry& e) {
     const bool is_signed = (e.data_type >= 0x02 && e.data_type <= 0x04) || e.data_type == 0x15;
     if (e.data_type == 0x08 && e.bits == 32) return {"float"};
@@ -33,7 +33,7 @@ CType c_type(const MapEntry& e) {
     return {"uint8_t", fmt::format("[{}]", e.bits / 8)};
 }
 
-// One of the two structs.
+// Writes one of the two structs (outputs or inputs).
 class StructWriter {
   public:
     StructWriter(Context& ctx, std::string name, std::uint32_t begin_bytes, std::uint32_t bytes)
@@ -89,8 +89,8 @@ class StructWriter {
             fmt::format("static_assert(offsetof({}, {}) == {}, \"\");\n", name_, name, (e.offset_bits - begin_) / 8);
         at_ += e.bits;
     }
-    // Entries that share octets, up to where one ends with its octet. Too many bits for a bit-field: an array that
-    // holds them all.
+    // Writes the entries that share octets, up to an entry that ends on an octet boundary. When the run has too many
+    // bits for a bit-field, it becomes one array.
     std::size_t fields(std::span<const MapEntry> entries, std::size_t n) {
         std::size_t last = n;
         std::uint32_t end = entries[n].offset_bits + entries[n].bits;
@@ -122,7 +122,8 @@ class StructWriter {
         at_ = octets_end;
         return last + 1;
     }
-    // All fields of a run have one type; packed, it takes no more octets than its fields need.
+    // All fields of a run have one type. The struct is packed, so the run occupies no more octets than its fields
+    // need.
     static const char* field_type(std::uint32_t run_bits) {
         return run_bits <= 8 ? "uint8_t" : run_bits <= 16 ? "uint16_t" : run_bits <= 32 ? "uint32_t" : "uint64_t";
     }

@@ -20,7 +20,7 @@ fs::path folder() {
     return MARGAY_SEGMENTS_FOLDER;
 }
 
-// The line `title = "…"` of a description.
+// The text of the line `title = "…"` in a description.
 std::string title_in(const fs::path& file) {
     constexpr std::string_view kBegin = "title = \"";
     std::ifstream in(file);

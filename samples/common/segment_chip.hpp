@@ -1,5 +1,5 @@
-// Reading of segment descriptions: values out of TOML with errors that name the line, and what a description
-// says of a slave's chip and EEPROM.
+// Reads values of segment descriptions from TOML, with errors that name the line, and applies a description to the
+// chip and the EEPROM of a slave.
 #pragma once
 
 #include "sim/esc_description.hpp"
@@ -48,7 +48,7 @@ class DescriptionReader {
         return {};
     }
 
-    // Takes an integer into a field of any type where the table has it.
+    // Reads an integer into a field of any type if the table has this key.
     template <class T>
     Fault optional_integer(const toml::table& table, std::string_view name, std::int64_t least, std::int64_t most,
                            T& field) const {
@@ -87,9 +87,9 @@ class DescriptionReader {
     std::string origin_;
 };
 
-// Serial number and alias into an image.
+// Writes the serial number and the alias of a description into an image.
 [[nodiscard]] Fault adjust_image(const DescriptionReader& reader, const toml::table& table, MutableBytes image);
-// Everything that a description may change of a chip.
+// Applies all chip settings of a description.
 [[nodiscard]] Fault adjust_chip(const DescriptionReader& reader, const toml::table& table, sim::EscDescription& chip);
 
 }  // namespace margay::samples

@@ -1,4 +1,4 @@
-// Commands to a running simulated segment, one line each: cables, power, losses, clocks, process data,
+// Executes commands on a running simulated segment, one line each: cables, power, lost frames, clocks, process data,
 // registers.
 #pragma once
 
@@ -9,8 +9,8 @@
 
 namespace margay::samples {
 
-// Carries out one command and returns what there is to print, an explanation where it makes no sense. "help"
-// tells all of them.
+// Executes one command and returns the text to print, or an explanation of what is wrong with the command. "help"
+// lists all commands.
 [[nodiscard]] std::string execute(SimulatedSegment& simulated, std::string_view command, Time now);
 
 // "PREOP", "SAFEOP + ERROR 0x001b (sync manager watchdog)".

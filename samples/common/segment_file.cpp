@@ -22,7 +22,7 @@ namespace {
 
 using sim::kMaxPorts;
 
-// Built in, so that it is there without any file.
+// Built into the program, so that it needs no file.
 constexpr const char* kDemo = R"(
 title = "A coupler with digital and analogue terminals"
 
@@ -56,7 +56,7 @@ std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& pat
     return bytes;
 }
 
-// An image that nobody could have read from an EEPROM is refused: an empty file, a text, a folder, one that is
+// Reads an SII image. Refuses content that cannot come from an EEPROM: an empty file, a text file, a folder, or a file
 // larger than any EEPROM.
 std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
     std::error_code ignored;
@@ -83,7 +83,7 @@ bool exists(const sim::EscDescription& chip, unsigned port) {
     return port < kMaxPorts && chip.ports[port].kind >= wire::PortKind::ebus;
 }
 
-// Builds a segment out of a parsed description.
+// Builds a segment from a parsed description.
 class Builder : private DescriptionReader {
   public:
     Builder(std::string origin, std::filesystem::path folder, Time now)
@@ -177,7 +177,7 @@ class Builder : private DescriptionReader {
         return {};
     }
 
-    // The n-th of `count` alike, each hanging on the one before.
+    // Adds the n-th of `count` equal slaves. Each is connected to the slave before it.
     Fault one_of(const toml::table& table, std::int64_t n, std::int64_t count) {
         sim::Device device;
         if (const auto fault = make(table, device)) return fault;
@@ -207,8 +207,8 @@ class Builder : private DescriptionReader {
         return {};
     }
 
-    // What a master has written before: station = 0x1001, preset = [[0x0120, 0x02]]: an address and the
-    // octets from there.
+    // Reads the register values that an earlier master wrote: station = 0x1001, preset = [[0x0120, 0x02]]. A preset is
+    // an address and the octets from this address.
     Fault presets(const toml::table& table, std::uint32_t number) {
         std::int64_t station = -1;
         if (const auto fault = optional_integer(table, "station", 0, 0xFFFF, station)) return fault;
@@ -235,7 +235,7 @@ class Builder : private DescriptionReader {
         return {};
     }
 
-    // As a master would have: each in a frame of its own, with time for the firmware in between.
+    // Writes the presets as a master would: each in a separate frame, with time for the firmware between two frames.
     void apply_presets() {
         for (const auto& preset : presets_) {
             auto& esc = result_->segment.slave(preset.slave);
@@ -289,7 +289,7 @@ class Builder : private DescriptionReader {
         return {};
     }
 
-    // Finds the port of the parent that the slave hangs on, and plugs the cable in.
+    // Finds the parent's port for the slave and plugs the cable in.
     Fault connect(const toml::table& table, bool first, sim::Device device, std::uint32_t number) {
         std::int64_t cable_ns = 5;
         std::int64_t enter = 0;
@@ -317,7 +317,7 @@ class Builder : private DescriptionReader {
         std::int64_t port = -1;
         if (const auto fault = optional_integer(table, "port", 0, kMaxPorts - 1, port)) return fault;
         const auto& parent_chip = segment.slave(parent).description();
-        if (port < 0) {  // the next that is free, one of the same kind before others
+        if (port < 0) {  // the next free port, ports of the same kind first
             const auto kind = chip.ports[static_cast<std::size_t>(enter)].kind;
             for (const bool same : {true, false})
                 for (const std::int64_t candidate : {1, 2, 3, 0})
@@ -353,7 +353,7 @@ class Builder : private DescriptionReader {
         return at(node, fmt::format("there is no slave '{}'", name));
     }
 
-    // ring = { slave = "name", port = 1 }: where the master's second port is plugged in.
+    // ring = { slave = "name", port = 1 }: the port that the master's second NIC is connected to.
     Fault ring(const toml::node& node) {
         const auto* table = node.as_table();
         if (table == nullptr) return at(node, "'ring' is a table: { slave = \"name\", port = 1 }");
@@ -398,7 +398,7 @@ class Builder : private DescriptionReader {
     Time now_;
     std::unique_ptr<SimulatedSegment> result_;
     std::map<std::string, std::uint32_t> numbers_;
-    std::map<std::string, std::uint32_t> lines_;  // where each name is, later ones too
+    std::map<std::string, std::uint32_t> lines_;  // the line of each name, also of names that are read later
     std::map<std::pair<std::uint32_t, std::int64_t>, bool> used_;
     struct Preset {
         std::uint32_t slave = 0;
@@ -411,7 +411,7 @@ class Builder : private DescriptionReader {
     std::optional<sim::Segment::Noise> noise_;
 };
 
-// Paths of images in a line, as a description: everything else is as if it had been written down.
+// Turns paths of images into a description of slaves in a line. All other settings have their defaults.
 LoadedSegment load_line_of_images(const std::string& paths, Time now) {
     std::string text;
     std::stringstream in(paths);

@@ -1,5 +1,5 @@
-// Simulated segments from descriptions: files in TOML (see samples/segments/README.md), "demo", or SII images
-// in a line.
+// Loads simulated segments from descriptions: TOML files (see samples/segments/README.md), "demo", or SII images in a
+// line.
 #pragma once
 
 #include "sim/segment.hpp"
@@ -10,11 +10,12 @@
 
 namespace margay::samples {
 
-// A segment with the names that its slaves have in the description. Everything is switched on.
+// A segment with the names of its slaves in the description. All slaves are switched on unless the description says
+// otherwise.
 struct SimulatedSegment {
     sim::Segment segment;
     std::vector<std::string> names;                        // by slave number; unique
-    Duration round_trip = std::chrono::microseconds(100);  // of the master's side, as the file has it
+    Duration round_trip = std::chrono::microseconds(100);  // on the side of the master, as the file says
 };
 
 class LoadedSegment {
@@ -23,7 +24,7 @@ class LoadedSegment {
     explicit LoadedSegment(std::string error) : error_(std::move(error)) {}
 
     [[nodiscard]] explicit operator bool() const noexcept { return segment_ != nullptr; }
-    // One sentence: which file, which line, what is wrong with it.
+    // One sentence: the file, the line, and the error.
     [[nodiscard]] const std::string& error() const noexcept { return error_; }
     [[nodiscard]] SimulatedSegment* operator->() noexcept { return segment_.get(); }
     [[nodiscard]] SimulatedSegment& operator*() noexcept { return *segment_; }
@@ -34,12 +35,12 @@ class LoadedSegment {
     std::string error_;
 };
 
-// `what` is "demo" or the name of another ready-made segment, the path of a description (*.toml), or paths of SII
-// images separated by commas, in a line. `now` is when the segment is switched on.
+// Loads a segment. `what` is the name of a ready-made segment such as "demo", the path of a description (*.toml), or
+// paths of SII images separated by commas, which form a line. `now` is the time when the segment is switched on.
 [[nodiscard]] LoadedSegment load_segment(const std::string& what, Time now = Time{});
 
-// The same from the text of a description; `origin` is what errors call it, `folder` where its relative paths
-// start.
+// Loads a segment from the text of a description. Error texts call the description `origin`. Relative paths in it
+// start at `folder`.
 [[nodiscard]] LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder,
                                           Time now = Time{});
 

@@ -15,8 +15,9 @@ namespace {
 constexpr Duration kLinkTimeout = std::chrono::seconds(5);
 constexpr Duration kReplyTimeout = std::chrono::milliseconds(20);
 constexpr int kSendings = 5;
-// AL status to AL status code. No scan reads these six octets at once, so a recording keeps this read apart from those
-// of the scan, and a replay without the look finds them in their order.
+// AL status to AL status code. No scan reads these six octets in one datagram. Thus a recording distinguishes this
+// read from the reads of the scan, and a replay of a program that does not make this read finds the reads of the scan
+// in their order.
 constexpr std::size_t kOctets = 6;
 constexpr std::uint8_t kIndex = 0xA5;
 
@@ -29,7 +30,8 @@ bool wait_for_link(Nic& nic, Osal& osal) {
     return true;
 }
 
-// The answer of the slaves in a frame; nothing where it is another frame, or one that no slave has worked on.
+// The answer of the slaves in a frame. Returns nothing for any other frame, and for a frame that no slave has
+// processed.
 std::optional<SegmentLook> answer_in(Bytes frame) {
     wire::DatagramReader reader(frame);
     const auto datagram = reader.next();

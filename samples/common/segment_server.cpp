@@ -20,8 +20,8 @@ namespace margay::samples {
 namespace {
 
 using namespace std::chrono_literals;
-constexpr Duration kSilence = 2s;     // a master that is quiet for so long and talks again is mentioned again
-constexpr Duration kStateLook = 5ms;  // how often state changes are looked for
+constexpr Duration kSilence = 2s;     // a master that sends again after such a pause is reported again
+constexpr Duration kStateLook = 5ms;  // interval for the detection of state changes
 constexpr std::size_t kMaxMasters = 64;
 
 }  // namespace
@@ -140,12 +140,12 @@ void SegmentServer::print_states() {
     }
 }
 
-// True: to be ended.
+// Returns true when the server must end.
 bool SegmentServer::read_commands() {
     std::array<char, 512> buffer;
     const auto size = ::read(STDIN_FILENO, buffer.data(), buffer.size());
     if (size <= 0) {
-        commands_open_ = false;  // nobody there any more, which is no reason to stop
+        commands_open_ = false;  // standard input is closed; the server continues
         return false;
     }
     pending_.append(buffer.data(), static_cast<std::size_t>(size));

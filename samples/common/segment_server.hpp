@@ -1,5 +1,5 @@
-// A simulated segment behind a real network interface: takes the master's frames, gives back the answers,
-// obeys commands.
+// Connects a simulated segment to a real network interface: receives the frames of a master, returns the answers,
+// executes commands.
 #pragma once
 
 #include "common/segment_file.hpp"
@@ -25,9 +25,9 @@ class SegmentServer {
   public:
     ~SegmentServer();
 
-    // Empty when all is well, else one sentence.
+    // Returns one sentence about an error; empty when there is none.
     [[nodiscard]] std::string open(const std::string& description, const ServerOptions& options);
-    // Serves until SIGINT, SIGTERM or the command "quit". False when something broke.
+    // Serves until SIGINT, SIGTERM or the command "quit". Returns false after an error.
     [[nodiscard]] bool run();
 
   private:
@@ -47,8 +47,8 @@ class SegmentServer {
     int signals_ = -1;
     bool quiet_ = false;
     bool commands_open_ = true;
-    std::string pending_;                 // a command not yet finished
-    std::map<MacAddress, Time> masters_;  // when each last talked
+    std::string pending_;                 // the beginning of a command whose line is not complete
+    std::map<MacAddress, Time> masters_;  // the time of the last frame of each master
     std::vector<std::string> states_;
     std::uint64_t answered_ = 0;
     std::uint64_t lost_ = 0;

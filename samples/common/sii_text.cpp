@@ -18,7 +18,7 @@ struct BitName {
     std::string_view name;
 };
 
-// "CoE FoE"; bits without a name as a number.
+// Names of bits, such as "CoE FoE". Bits without a name are shown as a number.
 std::string bit_names(unsigned bits, std::initializer_list<BitName> names) {
     std::string out;
     const auto add = [&out](std::string_view text) {
@@ -65,7 +65,7 @@ std::string_view port_text(sii::PhysicalPort port) {
     return "unknown";
 }
 
-// The basic types that PDO entries have (ETG.1000.6, "Base data types").
+// The CoE base types that PDO entries have (ETG.1000.6, "Base data types").
 std::string data_type_text(std::uint8_t type) {
     switch (type) {
         case 0x01: return "BOOL";
@@ -111,11 +111,11 @@ class Text {
     }
 
     static std::string utf8(Bytes octets) {
-        std::array<char, 512> room{};  // a string's 255 octets, each of them two
+        std::array<char, 512> room{};  // a string has up to 255 octets, and each can need two octets in UTF-8
         return std::string(sii::to_utf8(octets, room));
     }
 
-    // `"EL2004" (1)`; nothing for number 0.
+    // A string and its number, such as `"EL2004" (1)`; empty for number 0.
     [[nodiscard]] std::string name(sii::StringNumber number) const {
         if (number == 0) return "";
         const auto found = sii::string(strings_, number);
@@ -173,7 +173,7 @@ class Text {
     void strings(Bytes content) {
         for (unsigned number = 1; number <= sii::string_count(content); ++number) {
             const auto found = sii::string(content, static_cast<sii::StringNumber>(number));
-            if (!found.ok()) return;  // told with the faults
+            if (!found.ok()) return;  // the findings report this fault
             line("  {:>3} \"{}\"", number, utf8(found.value));
         }
     }

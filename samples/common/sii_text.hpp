@@ -1,4 +1,4 @@
-// An SII image in words.
+// Describes an SII image as text.
 #pragma once
 
 #include "util/bytes.hpp"
@@ -9,14 +9,14 @@
 
 namespace margay::samples {
 
-// Everything in it, category by category; what is not known is shown as octets. What can be read is shown,
-// however bad the rest is.
+// The whole image as text, category by category. Unknown categories are shown as octets. In a damaged image everything
+// that can be read is shown.
 [[nodiscard]] std::string sii_text(Bytes image);
 
-// All that the strict check finds.
+// All findings of the strict check.
 [[nodiscard]] std::vector<wire::sii::Finding> sii_findings(Bytes image);
 
-// "word 0x0007: the checksum of the configuration area is wrong (expected 0x10, found 0xff)".
+// A finding as text: "word 0x0007: the checksum of the configuration area is wrong (expected 0x10, found 0xff)".
 [[nodiscard]] std::string finding_text(const wire::sii::Finding& finding);
 
 }  // namespace margay::samples

@@ -7,17 +7,16 @@
 namespace margay::samples {
 
 std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
-    const auto done = eeprom_read(ctx_, position_, word, into);
+    const auto done = read_sii(ctx_, position_, word, into);
     return done ? std::string() : sentence(done.error());
 }
 
-// Word by word: so each word that counts as written was read back, and an address above 16 bits is not lost
-// in an Error.
+// Writes one word at a time. Thus each counted word was read back, and an address above 16 bits is correct in the
+// error text.
 Eeprom::Written SlaveEeprom::write(std::uint32_t word, Bytes octets) {
     Written written;
     for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {
-        const auto done =
-            eeprom_write(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
+        const auto done = write_sii(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
         if (!done) {
             written.error = sentence(done.error());
             break;

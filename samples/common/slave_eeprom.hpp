@@ -1,4 +1,4 @@
-// The EEPROM of a slave on a segment, through the public API.
+// The EEPROM of a slave on a segment, accessed through the public API.
 #pragma once
 
 #include "common/eeprom.hpp"
@@ -7,7 +7,7 @@
 
 namespace margay::samples {
 
-// `ctx` has been through config_init() and outlives it.
+// config_init() must have succeeded for `ctx`, and `ctx` must outlive the object.
 class SlaveEeprom final : public Eeprom {
   public:
     SlaveEeprom(Context& ctx, std::uint16_t position) : ctx_(ctx), position_(position) {}

@@ -66,7 +66,7 @@ const char* fmmu_use(FmmuUse use) {
 
 const char* dc_text(const DlInformation& dl) { return !dl.dc ? "no" : dl.dc_64bit ? "64 bit" : "32 bit"; }
 
-// The name, or what stands for it.
+// The name of the slave, or its vendor ID and product code when it has no name.
 std::string title(const Slave& slave) {
     if (!slave.name().empty()) return std::string(slave.name());
     return fmt::format("(no name) {:#010x}:{:#010x}", slave.identity.vendor, slave.identity.product);
@@ -132,7 +132,7 @@ nlohmann::ordered_json slave_json(const Slave& s) {
     auto fmmus = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < s.fmmu_count; ++i) fmmus.push_back(fmmu_use(s.fmmu_use[i]));
     return {
-        {"position", s.position},
+        {"position", s.number},
         {"station_address", s.station_address.value},
         {"alias", s.alias},
         {"name", std::string(s.name())},
@@ -163,17 +163,18 @@ nlohmann::ordered_json slave_json(const Slave& s) {
          s.error.code == Errc::none ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(sentence(s.error))}};
 }
 
-// The slave and all behind it. A slave with one child stands above this child, in the same column; the children of a
-// slave with several are indented. `first` begins the line of the slave, `indent` the lines behind it.
+// Writes a slave and all slaves behind it. A slave with one child has this child below it in the same column. The
+// children of a slave with several children are indented. `first` is the beginning of the slave's line, `indent` the
+// beginning of the lines behind it.
 void add_line(Context& ctx, const Slave& slave, const std::string& first, const std::string& indent,
               std::string& text) {
     const Slave* at = &slave;
     for (const auto* begin = &first; at != nullptr; begin = &indent) {
-        text += fmt::format("{}{} {}{}\n", *begin, at->position, title(*at),
+        text += fmt::format("{}{} {}{}\n", *begin, at->number, title(*at),
                             at->parent == 0 ? std::string() : fmt::format(" (port {})", at->parent_port));
         std::vector<const Slave*> children;
         for (const Slave& other : ctx.slaves())
-            if (other.parent == at->position && other.position != at->position) children.push_back(&other);
+            if (other.parent == at->number && other.number != at->number) children.push_back(&other);
         at = children.size() == 1 ? children.front() : nullptr;
         if (at != nullptr) continue;
         for (const Slave* child : children) {
@@ -193,7 +194,7 @@ std::string sentence(const Error& error) {
 std::string al_text(const AlStatus& al) { return fmt::format("{}{}", to_text(al.state), al.error ? " + ERROR" : ""); }
 
 std::string slave_text(const Slave& s) {
-    std::string text = fmt::format("Slave {}: {}\n", s.position, title(s));
+    std::string text = fmt::format("Slave {}: {}\n", s.number, title(s));
     text += fmt::format("  Station address   {:#06x}    alias {}\n", s.station_address.value, s.alias);
     text += fmt::format("  Vendor {:#010x}  product {:#010x}  revision {:#010x}  serial {:#010x}\n", s.identity.vendor,
                         s.identity.product, s.identity.revision, s.identity.serial);

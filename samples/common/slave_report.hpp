@@ -1,4 +1,4 @@
-// What slaveinfo says of a segment, as text for people and as JSON for programs.
+// Describes a segment for slaveinfo, as text for people and as JSON for programs.
 #pragma once
 
 #include <margay/context.hpp>
@@ -8,16 +8,16 @@
 
 namespace margay::samples {
 
-// The sentence that describe() writes.
+// The sentence that describe() writes for an error.
 [[nodiscard]] std::string sentence(const Error& error);
 
 // "PREOP", "SAFEOP + ERROR" …
 [[nodiscard]] std::string al_text(const AlStatus& al);
 
-// One slave, several lines.
+// Describes one slave in several lines.
 [[nodiscard]] std::string slave_text(const Slave& slave);
 
-// The segment as a tree, a line a slave: slaves one behind the other share a column, branches are indented.
+// The segment as a tree, one line per slave. Slaves in a line share a column; branches are indented.
 [[nodiscard]] std::string topology_text(Context& ctx);
 
 [[nodiscard]] nlohmann::ordered_json segment_json(Context& ctx);

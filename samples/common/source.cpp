@@ -27,7 +27,7 @@ std::string Source::finish() {
     return said;
 }
 
-// Builds a Source from the inside out: system, NIC, recorder, trace.
+// Builds a Source in this order: operating system layer, NIC, recorder, trace.
 class SourceOpener {
   public:
     OpenedSource open(const std::string& text, const SourceOptions& options) {
@@ -82,7 +82,8 @@ class SourceOpener {
     std::string record_to(const std::string& file) {
         auto& recorder = source_->recorder_.emplace(*source_->outermost_, *source_->osal_);
         source_->outermost_ = &recorder;
-        // Wall-clock time on hardware; none in virtual time, so that the same run gives the same file.
+        // Recordings of hardware have the wall-clock time. Recordings in virtual time do not, so that the same run
+        // writes the same file.
         Duration epoch{};
         if (!source_->virtual_time())
             epoch = std::chrono::system_clock::now().time_since_epoch() - source_->osal_->now().time_since_epoch();

@@ -1,13 +1,13 @@
-// SOURCE, the argument of all programs with a master: where the segment is.
+// SOURCE, the argument of all programs with a master, selects the segment.
 //
 //     eth0            a network interface
 //     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or SII
 //                     images in a line (sim:a.bin,b.bin)
 //     pcap:FILE       a recording
 //
-// Simulated segments and recordings live in virtual time: they run as fast as the machine allows and give the
-// same output every time. A recording answers only what the recorded master asked: one that the same program made with
-// the same arguments can be replayed, one of another master cannot.
+// Simulated segments and recordings use virtual time: they run as fast as the machine allows, and the output is the
+// same every time. A recording answers only what the recorded master asked. Thus a recording can be replayed when the
+// same program made it with the same arguments. A recording of another master cannot be replayed.
 #pragma once
 
 #include "common/segment_file.hpp"
@@ -28,23 +28,23 @@ namespace margay::samples {
 
 struct SourceOptions {
     std::string record{};  // file for every frame sent and received; empty: none
-    bool trace = false;    // a line for every datagram to standard error
+    bool trace = false;    // prints a line for every datagram to standard error
 };
 
-// A NIC and the system that goes with it, with recorder and trace around the NIC where asked for.
+// A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
 class Source {
   public:
     [[nodiscard]] Nic& nic() noexcept { return *outermost_; }
     [[nodiscard]] Osal& osal() noexcept { return *osal_; }
 
-    // Whether time moves only when somebody waits.
+    // True when time moves only while the program waits.
     [[nodiscard]] bool virtual_time() const noexcept { return !linux_osal_; }
 
-    // To be called at the end, after an error of the master as well: closes the recording and returns what
-    // there is to say about the source itself, for people: the recording is not complete; the first request
-    // that a replay had no answer for. Empty when all is well.
+    // Call it at the end, also after an error of the master. Closes the recording and returns a remark about the
+    // source itself: the recording is not complete, or the first request that a replay had no answer for. Empty when
+    // there is no remark.
     [[nodiscard]] std::string finish();
-    // After finish(): whether the recording is not complete.
+    // After finish(): true when the recording is not complete.
     [[nodiscard]] bool recording_lost() const noexcept { return recording_lost_; }
 
   private:
@@ -69,7 +69,7 @@ class Source {
     bool recording_lost_ = false;
 };
 
-// A source, or a sentence that says why there is none.
+// A source, or a sentence that says why the source could not be opened.
 class OpenedSource {
   public:
     explicit OpenedSource(std::unique_ptr<Source> source) : source_(std::move(source)) {}

@@ -18,7 +18,8 @@
 namespace margay::samples {
 namespace {
 
-// "up" for an Ethernet interface with a link, "no link" or "down" for others; empty where it is no Ethernet interface.
+// "up" for an Ethernet interface with a link, "no link" or "down" for others; empty when the interface is not
+// Ethernet.
 std::string ethernet_state(int socket, const char* name) {
     ifreq request{};
     std::strncpy(request.ifr_name, name, IFNAMSIZ - 1);
@@ -28,8 +29,8 @@ std::string ethernet_state(int socket, const char* name) {
     return (request.ifr_flags & IFF_RUNNING) != 0 ? "up" : "no link";
 }
 
-// Empty where `body` may go on.
-std::string why_not_to_scan(Source& source) {
+// Returns why `body` must not scan the segment; empty when it can.
+std::string scan_refusal(Source& source) {
     const auto look = look_at_segment(source.nic(), source.osal());
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
@@ -76,8 +77,8 @@ std::string list_of_segments(const std::string& prefix) {
 int run_on_source(const SourceArguments& values, const std::function<int(Source&)>& body) {
     auto source = open_source(values.source, values.options);
     if (!source) return fail(source.error(), exit_code::kSystem);
-    // In virtual time nobody else is there.
-    const auto refusal = source->virtual_time() || values.take_over ? std::string() : why_not_to_scan(*source);
+    // In virtual time there is no other master.
+    const auto refusal = source->virtual_time() || values.take_over ? std::string() : scan_refusal(*source);
     int code = refusal.empty() ? body(*source) : fail(refusal);
     const auto remark = source->finish();
     if (remark.empty()) return code;

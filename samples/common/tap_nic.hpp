@@ -1,4 +1,4 @@
-// A TAP device as a NIC: what the kernel sends to its network interface is received here.
+// A TAP device as a NIC: receive() returns the frames that the kernel sends to the TAP interface.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -14,8 +14,8 @@ class TapNic final : public Nic {
     TapNic(const TapNic&) = delete;
     TapNic& operator=(const TapNic&) = delete;
 
-    // Makes the device and sets its interface up; it is gone when this is. Empty when all is well, else one
-    // sentence.
+    // Creates the device and sets its interface up. The destructor removes the device. Returns one sentence about an
+    // error; empty when there is none.
     [[nodiscard]] std::string open(const std::string& name);
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;

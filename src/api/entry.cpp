@@ -1,4 +1,5 @@
-// Entries of process data by the public API: values of any bits, and finding an entry without a list.
+// Entries of process data for the public API: loading and storing values of any bits, and finding an entry without a
+// list.
 #include "api/mail.hpp"
 #include "network/entries.hpp"
 #include "network/entry_names.hpp"
@@ -63,7 +64,7 @@ void OctetsEntry::store(std::span<const std::byte> value) {
 
 namespace {
 
-// Stands for the entry that a request asks for.
+// The handle for the entry that an EntryRequest asks for.
 class Wanted final : public EntryHandle {
   public:
     Wanted(const EntryAddress& address, Direction direction) : EntryHandle(address, direction, EntryKind::any, 0) {}
@@ -100,7 +101,7 @@ static Task<Result<>> run(Network& network, EntryRequest& request) {
     EntryMatcher matcher(handles, slave);
     auto walked = co_await find_entries(network, slave, matcher);
     if (!walked) co_return walked;
-    const Error changed = check(network, request);  // the configuration of the slave may be another one now
+    const Error changed = check(network, request);  // the configuration of the slave may have changed meanwhile
     if (changed.code != Errc::none) co_return changed;
     Wanted& first = request.one_direction && request.wanted == Direction::inputs ? in : out;
     const bool other = !request.one_direction && !EntryAccess::found(first).any;
@@ -125,22 +126,22 @@ static constexpr OperationDescription kName =
 EntryRequest::EntryRequest() : Request(kFind) {}
 EntryNameRequest::EntryNameRequest() : MailRequest(kName) {}
 
-// ------------------------------------------------------------------ calls that wait
+// ------------------------------------------------------------------ functions that wait
 
-Result<EntryPlace> entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                         Duration timeout) {
-    return entry(ctx, EntryAddress::object(slave, index, subindex), timeout);
+Result<EntryPlace> find_entry(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                              Duration timeout) {
+    return find_entry(ctx, EntryAddress::object(slave, index, subindex), timeout);
 }
 
-Result<EntryPlace> entry(Context& ctx, const EntryAddress& address, Duration timeout) {
+Result<EntryPlace> find_entry(Context& ctx, const EntryAddress& address, Duration timeout) {
     EntryRequest request;
     request.address = address;
     request.timeout = timeout;
     return submit_and_wait(ctx, request, request.place);
 }
 
-Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
-                                    std::span<char> into, Duration timeout) {
+Result<std::string_view> read_entry_name(Context& ctx, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex,
+                                         std::span<char> into, Duration timeout) {
     EntryNameRequest request;
     request.slave = slave;
     request.timeout = timeout;
@@ -158,7 +159,7 @@ Result<std::string_view> entry_name(Context& ctx, std::uint16_t slave, std::uint
     return std::string_view(into.data(), request.bytes);
 }
 
-// ------------------------------------------------------------------ values by place
+// ------------------------------------------------------------------ values by EntryPlace
 
 Result<std::span<std::byte>> entry_octets(Context& ctx, const EntryPlace& place, EntryKind kind,
                                           std::uint32_t type_bits, bool write) {

@@ -1,4 +1,4 @@
-// What a hook may do with its slave.
+// The functions of HookedSlave: access of a hook to its slave.
 #include "api/mail.hpp"
 #include "mailbox/coe_sdo.hpp"
 #include "mailbox/soe.hpp"
@@ -67,7 +67,7 @@ bool fits(std::uint16_t address, std::size_t bytes) {
     return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
 }
 
-// Data of a datagram: what is read goes to, what is written comes from it.
+// Data of a datagram: the destination of a read, or the source of a write.
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
     if (!fits(address, data.size()))
@@ -75,7 +75,7 @@ Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t 
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);
     auto reply = co_await datagram;
-    const Error error = judge(station, reply, step, address);
+    const Error error = error_of_reply(station, reply, step, address);
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 

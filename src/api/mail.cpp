@@ -11,7 +11,7 @@ Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
     if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
         where.code = Errc::unsupported;
     else if (!network.mailbox(slave).is_open())
-        where.code = Errc::wrong_state;  // never reached PREOP
+        where.code = Errc::wrong_state;  // the slave never reached PREOP
     return where.code == Errc::none ? Error{} : where;
 }
 
@@ -20,7 +20,7 @@ Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t 
                          {.step = step, .slave = slave, .index = index, .subindex = subindex});
 }
 
-// ------------------------------------------------------------------ what slaves report on their own
+// ------------------------------------------------------------------ messages that slaves send on their own
 
 EmergencyRing& emergencies(Context& ctx, std::uint16_t slave) {
     Master* master = master_of(ctx);

@@ -1,4 +1,4 @@
-// What the requests to mailboxes have in common, whatever their protocol.
+// Common parts of the requests that use a mailbox, for all mailbox protocols.
 #pragma once
 
 #include "api/master.hpp"
@@ -11,7 +11,7 @@
 
 namespace margay {
 
-// An operation that times its messages itself, by patience_of().
+// Describes an operation whose sequence limits the time of its messages itself, by patience_of().
 template <class R, Error (*Check)(Network&, const R&), Task<Result<>> (*Run)(Network&, R&)>
 constexpr OperationDescription describe_mail(Operation operation, Step step) {
     return describe_operation<R, Check, Run>(operation, step, Needs::nothing, Ends::by_itself, Timing::by_sequence);
@@ -28,10 +28,10 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
     return network.mailboxes.channel(request.slave);
 }
 
-// Whether the slave that `where` names can be asked by this protocol; otherwise `where` with the reason.
+// Checks whether the slave in `where` supports this mailbox protocol; if not, returns `where` with the error code.
 [[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);
 
-// The same for an object of the dictionary.
+// The same for an access to the object dictionary.
 [[nodiscard]] Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index,
                               std::uint8_t subindex);
 

@@ -1,4 +1,4 @@
-// PDOs by mailbox.
+// Requests for PDOs by mailbox.
 #include "api/mail.hpp"
 #include "mailbox/coe_mail_pdo.hpp"
 

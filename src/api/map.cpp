@@ -1,4 +1,4 @@
-// Mapping of process data.
+// The request that maps process data.
 #include "network/groups.hpp"
 
 #include "api/master.hpp"

@@ -1,4 +1,4 @@
-// What lies in the memory of a context: the network, the requests, and the thread that owns the context.
+// The objects in the memory of a context: the network, the requests, and the owner thread.
 #pragma once
 
 #include "api/queue.hpp"
@@ -20,10 +20,10 @@ struct Master {
     std::atomic<bool> foreign_poll{false};  // another thread has called poll()
     bool owner_may_wait = true;
     bool in_poll = false;
-    bool in_work = false;       // the work of run_cycle() is being called
-    Time polled = Time::min();  // the last poll()
+    bool in_work = false;       // the work function of run_cycle() is being called
+    Time polled = Time::min();  // the time of the last poll()
     RequestQueue queue;
-    Network network;  // its requests end before the queue does
+    Network network;  // declared after `queue`, so that its requests end before the queue is destroyed
 
     [[nodiscard]] bool owned_by_caller() const { return owner.load(std::memory_order_relaxed) == osal.this_thread(); }
     [[nodiscard]] Arena& arena() { return network.arena(); }
@@ -32,7 +32,7 @@ struct Master {
 struct ContextAccess {
     static Master*& master(Context& ctx) { return ctx.master_; }
     static LinkSettings& early_settings(Context& ctx) { return ctx.early_settings_; }
-    // The slave of all positions without a slave.
+    // Returned by slave() for numbers without a slave.
     static Slave& nobody(Context& ctx) { return ctx.none_; }
     static EventQueue& no_events(Context& ctx) { return ctx.no_events_; }
     static EmergencyRing& no_emergencies(Context& ctx) { return ctx.no_emergencies_; }
@@ -42,13 +42,14 @@ struct ContextAccess {
 // nullptr before init().
 [[nodiscard]] inline Master* master_of(Context& ctx) { return ContextAccess::master(ctx); }
 
-// What forbids a call that only the owner may make: wrong_state before init(), not_owner.
+// Why a call that only the owner may make is refused: wrong_state before init(), not_owner; code none: it is allowed.
 [[nodiscard]] Error check_owner(Context& ctx, Step step);
 
-// The same, and what forbids the owner to wait: in_callback, waiting_forbidden.
+// The same for a call that waits; further codes: in_callback, waiting_forbidden.
 [[nodiscard]] Error check_waiting_owner(Context& ctx, Step step);
 
-// For functions that wait: refuses where waiting is not allowed, submits the request and waits for its end.
+// For functions that wait: returns an error if waiting is not allowed; otherwise submits the request and waits for its
+// end.
 Result<> submit_and_wait(Context& ctx, Request& request);
 
 // The same for a request with a result: `value` is the member of the request that holds the result.

@@ -1,11 +1,12 @@
-// What the library knows of one kind of request. Each operation of the public API is one file of this folder: the
+// The description of one kind of request. Each operation of the public API is one file of this folder with the
 // description of the operation, its check, its sequence, and the function that waits for it. Submitting, queueing,
 // cancelling and waiting are written once, in queue.cpp and wait.cpp.
 //
 //     static Error check(Network& network, const ScanRequest& request);
 //     static Task<Result<>> run(Network& network, ScanRequest& request);
-//     static constexpr OperationDescription kScan = describe_operation<ScanRequest, check, run>(Operation::scan,
-//     Needs::segment); ScanRequest::ScanRequest() : Request(kScan) {}
+//     static constexpr OperationDescription kScan =
+//         describe_operation<ScanRequest, check, run>(Operation::scan, Step::count_slaves, Needs::segment);
+//     ScanRequest::ScanRequest() : Request(kScan) {}
 #pragma once
 
 #include "network/network.hpp"
@@ -15,29 +16,30 @@
 
 namespace margay {
 
-// What no other request may use as long as this one is busy.
+// What a busy request reserves: no other request may use it at the same time.
 enum class Needs : std::uint8_t {
     nothing,
-    its_slave,  // of a SlaveRequest; slave 0: the segment
+    its_slave,  // the slave of a SlaveRequest; slave 0: the segment
     segment,
-    segment_to_begin,  // begins while no operation has the segment; later such operations may begin beside it
+    segment_to_begin,  // begins only while no operation uses the segment; other operations may begin while it is busy
 };
 
-// How long a request of this kind stays busy: until its work is done, or until it is cancelled.
+// How a request of this kind ends: when its work is finished, or only when it is cancelled.
 enum class Ends : std::uint8_t { by_itself, when_canceled };
 
-// Who ends a request whose timeout is over: the queue, or its own sequence, which has more to say about it.
+// Who ends a request when its timeout is over: the queue, or its own sequence, which can give a more precise error.
 enum class Timing : std::uint8_t { by_queue, by_sequence };
 
 struct OperationDescription {
     Operation operation;
-    Step step;  // of errors that concern the request as a whole
+    Step step;  // for errors of the request as a whole
     Needs needs;
     Ends ends;
     Timing timing;
-    // The slave that the request is for; 0: all slaves, or none in particular.
+    // The slave of the request; 0: all slaves, or no particular slave.
     std::uint16_t (*slave)(const Request& request);
-    // What is wrong with the parameters; code none: nothing. Asked again when the request begins.
+    // Checks the parameters; code none: they are right. Called again when the request begins, because the segment may
+    // have changed since submit().
     Error (*check)(Network& network, const Request& request);
     // The sequence of the operation. Its error becomes the error of the request.
     Task<Result<>> (*sequence)(Network& network, Request& request);
@@ -66,12 +68,12 @@ constexpr OperationDescription describe_operation(Operation operation, Step step
             [](Network& network, Request& request) { return Run(network, static_cast<R&>(request)); }};
 }
 
-// Adds an error that belongs to no slave to errors(); errors of slaves are there already.
+// Adds an error of the segment to errors(); the errors of slaves have been added already.
 inline void note_of_segment(Network& network, const Error& error) {
     if (error.code != Errc::none && error.slave == 0) network.note(error);
 }
 
-// ------------------------------------------------------------------ checks that several operations have in common
+// ------------------------------------------------------------------ checks for several operations
 
 template <class R>
 Error check_nothing(Network&, const R&) {
@@ -83,7 +85,7 @@ Error check_nothing(Network&, const R&) {
     return {.code = Errc::unknown_slave, .step = step, .slave = slave, .expected = network.count};
 }
 
-// Slave 0 is all slaves.
+// Slave 0 means all slaves.
 [[nodiscard]] inline Error check_slave_or_all(Network& network, std::uint16_t slave, Step step) {
     return slave == 0 ? Error{} : check_slave(network, slave, step);
 }

@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "util/turns.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -33,7 +34,7 @@ void RequestAccess::end(Request& r, const Error& error, Osal& osal) {
     r.error_ = error;
     const RequestState state = error.code == Errc::none ? RequestState::success : RequestState::error;
     const std::uint32_t before = r.state_.exchange(static_cast<std::uint32_t>(state), std::memory_order_acq_rel);
-    // Only the address of the word is used: a thread that has seen the end may have destroyed the request.
+    // Use only the address of the word from here on: a thread that has seen the end may have destroyed the request.
     if ((before & Request::kAwaited) != 0) osal.wake_sleepers(&r.state_);
 }
 
@@ -47,9 +48,9 @@ void RequestAccess::sleep(Request& r, Osal& osal, Time until) {
 
 namespace {
 
-// What a request needs to get on once it has begun, and the pump of the mailbox of its slave.
+// Free arena memory that a new request needs in order to continue after its beginning; includes the pump of the slave's
+// mailbox.
 constexpr std::size_t kHeadroomBytes = 1024 * sizeof(void*);
-constexpr std::uint8_t kMostPassed = 8;
 constexpr std::uint8_t kHighestPriority = 3;
 
 const OperationDescription& operation(const Request& r) { return RequestAccess::operation(r); }
@@ -65,13 +66,13 @@ bool remove(Request*& list, Request& request) {
     return false;
 }
 
-// What the request needs: slave 0 is all slaves.
+// What the request reserves. A request for slave 0 reserves the whole segment.
 Needs needs_of(const Request& r) {
     const Needs needs = operation(r).needs;
     return needs == Needs::its_slave && slave_of(r) == 0 ? Needs::segment : needs;
 }
 
-// Into the list of those that wait, in the order of submission.
+// Inserts the request into the list of waiting requests, in the order of submission.
 void accept(RequestQueue& queue, Request& request, Time now) {
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
     RequestAccess::take(request);
@@ -97,7 +98,7 @@ bool any_running(const RequestQueue& queue, Holds holds) {
     return false;
 }
 
-// A request that is over some day, so that its memory comes free.
+// At least one running request will end by itself and free its memory.
 bool ends_some_day(const RequestQueue& queue) {
     return any_running(queue, [](const Request& r) { return operation(r).ends == Ends::by_itself; });
 }
@@ -122,24 +123,39 @@ bool is_free(Master& master, const Request& request) {
     return true;
 }
 
-// The request that is to begin next: the highest priority, of equals the oldest; but first a request that was passed
-// over often. nullptr: none can begin. A request that waits for the whole segment keeps back the younger requests that
-// would take a part of it again and again.
-Request* next_to_begin(Master& master) {
-    Request* best = nullptr;
+// Calls `visit` for each waiting request that can begin, the oldest first, until `visit` returns false. A request that
+// waits for the whole segment keeps back the younger requests that would use a part of the segment again and again.
+template <class Visit>
+void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
         const Needs needs = needs_of(*r);
-        const bool free = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
+        const bool ready = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
         segment_wanted |= needs == Needs::segment;
-        if (!free) continue;
-        if (RequestAccess::passed(*r) >= kMostPassed) return r;
-        if (best == nullptr || r->priority > best->priority) best = r;
+        if (ready && !visit(*r)) return;
     }
-    return best;
 }
 
-// Has the request in the list of the running ones, and what it needs for itself, as long as its sequence lives.
+// The request that begins next; nullptr: none can begin.
+Request* next_to_begin(Master& master) {
+    NextTurn<Request> rule;
+    for_each_ready(master, [&rule](Request& r) {
+        rule.offer(r, r.priority, RequestAccess::passed(r));
+        return true;
+    });
+    return rule.next();
+}
+
+// Older requests that could begin as well are passed over.
+void count_passed(Master& master, const Request& chosen) {
+    for_each_ready(master, [&chosen](Request& r) {
+        if (&r == &chosen) return false;
+        ++RequestAccess::passed(r);
+        return true;
+    });
+}
+
+// Keeps the request in the list of running requests, and reserves what it needs, as long as its sequence exists.
 class Running {
   public:
     Running(Master& master, Request& request) : master_(master), request_(request) {
@@ -174,7 +190,7 @@ Task<Result<>> drive(Master& master, Request& request) {
     co_return Result<>();
 }
 
-// False: there is no room for the request now.
+// False: the arena has no memory for the request now.
 bool begin(Master& master, Request& request) {
     Error refused = operation(request).check(master.network, request);
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
@@ -190,7 +206,7 @@ bool begin(Master& master, Request& request) {
     return true;
 }
 
-// Ends the requests of a list for which `ends` holds.
+// Ends the requests of a list for which `ends` returns true.
 template <class Ends>
 void end_some(Master& master, Request*& list, Errc code, Ends ends) {
     for (Request* request = list; request != nullptr;) {
@@ -208,12 +224,12 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
     }
 }
 
-// The queue ends this running request, because its time is over.
+// The timeout of this running request is over, and the queue has to end the request.
 bool is_overdue(Request& request, Time now) {
     return operation(request).timing == Timing::by_queue && RequestAccess::deadline(request) <= now;
 }
 
-// When the first request of a list is overdue.
+// The earliest time at which the queue must end a request of the list.
 Time first_deadline(Request* list, bool running) {
     Time first = kNever;
     for (Request* r = list; r != nullptr; r = next(*r))
@@ -228,10 +244,8 @@ void begin_waiting(Master& master) {
         const bool room = arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;
         const bool room_comes = ends_some_day(queue);
         if (!room && room_comes) return;
+        count_passed(master, *request);
         (void)remove(queue.waiting, *request);
-        // Counted only when the request begins: a request that there is no room for keeps its place.
-        for (Request* r = queue.waiting; r != nullptr; r = next(*r))
-            if (r->priority < request->priority) ++RequestAccess::passed(*r);
         if (begin(master, *request)) continue;
         if (room_comes) {
             next(*request) = queue.waiting;
@@ -336,7 +350,7 @@ Request::~Request() {
     cancel();
     if (!busy()) return;
     Master& master = *master_of(*ctx_);
-    if (master.owned_by_caller()) __builtin_trap();  // in a callback: the sequence still uses the request
+    if (master.owned_by_caller()) __builtin_trap();  // called in a callback: the sequence still uses the request
     while (busy()) RequestAccess::sleep(*this, master.osal, kNever);
 }
 

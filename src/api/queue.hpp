@@ -1,4 +1,4 @@
-// Requests from any thread: submitted without a lock, begun by poll() in the order of their priority.
+// The queue of requests: any thread submits without a lock, and poll() begins the requests in the order of priority.
 #pragma once
 
 #include <margay/request.hpp>
@@ -24,21 +24,22 @@ struct RequestAccess {
     static Errc& why(Request& r) { return r.why_; }
     static std::uint32_t& ticket(Request& r) { return r.ticket_; }
 
-    // Makes the request busy; false when it is busy already. Of several threads one succeeds.
+    // Makes the request busy; false if it is busy already. If several threads call claim(), it succeeds in one of them.
     [[nodiscard]] static bool claim(Request& r, Context& ctx);
-    // The owner has the request from now on.
+    // Marks the request as accepted by the owner.
     static void take(Request& r) { r.state_.fetch_or(Request::kTaken, std::memory_order_acq_rel); }
     [[nodiscard]] static bool taken(const Request& r) {
         return (r.state_.load(std::memory_order_acquire) & Request::kTaken) != 0;
     }
-    // Ends the request and wakes the threads that sleep until then. The request may be gone afterwards.
+    // Ends the request and wakes the threads that sleep until its end. The request may be destroyed by then: do not use
+    // it afterwards.
     static void end(Request& r, const Error& error, Osal& osal);
-    // Sleeps until the request is over, or until `until`. For a thread that does not own the context.
+    // Sleeps until the request is over, or until `until`. For threads that do not own the context.
     static void sleep(Request& r, Osal& osal, Time until);
 };
 
-// Where other threads put their requests: each into a place that is free. A thread can take its request out again as
-// long as the owner has not, and no thread ever waits for another one.
+// Requests of other threads: each thread puts its request into a free place of `submitted`. A thread can remove its
+// request again as long as the owner has not accepted it, and no thread ever waits for another thread.
 struct RequestQueue {
     static constexpr std::size_t kPlaces = 64;
 
@@ -46,21 +47,22 @@ struct RequestQueue {
     std::atomic<std::uint32_t> tickets{0};
     std::atomic<bool> any_submitted{false};
     std::atomic<bool> cancel_asked{false};
-    Request* waiting = nullptr;  // to begin; oldest first
+    Request* waiting = nullptr;  // accepted, not begun; oldest first
     Request* running = nullptr;
 };
 
-// Queues a request that has been claimed. False: there is no free place.
+// Queues a request after claim(). False: there is no free place.
 [[nodiscard]] bool enqueue(Master& master, Request& request);
 
-// Takes back a request that another thread has submitted. From any thread; false when the owner has taken it already.
+// Removes a request that another thread has submitted. From any thread; false if the owner has accepted the request
+// already.
 [[nodiscard]] bool withdraw_submitted(RequestQueue& queue, Request& request);
 
-// For poll(): begins what waits as far as there is room and nothing is in the way, ends what is to be cancelled and
-// what has waited for too long. Returns when it wants to be called again.
+// For poll(): begins waiting requests if there is memory and no other operation prevents them, and ends requests that
+// are cancelled or whose timeout is over. Returns the time of the next necessary call.
 Time serve_queue(Master& master, Time now);
 
-// When the context goes away: ends what has not begun.
+// For the end of the context: ends the requests that have not begun.
 void cancel_queued(Master& master);
 
 }  // namespace margay

@@ -1,4 +1,4 @@
-// Registers of an ESC.
+// Requests for registers of an ESC.
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "station/register_access.hpp"
@@ -20,7 +20,7 @@ Error check_registers(Network& network, const R& r, Step step) {
 }
 
 Result<> judged(const Station& station, const Datagram& datagram, Step step, std::uint16_t address) {
-    const Error error = judge(station, datagram.reply(), step, address);
+    const Error error = error_of_reply(station, datagram.reply(), step, address);
     return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 

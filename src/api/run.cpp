@@ -1,4 +1,4 @@
-// Bringing a segment to where it is wanted, and its cycle, by the public API.
+// Functions that bring a segment to its target state, and the cycle of the public API.
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "network/members.hpp"
@@ -16,7 +16,7 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::request_state};
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
-    if (slave != 0 && state == AlState::none) return {};  // the target of all slaves counts again
+    if (slave != 0 && state == AlState::none) return {};  // ends the slave's own target
     if (!can_be_target(state)) return {.code = Errc::invalid_argument, .step = Step::request_state, .slave = slave};
     if (slave == 0) return {};
     const Error refused = refusal(network, network.slave(slave), state);
@@ -30,7 +30,7 @@ Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
     co_return Result<>();
 }
 
-// The first slave that is not where it is wanted, and whether waiting can help.
+// The first slave that has not reached its target, and whether waiting can help.
 struct Standing {
     Error first;
     bool can_change = false;
@@ -45,7 +45,7 @@ bool can_change(const Network& network, const Slave& slave) {
 Standing standing(Network& network) {
     Standing now;
     for (const Slave& slave : network.slaves()) {
-        const Error error = trouble(network, slave);
+        const Error error = state_error(network, slave);
         if (error.code == Errc::none) continue;
         if (now.first.code == Errc::none) now.first = error;
         now.can_change |= can_change(network, slave);
@@ -53,7 +53,7 @@ Standing standing(Network& network) {
     return now;
 }
 
-// What is wrong with the last cycle of a group.
+// The error of the last cycle of a group; code none if the cycle was right.
 Error cycle_trouble(const ProcessGroup& group) {
     Error error{.code = Errc::working_counter, .step = Step::exchange_process_data, .expected = group.expected_wkc};
     bool right = group.complete;
@@ -78,7 +78,7 @@ bool ends_the_cycle(Errc code) {
     return code == Errc::wrong_state || code == Errc::unknown_group || code == Errc::not_owner;
 }
 
-// One cycle of all mapped groups. Returns its first error.
+// Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence.
 Error exchange(Context& ctx, const CycleSettings& settings) {
     const auto groups = master_of(ctx)->network.process.groups;
     const Duration timeout = settings.reply_timeout > Duration{0} ? settings.reply_timeout : settings.period / 2;
@@ -101,12 +101,12 @@ bool any_mapped(const Network& network) {
     return std::ranges::any_of(network.process.groups, [](const ProcessGroup& group) { return group.mapped; });
 }
 
-// When cycles are due, and which were left out.
+// Computes when cycles are due, and counts the cycles that are left out.
 class Schedule {
   public:
     Schedule(Time first, Duration period) : due_(first), period_(period) {}
     [[nodiscard]] Time due() const { return due_; }
-    // The next cycle; returns how many could not begin in their period.
+    // Moves to the next cycle; returns how many cycles could not begin in their period.
     std::uint64_t next(Time now) {
         due_ += period_;
         if (now - due_ < period_) return 0;
@@ -120,7 +120,7 @@ class Schedule {
     Duration period_;
 };
 
-// Tells an overrun at once, and then once a second at most.
+// Reports an overrun at once, and further overruns once a second at most.
 class OverrunNews {
   public:
     explicit OverrunNews(Network& network) : network_(network) {}
@@ -128,9 +128,9 @@ class OverrunNews {
         untold_ += left_out;
         if (untold_ == 0 || now < next_) return;
         next_ = now + std::chrono::seconds(1);
-        network_.tell({.kind = EventKind::overrun,
-                       .expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(in_all, 0xFFFF'FFFF)),
-                       .actual = static_cast<std::uint32_t>(std::min<std::uint64_t>(untold_, 0xFFFF'FFFF))});
+        network_.report({.kind = EventKind::overrun,
+                         .expected = static_cast<std::uint32_t>(std::min<std::uint64_t>(in_all, 0xFFFF'FFFF)),
+                         .actual = static_cast<std::uint32_t>(std::min<std::uint64_t>(untold_, 0xFFFF'FFFF))});
         untold_ = 0;
     }
 
@@ -140,14 +140,15 @@ class OverrunNews {
     Time next_ = Time::min();
 };
 
-// The owner exchanges process data and does not call poll(), so that its requests make no progress.
+// The owner exchanges process data but does not call poll(), so that its requests do not progress.
 bool is_starved(Master& master) {
     constexpr Duration kLongest = std::chrono::seconds(1);
     const bool requests = master.queue.waiting != nullptr || master.queue.running != nullptr;
     return requests && later(master.polled, kLongest) < master.network.engine.link().last_cycle();
 }
 
-// What forbids reach() and run_cycle(): besides the usual, that they were called by the work of run_cycle().
+// Why reach() or run_cycle() is refused: the codes of check_waiting_owner(), or the work function of run_cycle() called
+// it.
 Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     const Error refused = check_waiting_owner(ctx, step);
     if (refused.code != Errc::none) return refused;
@@ -156,7 +157,7 @@ Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     return {.code = Errc::invalid_argument, .step = step};
 }
 
-// The supervision of reach() itself: the application is not told of its end.
+// The supervision that reach() starts itself: its end is not reported to the application.
 class OwnSupervision : public SuperviseRequest {
   public:
     explicit OwnSupervision(Network& network) : network_(network) {}
@@ -172,7 +173,7 @@ class OwnSupervision : public SuperviseRequest {
     Network& network_;
 };
 
-// Lets everything else go on until `due`, and once in any case.
+// Polls until `due`, at least once.
 void poll_until(Context& ctx, Time due) {
     Osal& osal = master_of(ctx)->osal;
     const int handle = master_of(ctx)->network.engine.link().nic().wait_handle();
@@ -190,7 +191,7 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     Network& network = master_of(ctx)->network;
     network.tolerance = tolerance;
-    hold_back(network);
+    update_held(network);
     for (Slave& slave : network.slaves()) update_counted(network, slave);
     return Result<>();
 }
@@ -206,12 +207,12 @@ static Task<Result<>> run(Network& network, TargetRequest& request) {
     if (request.slave != 0) {
         auto one = co_await bring_one(network, network.slave(request.slave), faults);
         if (!one) co_return one;
-        faults.keep(trouble(network, network.slave(request.slave)));
+        faults.keep(state_error(network, network.slave(request.slave)));
     } else {
         auto all = co_await for_each_slave(
             network, [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); });
         if (!all) co_return all;
-        for (const Slave& slave : network.slaves()) faults.keep(trouble(network, slave));
+        for (const Slave& slave : network.slaves()) faults.keep(state_error(network, slave));
     }
     co_return faults.error().code == Errc::none ? Result<>() : Result<>(faults.error());
 }
@@ -240,7 +241,7 @@ Error what_is_wrong(Context& ctx) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::read_state};
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
     for (const Slave& slave : network.slaves())
-        if (const Error error = trouble(network, slave); error.code != Errc::none) return error;
+        if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
     return cycles_trouble(network);
 }
 
@@ -252,7 +253,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
     Osal& osal = master_of(ctx)->osal;
-    (void)poll(ctx, osal.now());  // a SuperviseRequest that waits begins now, with its own target
+    (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target
     OwnSupervision supervision(network);
     supervision.target = state;
     network.target = state;
@@ -260,7 +261,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     if (!network.supervised) {
         if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
     }
-    ReadStateRequest look;  // what is known of the states may be old
+    ReadStateRequest look;  // the states that are known may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;
     const Time give_up = later(osal.now(), timeout);
     Schedule schedule(osal.now(), cycle.period);
@@ -271,7 +272,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         poll_until(ctx, schedule.due());
         const bool in_time = osal.now() < give_up;
         if (look.busy() && in_time) continue;
-        if (look.busy() || look.state() == RequestState::error) {  // nothing is known of the states
+        if (look.busy() || look.state() == RequestState::error) {  // the states are unknown
             if (!in_time) return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
             if (const auto again = submit(ctx, look); !again) return again;
             continue;
@@ -309,7 +310,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
         cycle.left_out += late;
         poll_until(ctx, schedule.due());
         news.add(late, cycle.left_out, done);
-        // The work of poll() may be late too; what it has taken is not caught up with.
+        // If poll() itself was late, the cycles of that time are not made up for.
     }
 }
 

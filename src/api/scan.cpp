@@ -1,4 +1,4 @@
-// Scanning the segment.
+// The request that scans the segment.
 #include "network/scan.hpp"
 
 #include "api/master.hpp"
@@ -8,7 +8,7 @@
 
 namespace margay {
 
-// A scan begins anew with all slaves: not while a supervision looks after them.
+// A scan discards all slaves, so it is refused while a supervision uses them.
 static Error check(Network& network, const ScanRequest&) {
     if (!network.supervised) return {};
     return {.code = Errc::busy, .step = Step::count_slaves, .detail = static_cast<std::uint32_t>(Operation::supervise)};
@@ -17,7 +17,7 @@ static Error check(Network& network, const ScanRequest&) {
 static Task<Result<>> run(Network& network, ScanRequest& request) {
     auto count = co_await scan(network);
     note_of_segment(network, count.error());
-    request.slaves = count ? *count : network.count;  // some slave is not as wanted
+    request.slaves = count ? *count : network.count;  // the result is set also if some slave is not as expected
     co_return count ? Result<>() : Result<>(count.error());
 }
 
@@ -25,7 +25,7 @@ static constexpr OperationDescription kScan =
     describe_operation<ScanRequest, check, run>(Operation::scan, Step::count_slaves, Needs::segment);
 ScanRequest::ScanRequest() : Request(kScan) {}
 
-// The application has written wishes for slaves that nobody knew yet.
+// The application has set `config` or `hooks` of a slave before the scan.
 static bool has_wishes(const Slave& slave) {
     const SlaveConfiguration& config = slave.config;
     const bool flags = config.block_lrw || config.mailbox_status || config.optional || config.no_mailbox ||

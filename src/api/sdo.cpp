@@ -1,4 +1,4 @@
-// SDO upload and download.
+// The requests for SDO upload and download.
 #include "api/mail.hpp"
 #include "mailbox/coe_sdo.hpp"
 
@@ -9,7 +9,7 @@
 namespace margay {
 namespace {
 
-// Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
+// Checks the parameters. Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
 Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex,
                 bool complete) {
     if (complete && subindex > 1)

@@ -1,4 +1,4 @@
-// The object dictionary of a slave: SDO information.
+// The requests that describe the object dictionary of a slave (SDO information).
 #include "api/mail.hpp"
 #include "mailbox/coe_information.hpp"
 
@@ -52,9 +52,9 @@ static constexpr OperationDescription kEntry =
     describe_mail<EntryDescriptionRequest, check, run>(Operation::sdo_information, Step::sdo_information);
 EntryDescriptionRequest::EntryDescriptionRequest() : SlaveRequest(kEntry) {}
 
-Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList list,
-                                  void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
-                                  Duration timeout) {
+Result<std::uint32_t> read_object_list(Context& ctx, std::uint16_t slave, ObjectList list,
+                                       void (*found)(std::span<const std::uint16_t> indices, void* user), void* user,
+                                       Duration timeout) {
     ObjectListRequest request;
     request.slave = slave;
     request.timeout = timeout;
@@ -64,7 +64,8 @@ Result<std::uint32_t> object_list(Context& ctx, std::uint16_t slave, ObjectList 
     return submit_and_wait(ctx, request, request.count);
 }
 
-Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, std::uint16_t index, Duration timeout) {
+Result<ObjectDescription> read_object_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                  Duration timeout) {
     ObjectDescriptionRequest request;
     request.slave = slave;
     request.timeout = timeout;
@@ -72,8 +73,8 @@ Result<ObjectDescription> object_description(Context& ctx, std::uint16_t slave, 
     return submit_and_wait(ctx, request, request.description);
 }
 
-Result<EntryDescription> entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
-                                           std::uint8_t subindex, bool with_values, Duration timeout) {
+Result<EntryDescription> read_entry_description(Context& ctx, std::uint16_t slave, std::uint16_t index,
+                                                std::uint8_t subindex, bool with_values, Duration timeout) {
     EntryDescriptionRequest request;
     request.slave = slave;
     request.timeout = timeout;

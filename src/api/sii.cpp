@@ -1,4 +1,4 @@
-// The SII EEPROM of a slave.
+// The requests that read and write the SII EEPROM of a slave.
 #include "station/sii_access.hpp"
 
 #include "api/master.hpp"
@@ -9,7 +9,7 @@
 namespace margay {
 namespace {
 
-// The SII is read and written in words.
+// Checks the parameters: the SII is read and written in words.
 Error check_words(Network& network, std::uint16_t slave, std::size_t octets, Step step) {
     const Error refused = check_slave(network, slave, step);
     if (refused.code != Errc::none || octets % 2 == 0) return refused;
@@ -25,7 +25,7 @@ static Error check(Network& network, const SiiWriteRequest& request) {
     return check_words(network, request.slave, request.data.size(), Step::write_sii);
 }
 
-// Afterwards the EEPROM is the slave's again: without it some refuse PREOP (AL status code 0x0050).
+// Gives the EEPROM back to the slave at the end: without it some slaves refuse PREOP (AL status code 0x0050).
 static Task<Result<>> run(Network& network, SiiReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
@@ -52,7 +52,7 @@ static constexpr OperationDescription kWrite =
 SiiReadRequest::SiiReadRequest() : SlaveRequest(kRead) {}
 SiiWriteRequest::SiiWriteRequest() : SlaveRequest(kWrite) {}
 
-Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data) {
+Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data) {
     SiiReadRequest request;
     request.slave = slave;
     request.word = word;
@@ -60,7 +60,7 @@ Result<> eeprom_read(Context& ctx, std::uint16_t slave, std::uint32_t word, std:
     return submit_and_wait(ctx, request);
 }
 
-Result<> eeprom_write(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
+Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data) {
     SiiWriteRequest request;
     request.slave = slave;
     request.word = word;

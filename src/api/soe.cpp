@@ -1,4 +1,4 @@
-// SoE: parameters of drives.
+// The requests for parameters of drives (SoE).
 #include "mailbox/soe.hpp"
 
 #include "api/mail.hpp"
@@ -27,7 +27,7 @@ Error check_soe(Network& network, const R& r, Step step) {
 
 }  // namespace
 
-// ------------------------------------------------------------------ what each request does
+// ------------------------------------------------------------------ the sequences of the requests
 
 static Error check(Network& network, const SoeRead& r) { return check_soe(network, r, Step::soe_read); }
 static Error check(Network& network, const SoeWrite& r) { return check_soe(network, r, Step::soe_write); }
@@ -45,7 +45,7 @@ static Task<Result<>> run(Network& network, SoeWrite& r) {
 
 static Task<Result<>> run(Network& network, SoeCommand& r) {
     MailPatience patience = patience_of(r);
-    patience.each = MailPatience{}.each;  // the timeout is for the command
+    patience.each = MailPatience{}.each;  // the timeout of the request limits the whole command, not a single message
     co_return co_await soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience);
 }
 
@@ -60,7 +60,7 @@ static constexpr OperationDescription kCommand =
     describe_mail<SoeCommand, check, run>(Operation::soe_command, Step::soe_command);
 SoeCommand::SoeCommand() : SlaveRequest(kCommand) {}
 
-// ------------------------------------------------------------------ calls that wait
+// ------------------------------------------------------------------ functions that wait
 
 Result<std::size_t> SoEread(Context& ctx, std::uint16_t slave, std::uint8_t drive, Idn idn, std::uint8_t elements,
                             std::span<std::byte> into, Duration timeout) {

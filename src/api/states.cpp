@@ -1,4 +1,4 @@
-// AL states of slaves.
+// The requests for AL states of slaves.
 #include "network/states.hpp"
 
 #include "api/master.hpp"
@@ -13,13 +13,13 @@
 
 namespace margay {
 
-// Of the timeout of a request; zero where the request has none.
+// The remaining time of a request; zero if the request has no timeout.
 static Duration time_left(Network& network, Request& request) {
     if (request.timeout <= Duration{0}) return Duration{0};
     return std::max(RequestAccess::deadline(request) - network.engine.now(), Duration{1});
 }
 
-// There are slaves, `slave` is one of them or all (0), and `wanted` is a state.
+// Checks that a scan has found slaves, that `slave` is one of them or 0 (all), and that `wanted` is a state.
 static Error check_state(Network& network, std::uint16_t slave, AlState wanted, Step step) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = step};
     const Error refused = check_slave_or_all(network, slave, step);

@@ -1,4 +1,4 @@
-// Supervision and recovery.
+// The requests for supervision and recovery.
 #include "network/supervisor.hpp"
 
 #include "api/master.hpp"
@@ -26,7 +26,7 @@ static Error check(Network& network, const ReconfigRequest& request) {
     return check_slave(network, request.slave, Step::recover);
 }
 
-// Marks the network as supervised for as long as the mark lives.
+// Marks the network as supervised while this object exists.
 class Supervised {
   public:
     explicit Supervised(Network& network) : network_(network) { network_.supervised = true; }
@@ -34,7 +34,7 @@ class Supervised {
     Supervised& operator=(const Supervised&) = delete;
     ~Supervised() {
         network_.supervised = false;
-        if (!network_.reaching) network_.tell({.kind = EventKind::unsupervised});
+        if (!network_.reaching) network_.report({.kind = EventKind::unsupervised});
     }
 
   private:
@@ -51,7 +51,7 @@ static Task<Result<>> run(Network& network, ReconfigRequest& request) {
     return reconfigure(network, network.slave(request.slave));
 }
 
-// The slave answers, or why it does not.
+// Why the slave does not answer; code none if it answers.
 static Error absence(Network& network, std::uint16_t number) {
     const Slave& slave = network.slave(number);
     if (slave.al.state != AlState::none) return {};
@@ -82,7 +82,7 @@ SuperviseRequest::SuperviseRequest() : Request(kSupervise) {}
 ReconfigRequest::ReconfigRequest() : SlaveRequest(kReconfigure) {}
 RecoverRequest::RecoverRequest() : SlaveRequest(kRecover) {}
 
-Result<> reconfig_slave(Context& ctx, std::uint16_t slave) {
+Result<> reconfigure_slave(Context& ctx, std::uint16_t slave) {
     ReconfigRequest request;
     request.slave = slave;
     return submit_and_wait(ctx, request);

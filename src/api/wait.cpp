@@ -1,4 +1,4 @@
-// Waiting for requests, and the thread that owns a context.
+// Waiting for requests; poll(); and the owner thread of a context.
 #include "api/master.hpp"
 #include "api/operation.hpp"
 
@@ -9,10 +9,10 @@
 namespace margay {
 namespace {
 
-// How long another thread waits for the owner to begin a request.
+// How long another thread waits until the owner accepts its request.
 constexpr Duration kOwnerSilent = std::chrono::seconds(3);
 
-// What forbids the calling thread to wait.
+// Why the calling thread may not wait; code none: it may.
 Error check_may_wait(const Master& master, Step step) {
     if (!master.owned_by_caller()) return {};
     if (master.in_poll) return {.code = Errc::in_callback, .step = step};
@@ -28,8 +28,9 @@ void poll_until_over(Context& ctx, Master& master, Request& request) {
     }
 }
 
-// Of a request that another thread has submitted. Says false when the owner does not poll. Once the owner has taken the
-// request, only the request and the system are looked at: the context may go away, and ends the request then.
+// Sleeps until a request of another thread is over. Returns false if the owner does not poll. After the owner has
+// accepted the request, this function uses only the request and the osal: the context may be destroyed meanwhile, and
+// its end also ends the request.
 bool sleep_until_over(Master& master, Request& request) {
     Osal& osal = master.osal;
     const Time patience = osal.now() + kOwnerSilent;
@@ -63,7 +64,7 @@ Result<> wait(Context& ctx, Request& request) {
     else if (!sleep_until_over(*master, request))
         RequestAccess::end(request, {.code = Errc::not_polled, .step = step}, master->osal);
     if (request.state() == RequestState::unused)
-        return Error{.code = Errc::wrong_state, .step = step};  // not submitted
+        return Error{.code = Errc::wrong_state, .step = step};  // the request was never submitted
     return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
 }
 
@@ -105,7 +106,7 @@ Time poll(Context& ctx, Time now) {
     master->in_poll = true;
     master->polled = now;
     network.engine.set_now(now);
-    // What ends in this poll() may make room for requests that wait.
+    // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);
     const RequestQueue& queue = master->queue;

@@ -1,12 +1,12 @@
-// The link's part in the cycle: what is not as simple as it is nearly always. Riders, losses, slaves that do not take
-// part, several datagrams in a frame.
+// The part of the cycle outside the fast path of cycle.hpp: queued datagrams sent with the cycle ("riders"), lost
+// frames, slaves that do not take part, several datagrams in a frame.
 #include "link/cycle.hpp"
 
 #include <algorithm>
 
 namespace margay {
 
-// The queue waits for the next cycle of a group while the cycles of that group keep their interval.
+// Returns until when the queue waits for the next cycle. A group counts while its cycles keep their interval.
 Time Link::cycles_until() {
     constexpr Duration kLongestWait = std::chrono::milliseconds(10);
     Time until = Time::min();
@@ -34,7 +34,7 @@ SendStatus Link::send_rest(std::span<PreparedFrame> frames, SendStatus all, Time
     return all;
 }
 
-// The index and the outputs go into the frame.
+// Writes the index and the outputs into the frame.
 void Link::fill(PreparedFrame& frame, std::uint8_t index) {
     for (PreparedDatagram& d : frame.datagrams) {
         std::byte* at = &frame.bytes[d.offset];
@@ -47,7 +47,7 @@ void Link::fill(PreparedFrame& frame, std::uint8_t index) {
     frame.own.unmarked = false;
 }
 
-// Octets that may still ride: what the budget has left, but one datagram in any case.
+// Octets of queued datagrams that may still be sent with this cycle: the rest of the budget, but at least one datagram.
 std::size_t Link::rider_room() {
     const std::size_t first = queue_.empty() ? 0 : queue_.front()->sent_data_.size() + wire::kDatagramOverheadBytes;
     return riders_ || rider_budget_ == 0 ? rider_budget_ : std::max(rider_budget_, first);
@@ -60,9 +60,9 @@ Bytes Link::add_riders(PreparedFrame& frame, FrameSlot& slot) {
     return builder.finish();
 }
 
-// The frame is as it was before it had riders.
-void Link::strip(PreparedFrame& frame) {
-    frame.bytes[frame.last + 7U] &= std::byte{0x7F};  // "more"
+// Removes the riders from the frame.
+void Link::remove_riders(PreparedFrame& frame) {
+    frame.bytes[frame.last + 7U] &= std::byte{0x7F};  // flag "more datagrams follow"
     (void)wire::FrameBuilder(frame.bytes, frame.size, frame.last).finish();
 }
 
@@ -92,15 +92,15 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     frame.slot = nullptr;
     if (slot != &frame.own) {
         slot->prepared = nullptr;
-        strip(frame);
+        remove_riders(frame);
     }
-    if (!slot->datagrams.empty()) return;  // riders wait on, to their own deadline
+    if (!slot->datagrams.empty()) return;  // riders are awaited until their own deadline
     ++statistics_.lost;
     frames_.close(*slot, true, now);
 }
 
-// Inputs of a datagram in which some slave does not take part.
-void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
+// Copies the inputs of a datagram in which some slave does not take part.
+void Link::copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     if (frame.apart || frame.regrouped)
         frame.take_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
@@ -108,7 +108,7 @@ void Link::take_degraded(const PreparedFrame& frame, const PreparedDatagram& dat
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
 
-void Link::nothing_came(PreparedFrame& frame) {
+void Link::mark_not_received(PreparedFrame& frame) {
     frame.end = CycleEnd::missing;
     for (PreparedDatagram& d : frame.datagrams) d.status->came = d.status->fresh = false;
     for (const PreparedReading& r : frame.readings) r.into->came = false;
@@ -137,19 +137,19 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
     return status;
 }
 
-// The frame is not in flight, and what would have ridden in it waits for another one.
+// The frame is not in flight; the datagrams that were packed into it return to the queue.
 void Link::not_sent(PreparedFrame& frame, Time now) {
     ++statistics_.send_refused;
     if (!frame.slot->datagrams.empty()) note_stuck(now);
     unpack(*frame.slot);
-    if (frame.slot != &frame.own) strip(frame);
+    if (frame.slot != &frame.own) remove_riders(frame);
     frames_.close(*frame.slot, false, now);
     frame.slot = nullptr;
 }
 
 namespace {
 
-// A datagram of the reply is the one that was sent; slaves count the position up.
+// Whether a datagram of the reply is the one that was sent. The position is not compared where slaves increment it.
 bool same_datagram(const std::byte* sent, const std::byte* reply) {
     constexpr std::uint64_t kPositionBits = std::uint64_t{0xFFFF} << 16;
     const std::uint64_t differs = (cycle::load(sent) ^ cycle::load(reply)) & cycle::kComparedBits;
@@ -167,7 +167,7 @@ void take_reading(const PreparedReading& reading, const std::byte* data) {
 
 }  // namespace
 
-// Everything that was sent in the frame came back in it.
+// Whether `frame` contains all datagrams that were sent in the frame of `slot`.
 bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
     constexpr std::size_t kTypeAndLengthBytes = 4;
     const PreparedFrame& sent = *slot.prepared;
@@ -182,7 +182,7 @@ bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
     return &slot == &sent.own || (frame.size() >= wire::kFramePrefixBytes + slot.length && matches(slot, frame));
 }
 
-void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
+void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
     bool right = !sent.degraded;
     for (PreparedDatagram& d : sent.datagrams) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
@@ -194,14 +194,14 @@ void Link::take_datagrams(PreparedFrame& sent, Bytes frame) {
             cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
         } else {
             right = false;
-            if (status.fresh) take_degraded(sent, d, data + d.input_at);
+            if (status.fresh) copy_degraded_inputs(sent, d, data + d.input_at);
         }
     }
     for (const PreparedReading& r : sent.readings) take_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
     sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 
-// The reply to a prepared frame is recognised by comparing it with what was sent, which is still there.
+// A reply to a prepared frame is recognised by comparison with the frame that was sent, whose octets are kept.
 bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
     if (frame.size() < wire::kFramePrefixBytes + wire::kDatagramOverheadBytes) return false;
@@ -209,14 +209,14 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
     if (sent.overlapped)
-        park(sent, frame);
+        store_reply(sent, frame);
     else
-        take_datagrams(sent, frame);
+        read_datagrams(sent, frame);
     sent.slot = nullptr;
     ++statistics_.frames_received;
     if (slot != &sent.own) {
         deliver_riders(*slot, frame, ready);
-        strip(sent);
+        remove_riders(sent);
     }
     frames_.close(*slot, false, now);
     return true;

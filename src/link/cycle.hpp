@@ -1,6 +1,6 @@
-// The link's part in the cycle that every cycle goes through, to be compiled into whoever sends and receives: frames of
-// one datagram in which every slave takes part, alone in their frames, and coming back as they were sent. Nothing is
-// called but the NIC. All else is in cycle.cpp.
+// The fast path of a cycle: frames of one datagram in which every slave takes part, without queued datagrams behind it,
+// whose reply has the form that was sent. The functions are inline, so that the code that sends and receives cycles
+// contains them; the only call that they make is to the NIC. cycle.cpp handles all other cases.
 #pragma once
 
 #include "link/link.hpp"
@@ -11,7 +11,8 @@ namespace margay {
 
 namespace cycle {
 
-// Command, index, address, length and flags of a datagram; the flag that says "has circulated" is the segment's.
+// Mask over the first 8 octets of a datagram header: command, index, address, length and flags. The flag "has
+// circulated" is left out of the comparison, because the segment sets it.
 inline constexpr std::uint64_t kComparedBits = ~(std::uint64_t{0x4000} << 48);
 
 inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(Bytes(at, 8)); }
@@ -20,9 +21,10 @@ inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(B
     return ((load(a) ^ load(b)) & kComparedBits) == 0;
 }
 
-// The reply to a plain frame has passed a slave that marks it (others: is_reply()), has all that was sent, and its
-// EtherType, length and datagram. The first comparison has both of these and the first half of the datagram's header,
-// the second all of that.
+// Whether `reply` is the reply to the plain frame `sent`: an ESC has marked the source address (is_reply() handles
+// replies without the mark), the reply is not shorter than the frame sent, and EtherType, frame length and datagram
+// header are the same. The first comparison covers EtherType, frame length and the first half of the datagram header,
+// the second one the whole header.
 [[nodiscard, gnu::always_inline]] inline bool same(const PreparedFrame& sent, Bytes reply) {
     constexpr std::size_t kTypeOffset = wire::kEthernetHeaderBytes - 2;
     const std::byte* own = sent.bytes.data();
@@ -32,7 +34,7 @@ inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(B
            same_head(at + wire::kFramePrefixBytes, own + wire::kFramePrefixBytes);
 }
 
-// memcpy() wants addresses even where there is nothing to copy.
+// memcpy() requires valid pointers even for a length of zero.
 inline void copy(std::byte* to, Bytes from) {
     if (!from.empty()) [[likely]]
         std::memcpy(to, from.data(), from.size());
@@ -40,7 +42,7 @@ inline void copy(std::byte* to, Bytes from) {
 
 }  // namespace cycle
 
-// The index and the outputs go into a plain frame.
+// Writes the index and the outputs into a plain frame.
 [[gnu::always_inline]] inline void Link::fill_plain(PreparedFrame& frame, std::uint8_t index) {
     const PreparedDatagram& d = frame.datagrams[0];
     std::byte* at = frame.bytes.data() + wire::kFramePrefixBytes;
@@ -90,8 +92,8 @@ inline void copy(std::byte* to, Bytes from) {
     return SendStatus::sent;
 }
 
-// The reply to a plain frame, and it is.
-[[gnu::always_inline]] inline void Link::take_plain(PreparedFrame& frame) {
+// Reads the reply to a plain frame from `buffer_`. The caller has checked it with cycle::same().
+[[gnu::always_inline]] inline void Link::read_plain_reply(PreparedFrame& frame) {
     const PreparedDatagram& d = frame.datagrams[0];
     const std::byte* data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
     DatagramStatus& status = *d.status;
@@ -118,7 +120,7 @@ inline void copy(std::byte* to, Bytes from) {
                 return CycleEnd::missing;
             const Bytes reply(buffer_.data(), length);
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
-                take_plain(frame);
+                read_plain_reply(frame);
             else
                 take_any(reply, now, ready);
         }

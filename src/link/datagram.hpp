@@ -1,10 +1,10 @@
-// One datagram on its way: made by a protocol sequence, awaited by it, owned by it.
+// A datagram in flight. A protocol sequence creates it, owns it and awaits it:
 //
 //     Datagram read(link, Command::FPRD, address, into);
 //     auto reply = co_await read;
 //
-// Nothing is allocated: the datagram and the bytes it carries live in the coroutine that awaits it. A datagram that is
-// destroyed in flight is forgotten; its reply is dropped when it comes.
+// Nothing is allocated: the datagram and its data are in the frame of the coroutine that awaits it. When a datagram is
+// destroyed in flight, the link forgets it and drops its reply.
 #pragma once
 
 #include <margay/detail/list.hpp>
@@ -22,36 +22,35 @@ namespace margay {
 
 class Link;
 
-// A coroutine that waits for one or more datagrams, or for a time.
+// A coroutine that waits for one or more datagrams, or for a point of time.
 struct Waiter : ListNode {
     std::coroutine_handle<> handle;
     unsigned pending = 0;
 };
 
-// What came of a datagram: errc is none (then wkc counts), no_frame, nic, nic_busy, datagram_size, or canceled.
+// The result of a datagram. errc is none (only then wkc is valid), no_frame, nic, nic_busy, datagram_size, or canceled.
 struct Reply {
     Errc errc = Errc::none;
     std::uint16_t wkc = 0;
-    bool unmarked = false;  // no_frame: it came back, but without the mark of the first ESC
+    bool unmarked = false;  // with no_frame: the frame came back without the mark of the first ESC
     [[nodiscard]] bool ok() const { return errc == Errc::none; }
-    // What goes into Error::detail.
+    // The value for Error::detail.
     [[nodiscard]] std::uint32_t detail() const { return unmarked ? Error::kUnmarked : 0; }
 };
 
-// Whether the link sends a datagram again when its frame is lost. What has an effect beyond its data (a mailbox write
-// or read) is not repeated by the link: its owner knows better.
+// Whether the link sends a datagram again when its frame is lost. The link does not repeat a datagram that has an
+// effect beyond its data (a mailbox write or read): the protocol sequence that owns it decides.
 enum class Repeat : std::uint8_t { yes, no };
 
 class Datagram;
 
-// What awaitables of datagrams share: the datagrams are submitted, and the coroutine goes on when the last of them is
-// done.
+// Base of all awaitables of datagrams: submits the datagrams; the coroutine continues when the last of them has ended.
 class DatagramWait {
   public:
     [[nodiscard]] bool await_ready() const noexcept { return false; }
 
   protected:
-    // For await_suspend(). False: the link has refused them all, and the coroutine goes on at once.
+    // For await_suspend(). False: the link has refused all datagrams, and the coroutine continues at once.
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept;
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept;
 
@@ -61,17 +60,17 @@ class DatagramWait {
 
 class Datagram : public ListNode {
   public:
-    // Reads into, or exchanges with, `data`, which lives as long as the datagram and has at most kMaxDatagramData
-    // octets.
+    // Reads into `data`, or exchanges `data`. `data` outlives the datagram and has at most kMaxDatagramData octets.
     Datagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data,
              Repeat repeat = Repeat::yes)
         : link_(link), sent_data_(data), reply_data_(data), address_(address), command_(command), repeat_(repeat) {}
-    // Writes `data`, which lives as long as the datagram.
+    // Writes `data`, which outlives the datagram.
     Datagram(Link& link, wire::Command command, wire::DatagramAddress address, Bytes data, Repeat repeat = Repeat::yes)
         : link_(link), sent_data_(data), address_(address), command_(command), repeat_(repeat) {}
 
-    // Hands it to the link; `waiter` is resumed when the last of the datagrams it waits for is done. False: it has more
-    // data than a frame can carry (Errc::datagram_size), and the waiter does not wait for it.
+    // Appends the datagram to the queue of the link. `waiter` is resumed when the last datagram that it waits for has
+    // ended. False: the datagram has more data than a frame can carry (Errc::datagram_size), and `waiter` does not wait
+    // for it.
     bool submit(Waiter& waiter);
     [[nodiscard]] Reply reply() const { return {errc_, wkc_, unmarked_}; }
 
@@ -91,7 +90,7 @@ class Datagram : public ListNode {
 
     Link& link_;
     Bytes sent_data_;
-    MutableBytes reply_data_;  // empty: the reply's data is not wanted
+    MutableBytes reply_data_;  // empty: the data of the reply is not copied
     Waiter* waiter_ = nullptr;
     wire::DatagramAddress address_;
     wire::Command command_;
@@ -100,11 +99,11 @@ class Datagram : public ListNode {
     std::uint8_t sendings_ = 0;
     bool unmarked_ = false;
     std::uint16_t wkc_ = 0;
-    std::uint16_t offset_ = 0;  // in its frame
+    std::uint16_t offset_ = 0;  // of the header, in its frame
 };
 
-// Awaits several datagrams, sent in this order and in one frame where they fit. Their replies are asked of each
-// afterwards.
+// Awaits several datagrams, which are sent in this order, in one frame if they fit. Afterwards reply() of each datagram
+// returns its result.
 template <std::size_t N>
 class Together : public DatagramWait {
   public:

@@ -18,8 +18,8 @@ FrameSlot* FrameTable::open(Time now) {
     return &slot;
 }
 
-// Indices are used in turn: one comes again after 255 others. When so many frames were lost that all rest, the one that
-// has rested longest is next in turn anyway.
+// Indices are used in turn, so an index is used again after all others. When so many frames were lost that all indices
+// rest, the index that has rested longest is the next one in turn anyway.
 bool FrameTable::claim_free(FrameSlot& slot, Time now) {
     refresh(now);
     std::uint8_t index = next_index_;
@@ -36,7 +36,7 @@ std::optional<std::uint8_t> FrameTable::free_index() {
         for (int tries = 0; tries < 256 - kSplit; ++tries) {
             const std::uint8_t index = next_overlapped_;
             next_overlapped_ = static_cast<std::uint8_t>((index + 1) | kSplit);
-            // The owner has ended it, and will not look at its frame any more.
+            // The owner has closed it and does not read its frame any more.
             if (slot_of_[index].load(std::memory_order_acquire) == nullptr && !(rested && resting(index))) return index;
         }
     return std::nullopt;

@@ -1,4 +1,5 @@
-// Frames in flight: which index belongs to which datagrams, until the reply comes or the time is up.
+// The table of frames in flight: maps the index of a frame to its datagrams until the reply arrives or the frame times
+// out.
 #pragma once
 
 #include "link/datagram.hpp"
@@ -15,29 +16,32 @@ struct PreparedFrame;
 
 struct FrameSlot {
     List<Datagram> datagrams;
-    // The frame of the cycle that travels under this index, `datagrams` riding in it.
+    // The prepared frame (of the cycle) that is sent with this index. `datagrams` are then sent behind its own
+    // datagrams.
     PreparedFrame* prepared = nullptr;
     Time deadline = kNever;
-    std::uint16_t length = 0;  // of all datagrams with their headers
+    std::uint16_t length = 0;  // octets of all datagrams with their headers
     std::uint8_t index = 0;
-    bool in_flight = false;  // of a table's slot
-    bool unmarked = false;   // its frame has come back without the mark of the first ESC, and was dropped
-    bool refused = false;    // the NIC failed to send it: it waits for its deadline all the same
+    bool in_flight = false;  // only for slots of the table
+    bool unmarked = false;   // a reply without the mark of the first ESC came back, and was dropped
+    bool refused = false;    // the NIC failed to send the frame; the slot still waits for its deadline
 };
 
 class FrameTable {
   public:
     static constexpr std::size_t kMostSlots = 128;
 
-    // `slots`: one for each frame that may be in flight at once, kMostSlots at most; their memory outlives the table.
+    // `slots`: one for each frame that may be in flight at the same time, at most kMostSlots. The memory outlives the
+    // table.
     explicit FrameTable(std::span<FrameSlot> slots) : slots_(slots) {}
 
-    // A free slot with an index that no frame in flight has and that no frame lost lately had, or nullptr.
+    // Returns a free slot with an index that no frame in flight uses and that no recently lost frame used. Returns
+    // nullptr when there is none.
     [[nodiscard]] FrameSlot* open(Time now);
-    // The same for a slot that is not of the table, and that nobody but its owner gives up. False: all indices are
-    // taken.
+    // The same for a slot outside the table: only its owner closes it, it has no deadline here. False: all indices are
+    // in use.
     [[nodiscard]] bool claim(FrameSlot& slot, Time now) {
-        // Nearly always the next index is free.
+        // The fast path: nearly always the next index is free.
         const std::uint8_t index = next_index_;
         if (any_resting_.load(std::memory_order_relaxed) || at(index) != nullptr) [[unlikely]]
             return claim_free(slot, now);
@@ -47,33 +51,34 @@ class FrameTable {
     // The slot in flight under `index`, or nullptr.
     [[nodiscard]] FrameSlot* find(std::uint8_t index) { return slot_of_[index].load(std::memory_order_acquire); }
 
-    // For overlapped cycles: indices from kSplit on are kept for the thread that sends those. It calls free_index() and
-    // publish(), and release() for what it could not send; all else is the owner's.
+    // For overlapped cycles: reserves the indices from kSplit on for the thread that sends overlapped cycles. That
+    // thread calls only free_index(), publish(), and release() for a frame that it could not send. The owner's thread
+    // calls all other functions.
     void split() {
         mask_ = kSplit - 1;
         next_index_ &= mask_;
     }
-    // An index as open() would choose it, or nothing.
+    // Returns an index by the rules of open(), or nothing.
     [[nodiscard]] std::optional<std::uint8_t> free_index();
-    // From now on the owner finds the slot; all that it looks at is written.
+    // Makes the slot visible to the owner's thread. Call it after everything that the owner reads is written.
     void publish(FrameSlot& slot, std::uint8_t index) {
         slot.index = index;
         slot_of_[index].store(&slot, std::memory_order_release);
     }
-    // Indices that have rested long enough are free again.
+    // Makes resting indices free again when their rest is over.
     void refresh(Time now) {
         if (any_resting_.load(std::memory_order_relaxed) && now >= rest_until_) end_rest();
     }
-    // Ends a slot that is not of the table and whose frame has come.
+    // Frees the index of a slot outside the table whose reply has arrived.
     void release(const FrameSlot& slot) { slot_of_[slot.index].store(nullptr, std::memory_order_release); }
-    // Ends a slot. A lost frame's index rests, so that a reply that comes late finds nobody.
+    // Closes a slot. The index of a lost frame rests (kRest), so that a late reply is not matched with another frame.
     void close(FrameSlot& slot, bool lost, Time now) {
         release(slot);
         if (slot.in_flight) --in_flight_;
         slot.in_flight = false;
         if (lost) rest(slot.index, now);
     }
-    // A slot of the table that must be given up at `now`, or nullptr.
+    // Returns a slot of the table whose deadline has passed at `now`, or nullptr.
     [[nodiscard]] FrameSlot* expired(Time now);
     [[nodiscard]] Time next_deadline() const;
 
@@ -99,7 +104,7 @@ class FrameTable {
     std::array<std::atomic<FrameSlot*>, 256> slot_of_{};
     std::array<std::atomic<std::uint32_t>, 8> resting_{};
     Time rest_until_ = Time::min();
-    std::size_t in_flight_ = 0;  // of slots_
+    std::size_t in_flight_ = 0;  // number of slots_ in flight
     std::size_t next_slot_ = 0;
     std::uint8_t next_index_ = 0;
     std::uint8_t mask_ = 0xFF;

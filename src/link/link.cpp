@@ -19,7 +19,7 @@ bool Datagram::submit(Waiter& waiter) {
     sendings_ = 0;
     unmarked_ = false;
     wkc_ = 0;
-    // No frame would ever have room for it.
+    // No frame can carry it.
     if (sent_data_.size() > wire::kMaxDatagramData) {
         errc_ = Errc::datagram_size;
         return false;
@@ -27,7 +27,7 @@ bool Datagram::submit(Waiter& waiter) {
     errc_ = Errc::canceled;
     waiter_ = &waiter;
     ++waiter.pending;
-    if (link_.queue_.empty()) link_.stuck_since_ = kNever;  // those that were stuck are gone
+    if (link_.queue_.empty()) link_.stuck_since_ = kNever;  // the datagrams that the NIC did not accept are gone
     link_.queue_.push_back(*this);
     return true;
 }
@@ -45,7 +45,7 @@ void Link::receive(Time now, List<Waiter>& ready) {
     if (stuck_since_ != kNever && now - stuck_since_ >= settings.queue_timeout) end_queued(ready);
 }
 
-// The NIC has not taken a datagram, or a frame of the cycle with datagrams in it.
+// The NIC has not accepted a queued datagram, or a frame of the cycle with queued datagrams in it.
 void Link::note_stuck(Time now) {
     if (stuck_since_ == kNever) stuck_since_ = now;
 }
@@ -93,15 +93,15 @@ void Link::take(Bytes frame, Time now, List<Waiter>& ready) {
     deliver(*slot, frame, now, ready);
 }
 
-// The first ESC marks the source address. Where the NIC hides own frames, an unmarked one with the own source address
-// has been to the segment all the same: some slaves do not mark. Frames of another master have another address.
+// The first ESC marks the source address. Some slaves do not set the mark: where the NIC hides own frames, an unmarked
+// frame with the own source address has also passed the segment. Frames of another master have another source address.
 bool Link::is_genuine(Bytes frame) const {
     if ((frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}) return true;
     return nic_.hides_own_frames() &&
            std::ranges::equal(std::as_bytes(std::span(source_)), frame.subspan(wire::kSourceMacOffset, source_.size()));
 }
 
-// A frame is sent with working counters of zero: an echo still has them.
+// Frames are sent with working counters of zero. A nonzero counter shows that the frame is not an echo.
 void Link::drop_unmarked(Bytes frame, FrameSlot* slot) {
     bool counted = false;
     wire::DatagramReader reader(frame);
@@ -129,7 +129,7 @@ void Link::deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready) {
 void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
     if (slot.prepared != nullptr) {
         slot.prepared->slot = nullptr;
-        strip(*slot.prepared);
+        remove_riders(*slot.prepared);
     }
     if (!slot.refused) ++statistics_.lost;
     List<Datagram> again;
@@ -142,7 +142,7 @@ void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
             complete(*d, slot.refused ? Errc::nic : Errc::no_frame, ready);
         }
     }
-    // In front of what was queued since: the order on the wire stays the order of submission as far as it can.
+    // Before the datagrams that were queued since: keeps the order of submission on the wire as far as possible.
     again.take_back(queue_);
     queue_.take_back(again);
     frames_.close(slot, true, now);
@@ -158,7 +158,7 @@ void Link::pack(FrameSlot& slot, wire::FrameBuilder& builder) {
     }
 }
 
-// Nothing has left: all go back to where they were.
+// The frame was not sent: its datagrams return to the front of the queue.
 void Link::unpack(FrameSlot& slot) {
     while (Datagram* d = slot.datagrams.back()) queue_.push_front(*d);
 }
@@ -174,7 +174,7 @@ void Link::note_sent(FrameSlot& slot) {
 bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
     wire::FrameBuilder builder(MutableBytes(buffer_).first(room), source_);
     pack(slot, builder);
-    if (slot.datagrams.empty()) return false;  // what makes no progress is not sent again and again
+    if (slot.datagrams.empty()) return false;  // no datagram fits: stop instead of trying forever
     const Bytes frame = builder.finish();
     slot.length = static_cast<std::uint16_t>(frame.size() - wire::kFramePrefixBytes);
     slot.deadline = now + settings.frame_timeout;

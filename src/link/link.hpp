@@ -1,5 +1,5 @@
-// The link packs the datagrams that are due into as few frames as fit, sends them, matches what comes back, and gives
-// up what does not.
+// The link packs the queued datagrams into as few frames as possible, sends the frames, matches the replies, and times
+// out the frames that do not come back.
 #pragma once
 
 #include "link/datagram.hpp"
@@ -15,8 +15,8 @@
 
 namespace margay {
 
-// When the cycles of one group come, and how many octets of queued datagrams may travel with each. The group owns it;
-// destroying it takes it off the link.
+// The times of the last two cycles of one group, and how many octets of queued datagrams may be sent with each cycle.
+// The group owns it; its destructor removes it from the link.
 struct CyclePace : ListNode {
     Time last = Time::min();
     Time before = Time::min();
@@ -32,48 +32,50 @@ class Link {
 
     LinkSettings settings;
 
-    // Takes in all frames that the NIC has and gives up those whose time is over. Waiters whose datagrams are done end
-    // up in `ready`. Resumes nobody.
+    // Receives all frames that the NIC has, and closes the frames whose time is over. Appends the waiters whose
+    // datagrams have ended to `ready`. Resumes no coroutine.
     void receive(Time now, List<Waiter>& ready);
-    // Takes in one frame; false when the NIC has none.
+    // Receives one frame; false when the NIC has none.
     bool receive_one(Time now, List<Waiter>& ready);
-    // Packs and sends what is queued.
+    // Packs and sends the queued datagrams.
     void send(Time now);
 
-    // The cycle, in link/cycle.hpp. Each group of frames has a pace of its own, which the link is told of once.
+    // The cycle, implemented in link/cycle.hpp. Each group of frames registers its own pace once.
     void add_pace(CyclePace& pace) { paces_.push_back(pace); }
-    // Sends the frames of a cycle. Does not wait or allocate. Queued datagrams travel with the cycle,
-    // `rider_budget_bytes` of them with their headers, or one datagram if it is longer, in a frame of their own where
-    // the frames of the cycle have no room left. While the cycles of any group go on, send() leaves the queue to them;
-    // cycles without a budget do not count. A flight that is not over yet is given up. Anything but `sent`: of the last
-    // frame that is not in flight.
+    // Sends the frames of a cycle. Does not wait or allocate. Queued datagrams are sent with the cycle: up to
+    // `rider_budget_bytes` octets with their headers, or one datagram if it is longer. They use the free room in the
+    // frames of the cycle, then frames of their own. While the cycles of any group keep their interval, send() leaves
+    // the queue to the cycles; groups with a budget of zero do not count. When a frame is still in flight from the
+    // cycle before, its reply is not waited for any more. A result other than `sent` is the status of the last frame
+    // that could not be sent.
     [[nodiscard]] SendStatus send_cycle(std::span<PreparedFrame> frames, CyclePace& pace, Time now,
                                         std::size_t rider_budget_bytes);
-    // Takes in what the NIC has until all of these frames are back.
+    // Receives frames from the NIC until all of these frames are back, or the NIC has none.
     [[nodiscard]] CycleEnd receive_cycle(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
-    // When any group was sent last.
+    // When a cycle of any group was sent last.
     [[nodiscard]] Time last_cycle() const { return last_cycle_; }
-    // Cycles go on, and what is queued waits for the next one.
+    // Whether cycles keep their interval, so that queued datagrams wait for the next cycle.
     [[nodiscard]] bool cycling(Time now) { return now < cycles_until(); }
-    // A prepared frame that is not waited for any more; its reply, should it come, is dropped.
+    // Stops waiting for a prepared frame. If its reply arrives later, it is dropped.
     void give_up_prepared(PreparedFrame& frame, Time now);
-    // Nothing came of it in this cycle.
-    static void nothing_came(PreparedFrame& frame);
+    // Marks all datagrams and readings of the frame as not received in this cycle.
+    static void mark_not_received(PreparedFrame& frame);
 
-    // Overlapped cycles, in link/overlap.cpp. From the first of them on the indices of frames are split between the
-    // thread that sends them and the owner.
+    // Overlapped cycles, implemented in link/overlap.cpp. After this call the indices of frames are divided between the
+    // thread that sends overlapped cycles and the owner's thread.
     void allow_overlapping() { frames_.split(); }
-    // The sending thread's, for frames that the owner has done with: sends them. Anything but `sent`: of the last frame
-    // that is not in flight.
+    // Sends frames that the owner has finished with; called by the sending thread. A result other than `sent` is the
+    // status of the last frame that could not be sent.
     [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames);
-    // The owner's: takes in what the NIC has until all of these frames are back; false when some are not. And the end
-    // of their cycle: inputs and working counters are taken over, what is not back is given up.
+    // Both are called by the owner's thread. receive_overlapped() receives frames from the NIC until all of these
+    // frames are back; false when some are missing. end_overlapped() ends their cycle: copies inputs and working
+    // counters, and closes the frames that are not back.
     [[nodiscard]] bool receive_overlapped(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     void end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time now);
-    // While nobody sends.
+    // Only while no thread sends.
     void forget_overlapped(PreparedFrame& frame, Time now);
 
-    // When receive() or send() should be called again at the latest.
+    // The latest time at which receive() or send() must be called again.
     [[nodiscard]] Time next_deadline(Time now);
 
     [[nodiscard]] const LinkStatistics& statistics() const { return statistics_; }
@@ -83,7 +85,7 @@ class Link {
     friend class Datagram;
 
     void take(Bytes frame, Time now, List<Waiter>& ready);
-    // Whether a frame is no echo of an own one.
+    // Whether a frame has passed the segment, so that it is not the echo of an own frame.
     [[nodiscard]] bool is_genuine(Bytes frame) const;
     void drop_unmarked(Bytes frame, FrameSlot* slot);
     void note_stuck(Time now);
@@ -96,28 +98,30 @@ class Link {
     void unpack(FrameSlot& slot);
     void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
     void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
-    static void take_degraded(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs);
+    static void copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram,
+                                     const std::byte* inputs);
     void not_sent(PreparedFrame& frame, Time now);
     static void fill_plain(PreparedFrame& frame, std::uint8_t index);
     static void fill(PreparedFrame& frame, std::uint8_t index);
     void note_prepared(const PreparedFrame& frame);
     [[nodiscard]] SendStatus send_with_queue(std::span<PreparedFrame> frames, Time now, std::size_t budget_bytes);
-    // Whatever these come to, `all` is the status of one that went wrong before.
+    // Sends the remaining frames of a cycle. `all` is the status so far; the result is the status of the last frame
+    // that could not be sent.
     [[nodiscard]] SendStatus send_rest(std::span<PreparedFrame> frames, SendStatus all, Time now);
     [[nodiscard]] SendStatus send_with_riders(PreparedFrame& frame, Time now);
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
-    void take_plain(PreparedFrame& frame);
-    // The others of a cycle in which one was not right.
+    void read_plain_reply(PreparedFrame& frame);
+    // Receives the remaining frames of a cycle after one that was not `right`.
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
-    static void take_datagrams(PreparedFrame& sent, Bytes frame);
+    static void read_datagrams(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
-    static void park(PreparedFrame& sent, Bytes reply);
+    static void store_reply(PreparedFrame& sent, Bytes reply);
     void take_any(Bytes frame, Time now, List<Waiter>& ready);
-    // Until then the queue is left to the cycle.
+    // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
-    static void strip(PreparedFrame& frame);
+    static void remove_riders(PreparedFrame& frame);
     [[nodiscard]] Bytes add_riders(PreparedFrame& frame, FrameSlot& slot);
     [[nodiscard]] std::size_t rider_room();
     void note_riders(std::size_t bytes);
@@ -129,12 +133,12 @@ class Link {
     LinkStatistics statistics_;
     MacAddress source_;
     bool nic_busy_ = false;
-    Time stuck_since_ = kNever;  // since then the NIC takes nothing of the queue
+    Time stuck_since_ = kNever;  // since then the NIC accepts no queued datagram
     List<CyclePace> paces_;
     Time last_cycle_ = Time::min();
-    std::size_t rider_budget_ = 0;                          // what this cycle has left for what rides
-    bool riders_ = false;                                   // some have ridden in this cycle
-    std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame being built, or being read
+    std::size_t rider_budget_ = 0;  // octets of queued datagrams that may still be sent with this cycle
+    bool riders_ = false;           // queued datagrams were sent with this cycle
+    std::array<std::byte, wire::kMaxFrameBytes> buffer_{};  // the frame that is being built or read
 };
 
 }  // namespace margay

@@ -1,10 +1,10 @@
-// Overlapped cycles: one is sent before the one before it is received. A thread may send them while another one, the
-// owner, receives and does all else.
+// Overlapped cycles: a cycle is sent before the previous one is received. One thread may send the cycles while another
+// thread, the owner, receives and does everything else.
 //
-// What the two share: a frame belongs to the sender until the group's count of cycles sent tells that its cycle is
-// under way, and again once the count of those received tells that it is over. In between the owner may find it by its
-// index, from the moment it is published in the frame table, and puts the reply into it. Everything else in the link,
-// statistics too, is the owner's. The NIC is used by both.
+// What the two threads share: a frame belongs to the sending thread until the group's count of sent cycles says that
+// its cycle is in flight, and again after the count of received cycles says that its cycle has ended. Between these two
+// points the owner may find the frame by its index (from the moment it is published in the frame table) and copies the
+// reply into it. Everything else in the link belongs to the owner, also the statistics. Both threads use the NIC.
 #include "link/cycle.hpp"
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace margay {
 namespace {
 
-// As fill(), but for a frame in which a reply may have been put, and without a look at what the owner writes.
+// Like fill(), for a frame that may contain an old reply. Does not read anything that the owner writes.
 void fill_overlapped(PreparedFrame& frame, std::uint8_t index) {
     const auto clear = [&frame](std::size_t at, std::size_t bytes) {
         std::ranges::fill(MutableBytes(frame.bytes).subspan(at, bytes), std::byte{0});
@@ -48,8 +48,8 @@ SendStatus Link::send_overlapped(std::span<PreparedFrame> frames) {
     return all;
 }
 
-// The reply stays in the frame until the cycle is received; headers stay as they were sent.
-void Link::park(PreparedFrame& sent, Bytes reply) {
+// Copies the reply into the frame, where it stays until the cycle is received. The headers stay as they were sent.
+void Link::store_reply(PreparedFrame& sent, Bytes reply) {
     const auto keep = [&](std::size_t offset, std::size_t bytes) {
         const std::size_t data = offset + wire::kDatagramHeaderBytes;
         std::ranges::copy(reply.subspan(data, bytes + wire::kWorkingCounterBytes), &sent.bytes[data]);
@@ -75,11 +75,11 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
         else
             note_prepared(frame);
         if (frame.parked && !frame.refused) {
-            take_datagrams(frame, frame.bytes);
+            read_datagrams(frame, frame.bytes);
         } else {
             if (!frame.refused) ++statistics_.lost;
             forget_overlapped(frame, now);
-            nothing_came(frame);
+            mark_not_received(frame);
         }
         frame.parked = false;
     }

@@ -1,6 +1,6 @@
-// Frames of the cycle: built once, sent again and again with new data and a new index. No coroutine waits for them;
-// whoever sends them asks afterwards what came. Datagrams that are queued at the link ride in the space behind their
-// own.
+// Prepared frames: the frames of the cycle, which are built once and sent again and again with new data and a new
+// index. No coroutine waits for them; the sender reads the result afterwards. The link sends queued datagrams
+// ("riders") in the space behind the datagrams of a prepared frame.
 #pragma once
 
 #include "link/frame_table.hpp"
@@ -12,58 +12,58 @@
 
 namespace margay {
 
-// One datagram that is always in its frame.
+// One datagram with process data that is always in its frame.
 struct PreparedDatagram {
-    Bytes output;        // what of the application goes out, to the first octets of the data
-    MutableBytes input;  // where what comes in goes, from octet input_at of the data on: only if the working counter is
-                         // as expected
+    Bytes output;        // outputs of the application, copied to the first octets of the data
+    MutableBytes input;  // destination of the inputs, copied from octet input_at of the data on; only when the working
+                         // counter is as expected
     std::uint16_t input_at = 0;
     std::uint16_t offset = 0;  // of the header in the frame
-    std::uint16_t bytes = 0;   // of data
+    std::uint16_t bytes = 0;   // of the data
     DatagramStatus* status = nullptr;
 };
 
-// One that reads a register, in its frame behind those.
+// A datagram that reads a register. It is placed behind the PreparedDatagrams of its frame.
 struct PreparedReading {
     std::uint16_t offset = 0;
-    std::uint16_t bytes = 0;  // of data, 8 at most
+    std::uint16_t bytes = 0;  // of the data, at most 8
     RegisterReading* into = nullptr;
 };
 
-// How a frame of the cycle is, or all of them are.
+// The result of one frame of a cycle, or of all its frames.
 enum class CycleEnd : std::uint8_t {
     missing,  // not back
-    odd,      // back, and some slave did not take part in one of its datagrams
-    right,    // back, and every slave did
+    odd,      // back, but some slave did not take part in one of its datagrams
+    right,    // back, and every slave took part
 };
 
 struct PreparedFrame {
     std::span<PreparedDatagram> datagrams;
     std::span<const PreparedReading> readings;
-    FrameSlot* slot = nullptr;  // while it is in flight (never of overlapped cycles): `own`, or one of the link's when
-                                // datagrams ride along
+    FrameSlot* slot = nullptr;  // while it is in flight (not used for overlapped cycles): `own`, or a slot of the link
+                                // when datagrams ride along
     CycleEnd end = CycleEnd::missing;
-    bool plain = false;  // one datagram, in which every slave takes part, and no reading
-    // Some slave does not take part in it. Inputs go out as they are in the image, so that what nobody writes comes
-    // back as it was.
+    bool plain = false;  // one datagram in which every slave takes part, and no reading
+    // Some slave does not take part. Inputs are then sent as they are in the image, so that the octets that no slave
+    // writes come back unchanged.
     bool degraded = false;
-    bool regrouped = false;   // other slaves take part than when it was filled
-    bool apart = false;       // its inputs never go out: they lie on top of outputs, or another thread sends it
-    bool overlapped = false;  // of a cycle that may be sent by one thread and received by another, see link/overlap.cpp
-    bool refused = false;     // such a one: the NIC has not taken it
-    bool parked = false;      // such a one: its reply is in `bytes`
-    std::uint16_t size = wire::kFramePrefixBytes;  // without what rides along
-    std::uint16_t last = 0;                        // of these, where its last datagram begins
-    std::uint16_t datagram_count = 0;              // readings included
-    std::uint16_t wire_bytes = 0;                  // that these are with padding and all
-    // Takes over the inputs of the slaves that take part, and of no other; n counts `datagrams`. Called where a frame
-    // is degraded, and `apart` or regrouped while it was in flight.
+    bool regrouped = false;  // the slaves that take part have changed since the frame was filled
+    bool apart = false;  // inputs are never sent: they overlap outputs in the image, or another thread sends the frame
+    bool overlapped = false;  // of a cycle that one thread may send and another receive, see link/overlap.cpp
+    bool refused = false;     // overlapped frames only: the NIC has not accepted it
+    bool parked = false;      // overlapped frames only: its reply is in `bytes`
+    std::uint16_t size = wire::kFramePrefixBytes;  // octets without riders
+    std::uint16_t last = 0;                        // offset of the last datagram, riders not counted
+    std::uint16_t datagram_count = 0;              // readings included, riders not
+    std::uint16_t wire_bytes = 0;                  // octets on the wire without riders, with padding and all overhead
+    // Copies the inputs of the slaves that take part, and of no other slave; n is the position in `datagrams`. Called
+    // for a degraded frame that is `apart`, or that was regrouped in flight.
     void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
     void* group = nullptr;
     FrameSlot own;
-    std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as it was sent last
+    std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last
 
-    // To be called when the working counters of its datagrams that are accepted have changed.
+    // Call it when the accepted working counters of its datagrams have changed.
     void settle() {
         degraded = false;
         regrouped = true;

@@ -1,4 +1,4 @@
-// The pump of a channel: what to do next, and what came of it.
+// The pump of a channel: selects the next action, and processes its result.
 #include "mailbox/channel.hpp"
 
 #include "mailbox/arena_buffer.hpp"
@@ -20,10 +20,11 @@ constexpr std::size_t kLookBytes = 3;  // status, activate, PDI control
 
 constexpr Duration kCycleIsAlive = std::chrono::milliseconds(10);
 constexpr Duration kRealLook =
-    std::chrono::milliseconds(20);  // though a bit of the image, or the watch, says there is nothing
+    std::chrono::milliseconds(20);  // looks at the ESC although a bit of the image, or Mailboxes, reports no mail
 constexpr unsigned kLooksBeforeParking = 4;
 
-// Channels that pause alike look at the same time: their datagrams share frames.
+// Rounds the time up to a multiple of `grid`: channels with the same pause then look at the same time, and their
+// datagrams share frames.
 Time on_grid(Time time, Duration grid) {
     const auto rest = time.time_since_epoch() % grid;
     return rest == Duration{0} ? time : time + (grid - rest);
@@ -48,7 +49,7 @@ class MailboxChannel::PumpGuard {
     MailboxChannel& channel_;
 };
 
-// Awaitable: until the time has come, or kick().
+// Awaitable: resumes at the given time or by kick().
 class MailboxChannel::Doze {
   public:
     Doze(MailboxChannel& channel, Time until) : channel_(channel), until_(until) {}
@@ -72,7 +73,7 @@ void MailboxChannel::ensure_pump() {
         (void)mailboxes_->tasks_.start(std::move(task));
         return;
     }
-    const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = position_};
+    const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = number_};
     while (MailTurn* turn = queue_.front()) finish(static_cast<MailExchange&>(*turn), full);
 }
 
@@ -87,7 +88,7 @@ Task<Result<>> MailboxChannel::pump() {
     for (Action action = next_action(); action != Action::stop; action = next_action()) {
         const bool carries = action == Action::send || action == Action::fetch;
         if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
-            trouble_ = Errc::capacity;  // others will give some back
+            last_failure_ = Errc::capacity;  // wait until others return memory
             co_await Doze(*this, now() + timing.longest_pause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
@@ -125,11 +126,12 @@ Task<Result<>> MailboxChannel::pump() {
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ what to do
+// ------------------------------------------------------------------ next action
 
 MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();
-    // A slave that is gone is not looked at for ever on behalf of nobody. What is to be looked for is kept for later.
+    // When no exchange waits, a slave that does not answer is not looked at without end. A pending look is kept for
+    // later.
     const bool nobody_waits = queue_.empty() && awaiting_.empty() && farewell_bytes_ == 0;
     if (nobody_waits && silent_looks_ >= kMostSilentLooks) return Action::stop;
     if (repeat_ == Repeated::ready) return Action::ask_repeat;
@@ -173,7 +175,7 @@ bool MailboxChannel::bit_is_trusted() const {
 MailboxChannel::Action MailboxChannel::next_look() {
     if (now() < look_at_) return Action::doze;
     if (!bit_is_trusted()) return Action::look;
-    // As of the last cycle: what was fetched since is still shown.
+    // The bit shows the state of the last cycle: it still reports mail that was fetched after that cycle.
     if (engine_->link().last_cycle() <= fetched_at_ ||
         !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
         look_at_ = now() + timing.first_pause;
@@ -199,12 +201,12 @@ void MailboxChannel::look_soon() {
     look_at_ = now();
     pause_ = timing.first_pause;
     looks_ = 0;
-    parked_ = false;
+    watched_by_mailboxes_ = false;
 }
 
 // ------------------------------------------------------------------ sending
 
-// False when the mailbox is too small for it.
+// False when the mailbox is too small for the message.
 bool MailboxChannel::compose(MutableBytes buffer) {
     const auto mailbox = buffer.first(info_.out_bytes);
     const auto data = mailbox.subspan(wire::kMailboxHeaderBytes);
@@ -220,7 +222,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
         header.priority = sending_->options_.patience.priority;
         header.address = sending_->options_.address;
         if (header.length == 0) {
-            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = position_});
+            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = number_});
             return false;
         }
     }
@@ -230,7 +232,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
     return true;
 }
 
-// The slave has it.
+// The slave has received the message.
 void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
@@ -245,14 +247,14 @@ void MailboxChannel::left(MailExchange& exchange) {
     look_soon();
 }
 
-void MailboxChannel::not_taken(Errc why) {
-    trouble_ = why;
+void MailboxChannel::message_refused(Errc why) {
+    last_failure_ = why;
     pause_ = std::clamp(pause_ * 2, timing.first_pause, timing.longest_pause);
     send_at_ = now() + pause_;
     look_at_ = std::min(look_at_, now());
 }
 
-void MailboxChannel::said_farewell(Reply reply) {
+void MailboxChannel::final_message_sent(Reply reply) {
     sending_farewell_ = false;
     const bool taken = reply.ok() && reply.wkc == 1;
     if (taken) {
@@ -264,24 +266,24 @@ void MailboxChannel::said_farewell(Reply reply) {
     if (taken || lost || now() >= farewell_until_) {
         farewell_bytes_ = 0;
     } else {
-        not_taken(Errc::mailbox_full);
+        message_refused(Errc::mailbox_full);
     }
 }
 
 void MailboxChannel::sent(Reply reply) {
-    if (sending_farewell_) return said_farewell(reply);
+    if (sending_farewell_) return final_message_sent(reply);
     MailExchange* const exchange = std::exchange(sending_, nullptr);
     const bool again = std::exchange(resend_, false);
     if (reply.ok() && reply.wkc == 1) {
         out_counter_ = trial_counter_;
         ++(again ? statistics_.resent : statistics_.sent);
-        trouble_ = Errc::none;
+        last_failure_ = Errc::none;
         unsure_ = nullptr;
         if (exchange != nullptr) left(*exchange);
     } else if (reply.errc == Errc::no_frame) {
-        // It may have arrived, or not: the slave's mailbox will tell, or its reply.
+        // The message may have arrived or not: the slave's mailbox or its reply will show it.
         out_counter_ = trial_counter_;
-        trouble_ = Errc::no_frame;
+        last_failure_ = Errc::no_frame;
         if (exchange == nullptr) return;
         unsure_ = exchange;
         resend_at_ = now();
@@ -292,7 +294,7 @@ void MailboxChannel::sent(Reply reply) {
         exchange->state_ = MailExchange::State::sent;
         look_soon();
     } else {
-        not_taken(reply.ok() ? Errc::mailbox_full : reply.errc);
+        message_refused(reply.ok() ? Errc::mailbox_full : reply.errc);
         if (again) resend_at_ = send_at_;
     }
 }
@@ -300,11 +302,11 @@ void MailboxChannel::sent(Reply reply) {
 void MailboxChannel::looked_out(Reply reply, std::byte status) {
     if (unsure_ == nullptr) return;
     if (!reply.ok() || reply.wkc != 1) {
-        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
         resend_at_ = now() + timing.longest_pause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
         MailExchange& arrived = *std::exchange(unsure_, nullptr);
-        trouble_ = Errc::none;
+        last_failure_ = Errc::none;
         ++statistics_.sent;
         left(arrived);
     } else if (now() >= unsure_until_) {
@@ -319,17 +321,17 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
 void MailboxChannel::looked(Reply reply, Bytes octets) {
     real_look_at_ = now() + kRealLook;
     if (!reply.ok() || reply.wkc != 1) {
-        trouble_ = reply.ok() ? Errc::working_counter : reply.errc;
+        last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
         look_at_ = now() + timing.longest_pause;
         if (silent_looks_ < kMostSilentLooks) ++silent_looks_;
         return;
     }
     silent_looks_ = 0;
-    if (trouble_ != Errc::mailbox_full) trouble_ = Errc::none;
+    if (last_failure_ != Errc::mailbox_full) last_failure_ = Errc::none;
     const bool full = has(octets[0], wire::sm_status::kMailboxFull);
     if (repeat_ == Repeated::wanted) {
-        // One that does not count its replies could not be told from the one before: it is asked for only if it is
-        // gone.
+        // A repeated reply of a slave that does not count its mail could not be distinguished from the one before. The
+        // repeat is requested only if the mailbox is empty.
         const bool ask = counts_ || !full;
         repeat_ = ask ? Repeated::ready : Repeated::no;
         activate_ = static_cast<std::uint8_t>(std::to_integer<unsigned>(octets[1]) ^ wire::sm_activate::kRepeatRequest);
@@ -350,15 +352,15 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     nothing_there();
 }
 
-// The lost mail may have been something else, and the replies may still come: an exchange of the same key waits for
-// them a while.
+// The lost mail may have been something other than these replies, which may then still arrive. So new exchanges of the
+// same key wait for a while.
 void MailboxChannel::reply_is_lost() {
     lost_at_ = kNever;
-    const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = position_};
+    const Error lost{.code = Errc::reply_lost, .step = Step::mailbox_receive, .slave = number_};
     for (MailTurn* turn = awaiting_.front(); turn != nullptr;) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         turn = awaiting_.after(*turn);
-        if (&exchange == unsure_) continue;  // that message may not have arrived, and is sent again by itself
+        if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
         owed_key_ = exchange.options_.key;
         owed_until_ = now() + timing.owed_patience;
         finish(exchange, lost);
@@ -382,13 +384,13 @@ void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
         repeat_ = Repeated::wanted;
         look_soon();
     } else if (!reply.ok()) {
-        trouble_ = reply.errc;
+        last_failure_ = reply.errc;
         look_at_ = now() + timing.longest_pause;
     } else if (reply.wkc != 1) {
         nothing_there();
     } else {
         look_soon();
-        take_in(mailbox);
+        receive_mail(mailbox);
     }
 }
 

@@ -1,16 +1,17 @@
-// The mailbox channel of one slave (ETG.1000.4 "Mailbox", ETG.1000.6 "Mailbox"): what is to be sent leaves in turn,
-// what comes goes to whom it is for.
+// The mailbox channel of one slave (ETG.1000.4 "Mailbox", ETG.1000.6 "Mailbox"): sends messages in turn and dispatches
+// received mail to the exchange or protocol that it belongs to.
 //
-// One coroutine, the pump, works as long as there is something to do. It never has more than one datagram under way, so
-// that messages keep their order; the pumps of many slaves run beside each other, and what they send in the same poll()
-// shares frames.
+// One coroutine, the pump, exists as long as there is something to do. It has at most one datagram in flight, so that
+// messages keep their order. The pumps of many slaves work at the same time, and the datagrams that they send in the
+// same poll() share frames.
 //
-// Lost frames. A message whose frame did not come back is sent again, under the same counter, only if the slave's
-// mailbox is found empty and nothing has come back for a while: a slave that has it drops the second one. A reply whose
-// frame was lost on its way back is asked for by the repeat request of SyncManager 1 (activate octet, bit 1), which the
-// slave acknowledges; one that comes twice is known by its counter. A slave that acknowledges the repeat request, or
-// does not know it, and leaves its mailbox empty does not have the reply any more: the exchange ends with
-// Errc::reply_lost, and the protocol asks again, by a message of a new counter.
+// Lost frames. A message whose frame did not come back is sent again, with the same counter, only if the slave's
+// mailbox is found empty and no reply has arrived for a while: a slave that already has the message drops the second
+// copy. When the frame with a reply is lost on the way back, the channel sends the repeat request of SyncManager 1
+// (activate octet, bit 1), which the slave acknowledges; a reply that arrives twice is recognised by its counter. A
+// slave that acknowledges the repeat request, or does not support it, and leaves its mailbox empty does not have the
+// reply any more. The exchange then ends with Errc::reply_lost, and the protocol sends its request again as a message
+// with a new counter.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -30,9 +31,10 @@ class Mailboxes;
 class MailboxChannel {
   public:
     struct Timing {
-        Duration first_pause = std::chrono::microseconds(100);  // between looks for mail; doubles
+        Duration first_pause =
+            std::chrono::microseconds(100);  // between looks for mail; doubled after each look in vain
         Duration longest_pause = std::chrono::milliseconds(1);
-        Duration resend_after = std::chrono::milliseconds(20);  // a message that may not have arrived
+        Duration resend_after = std::chrono::milliseconds(20);  // for a message that may not have arrived
         Duration repeat_patience = std::chrono::milliseconds(100);
         Duration owed_patience = std::chrono::milliseconds(100);  // for the reply to an exchange that was given up
     };
@@ -41,42 +43,42 @@ class MailboxChannel {
     MailboxChannel(const MailboxChannel&) = delete;
     MailboxChannel& operator=(const MailboxChannel&) = delete;
 
-    // The slave's SyncManagers have been set up for `info`: nothing is known of what they hold, so it is looked at
-    // first.
+    // Call it when the slave's SyncManagers are configured with `info`. Their content is unknown, so the channel first
+    // looks for mail from before.
     void open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info);
-    // Ends all that waits with Errc::mailbox_closed. What the slave has reported can still be read.
+    // Ends all exchanges and waiting sessions with Errc::mailbox_closed. Emergencies received so far remain readable.
     void close();
-    // Another slave may be there from now on.
+    // Also deletes everything known about the slave: another slave may be there from now on.
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
 
-    // Sends the message when its turn comes, without anybody waiting for it: the abort of a transfer that was given up.
-    // One at a time, the first is kept.
-    void farewell(wire::MailboxType type, Bytes data);
+    // Sends the message when its turn comes, without an exchange: for the abort of a transfer that was given up. There
+    // is at most one at a time; while one waits, another one is ignored.
+    void send_final_message(wire::MailboxType type, Bytes data);
 
-    // There may be mail: looks once.
+    // Looks for mail once.
     void glance();
 
-    // The octet of the process image, and the bit in it, that say whether there is mail; nullptr: none do.
+    // The octet of the process image, and the bit in it, that report mail of this slave. nullptr: there is no such bit.
     void use_status_bit(const std::byte* octet, unsigned bit) {
         status_octet_ = octet;
         status_bit_ = static_cast<std::uint8_t>(bit);
     }
 
-    [[nodiscard]] const Station station() const { return {*engine_, address_, position_}; }
+    [[nodiscard]] const Station station() const { return {*engine_, address_, number_}; }
     [[nodiscard]] Slave& slave() const { return *slave_; }
     [[nodiscard]] Engine& engine() const { return *engine_; }
     [[nodiscard]] Arena& arena() const { return engine_->arena(); }
     [[nodiscard]] Mailboxes& mailboxes() const { return *mailboxes_; }
-    // Octets of data, header not counted, that fit into one message.
+    // Octets of data that fit into one message, mailbox header not counted.
     [[nodiscard]] std::size_t send_room() const { return room(info_.out_bytes); }
     [[nodiscard]] std::size_t receive_room() const { return room(info_.in_bytes); }
     [[nodiscard]] MailboxStatistics& statistics() { return statistics_; }
     [[nodiscard]] EmergencyRing& emergencies() { return emergencies_; }
 
-    // Found out while the slave is used: it has refused complete access.
+    // Set when the slave has refused complete access.
     bool no_complete_access = false;
-    // By that, or because the application says so.
+    // Whether complete access may be used: the slave has not refused it, and the application has not disabled it.
     [[nodiscard]] bool whole_objects() const { return !no_complete_access && !slave_->config.no_complete_access; }
     Timing timing;
 
@@ -88,7 +90,8 @@ class MailboxChannel {
     class Doze;
 
     enum class Action : std::uint8_t { stop, doze, send, look, look_out, fetch, ask_repeat };
-    // Of a reply that was lost: it must be asked for, it can be (the SyncManager's activate octet is known), it was.
+    // State of the repeat request for a lost reply. wanted: the activate octet of SyncManager 1 must be read first;
+    // ready: the octet is known; requested: the request was written.
     enum class Repeated : std::uint8_t { no, wanted, ready, requested };
 
     [[nodiscard]] static constexpr std::size_t room(std::size_t bytes) {
@@ -118,8 +121,8 @@ class MailboxChannel {
     [[nodiscard]] bool compose(MutableBytes buffer);
     void sent(Reply reply);
     void left(MailExchange& exchange);
-    void said_farewell(Reply reply);
-    void not_taken(Errc why);
+    void final_message_sent(Reply reply);
+    void message_refused(Errc why);
     void looked(Reply reply, Bytes octets);
     void looked_out(Reply reply, std::byte status);
     void fetched(Reply reply, Bytes mailbox);
@@ -127,8 +130,8 @@ class MailboxChannel {
     void reply_is_lost();
     void look_soon();
 
-    // channel_dispatch.cpp: what came
-    void take_in(Bytes mailbox);
+    // channel_dispatch.cpp: received mail
+    void receive_mail(Bytes mailbox);
     void dispatch(const wire::MailboxMessage& mail);
     void malformed(const wire::MailboxHeader& header);
     void error_reply(Bytes data);
@@ -138,51 +141,53 @@ class MailboxChannel {
     Mailboxes* mailboxes_ = nullptr;
     Slave* slave_ = nullptr;
     StationAddress address_;
-    std::uint16_t position_ = 0;
+    std::uint16_t number_ = 0;
     MailboxInfo info_;
     bool open_ = false;
     std::uint32_t epoch_ = 0;
 
-    List<MailTurn> queue_;     // exchanges to be sent
-    List<MailTurn> awaiting_;  // exchanges to be answered, in the order they were sent
+    List<MailTurn> queue_;     // exchanges whose message is not sent yet
+    List<MailTurn> awaiting_;  // exchanges whose message was sent, in the order of sending
     List<MailTurn> tickets_;   // sessions that wait for their turn
     std::uint16_t busy_types_ = 0;
 
-    // What is being sent.
+    // Sending.
     MailExchange* sending_ = nullptr;
     bool sending_farewell_ = false;
-    MailExchange* unsure_ = nullptr;  // sent, but its frame was lost
+    MailExchange* unsure_ = nullptr;  // its message was sent, but the frame was lost
     bool resend_ = false;
     Time resend_at_ = kNever;
     Time unsure_until_ = kNever;
-    Time send_at_ = Time::min();    // not before: the mailbox was full
-    std::uint8_t out_counter_ = 0;  // of the last message that left
+    Time send_at_ = Time::min();    // not before this time: the mailbox was full
+    std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
-    Errc trouble_ = Errc::none;  // what keeps messages from leaving, or mail from coming
+    Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
     std::array<std::byte, 16> farewell_{};
     std::uint8_t farewell_bytes_ = 0;
     wire::MailboxType farewell_type_{};
     Time farewell_until_ = Time::min();
 
-    // What comes.
+    // Receiving.
     bool glance_ = false;
-    bool full_ = false;    // there is mail, as far as is known
-    bool parked_ = false;  // the watch over all slaves looks for us
+    bool full_ = false;                  // there is mail, as far as is known
+    bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
     Time look_at_ = Time::min();
     Duration pause_{0};
-    std::uint8_t silent_looks_ = 0;  // in a row that the slave has not answered
-    static constexpr std::uint8_t kMostSilentLooks = 100;  // of a millisecond each
-    unsigned looks_ = 0;  // in vain, one behind the other
+    std::uint8_t silent_looks_ = 0;                        // consecutive looks that the slave has not answered
+    static constexpr std::uint8_t kMostSilentLooks = 100;  // one millisecond each
+    unsigned looks_ = 0;                                   // consecutive looks without mail
     std::uint8_t in_counter_ = 0;
-    bool counts_ = true;  // the slave has not been seen without a counter
+    bool counts_ = true;  // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
-    bool repeated_ = false;  // the next mail may be one that we had already
+    bool repeated_ = false;  // the next mail may repeat the one received before
     std::uint8_t activate_ = 0;
     Time repeat_until_ = kNever;
-    Time lost_at_ = kNever;  // what was asked for by a repeat request, and has not come until then, is lost
+    Time lost_at_ =
+        kNever;  // a reply that was asked for by a repeat request is lost when it has not arrived until then
     std::uint64_t owed_key_ = 0;
     Time owed_until_ = Time::min();
-    Time unanswered_until_ = Time::min();  // a message that wants no reply has left; its error may still come
+    Time unanswered_until_ =
+        Time::min();  // a message without reply was sent: until then an error reply may belong to it
     const std::byte* status_octet_ = nullptr;
     std::uint8_t status_bit_ = 0;
     Time fetched_at_ = Time::min();

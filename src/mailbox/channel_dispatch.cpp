@@ -1,11 +1,11 @@
-// What came, and whom it is for.
+// Received mail: finds the exchange or protocol that it is for.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "mailbox/protocols.hpp"
 
 namespace margay {
 
-void MailboxChannel::take_in(Bytes mailbox) {
+void MailboxChannel::receive_mail(Bytes mailbox) {
     ++statistics_.received;
     const auto header = wire::load_mailbox_header(mailbox);
     counts_ = header.counter != 0;
@@ -21,8 +21,9 @@ void MailboxChannel::take_in(Bytes mailbox) {
 }
 
 void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
-    // Some slaves write their own address where the standard wants the master's, which is 0. Any other is that of a
-    // slave; mail to one that is not there is nobody's, not the reply that somebody waits for.
+    // Some slaves write their own address where the standard requires the master's, which is 0. Any other address is
+    // that of a slave. Mail to a slave that does not exist is counted as unexpected; it is not matched with a waiting
+    // exchange.
     const std::uint16_t to = mail.header.address;
     if (to != 0 && to != address_.value) {
         ++(mailboxes_->route(*this, mail) ? statistics_.routed : statistics_.unexpected);
@@ -39,29 +40,30 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
     const MailProtocol* protocol = find_protocol(mail.header.type);
     if (protocol != nullptr && protocol->unasked(*this, mail)) return;
     ++statistics_.unexpected;
-    owed_until_ = Time::min();  // most likely it was this
+    owed_until_ = Time::min();  // most likely this was the late reply
 }
 
-// Longer than the mailbox, or empty: whoever waits for mail of this type waits for this one.
+// Mail longer than the mailbox, or empty: ends the oldest exchange of this type with an error.
 void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     ++statistics_.malformed;
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         if (exchange.type_ != header.type) continue;
-        Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = position_};
+        Error error{.code = Errc::protocol, .step = Step::mailbox_receive, .slave = number_};
         error.expected = static_cast<std::uint32_t>(receive_room());
         error.actual = header.length;
         return finish(exchange, error);
     }
 }
 
-// An error reply does not say which message it answers. A message that wants no reply and has left a moment ago is the
-// most likely one: such a message is answered by nothing else. Otherwise it is the oldest that waits.
+// An error reply does not contain the message that it answers. When a message without reply was sent a moment ago, the
+// error most likely belongs to it, since nothing else answers such a message. Otherwise it belongs to the oldest
+// exchange that waits.
 void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
     if (of_unanswered || awaiting_.empty()) return;
-    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = position_};
+    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = number_};
     if (data.size() >= wire::kMailboxErrorBytes)
         error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
     finish(static_cast<MailExchange&>(*awaiting_.front()), error);

@@ -1,4 +1,4 @@
-// Exchanges and sessions: waiting in turn, timing out, being given up.
+// Exchanges and sessions: waiting in turn, timeout, and giving up.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
 
@@ -25,7 +25,7 @@ bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
 }
 
 Error MailExchange::await_resume() noexcept {
-    if (state_ != State::over) {  // its time is over
+    if (state_ != State::over) {  // timed out
         error_ = channel_.overdue(*this);
         channel_.forget(*this);
         state_ = State::over;
@@ -39,7 +39,7 @@ void MailboxChannel::enqueue(MailExchange& exchange) {
     kick();
 }
 
-// Part of the answer is there, and the slave has as long again for the next.
+// A part of the reply has arrived: the timeout for the next part starts now.
 void MailboxChannel::prolong(MailExchange& exchange) {
     exchange.timer_.unlink();
     engine_->sleep(exchange.timer_, exchange.timer_.handle, exchange.options_.patience.for_one(now()));
@@ -55,7 +55,7 @@ void MailboxChannel::finish(MailExchange& exchange, const Error& error) {
     engine_->wake(exchange.timer_);
 }
 
-// Nobody waits for it any more. What it has set off at the slave goes on.
+// The exchange is given up. The slave still processes a message that was sent.
 void MailboxChannel::forget(MailExchange& exchange) {
     exchange.unlink();
     const bool out = exchange.state_ == MailExchange::State::sent || sending_ == &exchange;
@@ -69,12 +69,12 @@ void MailboxChannel::forget(MailExchange& exchange) {
     kick();
 }
 
-// Why nothing has come of it.
+// The error of an exchange that has timed out.
 Error MailboxChannel::overdue(const MailExchange& exchange) const {
     const bool left = exchange.state_ == MailExchange::State::sent;
-    return {.code = trouble_ == Errc::none ? Errc::timeout : trouble_,
+    return {.code = last_failure_ == Errc::none ? Errc::timeout : last_failure_,
             .step = left ? Step::mailbox_receive : Step::mailbox_send,
-            .slave = position_};
+            .slave = number_};
 }
 
 // ------------------------------------------------------------------ sessions
@@ -120,7 +120,7 @@ void MailboxChannel::wait_turn(MailSession& session) { tickets_.push_back(sessio
 
 void MailboxChannel::leave(MailSession& session) {
     session.granted_ = false;
-    if (session.epoch_ != epoch_) return;  // the channel was opened anew meanwhile
+    if (session.epoch_ != epoch_) return;  // the channel was closed in the meantime
     busy_types_ = static_cast<std::uint16_t>(busy_types_ & ~bit_of(session.type_));
     const auto same = [&](const MailTurn& turn) {
         return static_cast<const MailSession&>(turn).type_ == session.type_;
@@ -141,13 +141,13 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     engine_ = &station.engine;
     slave_ = &slave;
     address_ = station.address;
-    position_ = station.position;
+    number_ = station.number;
     info_ = info;
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
     counts_ = true;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
-    glance_ = true;  // before the first message is sent, what an earlier master has left is fetched
+    glance_ = true;  // mail from before, for example to another master, is fetched before the first message is sent
 }
 
 void MailboxChannel::forget() {
@@ -163,7 +163,7 @@ void MailboxChannel::close() {
     open_ = false;
     ++epoch_;
     pump_.end();
-    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = position_};
+    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = number_};
     for (List<MailTurn>* list : {&queue_, &awaiting_})
         while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), closed);
     while (MailTurn* turn = tickets_.pop_front()) {
@@ -173,16 +173,16 @@ void MailboxChannel::close() {
     }
     busy_types_ = 0;
     sending_ = unsure_ = nullptr;
-    sending_farewell_ = resend_ = glance_ = full_ = parked_ = repeated_ = false;
+    sending_farewell_ = resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
     resend_at_ = lost_at_ = kNever;
     send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
     farewell_bytes_ = 0;
     owed_key_ = 0;
     repeat_ = Repeated::no;
-    trouble_ = Errc::none;
+    last_failure_ = Errc::none;
 }
 
-void MailboxChannel::farewell(wire::MailboxType type, Bytes data) {
+void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
     if (!open_ || farewell_bytes_ != 0 || data.size() > farewell_.size()) return;
     std::copy(data.begin(), data.end(), farewell_.begin());
     farewell_bytes_ = static_cast<std::uint8_t>(data.size());
@@ -196,7 +196,7 @@ void MailboxChannel::glance() {
     if (!open_) return;
     glance_ = true;
     look_at_ = now();
-    parked_ = false;
+    watched_by_mailboxes_ = false;
     silent_looks_ = 0;
     ensure_pump();
     kick();

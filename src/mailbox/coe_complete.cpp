@@ -8,13 +8,13 @@ namespace {
 
 namespace coe = wire::coe;
 
-constexpr std::size_t kCountBytes = 2;  // what subindex 0 takes in a complete access
+constexpr std::size_t kCountBytes = 2;  // octets of subindex 0 in a complete access
 
 bool is(const Error& error, coe::Abort code) {
     return error.code == Errc::sdo_abort && error.detail == static_cast<std::uint32_t>(code);
 }
 
-// Octets of each value of objects whose form the standard fixes; 0: not such an object.
+// Octets of each value in objects whose format is fixed by the standard; 0: another object.
 std::size_t element_bytes(std::uint16_t index) {
     const bool mapping = (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
     const bool assignment = index >= 0x1C10 && index < 0x1C30;
@@ -31,13 +31,13 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
 }
 
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, MailPatience patience) {
-    std::array<std::byte, 4> count{};  // some have it wider than the standard's octet
+    std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
     auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
     if (!read) co_return read.error();
     co_return std::to_integer<std::uint8_t>(count[0]);
 }
 
-// How many octets of `left` the value of this subindex takes; 0: there is no such subindex.
+// Returns how many octets of `left` belong to the value of this subindex; 0: the object has no such subindex.
 Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object, std::size_t left,
                                       MailPatience patience) {
     if (const std::size_t fixed = element_bytes(object.index); fixed != 0) co_return std::min(fixed, left);

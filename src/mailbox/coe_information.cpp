@@ -13,12 +13,12 @@ namespace {
 constexpr std::size_t kPayload = coe::kInfoHeaderBytes;
 constexpr std::size_t kObjectHead = coe::kObjectResponseBytes - kPayload;
 constexpr std::size_t kEntryHead = coe::kEntryResponseBytes - kPayload;
-constexpr std::uint32_t kMostObjects = 0x10000;  // indices there are
-constexpr std::size_t kMostDescription = 4096;   // octets of one, after which a slave is not listened to any more
+constexpr std::uint32_t kMostObjects = 0x10000;  // all indices
+constexpr std::size_t kMostDescription = 4096;   // octets of one description; more of them end the query with an error
 
 template <std::size_t N>
 std::uint8_t copy_name(Bytes from, std::array<char, N>& name) {
-    const auto end = std::ranges::find(from, std::byte{0});  // some end it with a zero
+    const auto end = std::ranges::find(from, std::byte{0});  // some slaves end the name with a zero
     const auto bytes = std::min<std::size_t>(N, static_cast<std::size_t>(end - from.begin()));
     std::ranges::transform(from.first(bytes), name.begin(), [](std::byte b) { return static_cast<char>(b); });
     return static_cast<std::uint8_t>(bytes);
@@ -67,7 +67,7 @@ bool InfoQuery::is_ours(Bytes data) {
     }
     if (opcode != response_) return false;
     const auto payload = data.subspan(kPayload);
-    if (begun_ && payload.empty() && !last) {  // it would never end
+    if (begun_ && payload.empty() && !last) {  // the answer would never end
         fail(Errc::protocol);
         return true;
     }
@@ -187,7 +187,7 @@ void EntryQuery::decode(Bytes all) {
 
 Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, MailPatience patience) {
     const auto complete = [&](Error error) {
-        error.slave = channel.station().position;
+        error.slave = channel.station().number;
         error.step = Step::sdo_information;
         error.index = about.index;
         error.subindex = about.subindex;

@@ -1,5 +1,5 @@
-// SDO information (ETG.1000.6 "SDO information services"): lists of objects, descriptions of objects and entries. What
-// comes in fragments is taken in as it comes; nothing grows with the dictionary.
+// SDO information (ETG.1000.6 "SDO information services"): lists of objects, descriptions of objects and entries. Each
+// fragment is processed when it arrives, so the memory does not grow with the dictionary.
 #pragma once
 
 #include "mailbox/coe_sdo.hpp"
@@ -8,18 +8,18 @@
 
 namespace margay {
 
-// One request of the information service and all fragments of its answer, without a bus.
+// One request of the information service and all fragments of its answer; independent of the bus.
 class InfoQuery : public MailClient {
   public:
     std::size_t compose(MutableBytes data) final;
     Taken take(const wire::MailboxMessage& mail) final;
 
-    // Begins anew: all fragments will come again.
+    // Starts again: all fragments will be sent again.
     void restart() {
         begun_ = false;
         forget_fragments();
     }
-    // Whether the last fragment is in, or something went wrong.
+    // Whether the last fragment was received, or an error ended the query.
     [[nodiscard]] bool over() const { return over_; }
     [[nodiscard]] const Error& error() const { return error_; }
 
@@ -27,9 +27,9 @@ class InfoQuery : public MailClient {
     InfoQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : request_(request), response_(response) {}
     ~InfoQuery() = default;
 
-    // Behind the information header.
+    // Writes the request behind the information header.
     virtual std::size_t compose_request(MutableBytes data) const = 0;
-    // The payload of a fragment. False: the answer is to another request, of the same kind.
+    // Processes the payload of a fragment. False: the fragment answers another request of the same kind.
     virtual bool take_fragment(Bytes payload, bool first, bool last) = 0;
     virtual void forget_fragments() = 0;
     void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
@@ -62,11 +62,11 @@ class ObjectListQuery final : public InfoQuery {
     ObjectList list_;
     Found found_;
     void* user_;
-    std::uint32_t count_ = 0;  // told by found_
-    std::uint32_t came_ = 0;   // less than that while a list comes for the second time
+    std::uint32_t count_ = 0;  // passed to found_
+    std::uint32_t came_ = 0;   // received; less than count_ while a list is sent for the second time
 };
 
-// Answers that are put together before they are read: longer names are cut.
+// A query whose answer is assembled before it is decoded. Names that are too long are cut.
 class DescriptionQuery : public InfoQuery {
   protected:
     DescriptionQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : InfoQuery(request, response) {}
@@ -115,7 +115,7 @@ class EntryQuery final : public DescriptionQuery {
     bool with_values_;
 };
 
-// Carries a query out. `index` and `subindex` are for the error.
+// Executes a query. `index` and `subindex` of `about` are copied to the error.
 [[nodiscard]] Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about,
                                              MailPatience patience);
 

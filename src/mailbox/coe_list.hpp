@@ -9,13 +9,13 @@
 
 namespace margay {
 
-// The slave has answered that it does not have it: no failure.
+// Whether the slave has answered that it does not have the object. This is not a failure.
 [[nodiscard]] inline bool is_refusal(const Error& error) {
     return error.code == Errc::sdo_abort || error.code == Errc::mailbox_error;
 }
 
-// A list of the dictionary: subindex 0 says how many, the others are alike. Read whole where the slave can and it is
-// not long, else one by one.
+// A list in the object dictionary: subindex 0 is the count, all other subindices have the same type. Short lists are
+// read by complete access if the slave supports it, other lists element by element.
 template <class T>
 class SdoList {
   public:
@@ -23,7 +23,7 @@ class SdoList {
         : channel_(channel), patience_(patience), index_(index) {}
     [[nodiscard]] Arena& arena() { return channel_.arena(); }
 
-    // The number of elements. Error sdo_abort: there is no such list.
+    // Returns the number of elements. Error sdo_abort: the slave has no such list.
     Task<Result<std::uint8_t>> open() {
         kept_ = 0;
         const bool whole =
@@ -42,10 +42,11 @@ class SdoList {
         co_return std::to_integer<std::uint8_t>(count[0]);
     }
 
-    // The n-th, from 1.
+    // Returns element n; 1 is the first.
     Task<Result<T>> element(unsigned n) {
         if (n <= kept_) co_return load_le<T>(cache_, kHead + (n - 1) * sizeof(T));
-        std::array<std::byte, std::max<std::size_t>(4, sizeof(T))> value{};  // some give elements more octets
+        std::array<std::byte, std::max<std::size_t>(4, sizeof(T))>
+            value{};  // some slaves send more octets for an element
         auto read = co_await sdo_upload_once(channel_, {.index = index_, .subindex = static_cast<std::uint8_t>(n)},
                                              value, patience_);
         if (!read) co_return read.error();
@@ -53,7 +54,7 @@ class SdoList {
     }
 
   private:
-    // Subindex 0 takes two octets there. Some slaves give it one: what they say is read singly.
+    // In a complete access subindex 0 has two octets. Some slaves send one: their lists are read element by element.
     [[nodiscard]] bool is_list(std::size_t bytes) const {
         const std::size_t count = std::to_integer<std::size_t>(cache_[0]);
         return bytes >= kHead + std::min(count, kMostKept) * sizeof(T) && (bytes - kHead) % sizeof(T) == 0;

@@ -20,7 +20,7 @@ bool take_emergency(MailboxChannel& channel, Bytes data) {
     emergency.at = channel.engine().now();
     channel.emergencies().add(emergency);
     const Mailboxes::Listener& listener = channel.mailboxes().listener;
-    if (listener.emergency != nullptr) listener.emergency(listener.user, channel.slave().position, emergency);
+    if (listener.emergency != nullptr) listener.emergency(listener.user, channel.slave().number, emergency);
     return true;
 }
 
@@ -32,12 +32,12 @@ bool coe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
     if (header.service == coe::Service::emergency) return take_emergency(channel, mail.data);
     const auto& hooks = channel.slave().hooks;
     if (header.service == coe::Service::tx_pdo && hooks.mailbox_pdo != nullptr) {
-        hooks.mailbox_pdo(channel.slave().position, header.number, mail.data.subspan(coe::kHeaderBytes),
+        hooks.mailbox_pdo(channel.slave().number, header.number, mail.data.subspan(coe::kHeaderBytes),
                           hooks.mailbox_pdo_user);
         return true;
     }
     if (header.service == coe::Service::rx_pdo_remote_request && hooks.mailbox_pdo_wanted != nullptr) {
-        hooks.mailbox_pdo_wanted(channel.slave().position, header.number, hooks.mailbox_pdo_user);
+        hooks.mailbox_pdo_wanted(channel.slave().number, header.number, hooks.mailbox_pdo_user);
         return true;
     }
     return false;

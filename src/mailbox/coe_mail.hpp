@@ -1,4 +1,4 @@
-// CoE mail that answers no request: emergencies, and PDOs that travel by mailbox.
+// CoE mail that is not a reply: emergencies, and PDOs by mailbox.
 #pragma once
 
 #include "wire/mailbox.hpp"

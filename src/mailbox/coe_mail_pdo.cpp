@@ -47,7 +47,7 @@ class TxPdo final : public MailClient {
 };
 
 Error pdo_error(Error error, MailboxChannel& channel, std::uint16_t number) {
-    error.slave = channel.station().position;
+    error.slave = channel.station().number;
     error.index = number;
     return error;
 }

@@ -5,11 +5,12 @@
 
 namespace margay {
 
-// `data` outlives the task. Slaves do not answer: what is returned says that the slave's mailbox has taken it.
+// Sends an RxPDO. `data` outlives the task. Slaves send no reply: success means that the slave's mailbox has accepted
+// the message.
 [[nodiscard]] Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data,
                                          MailPatience patience);
 
-// Returns how many octets the PDO has. Errors: capacity, and those of any exchange.
+// Requests a TxPDO and returns its number of octets. Errors: capacity, and those of any exchange.
 [[nodiscard]] Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into,
                                                      MailPatience patience);
 

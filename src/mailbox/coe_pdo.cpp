@@ -8,7 +8,7 @@ namespace {
 constexpr std::uint16_t kSmTypes = 0x1C00;
 constexpr std::uint16_t kAssignment = 0x1C10;
 
-// Bits of one PDO, which `at` names. Gaps are entries with index 0, and count.
+// Returns the bits of the PDO at.pdo. Gaps are entries with index 0, and count.
 Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience, EntrySink* sink) {
     SdoList<std::uint32_t> entries(channel, at.pdo, patience);
     auto count = co_await entries.open();
@@ -28,7 +28,7 @@ Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, Mai
     co_return bits;
 }
 
-// Bits of all PDOs that are assigned to a SyncManager.
+// Returns the bits of all PDOs that are assigned to a SyncManager.
 Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience,
                                           EntrySink* sink) {
     SdoList<std::uint16_t> pdos(channel, static_cast<std::uint16_t>(kAssignment + at.sync_manager), patience);
@@ -74,7 +74,7 @@ Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, 
         auto bits = co_await assigned_bits(channel, {.direction = direction, .sync_manager = n}, patience, entries);
         if (!bits && !is_refusal(bits.error())) co_return bits.error();
         any = any || bits;
-        // A direction that the dictionary does not know of may be fixed.
+        // The dictionary has no assignment for this direction: the length of the SII is used, it may be fixed.
         const std::uint32_t length = bits ? *bits : slave.sync_managers[n].length_bytes * 8U;
         if (bits || length != 0) found[n] = {.any = true, .direction = direction, .bits = length};
     }

@@ -1,4 +1,4 @@
-// What process data a slave has by its object dictionary (ETG.1000.6 and ETG.1020: SyncManager communication type
+// Reads the process data of a slave from its object dictionary (ETG.1000.6 and ETG.1020: SyncManager communication type
 // 0x1C00, PDO assignment 0x1C10 + SyncManager, PDO mapping 0x1600 and 0x1A00).
 #pragma once
 
@@ -7,13 +7,13 @@
 
 namespace margay {
 
-// What each SyncManager is for, by 0x1C00. False where there is no such object: then `types` are those that the
-// standard has by default. Errors: anything but an abort.
+// Reads the type of each SyncManager from 0x1C00. False when the slave has no such object: `types` then contains the
+// defaults of the standard. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPatience patience);
 
-// `entries`, where there is one, gets each entry; it outlives the task. What the PDOs that are assigned to each
-// SyncManager have in all. False, and nothing found, when the dictionary says nothing of the assignment: no failure,
-// the SII may know. Errors: anything but an abort.
+// Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
+// receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
+// may contain it. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
                                                  FoundSms& found, MailPatience patience, EntrySink* entries = nullptr);
 

@@ -10,9 +10,9 @@ namespace margay {
 namespace {
 
 constexpr std::uint16_t kAssignment = 0x1C10;
-constexpr std::size_t kCountBytes = 2;  // what subindex 0 takes in a complete access
+constexpr std::size_t kCountBytes = 2;  // octets of subindex 0 in a complete access
 
-// A list as it shall be: its elements one behind the other.
+// A list that is to be written: its elements in sequence. Either an assignment or a mapping.
 struct WantedList {
     const SmPdos* assignment = nullptr;  // or
     const Pdo* mapping = nullptr;
@@ -42,10 +42,10 @@ struct WantedList {
     }
 };
 
-// What the slave has in place of a list: the first element that differs, 0 the count.
+// The difference between the list in the slave and the wanted list: the first element that differs, 0 the count.
 struct Difference {
     bool any = false;
-    bool readable = true;  // one that it does not give to read it may take all the same
+    bool readable = true;  // a list that cannot be read may still be writable
     std::uint8_t subindex = 0;
     std::uint32_t wanted = 0;
     std::uint32_t has = 0;
@@ -75,8 +75,8 @@ Task<Result<>> write_empty(MailboxChannel& channel, std::uint16_t index, MailPat
     co_return co_await sdo_download_once(channel, {.index = index}, kZero, patience);
 }
 
-// All at once where the slave can, and else, or when it does not like it, one by one: then it is known which element it
-// does not like.
+// Writes the list by complete access if the slave supports it. Otherwise, or when the slave refuses it, element by
+// element: the error then contains the element that the slave refuses.
 Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, MailPatience patience) {
     ArenaBuffer buffer(channel.arena());
     if (!buffer.reserve(wanted.bytes()))
@@ -95,7 +95,7 @@ Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, MailPatien
     co_return co_await sdo_download_singly(channel, {.index = wanted.index(), .complete = true}, whole, patience);
 }
 
-// A list that the slave does not let anybody empty: what is wrong with it is its first element that differs.
+// For a list that the slave does not allow to be emptied: the error contains the first element that differs.
 Error with_difference(Error error, const Difference& difference) {
     if (error.code != Errc::sdo_abort || error.subindex != 0 || !difference.readable) return error;
     error.subindex = difference.subindex;
@@ -111,7 +111,7 @@ Task<Result<>> write_mapping(MailboxChannel& channel, const Pdo& pdo, MailPatien
     co_return difference ? with_difference(written.error(), *difference) : written.error();
 }
 
-// Which of the mappings differ, a bit each; those that are not listed do not.
+// Which of the mappings differ, one bit each. Mappings without listed entries do not.
 struct Differing {
     std::array<std::uint32_t, 8> bits{};
     [[nodiscard]] bool any() const {
@@ -143,7 +143,7 @@ Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, Mail
     if (!assignment->any && !differing.any()) co_return Result<>();
     auto emptied =
         co_await write_empty(channel, static_cast<std::uint16_t>(kAssignment + wanted.sync_manager), patience);
-    // An assignment that is fixed may be of mappings that are not.
+    // An assignment may be fixed while its mappings are writable.
     const bool fixed = !emptied && is_refusal(emptied.error()) && !assignment->any;
     if (!emptied && !fixed) co_return with_difference(emptied.error(), *assignment);
     for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {

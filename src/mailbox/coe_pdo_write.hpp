@@ -1,4 +1,4 @@
-// PDOs of a slave as the application wants them, written into its object dictionary (ETG.1000.6, ETG.1020: 0x1C10 +
+// Writes the PDOs that the application wants into the object dictionary of a slave (ETG.1000.6, ETG.1020: 0x1C10 +
 // SyncManager, 0x1600 and 0x1A00).
 #pragma once
 
@@ -8,10 +8,10 @@
 
 namespace margay {
 
-// Makes the PDOs of one SyncManager what `wanted` says, which outlives the task. What is there already is not written,
-// so that fixed PDOs are no failure as long as they are the wanted ones. Else: assignment emptied, mappings emptied,
-// filled and counted, assignment filled and counted. Errors name the object and the element at which it ended:
-// sdo_abort …
+// Configures the PDOs of one SyncManager as in `wanted`, which outlives the task. Lists that already have the wanted
+// values are not written, so fixed PDOs are no failure if they are the wanted ones. Otherwise the order is: empty the
+// assignment, empty, fill and count the mappings, fill and count the assignment. Errors (sdo_abort …) contain the
+// object and the subindex that failed.
 [[nodiscard]] Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, MailPatience patience);
 
 }  // namespace margay

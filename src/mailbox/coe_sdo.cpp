@@ -8,15 +8,15 @@ namespace coe = wire::coe;
 
 namespace {
 
-// A transfer that ends before its end is aborted at the slave, whatever the reason: an error, a timeout, or a request
-// that was cancelled.
+// Sends an abort to the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled
+// request.
 class AbortGuard {
   public:
     AbortGuard(MailboxChannel& channel, const SdoTransfer& transfer) : channel_(channel), transfer_(transfer) {}
     AbortGuard(const AbortGuard&) = delete;
     AbortGuard& operator=(const AbortGuard&) = delete;
     ~AbortGuard() {
-        if (transfer_.must_abort()) channel_.farewell(wire::MailboxType::coe, transfer_.abort_message());
+        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::coe, transfer_.abort_message());
     }
 
   private:
@@ -25,17 +25,17 @@ class AbortGuard {
 };
 
 Error complete(Error error, const MailboxChannel& channel, const SdoObject& object, Step step) {
-    error.slave = channel.station().position;
+    error.slave = channel.station().number;
     error.step = step;
     error.index = object.index;
     error.subindex = object.subindex;
     return error;
 }
 
-// The whole transfer begins anew: a segment cannot be repeated, since its toggle bit has been used up. A value that is
-// downloaded may be written twice, and is the same both times.
+// The whole transfer starts again: a segment cannot be repeated, since its toggle bit has been used. A downloaded value
+// may be written twice, with the same content.
 void ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
-    if (transfer.must_abort()) channel.farewell(wire::MailboxType::coe, transfer.abort_message());
+    if (transfer.must_abort()) channel.send_final_message(wire::MailboxType::coe, transfer.abort_message());
     transfer.restart();
 }
 

@@ -9,13 +9,13 @@ namespace sdo = wire::coe::sdo;
 using coe::Abort;
 using coe::SdoLayout;
 
-// ------------------------------------------------------------------ both ways
+// ------------------------------------------------------------------ upload and download
 
 void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort tell) {
     error_.code = code;
     error_.expected = static_cast<std::uint32_t>(expected);
     error_.actual = static_cast<std::uint32_t>(actual);
-    tell_ = tell;
+    abort_code_ = tell;
     phase_ = Phase::over;
 }
 
@@ -40,7 +40,7 @@ void SdoTransfer::write_initiate(MutableBytes data, std::uint8_t command) const 
 std::array<std::byte, SdoTransfer::kAbortBytes> SdoTransfer::abort_message() const {
     std::array<std::byte, kAbortBytes> data{};
     write_initiate(data, sdo::command(coe::kAbortSpecifier));
-    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(tell_));
+    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(abort_code_));
     return data;
 }
 
@@ -74,7 +74,7 @@ bool SdoTransfer::is_ours(Bytes data) {
     const auto command = SdoLayout::command::load(data);
     const auto specifier = sdo::specifier(command);
     if (specifier == coe::kAbortSpecifier)
-        return take_abort(data);  // travels as a request with most slaves, as a response with some
+        return take_abort(data);  // most slaves send it as a request, some as a response
     if (service != coe::Service::sdo_response) return false;
     if (phase_ == Phase::segments) {
         if (specifier != segment_) return false;
@@ -118,7 +118,7 @@ void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
     if ((command & sdo::kExpedited) != 0) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
-        // Where the size is not told the value is as long as whoever asks knows it to be.
+        // Without a size the value is as long as the buffer of the caller, who knows the object.
         const std::size_t size =
             indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, into_.size());
         if (size > into_.size()) return fail(Errc::capacity, size, into_.size());
@@ -129,7 +129,7 @@ void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
     const auto first = data.subspan(SdoLayout::normal_data);
     slave_open_ = first.size() < size_;
     if (size_ > into_.size()) return fail(Errc::capacity, size_, into_.size(), Abort::out_of_memory);
-    store(first.first(std::min(first.size(), size_)));  // some fill up the mailbox
+    store(first.first(std::min(first.size(), size_)));  // some slaves fill the rest of the mailbox
     if (slave_open_)
         phase_ = Phase::segments;
     else

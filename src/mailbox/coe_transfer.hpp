@@ -1,8 +1,9 @@
-// SDO transfers from the client's side, without a bus: which message comes next, and what a reply means (ETG.1000.6
-// "SDO services": expedited, normal and segmented; one subindex or a whole object).
+// SDO transfers of the client, independent of the bus: which message is next, and what a reply means (ETG.1000.6 "SDO
+// services": expedited, normal and segmented; one subindex or a whole object).
 //
-// What does not fit the transfer is left alone (an emergency, a late reply to another request); what belongs to it and
-// breaks the rules ends it. A transfer is over after as many messages as its size allows, whatever the slave answers.
+// Mail that does not belong to the transfer is ignored (an emergency, a late reply to another request). Mail that
+// belongs to the transfer and breaks its rules ends it. A transfer ends after as many messages as its size allows,
+// whatever the slave answers.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -14,7 +15,7 @@ namespace margay {
 
 struct SdoObject {
     std::uint16_t index = 0;
-    std::uint8_t subindex = 0;  // complete access: 0 or 1, where it begins
+    std::uint8_t subindex = 0;  // complete access: the first subindex, 0 or 1
     bool complete = false;
     friend constexpr bool operator==(const SdoObject&, const SdoObject&) = default;
 };
@@ -25,18 +26,18 @@ class SdoTransfer : public MailClient {
 
     Taken take(const wire::MailboxMessage& mail) final;
 
-    // Begins anew, with the first message.
+    // Starts again with the first message.
     void restart();
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
-    // What went wrong, without slave and step; code none when all went well.
+    // The error without slave and step; code none on success.
     [[nodiscard]] const Error& error() const { return error_; }
-    // Octets that were transferred.
+    // Octets transferred.
     [[nodiscard]] std::size_t bytes() const { return done_; }
-    // The slave believes in a transfer that we have given up, or gives up now: it is to be told.
+    // Whether the slave is in a transfer that this client gives up: an abort must be sent to the slave.
     [[nodiscard]] bool must_abort() const { return slave_open_; }
     [[nodiscard]] std::array<std::byte, kAbortBytes> abort_message() const;
     [[nodiscard]] const SdoObject& object() const { return object_; }
-    // Tells the exchanges of one object from those of another; see MailExchange::Options.
+    // Distinguishes exchanges of different objects; see MailExchange::Options.
     [[nodiscard]] std::uint64_t key() const {
         return phase_ == Phase::segments
                    ? 0
@@ -61,7 +62,7 @@ class SdoTransfer : public MailClient {
     SdoObject object_;
     Phase phase_ = Phase::initiate;
     bool toggle_ = false;      // of the next segment
-    bool slave_open_ = false;  // the slave has begun a segmented transfer that has not ended
+    bool slave_open_ = false;  // the slave has started a segmented transfer that has not ended
     std::size_t size_ = 0;     // of the whole value
     std::size_t done_ = 0;
 
@@ -69,15 +70,16 @@ class SdoTransfer : public MailClient {
     [[nodiscard]] bool is_ours(Bytes data);
     [[nodiscard]] bool take_abort(Bytes data);
 
-    std::uint8_t initiated_;  // command specifiers of the two replies
+    std::uint8_t initiated_;  // command specifier of the reply to the first message
     std::uint8_t segment_;
-    wire::coe::Abort tell_ = wire::coe::Abort::timeout;
+    wire::coe::Abort abort_code_ = wire::coe::Abort::timeout;
     Error error_;
 };
 
 class SdoUploadTransfer final : public SdoTransfer {
   public:
-    // `into` outlives the transfer. A value that is larger ends it with Errc::capacity, nothing beyond it is asked for.
+    // `into` outlives the transfer. A value larger than `into` ends the transfer with Errc::capacity; its rest is not
+    // requested.
     SdoUploadTransfer(const SdoObject& object, MutableBytes into)
         : SdoTransfer(object, wire::coe::response::kUpload, wire::coe::response::kUploadSegment), into_(into) {}
     std::size_t compose(MutableBytes data) override;
@@ -106,7 +108,7 @@ class SdoDownloadTransfer final : public SdoTransfer {
     [[nodiscard]] std::size_t compose_segment(MutableBytes data);
 
     Bytes value_;
-    std::size_t under_way_ = 0;  // octets in the message that is not answered yet
+    std::size_t under_way_ = 0;  // octets in the message that is not acknowledged yet
 };
 
 }  // namespace margay

@@ -1,5 +1,5 @@
-// One message and what answers it, and the turn that a sequence of them takes: made by a protocol sequence on its own
-// frame, awaited there.
+// MailExchange: one message and its reply. MailSession: the turn of a protocol sequence to use one protocol of a slave.
+// A protocol sequence keeps both in its coroutine frame and awaits them.
 //
 //     MailSession session(channel, wire::MailboxType::coe, priority, give_up);
 //     const Error refused = co_await session;
@@ -7,7 +7,7 @@
 //     MailExchange exchange(channel, wire::MailboxType::coe, client, {.give_up = give_up});
 //     const Error failed = co_await exchange;
 //
-// Either may be destroyed at any time: the channel cleans up behind it.
+// Both may be destroyed at any time: their destructors remove them from the channel.
 #pragma once
 
 #include "link/engine.hpp"
@@ -22,19 +22,20 @@ namespace margay {
 
 class MailboxChannel;
 
-// What a protocol does at one end of an exchange. Pure: no bus, no time; that makes it easy to test and to fuzz.
+// The protocol's part in an exchange: composes the message and reads the replies. Without bus and time, so that it is
+// easy to test and to fuzz.
 class MailClient {
   public:
     enum class Taken : std::uint8_t {
-        no,    // it is not for this client
-        more,  // it is, and more will come unasked
-        all,   // it is, and the exchange is over
+        no,    // the mail is not for this client
+        more,  // it is for this client, and more mail will follow without a request
+        all,   // it is for this client, and the exchange has ended
     };
 
-    // Writes the next message behind the mailbox header and returns its length; 0: the mailbox is too small. Asked
-    // again, and answered the same, when it is not sure that the message has arrived.
+    // Writes the message behind the mailbox header and returns its length; 0: the mailbox is too small. It is called
+    // again, and must write the same octets again, when the message may not have arrived.
     virtual std::size_t compose(MutableBytes data) = 0;
-    // Mail of the client's type has come.
+    // Called for received mail of the client's type.
     virtual Taken take(const wire::MailboxMessage& mail) = 0;
 
   protected:
@@ -44,13 +45,13 @@ class MailClient {
 // 0 (lowest) to 3, as in the mailbox header.
 using MailPriority = std::uint8_t;
 
-// Exchanges and sessions wait in turn.
+// Base of the objects that wait in a queue of the channel: exchanges and sessions.
 using MailTurn = Turn;
 
-// How often a sequence asks again when Errc::reply_lost ends its exchange.
+// How often a sequence repeats its request when Errc::reply_lost ends its exchange.
 inline constexpr unsigned kMostAskedAgain = 3;
 
-// How long to wait: for the whole, the turn included, and for each answer of the slave.
+// How long to wait: for the whole sequence including the wait for its turn (until give_up), and for each reply.
 struct MailPatience {
     Time give_up = kNever;
     Duration each = std::chrono::seconds(3);
@@ -62,11 +63,11 @@ class MailExchange : public MailTurn {
   public:
     struct Options {
         MailPatience patience;
-        // Replies to two exchanges of the same key cannot be told apart: the later one waits for what is still owed to
-        // the earlier. 0: never.
+        // Replies to two exchanges of the same key cannot be distinguished. The later exchange waits while a reply to
+        // the earlier one may still arrive. 0: no restriction.
         std::uint64_t key = 0;
-        std::uint16_t address = 0;  // in the header; 0 from the master
-        bool reply = true;          // false: over when the message has arrived
+        std::uint16_t address = 0;  // station address in the mailbox header; 0: from the master
+        bool reply = true;          // false: the exchange ends when the message has arrived
     };
 
     MailExchange(MailboxChannel& channel, wire::MailboxType type, MailClient& client, const Options& options)
@@ -77,7 +78,7 @@ class MailExchange : public MailTurn {
 
     bool await_ready() const noexcept { return false; }
     bool await_suspend(std::coroutine_handle<> h) noexcept;
-    // Code none: answered. The code, detail, expected and actual are for the protocol to complete.
+    // Code none: answered. The protocol completes the error (code, detail, expected and actual are set).
     Error await_resume() noexcept;
 
   private:
@@ -93,7 +94,7 @@ class MailExchange : public MailTurn {
     Engine::Sleep::Timer timer_;
 };
 
-// The right to use one protocol of one slave, until the end of the object's life.
+// The right to use one protocol of one slave, until the object is destroyed.
 class MailSession : public MailTurn {
   public:
     MailSession(MailboxChannel& channel, wire::MailboxType type, MailPriority wanted, Time give_up)

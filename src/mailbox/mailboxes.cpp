@@ -9,13 +9,13 @@ namespace margay {
 namespace {
 
 constexpr std::uint16_t kInStatus = wire::reg::sync_manager(1).address + wire::SyncManagerLayout::status::offset;
-constexpr std::size_t kWorthSharing = 3;   // channels that wait, from which on one datagram looks for all
-constexpr std::size_t kSurveyAtOnce = 16;  // channels looked at for mail that nobody waits for
+constexpr std::size_t kWorthSharing = 3;   // number of waiting channels from which on one datagram looks for all
+constexpr std::size_t kSurveyAtOnce = 16;  // channels looked at together for mail that no exchange waits for
 constexpr Duration kTick = std::chrono::milliseconds(1);
-constexpr std::uint8_t kMostRouted = 32;  // messages between slaves under way
+constexpr std::uint8_t kMostRouted = 32;  // messages between slaves that are being forwarded
 constexpr Duration kRoutePatience = std::chrono::seconds(1);
 
-// A message that somebody else has composed.
+// A message that another slave has composed.
 class Forwarded final : public MailClient {
   public:
     explicit Forwarded(Bytes message) : message_(message) {}
@@ -48,7 +48,7 @@ void Mailboxes::forget_all() {
     for (MailboxChannel& channel : channels_) channel.forget();
 }
 
-// ------------------------------------------------------------------ looking for all at once
+// ------------------------------------------------------------------ one datagram for all slaves
 
 class Mailboxes::WatchGuard {
   public:
@@ -76,17 +76,17 @@ void Mailboxes::ensure_watch() {
 
 std::size_t Mailboxes::waiting() const {
     return static_cast<std::size_t>(
-        std::ranges::count_if(channels_, [](const MailboxChannel& c) { return c.parked_; }));
+        std::ranges::count_if(channels_, [](const MailboxChannel& c) { return c.watched_by_mailboxes_; }));
 }
 
 bool Mailboxes::park(MailboxChannel& channel) {
     const auto looks = [](const MailboxChannel& c) { return c.pump_ && c.expecting(); };
     if (waiting() == 0 && static_cast<std::size_t>(std::ranges::count_if(channels_, looks)) < kWorthSharing)
         return false;
-    channel.parked_ = true;  // before the watch begins, which ends when nobody waits
+    channel.watched_by_mailboxes_ = true;  // set before the watch starts: the watch ends when no channel is parked
     ensure_watch();
-    channel.parked_ = static_cast<bool>(watch_);
-    return channel.parked_;
+    channel.watched_by_mailboxes_ = static_cast<bool>(watch_);
+    return channel.watched_by_mailboxes_;
 }
 
 Task<Result<>> Mailboxes::watch_all() {
@@ -100,16 +100,16 @@ Task<Result<>> Mailboxes::watch_all() {
                       MutableBytes(status));
         auto reply = co_await look;
         const bool any = (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
-        if (!reply.ok() || any) somebody_has_mail(any);
+        if (!reply.ok() || any) wake_channels(any);
     }
     co_return Result<>();
 }
 
-// Those that wait look for themselves; of the others a few in turn.
-void Mailboxes::somebody_has_mail(bool surely) {
+// Parked channels look themselves now; of the other channels a few look, in turn.
+void Mailboxes::wake_channels(bool surely) {
     for (MailboxChannel& channel : channels_)
-        if (channel.parked_) {
-            channel.parked_ = false;
+        if (channel.watched_by_mailboxes_) {
+            channel.watched_by_mailboxes_ = false;
             channel.look_at_ = engine_.now();
             channel.kick();
         }
@@ -139,28 +139,28 @@ bool Mailboxes::route(MailboxChannel& from, const wire::MailboxMessage& mail) {
     };
     const auto to = std::ranges::find_if(channels_, is_addressed);
     if (to == channels_.end()) return false;
-    if (routing_ >= kMostRouted || mail.data.size() > to->send_room() || !hand_over_copy(*to, from, mail))
+    if (routing_ >= kMostRouted || mail.data.size() > to->send_room() || !start_forward(*to, from, mail))
         ++from.statistics().undeliverable;
     return true;
 }
 
-// `mail` lies in the buffer of the channel that has fetched it; the task that hands it on gets a copy of its own.
-bool Mailboxes::hand_over_copy(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail) {
+// `mail` is in the buffer of the channel that has fetched it. The task that forwards it gets its own copy.
+bool Mailboxes::start_forward(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail) {
     ArenaBuffer copy(arena());
     if (!copy.reserve(mail.data.size())) return false;
     const MutableBytes message = copy.bytes().first(mail.data.size());
     std::ranges::copy(mail.data, message.begin());
-    Task<Result<>> task = hand_over(to, from, mail.header, message);
+    Task<Result<>> task = forward(to, from, mail.header, message);
     if (!task) return false;
     copy.release();
     (void)tasks_.start(std::move(task));
     return true;
 }
 
-// The address of a message that the master hands on is that of its sender (ETG.1000.4 "Mailbox header"). The task owns
-// the memory of `data`, from the arena.
-Task<Result<>> Mailboxes::hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
-                                    MutableBytes data) {
+// A message that the master forwards contains the address of its sender (ETG.1000.4 "Mailbox header"). The task owns
+// the memory of `data`, which is from the arena.
+Task<Result<>> Mailboxes::forward(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
+                                  MutableBytes data) {
     struct Count {
         std::uint8_t& n;
         explicit Count(std::uint8_t& count) : n(count) { ++n; }

@@ -1,4 +1,5 @@
-// The mailbox channels of all slaves: what they share.
+// All mailbox channels of a master and their common tasks: looking for mail by one datagram for all slaves, and mail
+// between slaves.
 #pragma once
 
 #include "mailbox/channel.hpp"
@@ -9,19 +10,19 @@ namespace margay {
 
 class Mailboxes {
   public:
-    // `channels`: one a slave; `emergencies`: as many for each. Their memory outlives this.
+    // `channels`: one for each slave; `emergencies`: divided equally among them. Their memory outlives this object.
     Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::span<Emergency> emergencies);
     Mailboxes(const Mailboxes&) = delete;
     Mailboxes& operator=(const Mailboxes&) = delete;
     ~Mailboxes() { close_all(); }
 
-    // By position of the slave, 1 the first.
-    [[nodiscard]] MailboxChannel& channel(std::size_t position) { return channels_[position - 1]; }
+    // `position` of the slave; 1 is the first slave.
+    [[nodiscard]] MailboxChannel& channel(std::size_t number) { return channels_[number - 1]; }
     [[nodiscard]] std::size_t count() const { return channels_.size(); }
     [[nodiscard]] Engine& engine() { return engine_; }
     [[nodiscard]] Arena& arena() { return engine_.arena(); }
 
-    // Who is told of each emergency, when it is in its slave's ring.
+    // Callback for each emergency, called after it is stored in the ring of its slave.
     struct Listener {
         void (*emergency)(void* user, std::uint16_t slave, const Emergency& emergency) = nullptr;
         void* user = nullptr;
@@ -31,14 +32,13 @@ class Mailboxes {
     void close_all();
     void forget_all();
 
-    // Looks every so often, with one datagram for all slaves, whether any has mail that nobody waits for. Zero: does
-    // not.
+    // Looks for mail that no exchange waits for, every `every`, with one datagram for all slaves. Zero: off.
     void watch(Duration every);
 
-    // For channels: one has looked a few times in vain. When several have, one datagram for all takes the place of one
-    // for each.
+    // For channels: called after some looks without mail. When several channels look, one datagram for all replaces
+    // their own datagrams. Returns whether the channel is parked, so that it need not look itself.
     [[nodiscard]] bool park(MailboxChannel& channel);
-    // For channels: mail for another slave. False: there is no such slave.
+    // For channels: forwards mail to another slave. False: there is no such slave.
     [[nodiscard]] bool route(MailboxChannel& from, const wire::MailboxMessage& mail);
 
   private:
@@ -46,22 +46,21 @@ class Mailboxes {
     class WatchGuard;
 
     Task<Result<>> watch_all();
-    [[nodiscard]] bool hand_over_copy(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
-    Task<Result<>> hand_over(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header,
-                             MutableBytes message);
+    [[nodiscard]] bool start_forward(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
+    Task<Result<>> forward(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header, MutableBytes message);
     void ensure_watch();
     [[nodiscard]] std::size_t waiting() const;
-    void somebody_has_mail(bool surely);
+    void wake_channels(bool surely);
     void by_status_bits();
 
     Engine& engine_;
     std::span<MailboxChannel> channels_;
     Duration every_{0};
-    std::size_t survey_ = 0;  // whose turn it is to be looked at
+    std::size_t survey_ = 0;  // the next channel to look at
     TaskHandle watch_;
     Engine::Sleep::Timer nap_;
     std::uint8_t routing_ = 0;
-    Crew tasks_;  // pumps, the watch, mail being routed
+    Crew tasks_;  // pumps, the watch, mail being forwarded
 };
 
 }  // namespace margay

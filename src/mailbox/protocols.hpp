@@ -1,4 +1,4 @@
-// The protocols of a mailbox: one line each. A line says what happens to mail that answers no request.
+// The table of mailbox protocols. An entry says what happens to mail that is not a reply.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -9,11 +9,11 @@ class MailboxChannel;
 
 struct MailProtocol {
     wire::MailboxType type;
-    // False: of no kind that is kept.
+    // False: the channel counts the mail as unexpected.
     bool (*unasked)(MailboxChannel& channel, const wire::MailboxMessage& mail);
 };
 
-// nullptr when there is no such line.
+// nullptr when the table has no such protocol.
 [[nodiscard]] const MailProtocol* find_protocol(wire::MailboxType type);
 
 }  // namespace margay

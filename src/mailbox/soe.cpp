@@ -10,14 +10,14 @@ namespace soe = wire::soe;
 namespace {
 
 Error complete(Error error, const MailboxChannel& channel, const SoeTarget& target, Step step) {
-    error.slave = channel.station().position;
+    error.slave = channel.station().number;
     error.step = step;
     error.index = target.idn.value;
     error.subindex = target.drive;
     return error;
 }
 
-// All messages but the last one, which have no answer.
+// Sends all messages except the last one. The slave does not reply to these.
 Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfer, MailPatience patience) {
     while (!transfer.at_last()) {
         MailExchange fragment(channel, wire::MailboxType::soe, transfer, {.patience = patience, .reply = false});
@@ -34,7 +34,7 @@ Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, MailPatience 
     co_return failed.code != Errc::none ? failed : transfer.error();
 }
 
-// A command that is set stays so until it is taken back, whatever becomes of us.
+// A command remains set until it is cleared, so the destructor clears it when the sequence ends early.
 class CommandGuard {
   public:
     CommandGuard(MailboxChannel& channel, const SoeTarget& target) : channel_(channel), target_(target) {}
@@ -47,7 +47,7 @@ class CommandGuard {
                                    .drive = target_.drive,
                                    .elements = soe_element::kValue,
                                    .number = target_.idn.value});
-        channel_.farewell(wire::MailboxType::soe, cancel);
+        channel_.send_final_message(wire::MailboxType::soe, cancel);
     }
     bool set = false;
 
@@ -102,7 +102,7 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, MailPatien
     guard.set = true;
     auto set = co_await soe_write(channel, target, octets, patience);
     if (!set) {
-        guard.set = set.error().code != Errc::soe_error;  // a refused one is not set
+        guard.set = set.error().code != Errc::soe_error;  // a refused command is not set
         co_return complete(set.error(), channel, target, Step::soe_command);
     }
     SoeTarget state = target;
@@ -139,7 +139,7 @@ bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
                                .elements = header.elements,
                                .idn = header.idn(),
                                .data = mail.data.subspan(soe::kHeaderBytes)};
-    hooks.soe_notification(channel.slave().position, told, hooks.soe_notification_user);
+    hooks.soe_notification(channel.slave().number, told, hooks.soe_notification_user);
     return true;
 }
 

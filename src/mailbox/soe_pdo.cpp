@@ -14,7 +14,7 @@ constexpr MailPatience kPatience{};
 
 bool is_refusal(const Error& error) { return error.code == Errc::soe_error || error.code == Errc::mailbox_error; }
 
-// A list of IDNs: one that the drive keeps, or a fixed one.
+// A list of IDNs: read from the drive, or fixed.
 struct IdnList {
     static constexpr std::size_t kMost = 64;
     std::array<std::byte, wire::soe::kListHeadBytes + 2 * kMost> octets{};
@@ -40,7 +40,7 @@ Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& lis
     co_return Result<>();
 }
 
-// Bits of what is listed, and of the word that comes first without being listed.
+// Returns the bits of the listed parameters, and of the control or status word that is first without being listed.
 Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t drive, const IdnList& list, Idn word) {
     std::uint32_t bits = kWordBits;
     for (std::size_t n = 0; n < list.count; ++n) {
@@ -50,13 +50,13 @@ Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t dr
         auto read = co_await soe_read(channel, target, octets, kPatience);
         if (!read) co_return read.error();
         const SoeAttribute attribute = soe_attribute(load_le<std::uint32_t>(octets));
-        if (!attribute.list) bits += attribute.bytes * 8U;  // a list has no length that could be configured
+        if (!attribute.list) bits += attribute.bytes * 8U;  // the length of a list cannot be configured
     }
     co_return bits;
 }
 
-// One direction of a drive. Which telegram it is says what is in it; the configurable one is what the drive's list
-// says.
+// Returns the bits of one direction of a drive. The telegram type defines the content; for the configurable telegram
+// the drive's list defines it.
 Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t drive, unsigned telegram, bool mdt) {
     IdnList list;
     if (telegram == kConfigurable) {
@@ -80,7 +80,7 @@ Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) 
     auto type = co_await soe_read(channel, {.idn = kTelegramType, .drive = drive}, octets, kPatience);
     if (!type && !is_refusal(type.error())) co_return type.error();
     if (!type && type.error().detail == static_cast<std::uint32_t>(ErrorCode::invalid_drive)) co_return DriveBits{};
-    // Some drives know one telegram only, the configurable one, and have no parameter for it.
+    // Some drives support only the configurable telegram and have no parameter for the type.
     const unsigned telegram = type ? load_le<std::uint16_t>(octets) & 7U : kConfigurable;
     DriveBits bits{.there = true};
     auto inputs = co_await direction_bits(channel, drive, telegram, false);
@@ -93,7 +93,7 @@ Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) 
     co_return bits;
 }
 
-// The SyncManager of that direction: by its type in the SII, else where the standard has it.
+// The SyncManager of a direction: by its type in the SII, otherwise the number that the standard gives.
 std::uint8_t find_sync_manager(const Slave& slave, SmType type, std::uint8_t otherwise) {
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
         if (slave.sync_managers[n].type == type) return n;

@@ -25,7 +25,7 @@ MailClient::Taken SoeTransfer::take(const wire::MailboxMessage& mail) {
         error_.detail = load_le<std::uint16_t>(data, data.size() - soe::kErrorBytes);
         return fail(Errc::soe_error);
     }
-    // Some tell the elements in requests only.
+    // Some slaves set the elements in requests only.
     if (header.elements != target_.elements && header.elements != 0) return Taken::no;
     return take_answer(header, data);
 }

@@ -1,8 +1,9 @@
-// Reads and writes of parameters from the client's side, without a bus: which message comes next, and what a reply
-// means (ETG.1000.6 "Servo drive profile over EtherCAT": read, write, their fragments).
+// Reads and writes of parameters by the client, independent of the bus: which message is next, and what a reply means
+// (ETG.1000.6 "Servo drive profile over EtherCAT": read, write, their fragments).
 //
-// What does not fit the transfer is left alone (a notification, a late reply to another request); what belongs to it
-// and breaks the rules ends it. Fragments count down, so that a transfer is over after as many as the first one says.
+// Mail that does not belong to the transfer is ignored (a notification, a late reply to another request). Mail that
+// belongs to the transfer and breaks its rules ends it. Fragments count down, so a transfer ends after as many
+// fragments as the first one announces.
 #pragma once
 
 #include "mailbox/exchange.hpp"
@@ -22,10 +23,11 @@ class SoeTransfer : public MailClient {
     Taken take(const wire::MailboxMessage& mail) final;
 
     [[nodiscard]] bool over() const { return over_; }
-    // What went wrong, without slave and step; code none when all went well.
+    // The error without slave and step; code none on success.
     [[nodiscard]] const Error& error() const { return error_; }
     [[nodiscard]] const SoeTarget& target() const { return target_; }
-    // Tells the exchanges of one drive from those of another; see MailExchange::Options. A fragment says no more.
+    // Distinguishes exchanges of different drives; see MailExchange::Options. A fragment contains no IDN, so the key
+    // does not contain it either.
     [[nodiscard]] std::uint64_t key() const {
         return std::uint64_t{5} << 32 | static_cast<std::uint64_t>(answer_) << 8 | target_.drive;
     }
@@ -35,7 +37,7 @@ class SoeTransfer : public MailClient {
     ~SoeTransfer() = default;
 
     virtual Taken take_answer(const wire::soe::Header& header, Bytes data) = 0;
-    // Whether an error may name another number: it answers a fragment, which has no IDN.
+    // Whether an error reply may have another number than the IDN: it answers a fragment, which has no IDN.
     [[nodiscard]] virtual bool in_fragments() const = 0;
     Taken fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
 
@@ -49,13 +51,14 @@ class SoeTransfer : public MailClient {
 
 class SoeReadTransfer final : public SoeTransfer {
   public:
-    // `into` outlives the transfer. Of a value that is larger only the length is found out: Errc::capacity.
+    // `into` outlives the transfer. When the value is larger than `into`, only its length is determined:
+    // Errc::capacity.
     SoeReadTransfer(const SoeTarget& target, MutableBytes into)
         : SoeTransfer(target, wire::soe::Opcode::read_response), into_(into) {}
     std::size_t compose(MutableBytes data) override;
-    // Begins anew, with the first message.
+    // Starts again with the first message.
     void restart() { done_ = left_ = 0; }
-    // Octets that came.
+    // Octets received.
     [[nodiscard]] std::size_t bytes() const { return done_; }
 
   private:
@@ -64,22 +67,22 @@ class SoeReadTransfer final : public SoeTransfer {
 
     MutableBytes into_;
     std::size_t done_ = 0;
-    std::uint16_t left_ = 0;  // fragments that are still to come
+    std::uint16_t left_ = 0;  // fragments that will follow
 };
 
 class SoeWriteTransfer final : public SoeTransfer {
   public:
-    // `value` outlives the transfer; `room`: octets of data that a message has, the SoE header included.
+    // `value` outlives the transfer; `room`: octets of data in one message, SoE header included.
     SoeWriteTransfer(const SoeTarget& target, Bytes value, std::size_t room)
         : SoeTransfer(target, wire::soe::Opcode::write_response),
           value_(value),
           room_(room > wire::soe::kHeaderBytes ? room - wire::soe::kHeaderBytes : 0) {}
     std::size_t compose(MutableBytes data) override;
-    // Begins anew, with the first message.
+    // Starts again with the first message.
     void restart() { done_ = 0; }
-    // The next message is the last one, which the slave answers; the others it only takes.
+    // Whether the next message is the last one. The slave replies only to the last message.
     [[nodiscard]] bool at_last() const { return value_.size() - done_ <= room_; }
-    // A fragment has arrived.
+    // The slave has accepted a fragment.
     void advance() { done_ += room_; }
 
   private:

@@ -14,18 +14,18 @@ namespace {
 namespace reg = wire::reg;
 constexpr Step kStep = Step::configure_process_data;
 
-// What feeds the slave's watchdog: what the control octets say, or all outputs.
+// Which SyncManagers trigger the slave's process data watchdog: those whose control octet says so, or all outputs.
 enum class Fed : std::uint8_t { as_described, by_all_outputs };
 
-// A watchdog that was asked for must be fed, and some SIIs leave the trigger out of the control octets of their
-// outputs.
+// A watchdog that the application has set must be triggered, and in some SIIs the control octets of the outputs do not
+// contain the trigger.
 Fed fed(const Slave& slave) {
     using Watchdog = SlaveConfiguration::Watchdog;
     return slave.config.process_data_watchdog.value_or(Watchdog{0}) > Watchdog{0} ? Fed::by_all_outputs
                                                                                   : Fed::as_described;
 }
 
-// An ESC takes the place and length of a SyncManager only while it is off.
+// An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
 Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed) {
     const wire::Register place = reg::sync_manager(sm.number);
     std::array<std::byte, 1> off{};
@@ -38,9 +38,9 @@ Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed)
     Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
     co_await together(switch_off, write_all);
-    const Error error = judge(station, switch_off.reply(), kStep, activate);
+    const Error error = error_of_reply(station, switch_off.reply(), kStep, activate);
     if (error.code != Errc::none) co_return error;
-    const Error second = judge(station, write_all.reply(), kStep, place.address);
+    const Error second = error_of_reply(station, write_all.reply(), kStep, place.address);
     if (second.code != Errc::none) co_return second;
     co_return Result<>();
 }
@@ -54,7 +54,7 @@ void store(FmmuBytes& bytes, const SlaveFmmus& fmmus) {
         wire::store_fmmu(MutableBytes(bytes).subspan(n * reg::kFmmuStride, reg::kFmmuStride), fmmus.at[n]);
 }
 
-// All FMMUs that the ESC has, so that none is left of an older mapping.
+// Writes all FMMUs that the ESC has, so that none of an older mapping remains.
 Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayout& layout, bool active) {
     const auto fmmus = make_fmmus(slave, layout);
     if (!fmmus) co_return fmmus.error();
@@ -65,20 +65,20 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                        Bytes(bytes).first(count * reg::kFmmuStride));
     auto reply = co_await write_all;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
 
 constexpr std::uint16_t kDividerFor100us = 2498;
 
-// A time in units of the watchdogs, rounded up.
+// Converts a time to units of the watchdogs, rounded up.
 std::uint16_t watchdog_units(Duration time, std::uint16_t divider) {
     const Duration unit = std::chrono::nanoseconds(40) * (divider + 2);
     return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
 }
 
-// Those that the application has set, and nothing else.
+// Writes only the watchdog times that the application has set.
 Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
     const SlaveTimes times = slave.config.times();
     const auto outputs = slave.config.process_data_watchdog;
@@ -114,7 +114,8 @@ Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout&
     co_return co_await write_watchdogs(station, slave);
 }
 
-// A slave that insists on a watchdog refuses when nothing feeds it; then it is told that all its outputs do.
+// Some slaves require a watchdog and refuse SAFEOP when nothing triggers it. Then all outputs are set to trigger it,
+// and the request is repeated.
 Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
     auto first =
         co_await change_al_state(station, AlState::safeop, slave.device_emulation, al_timeout(slave, AlState::safeop));
@@ -137,8 +138,8 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     Datagram clear(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                    Bytes(kNone).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride));
     auto reply = co_await clear;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
-    // A slave without any FMMU has nothing to clear.
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
+    // The write fails on a slave without FMMUs, which has nothing to clear.
     if (error.code != Errc::none && count != 0) co_return error;
     set_takes_part(network, slave, false);
     co_return Result<>();
@@ -154,7 +155,7 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
     Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kFmmuBase},
                   MutableBytes(there).first(octets));
     auto reply = co_await look;
-    const Error error = judge(station, reply, kStep, reg::kFmmuBase);
+    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
     bool same = true;
     for (std::size_t n = 0; n < fmmu_count(slave); ++n)

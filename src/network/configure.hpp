@@ -1,4 +1,4 @@
-// From PREOP to SAFEOP: what one slave needs to exchange process data goes into its registers.
+// From PREOP to SAFEOP: writes the registers that one slave needs to exchange process data.
 #pragma once
 
 #include "network/image_layout.hpp"
@@ -6,17 +6,17 @@
 
 namespace margay {
 
-// Writes SyncManagers, FMMUs and watchdogs of a slave that lay_out() has placed, and brings it to SAFEOP, with what its
-// configuration wants around that; from SAFEOP or OP it goes back to PREOP first. The same for the first time and for a
-// slave that has come back. Beside a running cycle the FMMUs become active last, when the slave is in SAFEOP: with the
-// reply to that one datagram it takes part, neither earlier nor later.
+// Writes SyncManagers, FMMUs and watchdogs of a slave that lay_out() has placed, and brings it to SAFEOP, with the
+// commands and the hook of its configuration. A slave in SAFEOP or OP is first brought back to PREOP. Used for the
+// first start and for a slave that has come back. While a cycle is running (`running`) the FMMUs are activated last,
+// when the slave is in SAFEOP: the slave takes part exactly from the reply to that datagram on.
 [[nodiscard]] Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout,
                                                     bool running);
 
-// Takes the slave's FMMUs away: with the reply it takes part no more.
+// Clears the slave's FMMUs. After the reply the slave takes part no more.
 [[nodiscard]] Task<Result<>> clear_fmmus(Network& network, Slave& slave);
 
-// Whether the FMMUs of the slave are those that its place in the image asks for.
+// Whether the FMMUs in the slave are those that its place in the image requires.
 [[nodiscard]] Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout);
 
 }  // namespace margay

@@ -42,7 +42,7 @@ void note(EntryHandle& handle, const FoundEntry& entry) {
              .bits = entry.bits};
 }
 
-// Visits the entries of the SyncManagers that the application lists whole.
+// Visits the entries of the SyncManagers whose entries the application lists completely.
 template <class Visit>
 void walk_lists(const Slave& slave, Visit visit) {
     for (const SmPdos& list : slave.config.pdos()) {
@@ -64,7 +64,7 @@ void walk_lists(const Slave& slave, Visit visit) {
     }
 }
 
-// A slave that may be missing is: its entries are found when it comes.
+// An optional slave may be absent: its entries are matched when it comes.
 bool may_wait(const EntryHandle& handle, const Slave& slave) {
     return handle.optional || (slave.config.optional && !slave.seen);
 }
@@ -116,7 +116,7 @@ void EntryAccess::release(EntryHandle& handle) {
 EntryMatcher::EntryMatcher(std::span<EntryHandle* const> handles, const Slave& slave)
     : handles_(handles), slave_(slave) {
     wanted_ = std::ranges::any_of(
-        handles, [&](const EntryHandle* h) { return h != nullptr && h->address().slave == slave.position; });
+        handles, [&](const EntryHandle* h) { return h != nullptr && h->address().slave == slave.number; });
     for (const SmPdos& list : slave.config.pdos())
         if (list.sync_manager < Slave::kSyncManagers && listed_bits(list).open == 0)
             listed_ = static_cast<std::uint16_t>(listed_ | 1U << list.sync_manager);
@@ -125,7 +125,7 @@ EntryMatcher::EntryMatcher(std::span<EntryHandle* const> handles, const Slave& s
 
 void EntryMatcher::forget() {
     for (EntryHandle* handle : handles_)
-        if (handle != nullptr && handle->address().slave == slave_.position) EntryAccess::found(*handle) = {};
+        if (handle != nullptr && handle->address().slave == slave_.number) EntryAccess::found(*handle) = {};
     if (wanted_) walk_lists(slave_, [this](const FoundEntry& entry) { match(entry); });
 }
 
@@ -135,7 +135,7 @@ void EntryMatcher::take(const FoundEntry& entry) {
 
 void EntryMatcher::match(const FoundEntry& entry) {
     for (EntryHandle* handle : handles_)
-        if (handle != nullptr && handle->address().slave == slave_.position && is(entry, handle->address()))
+        if (handle != nullptr && handle->address().slave == slave_.number && is(entry, handle->address()))
             note(*handle, entry);
 }
 
@@ -179,7 +179,7 @@ Result<EntryPlace> place_of(const Slave& slave, const ProcessGroup& group, const
         if (sm.number != found.sync_manager || end > sm.bits || found.bits == 0) continue;
         const ImagePart& part = sm.direction == Direction::outputs ? slave.image.outputs : slave.image.inputs;
         if (part.bits == 0) break;
-        return EntryPlace{.slave = slave.position,
+        return EntryPlace{.slave = slave.number,
                           .index = found.index,
                           .subindex = found.subindex,
                           .group = group.number,
@@ -197,7 +197,7 @@ Error place_entries(Network& network, ProcessGroup& group, const Slave* only) {
     for (EntryHandle* handle : group.config.entries) {
         if (handle == nullptr) continue;
         const std::uint16_t position = handle->address().slave;
-        if (only != nullptr && only->position != position) continue;
+        if (only != nullptr && only->number != position) continue;
         EntryAccess::release(*handle);
         Error error = fault(Errc::unknown_slave, handle->address());
         error.expected = network.count;

@@ -1,5 +1,5 @@
-// Entries of process data that the application wants by name: matched while the PDOs of a slave are read, and placed
-// once the image is laid out.
+// Entries of process data that the application uses by their object or their place in a PDO: matched while the PDOs of
+// a slave are read, and bound to their place once the image is laid out.
 #pragma once
 
 #include "mailbox/found_sms.hpp"
@@ -9,28 +9,28 @@
 
 namespace margay {
 
-// What the library may do with a handle.
+// Access of the library to the private part of a handle.
 struct EntryAccess {
     using Found = EntryHandle::Found;
     [[nodiscard]] static Found& found(EntryHandle& handle) { return handle.found_; }
     [[nodiscard]] static Direction direction(const EntryHandle& handle) { return handle.direction_; }
     [[nodiscard]] static EntryKind kind(const EntryHandle& handle) { return handle.kind_; }
     [[nodiscard]] static std::uint32_t type_bits(const EntryHandle& handle) { return handle.type_bits_; }
-    // `half_octet`: of its first octet in the outputs or the inputs of the image.
+    // `half_octet`: offset of the entry's first octet in the outputs or in the inputs of the image.
     static void bind(EntryHandle& handle, const EntryPlace& place, MutableBytes image, std::uint32_t half_octet);
-    // It is not mapped any more.
+    // For an entry that is not mapped any more.
     static void release(EntryHandle& handle);
 };
 
-// The handles of one slave, by what a walk over its PDOs comes upon. What the application lists whole for a SyncManager
-// counts above the walk.
+// Matches the handles of one slave with the entries found in its PDOs. For a SyncManager whose entries the application
+// lists completely, the lists are used instead.
 class EntryMatcher final : public EntrySink {
   public:
-    // Forgets what was found of the slave before, and looks through the application's lists.
+    // Deletes earlier results of the slave, and searches the application's lists.
     EntryMatcher(std::span<EntryHandle* const> handles, const Slave& slave);
-    // Some of the handles are of this slave.
+    // Whether any handle is of this slave.
     [[nodiscard]] bool wanted() const { return wanted_; }
-    // Of the walk; the lists stay.
+    // Deletes the results of the slave's PDOs; those of the lists stay.
     void forget();
 
     void take(const FoundEntry& entry) override;
@@ -40,26 +40,26 @@ class EntryMatcher final : public EntrySink {
 
     std::span<EntryHandle* const> handles_;
     const Slave& slave_;
-    std::uint16_t listed_ = 0;  // SyncManagers that are listed whole, a bit each
+    std::uint16_t listed_ = 0;  // SyncManagers whose entries are listed completely, one bit each
     bool wanted_ = false;
 };
 
-// The handles of a group; none when the slave's configuration names no group that there is.
+// The handles of the slave's group; none when the slave's configuration has an unknown group number.
 [[nodiscard]] std::span<EntryHandle* const> entries_of(const Network& network, const Slave& slave);
 
-// Whether a value of this type fits an entry; `where` with the reason when not.
+// Checks whether a value of this type fits an entry. Returns `where` with the error code when it does not.
 [[nodiscard]] Error check_entry_type(Error where, EntryKind kind, std::uint32_t type_bits, std::uint32_t bits,
                                      std::uint8_t data_type);
 
-// Where the entry that was matched lies in the image. Errors: entry_not_mapped, entry_direction.
+// Returns the place of the matched entry in the image. Errors: entry_not_mapped, entry_direction.
 [[nodiscard]] Result<EntryPlace> place_of(const Slave& slave, const ProcessGroup& group, const EntryAddress& address,
                                           const EntryAccess::Found& found);
 
-// Binds the handles of a group that was laid out, of all slaves or of one. What is not mapped or not right is told in
-// errors(); the first of that is returned.
+// Binds the handles of a laid out group, of all slaves or of one. Entries that are not mapped or do not fit are
+// reported in errors(); the first error is returned.
 [[nodiscard]] Error place_entries(Network& network, ProcessGroup& group, const Slave* only = nullptr);
 
-// Nothing is mapped any more.
+// Marks all handles of the group as not mapped.
 void release_entries(ProcessGroup& group);
 
 }  // namespace margay

@@ -21,7 +21,7 @@ std::size_t copy_text(std::string_view text, std::span<char> into) {
     return bytes;
 }
 
-// The entry's own name, else that of its object.
+// The name of the entry itself, otherwise that of its object.
 Task<Result<std::size_t>> name_by_dictionary(MailboxChannel& channel, SdoObject object, std::span<char> into,
                                              MailPatience patience) {
     EntryQuery entry(object.index, object.subindex, false);
@@ -34,7 +34,7 @@ Task<Result<std::size_t>> name_by_dictionary(MailboxChannel& channel, SdoObject 
     co_return asked ? copy_text(whole.description.name(), into) : std::size_t{0};
 }
 
-// What is needed of the SII to name an entry.
+// The values of the SII from which the name of an entry is read.
 struct SiiName {
     sii::StringNumber number = 0;
     sii::CategoryPlace strings{};
@@ -44,7 +44,7 @@ Task<Result<>> look_through_pdos(SiiReader& reader, sii::CategoryPlace place, Sd
     constexpr std::uint32_t kHeadWords = sii::kPdoBytes / sii::kWordBytes;
     constexpr std::uint32_t kEntryWords = sii::kPdoEntryBytes / sii::kWordBytes;
     const std::uint32_t end = place.word + place.words;
-    std::uint32_t entries = 0;  // of the current PDO that are still to come
+    std::uint32_t entries = 0;  // of the current PDO that are not read yet
     for (std::uint32_t word = place.word; word + kHeadWords <= end && name.number == 0;) {
         std::array<std::byte, sii::kPdoBytes> octets{};
         static_assert(sii::kPdoBytes == sii::kPdoEntryBytes);
@@ -78,7 +78,7 @@ Task<Result<>> look_through_categories(SiiReader& reader, const Slave& slave, Sd
     co_return Result<>();
 }
 
-// An octet of a category. The reader keeps the block that it has read last.
+// Reads one octet of a category. The reader caches the block that it has read last.
 Task<Result<std::uint8_t>> octet_at(SiiReader& reader, sii::CategoryPlace place, std::uint32_t octet) {
     std::array<std::byte, sii::kWordBytes> word{};
     const std::uint32_t offset = octet / static_cast<std::uint32_t>(sii::kWordBytes);
@@ -88,7 +88,7 @@ Task<Result<std::uint8_t>> octet_at(SiiReader& reader, sii::CategoryPlace place,
     co_return std::to_integer<std::uint8_t>(word[octet % sii::kWordBytes]);
 }
 
-// Passes over the strings before it.
+// Reads the string name.number, skipping the strings before it.
 Task<Result<std::size_t>> read_string(SiiReader& reader, SiiName name, std::span<char> into) {
     auto count = co_await octet_at(reader, name.strings, 0);
     if (!count) co_return count.error();

@@ -32,15 +32,15 @@ Slave* find_located(Network& network, const ExpectedSlave& wanted) {
     return found == slaves.end() ? nullptr : &*found;
 }
 
-// Those that hang in the group of this head, each as the next member that it can be; as the next one at all when it can
-// be none.
+// Assigns the slaves connected below this head to the members of its group: each slave is the next member that it can
+// be, or simply the next member if it can be none.
 void find_members(Network& network, std::size_t head, const Slave& first) {
     const Expected list = network.expected;
     const std::size_t end = group_end(list, head);
     std::size_t next = head + 1;
-    for (std::size_t place = first.ring + 1U; place <= network.count && next < end; ++place) {
+    for (std::size_t place = first.ring_position + 1U; place <= network.count && next < end; ++place) {
         Slave& slave = network.slave(place);
-        if (slave.wanted != nullptr || group_above(network, slave.ring) != list[head].hot_connect) continue;
+        if (slave.wanted != nullptr || group_above(network, slave.ring_position) != list[head].hot_connect) continue;
         std::size_t member = next;
         while (member < end && !fits(slave, list[member])) ++member;
         if (member == end) member = next;
@@ -63,8 +63,8 @@ void find_those_anywhere(Network& network) {
     }
 }
 
-// The position of a slave of the line that comes when `position` is next: missing ones that may be are passed over for
-// one that it fits.
+// Returns the position of a slave of the line when `position` is the next one. Optional slaves that do not fit are
+// skipped if the slave fits a later one.
 std::size_t next_position(Expected list, const Slave& slave, std::size_t position, std::size_t last) {
     for (std::size_t at = position; at <= last; ++at) {
         const ExpectedSlave* wanted = at_position(list, at);
@@ -74,8 +74,8 @@ std::size_t next_position(Expected list, const Slave& slave, std::size_t positio
     return position;
 }
 
-// Where all are to go in the table: slave.position, which is no index any more until they are there. Returns how many
-// entries the table has then.
+// Sets slave.number of all slaves to their new place in the table; until they are moved there it is not their index.
+// Returns the resulting number of entries in the table.
 std::size_t plan_numbers(Network& network) {
     const Expected list = network.expected;
     std::size_t last = 0;
@@ -85,13 +85,13 @@ std::size_t plan_numbers(Network& network) {
         if (wanted.position != 0) continue;
         ++number;
         for (Slave& slave : network.slaves())
-            if (slave.wanted == &wanted) slave.position = static_cast<std::uint16_t>(number);
+            if (slave.wanted == &wanted) slave.number = static_cast<std::uint16_t>(number);
     }
     std::size_t next = 1;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted != nullptr) continue;
         const std::size_t position = next <= last ? next_position(list, slave, next, last) : ++number;
-        slave.position = static_cast<std::uint16_t>(position);
+        slave.number = static_cast<std::uint16_t>(position);
         if (next > last) continue;
         slave.wanted = at_position(list, position);
         next = position + 1;
@@ -99,7 +99,7 @@ std::size_t plan_numbers(Network& network) {
     return number;
 }
 
-// Whom the list wants at this number; nobody where it leaves out a position.
+// The expected slave of this number; nullptr where the list leaves out a position.
 const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     std::size_t last = 0;
     for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
@@ -109,10 +109,10 @@ const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     return nullptr;
 }
 
-// An entry for one that is not there. What its ESC has is not known: all that may be needed.
+// Fills the entry of a missing slave. The resources of its ESC are unknown: the maximum is assumed.
 void make_missing(Network& network, std::size_t number) {
     Slave& slave = network.slave(number);
-    slave.position = static_cast<std::uint16_t>(number);
+    slave.number = static_cast<std::uint16_t>(number);
     slave.station_address = network.station_address(number);
     slave.wanted = wanted_at(network.expected, number);
     slave.dl.fmmus = 16;
@@ -129,7 +129,7 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
         bool right = known && (wanted.hot_connect == 0 || wanted.position == 0);
         for (std::size_t before = 0; before < n && right; ++before) {
             const bool same_place = wanted.position != 0 && expected[before].position == wanted.position;
-            // A group is a run of neighbours.
+            // The members of a group are adjacent in the list.
             const bool torn = !member && wanted.hot_connect != 0 && expected[before].hot_connect == wanted.hot_connect;
             right = !same_place && !torn;
         }
@@ -142,7 +142,7 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
 }
 
 Error difference(const Slave& slave, const ExpectedSlave& wanted) {
-    Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.position};
+    Error error{.code = Errc::other_slave, .step = Step::identify, .slave = slave.number};
     error.detail = slave.identity.vendor;
     const auto differs = [&](const auto& expected, std::uint32_t actual, IdentityField what) {
         if (!expected.has_value() || *expected == actual) return false;
@@ -159,7 +159,7 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         differs(wanted.alias, slave.alias, IdentityField::alias))
         return error;
     if (wanted.device_id && !slave.device_id)
-        return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.position};
+        return {.code = Errc::unsupported, .step = Step::identify, .slave = slave.number};
     if (differs(wanted.device_id, slave.device_id.value_or(0), IdentityField::device_id)) return error;
     return {};
 }
@@ -205,18 +205,19 @@ Result<bool> number_slaves(Network& network) {
     bool moved = false;
     for (std::size_t n = 1; n <= numbers; ++n) {
         Slave& here = network.slave(n);
-        while (here.position != 0 && here.position != n) std::swap(here, network.slave(here.position));
+        while (here.number != 0 && here.number != n) std::swap(here, network.slave(here.number));
     }
     for (std::size_t n = 1; n <= numbers; ++n) {
         Slave& slave = network.slave(n);
-        if (slave.position == 0) {
+        if (slave.number == 0) {
             make_missing(network, n);
             continue;
         }
-        moved |= slave.position != slave.ring;
+        moved |= slave.number != slave.ring_position;
         slave.station_address = network.station_address(n);
-        if (slave.error.code != Errc::none) slave.error.slave = slave.position;
-        if (slave.ring != 0 && slave.ring <= network.ring.size()) network.ring[slave.ring - 1U].slave = slave.position;
+        if (slave.error.code != Errc::none) slave.error.slave = slave.number;
+        if (slave.ring_position != 0 && slave.ring_position <= network.ring.size())
+            network.ring[slave.ring_position - 1U].slave = slave.number;
     }
     return moved;
 }
@@ -225,21 +226,21 @@ void compare_with_expected(Network& network, FirstFault& faults) {
     if (network.expected.empty()) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr) {
-            slave.unexpected = slave.ring != 0;
+            slave.unexpected = slave.ring_position != 0;
             continue;
         }
-        slave.other = slave.ring != 0 && difference(slave, *slave.wanted).code != Errc::none;
+        slave.other = slave.ring_position != 0 && difference(slave, *slave.wanted).code != Errc::none;
         if (slave.wanted->config != nullptr) slave.config = *slave.wanted->config;
         slave.config.optional |= slave.wanted->optional || slave.wanted->hot_connect != 0;
     }
-    hold_back(network);
+    update_held(network);
     for (Slave& slave : network.slaves()) {
-        if (slave.ring == 0) {
+        if (slave.ring_position == 0) {
             const Error error = missing_error(network, slave);
             if (error.code != Errc::none) faults.note(network, slave, error);
         }
         Error error;
-        if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.position};
+        if (slave.unexpected) error = {.code = Errc::unexpected_slave, .step = Step::identify, .slave = slave.number};
         if (slave.other) error = difference(slave, *slave.wanted);
         if (error.code != Errc::none) network.note(slave, error);
         if (slave.held) faults.keep(error);

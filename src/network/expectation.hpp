@@ -1,4 +1,4 @@
-// What was found against what was expected.
+// Comparison of the slaves found with the slaves expected.
 #pragma once
 
 #include "network/wanted.hpp"
@@ -7,28 +7,29 @@
 
 namespace margay {
 
-// Errors: invalid_argument; actual: which of the list, 1 the first.
+// Errors: invalid_argument; actual: position in the list, 1 is the first.
 [[nodiscard]] Result<> check_expected(std::span<const ExpectedSlave> expected);
 
-// Gives each slave found its number, as <margay/expected.hpp> tells, and each expected one that is not there an entry.
-// Before, the table and network.ring are in the order of the ring, with their topology. Says whether any has another
-// number now. Errors: capacity.
+// Gives each slave found its number by the rules of <margay/expected.hpp>, and each missing expected slave an entry.
+// Before the call the table and network.ring are in the order of the ring, with their topology. Returns whether the
+// number of any slave has changed. Errors: capacity.
 [[nodiscard]] Result<bool> number_slaves(Network& network);
 
-// Gives each slave the configuration that is wanted in its place and notes what is wrong: other_slave, unsupported (the
-// slave tells no device id), missing_slave (of a slave that may not be missing) and, when anything is expected at all,
-// unexpected_slave. A slave that is not the wanted one, and not tolerated, is held.
+// Gives each slave the configuration of its expected slave and notes the differences: other_slave, unsupported (the
+// slave has no readable device id), missing_slave (a slave that must not be missing) and, when slaves are expected at
+// all, unexpected_slave. A slave that is not the expected one, and not tolerated, is held.
 void compare_with_expected(Network& network, FirstFault& faults);
 
-// The first thing about the slave that is not as expected; code none when all is.
+// The first difference between the slave and the expected one; code none when there is none.
 [[nodiscard]] Error difference(const Slave& slave, const ExpectedSlave& wanted);
 
-// `wanted`, of `list`, may be anywhere: the head of a group, or one for itself.
+// Whether `wanted`, an element of `list`, may be at any place of the ring: the head of a group, or a slave that is
+// known by its alias or device id.
 [[nodiscard]] bool is_located(std::span<const ExpectedSlave> list, const ExpectedSlave& wanted);
-// What is set on this slave is what `wanted` is known by.
+// Whether the slave has the alias or device id that `wanted` is recognised by.
 [[nodiscard]] bool locates(const ExpectedSlave& wanted, const Slave& slave);
 
-// The hot connect group that the slave at a place of the ring hangs in, by those above it; 0: none.
+// The hot connect group that the slave at a place of the ring belongs to, found through its parents; 0: none.
 [[nodiscard]] std::uint8_t group_above(Network& network, std::uint16_t place);
 
 }  // namespace margay

@@ -20,7 +20,7 @@ namespace {
 
 Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
 
-// Two images at the same logical addresses would be exchanged with each other's slaves.
+// Two images at the same logical addresses would be exchanged with the slaves of both groups.
 bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
     const std::uint64_t begin = group.layout.start.value;
     const std::uint64_t end = begin + group.layout.logical_bytes();
@@ -31,7 +31,7 @@ bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
     });
 }
 
-// What is done in each cycle besides: the slaves are there, and what is copied is inside of their data.
+// Checks the additional work of each cycle: the slaves of all copies exist, and the copied bits are part of their data.
 Result<> check_extras(ProcessGroup& group) {
     group.extras = !group.config.copies.empty() || group.config.shared != nullptr;
     for (const SlaveToSlave& copy : group.config.copies) {
@@ -88,13 +88,13 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     return prepared;
 }
 
-// Calls the hook of a slave, which finds the slave in PREOP, also when the group was mapped before.
+// Calls the hook of a slave. The slave is brought back to PREOP first, in case the group was mapped before.
 Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults) {
     slave.hook_failed = false;
     if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Result<>();
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
-        (void)back;  // the configuration of the slave finds out what is wrong
+        (void)back;  // an error is found again by the configuration of the slave
     }
     auto done = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
     slave.hook_failed = !done.ok();
@@ -102,9 +102,10 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     co_return done;
 }
 
-// A slave that was held, or has not come beyond INIT: its start-up is done now.
+// The start-up of a slave that was held, or that is still in INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is switched off, and count as right.
+    // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
+    // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
@@ -118,7 +119,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     co_return Result<>();
 }
 
-// What the slave exchanges. A place is kept for a slave that cannot be asked, as far as its sizes are known.
+// Finds the process data of the slave. For a slave that cannot be read a place is reserved, if its sizes are known.
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.config.group != number) co_return Result<>();
     slave.unplaced = false;
@@ -126,7 +127,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.config.highest < AlState::safeop) co_return Result<>();
     const bool by_slave =
         slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
-    if (slave.held && by_slave) {  // what is there said so, which is not what is wanted
+    if (slave.held && by_slave) {  // the sizes were read from the slave at this place, which is not the wanted one
         slave.config.sm_count = 0;
         slave.config.source = ConfigurationSource::none;
     }
@@ -137,7 +138,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     }
     forget_kept_place(slave);
     auto hook = co_await prepare_slave(network, slave, faults);
-    (void)hook;  // a place is kept for the slave all the same
+    (void)hook;  // a place is reserved for the slave nevertheless
     auto found = co_await discover_pdos(network, slave);
     if (found) co_return Result<>();
     slave.pdos_failed = true;
@@ -146,7 +147,8 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     co_return Result<>();
 }
 
-// Out of the exchange, and in PREOP at the highest: also one that an earlier mapping has brought further.
+// Removes the slave from the exchange and brings it to PREOP at the highest, also if an earlier mapping has brought it
+// further.
 Task<Result<>> leave_out(Network& network, Slave& slave) {
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -154,7 +156,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
     }
     if (slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // one that does not answer takes part in nothing
+        (void)cleared;  // a slave that does not answer does not take part
     }
     set_takes_part(network, slave, false);
     co_return Result<>();
@@ -169,17 +171,17 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
     if (done) co_return Result<>();
     faults.note(network, slave, done.error());
     auto cleared = co_await clear_fmmus(network, slave);
-    (void)cleared;  // one that does not answer takes part in nothing
+    (void)cleared;  // a slave that does not answer does not take part
     set_takes_part(network, slave, false);
     co_return Result<>();
 }
 
-// Whatever else keeps slaves from what was wanted of them; most of it was told before.
+// Keeps the errors of all other slaves that are not as wanted; most of them were reported before.
 void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.config.group >= network.process.groups.size()) {
             Error error = fault(Errc::unknown_group, slave.config.group);
-            error.slave = slave.position;
+            error.slave = slave.number;
             faults.note(network, slave, error);
             continue;
         }
@@ -187,12 +189,12 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         faults.keep(held_error(slave, Step::identify));
         if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
         Error hook = slave.error;
-        hook.slave = slave.position;
+        hook.slave = slave.number;
         if (slave.hook_failed) faults.keep(hook);
     }
 }
 
-// Tells the mailbox channels where in the image they see that there is mail; nowhere while the group is not mapped.
+// Sets for the mailbox channels which bit of the image reports mail; none while the group is not mapped.
 void use_status_bits(Network& network, std::uint8_t number) {
     const ProcessGroup& group = network.process.groups[number];
     for (const Slave& slave : network.slaves()) {
@@ -203,7 +205,7 @@ void use_status_bits(Network& network, std::uint8_t number) {
     }
 }
 
-// Tells the supervision to keep off, as long as it lives.
+// Keeps the supervision away from the slaves of the group, until it is destroyed.
 class Mapping {
   public:
     explicit Mapping(ProcessGroup& group) : group_(group) { group_.mapping = true; }
@@ -223,7 +225,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
     use_status_bits(network, number);
     Mapping mapping(network.process.groups[number]);
-    // The supervision begins nothing any more with these slaves. What it has begun ends first.
+    // The supervision starts no task with these slaves any more. Tasks that it has started are awaited first.
     for (Slave& slave : network.slaves())
         while (slave.config.group == number && network.marks(slave).in_use)
             co_await network.engine.sleep_for(std::chrono::milliseconds(1));

@@ -1,12 +1,13 @@
-// The groups of a network, and mapping one: from the slaves' process data to SAFEOP.
+// Mapping a group of slaves: from the discovery of their process data to SAFEOP.
 #pragma once
 
 #include "network/network.hpp"
 
 namespace margay {
 
-// Discovers, lays out and configures; returns the octets of the image in use. See config_map(). After an error of one
-// slave the group is mapped all the same when `mapped` says so: the others are in SAFEOP.
+// Discovers the process data, lays out the image and configures the slaves; returns the used octets of the image. See
+// config_map(). After an error of one slave the group may be mapped nevertheless, when its `mapped` is true: the other
+// slaves are then in SAFEOP.
 [[nodiscard]] Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image);
 
 }  // namespace margay

@@ -12,20 +12,20 @@ struct HookAccess {
     [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
 };
 
-// An error that a hook has made itself names its slave and says where it comes from.
+// Completes an error that a hook returns: slave, and step if the hook has not set one.
 [[nodiscard]] inline Result<> of_slave(const Result<>& done, const Slave& slave) {
     if (done) return done;
     Error error = done.error();
-    error.slave = slave.position;
+    error.slave = slave.number;
     if (error.step == Step::none) error.step = Step::application_hook;
     return error;
 }
 
-// Calls a hook and waits until it is done: a plain function is called again as long as it returns Errc::busy. `args`
-// are values. Without a hook: success.
+// Calls a hook and waits for its end: a plain function is called again while it returns Errc::busy. `args` are values.
+// Without a hook: success.
 template <class... Args>
 Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void* user, Args... args) {
-    const HookedSlave hooked = HookAccess::slave(network, slave.position);
+    const HookedSlave hooked = HookAccess::slave(network, slave.number);
     if (hook.sequence() != nullptr) {
         auto done = co_await hook.sequence()(hooked, args..., user);
         co_return of_slave(done, slave);

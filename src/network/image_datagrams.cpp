@@ -10,7 +10,7 @@ using wire::Command;
 constexpr std::uint32_t kOverhead = wire::kDatagramOverheadBytes;
 constexpr std::uint32_t kFrameRoom = wire::kMaxDatagramsBytes;
 
-// A piece of logical address space that one command exchanges, by octets from the image's logical start.
+// A range of logical address space that one command exchanges. Offsets in octets from the image's logical start.
 struct Range {
     Command command = Command::NOP;
     std::uint32_t begin = 0;
@@ -36,7 +36,7 @@ Ranges choose_ranges(const ImageLayout& layout, bool block_lrw) {
     return s;
 }
 
-// The logical octets of one slave's data, for deciding where to cut.
+// The logical octets of one slave's data, to decide where to divide.
 struct Octets {
     std::uint32_t begin = 0;
     std::uint32_t end = 0;
@@ -52,7 +52,7 @@ class Planner {
             std::uint32_t reserve, std::span<DatagramPlan> into)
         : slaves_(slaves), group_(group), layout_(layout), ranges_(ranges), room_(kFrameRoom - reserve), into_(into) {}
 
-    // Returns the number of datagrams, which may be more than there is room for: those are not stored.
+    // Returns the number of datagrams. It may exceed the size of `into`: datagrams beyond it are not stored.
     std::size_t run() {
         for (std::size_t s = 0; s < ranges_.count; ++s)
             for (std::uint32_t at = ranges_.at[s].begin; at < ranges_.at[s].end;) at = next(s, at);
@@ -60,7 +60,7 @@ class Planner {
     }
 
   private:
-    // Places one datagram, or begins a new frame. Returns where the range goes on.
+    // Places one datagram, or starts a new frame. Returns the start of the next datagram in the range.
     std::uint32_t next(std::size_t s, std::uint32_t at) {
         const Range& range = ranges_.at[s];
         const std::uint32_t fits = room_ > kOverhead ? room_ - kOverhead : 0;
@@ -70,7 +70,8 @@ class Planner {
         const std::uint32_t whole = slave_boundary(range, at, most);
         const std::uint32_t needed = frames_needed(s, at, room_);
         if (whole > at && frames_needed(s, whole, kFrameRoom) + 1 <= needed) return put(range, at, whole);
-        // Nothing whole fits: an empty rest of a frame is given up if that costs none, else the slave is cut.
+        // No complete slave fits. The rest of the frame is left empty if that costs no frame, otherwise the slave's
+        // data is divided.
         if (room_ < kFrameRoom && whole == at && frames_needed(s, at, kFrameRoom) + 1 <= needed) return open_frame(at);
         return put(range, at, most);
     }
@@ -81,7 +82,7 @@ class Planner {
         return at;
     }
 
-    // How many frames all from here on takes at the least, with `room` left in the first of them.
+    // The lowest number of frames for everything from here on, with `room` octets left in the first frame.
     [[nodiscard]] std::uint32_t frames_needed(std::size_t s, std::uint32_t at, std::uint32_t room) const {
         std::uint32_t frames = 1;
         std::uint32_t left = ranges_.at[s].end - at;
@@ -101,7 +102,7 @@ class Planner {
         return frames;
     }
 
-    // The last place from `at` to `most` where no slave's data would be cut.
+    // The last position from `at` to `most` that divides no slave's data.
     [[nodiscard]] std::uint32_t slave_boundary(const Range& range, std::uint32_t at, std::uint32_t most) const {
         std::uint32_t cut = most;
         for (bool moved = true; moved && cut > at;) {

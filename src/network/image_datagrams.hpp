@@ -1,4 +1,4 @@
-// The datagrams that carry a process image, and in which frames they travel. Pure functions; no bus.
+// Divides a process image into datagrams and frames. Pure functions; no bus access.
 #pragma once
 
 #include "network/image_layout.hpp"
@@ -14,12 +14,12 @@ namespace margay {
 
 struct DatagramPlan {
     wire::Command command = wire::Command::NOP;
-    std::uint16_t frame = 0;  // which of the group's frames, from 0; several datagrams may share one
+    std::uint16_t frame = 0;  // index of the frame in the group; several datagrams may share a frame
     LogicalAddress address;
     std::uint16_t bytes = 0;
     std::uint16_t expected_wkc = 0;
-    // What of the image goes out (from the first octet of the datagram's data on) and what comes in (from octet
-    // input_at on).
+    // Parts of the image: output_bytes from image_output are sent from the first octet of the datagram's data on;
+    // input_bytes from octet input_at of the data on are copied to image_input.
     std::uint32_t image_output = 0;
     std::uint32_t image_input = 0;
     std::uint16_t output_bytes = 0;
@@ -29,18 +29,18 @@ struct DatagramPlan {
     friend constexpr bool operator==(const DatagramPlan&, const DatagramPlan&) = default;
 };
 
-// Cuts the image into datagrams: LRW, or LWR and LRD when the group or one of its slaves wants that or when there is
-// only one direction. Frames are as few as can be; among the ways to get by with so few, the data of a slave is kept in
-// one frame. Each datagram's expected working counter is that of the slaves' FMMUs: 1 for a slave it reads from, 1
-// (LWR) or 2 (LRW) for one it writes to. Returns how many there are. The first frame has room for the readings that are
-// wanted. Errors: too_many_frames when `into` is too small, invalid_argument (what shall be kept free leaves nothing;
-// the reference clock has none; cycles_in_flight out of range), unknown_slave (the reference clock), and those of
-// make_fmmus().
+// Divides the image into datagrams: LRW; or LWR and LRD when the group or one of its slaves requires that, or when
+// there is only one direction. The number of frames is the lowest possible; if several divisions have this number, the
+// data of a slave is kept in one frame. The expected working counter of each datagram follows from the slaves' FMMUs: 1
+// for a slave that the datagram reads from, and 1 (LWR) or 2 (LRW) for a slave that it writes to. Returns the number of
+// datagrams. The first frame keeps room for the readings that are wanted. Errors: too_many_frames when `into` is too
+// small, invalid_argument (the room that is kept free leaves none; the reference clock has no DC; cycles_in_flight out
+// of range), unknown_slave (the reference clock), and those of make_fmmus().
 [[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group,
                                                  const GroupConfiguration& wanted, const ImageLayout& layout,
                                                  std::span<DatagramPlan> into);
 
-// Registers that are read with each cycle, in the group's first frame behind what is planned for it.
+// A register that is read with each cycle, in the group's first frame behind the planned datagrams.
 struct ReadingPlan {
     wire::Command command = wire::Command::NOP;
     wire::DatagramAddress address;
@@ -55,7 +55,7 @@ struct ReadingPlans {
 };
 [[nodiscard]] ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted);
 
-// What one slave adds to the working counter of a datagram.
+// The contribution of one slave to the working counter of a datagram.
 [[nodiscard]] std::uint16_t working_counter_of(const SlaveFmmus& fmmus, const DatagramPlan& datagram);
 
 }  // namespace margay

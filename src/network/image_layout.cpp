@@ -6,19 +6,19 @@ namespace margay {
 namespace {
 
 constexpr std::uint64_t kMostImageBits = 0xFFFF'FFF8;
-constexpr std::uint8_t kMailboxFullBit = 3;           // of a SyncManager's status octet
-constexpr std::uint16_t kFirstProcessOctet = 0x0F00;  // digital outputs; below are registers
+constexpr std::uint8_t kMailboxFullBit = 3;           // of the status octet of a SyncManager
+constexpr std::uint16_t kFirstProcessOctet = 0x0F00;  // digital outputs; registers are below
 
 constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) & ~std::uint64_t{7}; }
 
 Error fault(Errc code, const Slave& slave, std::uint16_t index = 0) {
-    return {.code = code, .step = Step::map_process_data, .slave = slave.position, .index = index};
+    return {.code = code, .step = Step::map_process_data, .slave = slave.number, .index = index};
 }
 
-// An FMMU of this slave can begin and end in the middle of an octet.
+// Whether an FMMU of this slave can start and end in the middle of an octet.
 bool maps_bits(const Slave& slave) { return (slave.dl.features & wire::features::kFmmuBitOperationNotSupported) == 0; }
 
-// The slave's data lies in whole octets.
+// Whether the slave's data occupies whole octets.
 bool whole_octets(const Slave& slave, Packing packing) { return packing == Packing::bytes || !maps_bits(slave); }
 
 std::span<const ProcessSm> process_sms(const Slave& slave) {
@@ -27,9 +27,9 @@ std::span<const ProcessSm> process_sms(const Slave& slave) {
 
 bool wants_mailbox_status(const Slave& slave) { return slave.config.mailbox_status && slave.mailbox.present(); }
 
-// Goes through the SyncManagers of one direction, the first of them at bit `at`: visit(sm, its first bit). Returns
-// where they end. An ESC lets only one FMMU of a direction have an octet, so the second SyncManager of a slave always
-// begins on a new one.
+// Visits the SyncManagers of one direction, the first of them at bit `at`: visit(sm, its first bit). Returns the end of
+// the last one in bits. In an ESC only one FMMU of a direction may map an octet, so the second SyncManager of a slave
+// always starts at a new octet.
 template <class Visit>
 std::uint64_t walk(const Slave& slave, Packing packing, Direction direction, std::uint64_t at, Visit visit) {
     bool first = true;
@@ -43,7 +43,7 @@ std::uint64_t walk(const Slave& slave, Packing packing, Direction direction, std
     return whole_octets(slave, packing) ? up_to_octet(at) : at;
 }
 
-// Where a slave's data in one direction would begin and end if the one before it ends at `at`.
+// First bit and end of a slave's data in one direction, if the data of the previous slave ends at `at`.
 struct Extent {
     std::uint64_t begin = 0;
     std::uint64_t end = 0;
@@ -59,7 +59,7 @@ Extent extent(const Slave& slave, Packing packing, Direction direction, std::uin
     return any ? e : Extent{};
 }
 
-// What the ESC of the wanted slave has is not known: the slave was not asked yet, or another one is in its place.
+// The resources of the slave's ESC are unknown: the slave was not read yet, or another slave is at its place.
 bool not_asked(const Slave& slave) { return slave.place_kept || slave.held; }
 
 Result<> check_sync_managers(const Slave& slave) {
@@ -85,7 +85,7 @@ Result<> check_sync_managers(const Slave& slave) {
     return Result<>();
 }
 
-// Lays one slave after the other, and then the mailbox status bits; twice, once to know how long the outputs are.
+// Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
 class Layer {
   public:
     Layer(const GroupConfiguration& wanted, std::uint64_t outputs_at, std::uint64_t inputs_at)
@@ -101,7 +101,7 @@ class Layer {
     Place place(const Slave& slave) {
         Place p;
         if (wanted_.overlapped) {
-            // Both begin at the same bit of their halves, and so does the next slave.
+            // Outputs and inputs start at the same bit of their halves, and so do those of the next slave.
             const std::uint64_t shift = inputs_at_ - outputs_at_;
             const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
             const auto inputs = extent(slave, wanted_.packing, Direction::inputs, outputs_at_);
@@ -121,7 +121,7 @@ class Layer {
         if (!p.inputs.empty()) inputs_at_ = p.inputs.end;
         return p;
     }
-    // The bit that tells of the slave's mailbox.
+    // Places the bit that reports mail of the slave.
     std::uint64_t place_mailbox_status(const Slave& slave) {
         if (!status_) inputs_at_ = up_to_octet(inputs_at_);
         status_ = true;
@@ -145,7 +145,7 @@ ImagePart part(const Extent& extent, std::span<std::byte> image) {
             image.subspan(first, end - first)};
 }
 
-// The image's two halves in bits, by a first run over the slaves.
+// Measures the two halves of the image in bits, by a first pass over the slaves.
 Layer::Place measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
     Layer layer(wanted, 0, 0);
     for (Slave& slave : slaves)
@@ -182,12 +182,12 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
     return Result<>();
 }
 
-// Collects the FMMUs that a slave needs; neighbours in both address spaces become one.
+// Collects the FMMUs that a slave needs. Two that are adjacent in both address spaces are merged.
 class FmmuList {
   public:
     struct Entry {
         FmmuUse use = FmmuUse::unused;
-        std::uint64_t begin_bits = 0;  // logical
+        std::uint64_t begin_bits = 0;  // in logical address space
         std::uint64_t end_bits = 0;
         std::uint16_t physical = 0;
         std::uint8_t physical_bit = 0;
@@ -249,7 +249,8 @@ FmmuList needed_fmmus(const Slave& slave, const ImageLayout& layout) {
     return list;
 }
 
-// The number of the FMMU for a use: one that the SII has for it, else one that the SII has no use for, else any.
+// Selects the number of the FMMU for a use: one that the SII describes for it, otherwise one that the SII describes as
+// unused, otherwise any.
 std::size_t pick(const Slave& slave, const SlaveFmmus& taken, std::size_t available, FmmuUse use) {
     const auto described = [&](std::size_t n) { return n < slave.fmmu_count ? slave.fmmu_use[n] : FmmuUse::unused; };
     for (const FmmuUse wanted : {use, FmmuUse::unused})

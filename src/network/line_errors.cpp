@@ -15,14 +15,15 @@ constexpr std::size_t kPdi = reg::kPdiErrorCounter.address - reg::kRxErrorCounte
 constexpr std::size_t kLostLink = reg::kLostLinkCounter.address - reg::kRxErrorCounter.address;
 constexpr std::uint8_t kClearAt = 0x80;
 
-// The cable at a port, named from the side of the master: slave and port where it begins, and who is at its other end.
+// An event for the cable at a port, seen from the master: the slave and port where the cable starts, and the slave at
+// its other end.
 Event cable_event(const Slave& slave, std::uint8_t port, EventKind kind, std::uint32_t count) {
-    Event event{.kind = kind, .port = port, .slave = slave.position, .actual = count};
+    Event event{.kind = kind, .port = port, .slave = slave.number, .actual = count};
     event.other = slave.ports[port].neighbour;
     if (port == slave.entry_port) {
         event.slave = slave.parent;
         event.port = slave.parent_port;
-        event.other = slave.position;
+        event.other = slave.number;
     }
     return event;
 }
@@ -35,8 +36,8 @@ void count_port(Network& network, const Slave& slave, std::uint8_t port, const s
     sums.rx_errors += more[2U * port + 1];
     sums.forwarded += more[kForwarded + port];
     sums.lost_links += lost;
-    if (invalid > 0) network.tell(cable_event(slave, port, EventKind::line_errors, invalid));
-    if (lost > 0) network.tell(cable_event(slave, port, EventKind::link_lost, lost));
+    if (invalid > 0) network.report(cable_event(slave, port, EventKind::line_errors, invalid));
+    if (lost > 0) network.report(cable_event(slave, port, EventKind::link_lost, lost));
 }
 
 bool high(const LineErrors& sums) {
@@ -45,8 +46,8 @@ bool high(const LineErrors& sums) {
 
 using Counters = std::array<std::byte, kOctets>;
 
-// Reads and clears in one frame, so that nothing that happens in between is forgotten. Not repeated: what has been
-// cleared cannot be read again.
+// Reads and clears the counters in one frame, so that no error in between is lost. Not repeated: cleared values cannot
+// be read again.
 Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) {
     static constexpr Counters kZeros{};
     Link& link = network.engine.link();
@@ -57,7 +58,7 @@ Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) 
                    Bytes(kZeros).first(reg::kLostLinkCounter.length), Repeat::no);
     co_await together(look, errors, links);
     const Error error =
-        judge(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
+        error_of_reply(network.station(slave), look.reply(), Step::read_dl_information, reg::kRxErrorCounter.address);
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 
@@ -77,7 +78,7 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
     std::array<std::uint8_t, kOctets> more{};
     for (std::size_t n = 0; n < kOctets; ++n) {
         const auto now = std::to_integer<std::uint8_t>(octets[n]);
-        // A counter below what it was has been cleared in between, by a loss of power or by somebody else.
+        // A counter below its last value was cleared meanwhile, by a loss of power or by another master.
         if (sums.primed) more[n] = static_cast<std::uint8_t>(now >= sums.last[n] ? now - sums.last[n] : now);
         sums.last[n] = cleared ? std::uint8_t{0} : now;
     }
@@ -94,9 +95,9 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
 Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums) {
     Crew crew(network.tasks);
     for (Slave& slave : network.slaves()) {
-        if (slave.position > sums.size() || slave.al.state == AlState::none) continue;
+        if (slave.number > sums.size() || slave.al.state == AlState::none) continue;
         while (crew.full()) co_await crew.one();
-        if (!crew.start(read_line_errors(network, slave, sums[slave.position - 1U])) && crew.running() > 0)
+        if (!crew.start(read_line_errors(network, slave, sums[slave.number - 1U])) && crew.running() > 0)
             co_await crew.one();
     }
     co_await crew.all();

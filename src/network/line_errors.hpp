@@ -1,4 +1,4 @@
-// The error counters of the slaves' ports, and which cable they speak of.
+// The error counters of the slaves' ports, and the cables that they belong to.
 #pragma once
 
 #include "network/network.hpp"
@@ -7,8 +7,8 @@
 
 namespace margay {
 
-// Reads the counters of all slaves that answer, adds what has come since the last time to `sums`, tells it as events,
-// and clears counters before they stop at 255. What was there at the first reading is not counted.
+// Reads the counters of all slaves that answer, adds their increase since the last reading to `sums`, reports it as
+// events, and clears counters before they stop at 255. Values of the first reading are not counted.
 [[nodiscard]] Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums);
 
 }  // namespace margay

@@ -16,14 +16,14 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
 }
 
 void settle(ProcessGroup& group) {
-    // Without datagrams nothing else tells that a wanted slave is not there.
+    // Without datagrams no working counter shows that a wanted slave is missing.
     group.complete = group.mapped && (!group.statuses.empty() || group.expected_wkc == 0);
     group.special = group.extras || group.overlap.sets > 1 || !group.complete;
     for (PreparedFrame& frame : group.prepared) frame.settle();
 }
 
-// What the slave adds to the expected working counters. A slave without a place adds to the full one too: nothing that
-// comes back is all that was wanted.
+// Adds the share of the slave to the expected working counters, or subtracts it. A slave without a place is also added
+// to `full`: a cycle without its data is not complete.
 void count(ProcessGroup& group, const Slave& slave, bool more) {
     if (slave.unplaced) {
         group.expected_wkc = more ? group.expected_wkc + 1 : group.expected_wkc - 1;

@@ -1,24 +1,24 @@
-// Who takes part in the cycle of its group, and who should. The working counter that a datagram must have for its
-// inputs to count (`accepted`) is that of the slaves that take part, exactly: a slave that is known to be lost, or is
-// being configured, is left out, so that the inputs of the others go on. The working counter that is right (`expected`)
-// is that of the slaves that are wanted.
+// Which slaves take part in the cycle of their group, and which ones should. Two working counters follow from that.
+// `accepted` is the sum over the slaves that take part; a datagram's inputs are only used when its working counter is
+// exactly this value (or the full one). A slave that is known to be lost, or that is being configured, is left out, so
+// that the inputs of the other slaves are still used. `expected` is the sum over the slaves that are wanted.
 #pragma once
 
 #include "network/network.hpp"
 
 namespace margay {
 
-// From the next cycle on the slave is counted on, or is not. Nothing happens where that is so already.
+// Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 
-// Counts the slave in the expected working counters, or no longer, by what is wanted of it now.
+// Adds the slave to the expected working counters, or removes it, according to what is wanted of the slave now.
 void update_counted(Network& network, Slave& slave);
 
-// When a group was laid out and has its frames. A slave that is wanted and whose sizes nobody knows yet (`unplaced`) is
+// Call it when a group was laid out and has its frames. A wanted slave whose sizes are not known yet (`unplaced`) is
 // counted once in the first datagram: the cycle is not right without the slave.
 void begin_counting(Network& network, ProcessGroup& group);
 
-// A slave that was `unplaced` has turned out to have no process data.
+// Call it when a slave that was `unplaced` has no process data.
 void forget_unplaced(Network& network, Slave& slave);
 
 }  // namespace margay

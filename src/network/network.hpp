@@ -1,4 +1,4 @@
-// A whole segment as the master knows it: the engine that talks to it and the table of its slaves.
+// A whole segment as the master knows it: the engine with its link, and the table of slaves.
 #pragma once
 
 #include "link/engine.hpp"
@@ -25,7 +25,7 @@ struct ScanSettings {
     std::uint16_t first_station_address = 0x1001;
 };
 
-// The memory of all slaves that a context has room for; both spans have the same length.
+// The memory for the slaves of a context; both spans have the same length.
 struct SlaveTable {
     std::span<Slave> slaves;
     std::span<SlaveMarks> marks;
@@ -41,18 +41,18 @@ struct Network {
           ring(ring_places),
           tasks(most_tasks),
           mailboxes(engine, channels, emergencies) {
-        mailboxes.listener = {tell_emergency, this};
+        mailboxes.listener = {report_emergency, this};
         events.use(event_memory);
     }
 
     Engine engine;
     std::span<Slave> table;
     std::span<SlaveMarks> mark_table;
-    std::uint16_t count = 0;  // of slaves in the table: found, or expected
+    std::uint16_t count = 0;  // slaves in the table: found, or expected
     std::span<RingPlace> ring;
-    std::uint16_t ring_count = 0;     // of slaves that were in the ring when it was looked at last
-    std::uint16_t stranger_mark = 0;  // the station address of those whom nobody knows and who were told of
-    std::size_t tasks;                // slaves worked on at once
+    std::uint16_t ring_count = 0;     // slaves in the ring when it was last read
+    std::uint16_t stranger_mark = 0;  // station address of slaves that are unknown and reported
+    std::size_t tasks;                // number of slaves that are processed at the same time
     ScanSettings settings;
     ProcessTables process;
     SpscRingOf<Error, 64> errors;
@@ -60,64 +60,64 @@ struct Network {
     Mailboxes mailboxes;
     std::array<Event, EventQueue::kCapacity> event_memory{};
     EventQueue events;
-    std::span<const ExpectedSlave> expected_next;  // by expect(): from the next scan on
+    std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
-    Slave guest;              // a newcomer while it is found out who it is
-    bool searching = false;   // somebody is at that
-    std::uint32_t scans = 0;  // how many scans have begun: whoever was at work before finds another table
+    Slave guest;              // a newcomer while it is being identified
+    bool searching = false;   // a search (find_lost()) is executing
+    std::uint32_t scans = 0;  // number of scans started: older requests detect that the table has changed
     Tolerance tolerance;
-    AlState target = AlState::op;  // of all slaves that have no target of their own
+    AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;
-    bool segment_in_use = false;  // a request that needs the whole segment is running
-    bool reaching = false;        // reach() supervises for itself
-    Crew requests;                // those that are busy; last, so that they end first
+    bool segment_in_use = false;  // a request that needs the whole segment is executing
+    bool reaching = false;        // reach() has started the supervision itself
+    Crew requests;                // requests in execution; the last member, so that it is destroyed first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
     [[nodiscard]] std::span<RingPlace> seen_ring() {
         return ring.first(std::min<std::size_t>(ring_count, ring.size()));
     }
-    [[nodiscard]] StationAddress station_address(std::size_t position) const {
-        return {static_cast<std::uint16_t>(settings.first_station_address + position - 1)};
+    [[nodiscard]] StationAddress station_address(std::size_t number) const {
+        return {static_cast<std::uint16_t>(settings.first_station_address + number - 1)};
     }
-    // By position, 1 the first.
-    [[nodiscard]] Slave& slave(std::size_t position) { return table[position - 1]; }
+    // By position; 1 is the first slave.
+    [[nodiscard]] Slave& slave(std::size_t number) { return table[number - 1]; }
     // The marks of a slave of the table; `guest` has none.
-    [[nodiscard]] SlaveMarks& marks(std::size_t position) { return mark_table[position - 1]; }
-    [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.position); }
-    [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.position - 1U]; }
-    [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.position}; }
+    [[nodiscard]] SlaveMarks& marks(std::size_t number) { return mark_table[number - 1]; }
+    [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.number); }
+    [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.number - 1U]; }
+    [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.number}; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const {
-        return slave.position >= 1 && slave.position <= mailboxes.count();
+        return slave.number >= 1 && slave.number <= mailboxes.count();
     }
-    [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.position); }
+    [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.number); }
 
-    static void tell_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
+    static void report_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
         Event event{.kind = EventKind::emergency, .slave = slave};
         event.actual = emergency.error_register;
         event.detail = emergency.code;
-        static_cast<Network*>(network)->tell(event);
+        static_cast<Network*>(network)->report(event);
     }
 
-    // Adds an event, with the time.
-    void tell(Event event) {
+    // Adds an event with the current time.
+    void report(Event event) {
         event.at = engine.now();
         events.add(event);
     }
 
-    // Keeps an error that belongs to one slave. Of several the first stays with the slave: it is the cause of the
-    // others.
+    // Keeps an error that belongs to one slave. The slave keeps only the first error: it is the cause of the later
+    // ones.
     void note(Slave& slave, const Error& error) {
         if (slave.error.code == Errc::none && !is_warning(error.code)) slave.error = error;
         note(error);
     }
-    // Keeps an error or a warning that is no fault of one slave.
+    // Keeps an error or a warning that does not belong to one slave.
     void note(const Error& error) { (void)(is_warning(error.code) ? warnings : errors).add(error); }
 };
 
-// Runs make(slave) for every slave, as many at once as the network allows. What they end with is theirs to keep; the
-// first error of them goes to `first` where it is wanted.
+// Executes make(slave) for every slave, as many at the same time as the network allows. The tasks store their own
+// results; the first error of a task is copied to `first` if that is not nullptr.
 template <class Make>
 Task<Result<>> for_each_slave(Network& network, Make make, Error* first = nullptr) {
     Crew crew(network.tasks);

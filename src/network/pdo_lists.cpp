@@ -7,7 +7,7 @@
 namespace margay {
 namespace {
 
-constexpr std::size_t kMostElements = 254;  // of a list in the dictionary
+constexpr std::size_t kMostElements = 254;  // elements of a list in the dictionary
 
 bool is_output(std::uint16_t pdo) { return pdo >= 0x1600 && pdo < 0x1800; }
 bool is_input(std::uint16_t pdo) { return pdo >= 0x1A00 && pdo < 0x1C00; }
@@ -15,7 +15,7 @@ bool is_input(std::uint16_t pdo) { return pdo >= 0x1A00 && pdo < 0x1C00; }
 Error fault(const Slave& slave, Errc code, std::uint16_t index, std::size_t subindex = 0) {
     return {.code = code,
             .step = Step::configure_pdos,
-            .slave = slave.position,
+            .slave = slave.number,
             .index = index,
             .subindex = static_cast<std::uint8_t>(std::min<std::size_t>(subindex, 255))};
 }
@@ -36,7 +36,7 @@ Error check_entries(const Slave& slave, const Pdo& pdo) {
     return list_fault(slave, PdoListFault::no_bits, pdo.index, number);
 }
 
-// How often the PDO is listed.
+// Returns in how many places the PDO is listed.
 std::size_t times_listed(const Slave& slave, std::uint16_t pdo) {
     std::size_t times = 0;
     for (const SmPdos& list : slave.config.pdos())
@@ -71,7 +71,7 @@ Error check_list(const Slave& slave, const SmPdos& list) {
     return {};
 }
 
-// The application has said the bits of the SyncManager too.
+// Compares the bits of the list with the bits that the application has set for the SyncManager.
 Error check_size(const Slave& slave, const SmPdos& list) {
     const ListedBits listed = listed_bits(list);
     if (listed.open != 0) return {};
@@ -121,7 +121,7 @@ Error check_pdo_lists(const Slave& slave) {
 
 namespace {
 
-// Lists that tell all their entries, and of which nothing has to be known of the slave.
+// Whether the lists contain all entries, so that nothing needs to be read from the slave.
 bool tells_all(const Slave& slave) {
     const auto lists = slave.config.pdos();
     return !lists.empty() && std::ranges::all_of(lists, [&](const SmPdos& list) {
@@ -143,7 +143,7 @@ bool keep_place(Slave& slave) {
         return true;
     if (!tells_all(slave)) return false;
     if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
-    // In the order of the SyncManagers, as what the slave itself says will be.
+    // In the order of the SyncManagers, like the process data that is read from the slave.
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
         const SmPdos* list = find_list(slave, n);
         if (list == nullptr || list->pdos.empty()) continue;

@@ -1,4 +1,4 @@
-// The lists of PDOs that the application wants, without a bus: whether they can be, and how many bits they make.
+// The lists of PDOs that the application wants: checks and sizes. Independent of the bus.
 #pragma once
 
 #include <margay/slave.hpp>
@@ -7,28 +7,29 @@
 
 namespace margay {
 
-// Looks for what cannot be: a SyncManager that the slave does not have, that carries mail or is listed twice, PDOs
-// twice or of the other direction, entries without bits, bits that `slave.config.sms` contradicts. Code none: all well.
+// Checks the lists for contradictions: a SyncManager that the slave does not have, that is a mailbox or is listed
+// twice; a PDO that is listed twice or has the other direction; entries without bits; a size that `slave.config.sms`
+// contradicts. Code none: no contradiction.
 [[nodiscard]] Error check_pdo_lists(const Slave& slave);
 
-// The list for a SyncManager; nullptr: there is none.
+// Returns the list for a SyncManager; nullptr: there is none.
 [[nodiscard]] const SmPdos* find_list(const Slave& slave, std::uint8_t sync_manager);
 
-// What the entries that are listed make in all, and how many PDOs have none listed.
+// Sum of the bits of all listed entries, and the number of PDOs without listed entries (`open`).
 struct ListedBits {
     std::uint32_t bits = 0;
     std::uint8_t open = 0;
 };
 [[nodiscard]] ListedBits listed_bits(const SmPdos& list);
 
-// Keeps the place in the image that the application wants for a slave that cannot be asked now: by slave.config.sms
-// where these are set, else by the lists of PDOs, where these tell all entries. Says whether the sizes are known; then
-// slave.config.sms has them, and slave.place_kept that start addresses and control octets are still to come.
+// Reserves the place in the image for a slave that cannot be read now: with the sizes of slave.config.sms if these are
+// set, otherwise with those of the PDO lists if these contain all entries. Returns whether the sizes are known; then
+// slave.config.sms contains them, and slave.place_kept says that start addresses and control octets are still missing.
 [[nodiscard]] bool keep_place(Slave& slave);
-// Takes back what keep_place() has put into slave.config, before the slave is asked.
+// Removes the values that keep_place() has written to slave.config. Call it before the slave is read.
 void forget_kept_place(Slave& slave);
 
-// By the PDOs of the list, or by the SII where it has none.
+// The direction of the PDOs in the list; by the SII if the list is empty.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);
 
 }  // namespace margay

@@ -20,8 +20,8 @@ Error fault(const Station& station, sii::Fault what, std::uint32_t word) {
     return error;
 }
 
-// Where a PDO counts: at the SyncManager of the application's list for it where there is one, else by the SII. One
-// whose entries are listed too is not counted.
+// Returns the SyncManager that the PDO is counted at: that of the application's list for the PDO if there is one,
+// otherwise that of the SII. A PDO whose entries are listed too is not counted.
 std::uint8_t sync_manager_of(const sii::Pdo& pdo, const Slave& slave) {
     for (const SmPdos& list : slave.config.pdos()) {
         const auto listed = std::ranges::find(list.pdos, pdo.index, &Pdo::index);
@@ -31,14 +31,14 @@ std::uint8_t sync_manager_of(const sii::Pdo& pdo, const Slave& slave) {
     return pdo.sync_manager;
 }
 
-// What a walk over the PDO categories is for.
+// The task of one pass over the PDO categories.
 struct PdoWalk {
-    FoundSms* assigned = nullptr;  // all PDOs that are assigned, or
-    std::uint16_t only = 0;        // this PDO
-    FoundEntry at{};               // and where its first entry lies; afterwards where it ends
+    FoundSms* assigned = nullptr;  // either all PDOs that are assigned, or
+    std::uint16_t only = 0;        // only this PDO
+    FoundEntry at{};               // the place of the next entry
     EntrySink* entries = nullptr;
 
-    // Whether the entries of this PDO are to be read; notes its SyncManager.
+    // Whether the entries of this PDO are to be read. Notes its SyncManager.
     bool begin(const sii::Pdo& pdo, const Slave& slave, Direction by_category) {
         at.pdo = pdo.index;
         at.entry_place = 0;
@@ -65,10 +65,10 @@ struct PdoWalk {
         if (assigned != nullptr) (*assigned)[at.sync_manager].bits = at.offset_bits;
     }
 
-    bool listed = false;  // the order is that of the application's list
+    bool listed = false;  // the application's list defines the order of the entries
 };
 
-// One PDO category. Of PDOs that the walk is not for only the heads are read.
+// Reads one PDO category. Of PDOs that are not needed only the header is read.
 Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlace place, PdoWalk& walk) {
     constexpr std::uint32_t kHeadWords = sii::kPdoBytes / sii::kWordBytes;
     constexpr std::uint32_t kEntryWords = sii::kPdoEntryBytes / sii::kWordBytes;
@@ -112,8 +112,8 @@ Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
     co_return fault(reader.station(), chain.fault(), chain.header_word());
 }
 
-// A SyncManager carries process data if its type says so, or if there is no type but a PDO is assigned to it.
-void judge_types(const Slave& slave, FoundSms& found) {
+// A SyncManager carries process data if its type says so, or if it has no type but a PDO is assigned to it.
+void apply_sm_types(const Slave& slave, FoundSms& found) {
     for (std::uint8_t n = 0; n < found.size(); ++n) {
         FoundSm& pdos = found[n];
         if (n >= slave.sm_count) {
@@ -136,7 +136,7 @@ void judge_types(const Slave& slave, FoundSms& found) {
 }  // namespace
 
 Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found, EntrySink* entries) {
-    if (!slave.sii_read) co_return Result<>();  // scan has said why
+    if (!slave.sii_read) co_return Result<>();  // the scan has reported the reason
     auto taken = co_await sii_assign(station, false);
     if (!taken) co_return taken;
     SiiReader reader(station);
@@ -146,7 +146,7 @@ Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& fo
     if (!read || !given_back) found = {};
     if (!read) co_return read;
     if (!given_back) co_return given_back;
-    judge_types(slave, found);
+    apply_sm_types(slave, found);
     co_return Result<>();
 }
 

@@ -1,5 +1,5 @@
-// What process data a slave has by its SII: the SyncManagers of category 41 with the PDOs of categories 50 and 51 that
-// are assigned to them, by default or by the application.
+// Reads the process data of a slave from its SII: the SyncManagers of category 41 with the PDOs of categories 50 and 51
+// that are assigned to them, by default or by the application.
 #pragma once
 
 #include "mailbox/found_sms.hpp"
@@ -8,15 +8,15 @@
 
 namespace margay {
 
-// Reads it and lends the slave's PDI the EEPROM again. The sizes of PDOs that are not assigned are not read. A
-// SyncManager without any PDO has the length that category 41 gives it. Errors: those of reading, and sii_format … when
-// the categories contradict themselves; nothing is found then.
-// `entries`, where there is one, gets the entries of those SyncManagers that have no list of the application.
+// Reads the SII, then offers the EEPROM to the slave's PDI again. The entries of PDOs that are not assigned are not
+// read. A SyncManager without a PDO has the length of category 41. Errors: those of reading, and sii_format … when the
+// categories are contradictory; then nothing is found. `entries` (may be nullptr) receives the entries of the
+// SyncManagers that have no list of the application.
 [[nodiscard]] Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found,
                                              EntrySink* entries = nullptr);
 
-// The entries of a SyncManager that the application lists: in the order of the list, those of a PDO whose entries are
-// not listed as the SII has them.
+// Passes the entries of a SyncManager that the application lists to `entries`, in the order of the list. For a PDO
+// without listed entries they are read from the SII.
 [[nodiscard]] Task<Result<>> walk_list_by_sii(Station station, const Slave& slave, const SmPdos& list,
                                               EntrySink& entries);
 

@@ -12,7 +12,7 @@
 namespace margay {
 namespace {
 
-// The application, or a file of its, has said where the process data is.
+// Whether the application, or one of its files, has set the place of the process data.
 bool by_application(const SlaveConfiguration& config) {
     switch (config.source) {
         case ConfigurationSource::application:
@@ -30,11 +30,11 @@ bool has_dictionary(Network& network, const Slave& slave) {
     return has_mailbox(network, slave) && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
 }
 
-// A difference is told and does no harm: the slave's error is left alone.
+// Reports a difference as a warning. It is not an error of the slave.
 void tell_difference(Network& network, const Slave& slave, std::uint8_t number, ConfigurationSource counts,
                      std::uint32_t bits, ConfigurationSource other, std::uint32_t other_bits) {
     if (bits == other_bits) return;
-    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.position};
+    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.number};
     told.index = wire::reg::sync_manager(number).address;
     told.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
     told.expected = bits;
@@ -46,7 +46,7 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         const SmType sii = slave.sync_managers[n].type;
         if (types[n] == sii || types[n] == SmType::unused || sii == SmType::unused) continue;
-        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.position};
+        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.number};
         told.index = wire::reg::sync_manager(n).address;
         told.expected = static_cast<std::uint32_t>(types[n]);
         told.actual = static_cast<std::uint32_t>(sii);
@@ -54,7 +54,7 @@ void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     }
 }
 
-// What was found, and by whom the first of the two.
+// The process data found: by the source that counts (`source`), and by the SII.
 struct Findings {
     FoundSms counts{};
     FoundSms sii{};
@@ -74,8 +74,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, b
     co_return known ? Result<>() : Result<>(known.error());
 }
 
-// The dictionary, else the drives. That the slave refuses is no error, the SII may know; that it does not answer, or
-// answers what it must not, is one: a slave without an answer is no slave without process data.
+// Reads the dictionary, otherwise the drives. A refusal is not an error, because the SII may contain the process data.
+// A missing or invalid answer is an error: it does not show that the slave has no process data.
 Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
     auto by_coe = co_await ask_dictionary(network, slave, found, compare, entries);
     if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
@@ -88,7 +88,7 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     co_return Result<>();
 }
 
-// With the entries where the SII counts.
+// Reads the process data of the SII; with the entries if the SII is the source that counts.
 Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* entries) {
     EntrySink* const sink = found.source == ConfigurationSource::sii ? entries : nullptr;
     auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
@@ -102,7 +102,8 @@ Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySi
     co_return Result<>();
 }
 
-// The bits of a list: its own where it tells all entries, else with what the slave tells of the others.
+// The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
+// slave.
 Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Findings& found) {
     const ListedBits listed = listed_bits(list);
     const FoundSm& slaves = found.counts[list.sync_manager];
@@ -110,14 +111,14 @@ Result<std::uint32_t> bits_of(const Slave& slave, const SmPdos& list, const Find
     if (found.source == ConfigurationSource::coe && slaves.any) return slaves.bits;
     if (found.source == ConfigurationSource::sii && slaves.any && slaves.pdos == listed.open)
         return listed.bits + slaves.bits;
-    Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.position};
+    Error error{.code = Errc::pdo_unknown, .step = Step::configure_pdos, .slave = slave.number};
     for (const Pdo& pdo : list.pdos)
         if (pdo.entries.empty() && error.index == 0) error.index = pdo.index;
     return error;
 }
 
-// By the lists, else by what was found.
-Result<> take_over(Network& network, Slave& slave, const Findings& found) {
+// Fills slave.config.sms from the lists, otherwise from what was found.
+Result<> fill_process_sms(Network& network, Slave& slave, const Findings& found) {
     SlaveConfiguration& config = slave.config;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         FoundSm sm = found.counts[n];
@@ -137,7 +138,7 @@ Result<> take_over(Network& network, Slave& slave, const Findings& found) {
 }
 static_assert(Slave::kSyncManagers <= SlaveConfiguration::kProcessSms);
 
-// What the slave itself says is told where the application says something else.
+// Reports where the slave's own values differ from those of the application.
 void compare_with_application(Network& network, const Slave& slave, const Findings& found) {
     const auto bits_of = [&](std::uint8_t n) {
         std::uint32_t bits = 0;
@@ -151,8 +152,8 @@ void compare_with_application(Network& network, const Slave& slave, const Findin
         tell_difference(network, slave, n, source, bits_of(n), found.source, found.counts[n].bits);
 }
 
-// The dictionary counts; the SII has what the maker has meant by default. Where the application chooses, by a list or a
-// hook, it is no longer that.
+// The dictionary has precedence; the SII contains the maker's default. Where the application selects PDOs, by a list or
+// a hook, the default does not apply.
 void compare_with_sii(Network& network, const Slave& slave, const Findings& found) {
     if (slave.hooks.preop_to_safeop || found.source != ConfigurationSource::coe) return;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
@@ -161,8 +162,8 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
                             found.sii[n].bits);
 }
 
-// Whose word counts of all that was found, and what is told of the others. `read`: what became of reading the SII.
-Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
+// Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
+Result<> select_source(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
     if (by_application(slave.config)) {
@@ -171,7 +172,7 @@ Result<> judge(Network& network, Slave& slave, Findings& found, const Result<>& 
     }
     if (!read && !by_slave) return read;
     if (!read) network.note(read.error());
-    const auto taken = take_over(network, slave, found);
+    const auto taken = fill_process_sms(network, slave, found);
     if (!taken) slave.config.sm_count = 0;
     if (taken && compare && found.sii_read) compare_with_sii(network, slave, found);
     return taken;
@@ -188,7 +189,7 @@ MailPatience startup_patience(const Slave& slave) {
 
 Task<Result<>> write_pdos(Network& network, Slave& slave) {
     if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Result<>();
-    // They are written in PREOP only.
+    // PDOs can be written in PREOP only.
     if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
@@ -210,7 +211,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     const bool said = by_application(config);
     EntryMatcher entries(entries_of(network, slave), slave);
     EntrySink* const sink = entries.wanted() ? &entries : nullptr;
-    // The SII does not change.
+    // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
     const Error wrong = check_pdo_lists(slave);
     if (!said && !known) config.sm_count = 0;
@@ -222,12 +223,12 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     if (!asked) {
         entries.forget();
         if (!said) co_return asked;
-        network.note(slave, asked.error());  // the application knows better
+        network.note(slave, asked.error());  // the values of the application have precedence
         co_return Result<>();
     }
     Result<> read;
     if (found.source == ConfigurationSource::sii || compare) read = co_await read_sii(network, slave, found, sink);
-    co_return judge(network, slave, found, read, compare);
+    co_return select_source(network, slave, found, read, compare);
 }
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntrySink& entries) {

@@ -9,8 +9,8 @@ namespace {
 
 namespace reg = wire::reg;
 
-// A mailbox SyncManager: place and size from the SII's mailbox words, manner from its SyncManager category if
-// it has one.
+// A mailbox SyncManager: address and length from the SII's mailbox words, control octet from its SyncManager category
+// if it has one.
 wire::SyncManager mailbox_sync_manager(const Slave& slave, SmType type) {
     const bool out = type == SmType::mailbox_out;
     wire::SyncManager sm{.physical_start = out ? slave.mailbox.out_start : slave.mailbox.in_start,
@@ -36,7 +36,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
         if (!written) co_return written.error();
     }
-    // What the application has listed is for the slave that it wants.
+    // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     auto before = co_await around_transition(network, slave, which, Moment::before);

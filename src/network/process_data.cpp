@@ -21,7 +21,7 @@ bool overlaps(std::size_t a, std::size_t n, std::span<T> run, std::span<T> all) 
     return a < first + run.size() && first < a + n;
 }
 
-// The first run of `n` free elements, or all.size().
+// Returns the first run of `n` free elements, or all.size().
 template <class T, class RunOf>
 std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> groups, RunOf run_of) {
     for (std::size_t at = 0; at + n <= all.size(); ++at) {
@@ -32,15 +32,15 @@ std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> g
     return all.size();
 }
 
-// The first slave that is known not to take part and that datagram `n` falls short of; 0: none is known.
+// The first slave that is known not to take part and that belongs to datagram `n`; 0: none is known.
 std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
         const bool absent = slave.al.state == AlState::none || (slave.counted && !slave.takes_part);
         if (slave.config.group != group.number || !absent) continue;
-        if (slave.unplaced && slave.counted && n == 0) return slave.position;
+        if (slave.unplaced && slave.counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
-        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.position;
+        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.number;
     }
     return 0;
 }
@@ -54,7 +54,7 @@ void zero_bits(MutableBytes image, std::uint64_t first, std::uint64_t bits) {
     }
 }
 
-// Takes over the inputs of the slaves that take part, their mailbox status bits too, and no bit of the others.
+// Copies the inputs of the slaves that take part, and their mailbox status bits, but no bit of the other slaves.
 void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes inputs) {
     const auto& group = *static_cast<const ProcessGroup*>(user);
     const DatagramPlan& plan = group.plans[static_cast<std::size_t>(frame.datagrams[n].status - group.statuses.data())];
@@ -109,7 +109,8 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
     frame.settle();
 }
 
-// Its frame has come back, but was not marked; asked once for each cycle.
+// Whether the reply to the frame came back without the mark of the first ESC. Resets the flag: call it once for each
+// cycle.
 bool take_unmarked(PreparedFrame& frame) {
     const bool riders = frame.slot != nullptr && frame.slot->unmarked;
     return std::exchange(frame.own.unmarked, false) || riders;
@@ -142,7 +143,7 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
     const auto planned = tables.scratch.first(count);
     const ReadingPlans readings = plan_readings(group.slaves, group.config);
-    // A first frame that was left to others wholly is not sent.
+    // A first frame that is completely reserved for others is not sent.
     const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
     const std::size_t frame_count = end - first;
@@ -184,7 +185,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
             frame.readings = {};
             if (f == 0) frame.readings = append_readings(group, readings, builder);
             finish(frame, builder);
-            // Overlapped frames do not take inputs out with them: the sending thread leaves them to the owner.
+            // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
             frame.overlapped = sets > 1;
             frame.apart = group.layout.overlapped || frame.overlapped;
             frame.take_inputs = take_inputs;
@@ -263,7 +264,7 @@ Error not_sent(const ProcessGroup& group, Link& link) {
     return error;
 }
 
-Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
+Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link, Time now) {
     if (!group.mapped) return cycle_error(Errc::unknown_group, group.number);
     Error error = cycle_error(Errc::working_counter, group.number);
     std::uint32_t missing = 0;
@@ -271,7 +272,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
         if (frame.end != CycleEnd::missing) continue;
         if (take_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
-        Link::nothing_came(frame);
+        Link::mark_not_received(frame);
         ++missing;
     }
     std::uint32_t got = 0;
@@ -292,7 +293,7 @@ Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> 
     }
     group.cycles_lost = 0;
     if (fresh) give_inputs(group);
-    if (right && fresh) return got;  // as many as are expected, but others than those known to take part: not fresh
+    if (right && fresh) return got;  // the sum may be right although other slaves take part than known: then not fresh
     error.detail = fresh ? Error::kOthersFresh : 0;
     error.expected = group.expected_wkc;
     error.actual = got;
@@ -331,7 +332,7 @@ Result<std::uint32_t> end_overlapped(ProcessGroup& group, Link& link, Time now) 
     Overlap& overlap = group.overlap;
     const auto frames = oldest_cycle(group);
     link.end_overlapped(frames, sent_at(group), now);
-    const auto ended = judge_cycle(group, frames, link, now);
+    const auto ended = evaluate_cycle(group, frames, link, now);
     overlap.receive_set =
         static_cast<std::uint8_t>(overlap.receive_set + 1 == overlap.sets ? 0 : overlap.receive_set + 1);
     group.cycle_received = overlap.received.load(std::memory_order_relaxed) + 1;

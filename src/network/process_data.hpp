@@ -1,4 +1,5 @@
-// Groups of process data as the network keeps them, and their cycle: no coroutine, no allocation, one send a frame.
+// Groups of process data with their frames, and their cycle. The cycle uses no coroutine, does not allocate, and sends
+// each frame by one call to the NIC.
 #pragma once
 
 #include "link/cycle.hpp"
@@ -13,10 +14,10 @@
 
 namespace margay {
 
-// Cycles of a group that are under way at once. `sent` and what follows it is written by the thread that sends,
-// `received` by the owner.
+// State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
+// thread writes `received` and `receive_set`.
 struct Overlap {
-    std::uint8_t sets = 1;  // of frames, each for one cycle; 1: cycles do not overlap
+    std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::array<Time, GroupConfiguration::kMostCyclesInFlight> sent_at{};
     std::atomic<std::uint32_t> sent{0};
     std::uint8_t send_set = 0;
@@ -26,50 +27,51 @@ struct Overlap {
 
 struct ProcessGroup : Group {
     ImageLayout layout;
-    std::span<PreparedFrame> prepared;  // of overlapping cycles all sets
+    std::span<PreparedFrame> prepared;  // of all sets where cycles overlap
     Overlap overlap;
-    std::span<DatagramPlan> plans;  // what each datagram is, in the order of `datagrams`
+    std::span<DatagramPlan> plans;  // the plan of each datagram, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
-    std::span<const Slave> slaves;  // of the network
+    std::span<const Slave> slaves;  // all slaves of the network
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
     std::uint8_t number = 0;
-    // Not mapped or not complete, cycles overlap, or there are extras: not the path that nearly every cycle takes.
+    // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.
     bool special = true;
-    bool under_way = false;   // a cycle was sent that receive_processdata() has not ended; not where cycles overlap
-    bool extras = false;      // copies from slave to slave, or a shared image
-    bool mapping = false;     // config_map() is at it
-    bool complete = false;    // mapped, and its datagrams tell of every slave that is wanted
-    bool told_short = false;  // the supervision has told so
-    bool unexpected = false;  // a cycle was not usable, or a slave is back: for the supervision
-    std::uint16_t cycles_lost = 0;  // of which frames did not come back, in a row
+    bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
+    bool extras = false;            // copies from slave to slave, or a shared image
+    bool mapping = false;           // config_map() is executing for this group
+    bool complete = false;          // mapped, and the working counters contain every wanted slave
+    bool short_reported = false;    // the supervision has reported a working counter that fell short
+    bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
+    std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
 };
 
-// What all groups share: frames and datagrams are handed out to them in runs. Those of one index belong together.
+// Tables shared by all groups: each group has a run of frames and a run of datagrams. Elements of `datagrams`,
+// `statuses` and `plans` with the same index belong together.
 struct ProcessTables {
     std::span<ProcessGroup> groups;
     std::span<PreparedFrame> frames;
     std::span<PreparedDatagram> datagrams;
     std::span<DatagramStatus> statuses;
     std::span<DatagramPlan> plans;
-    std::span<DatagramPlan> scratch;  // as many
+    std::span<DatagramPlan> scratch;  // same size as `plans`
 
     // LWR and LRD may share a frame.
     [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 2 * frames; }
 };
 
-// Takes the group's frames away from it. Those in flight are given up.
+// Removes the frames of the group. Frames in flight are given up.
 void unprepare(ProcessGroup& group, Link& link, Time now);
 
-// Gives the group frames for the datagrams planned in `tables.scratch`, whose `count` come first there, and for its
+// Assigns frames to the group for the first `count` datagrams of `tables.scratch`, where they were planned, and for its
 // readings. Errors: too_many_frames.
 [[nodiscard]] Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link);
 
-// Sends all frames of a cycle. Errors: nic (a frame was not taken; actual: the system's error number), unknown_group
-// (not mapped).
+// Sends all frames of a cycle; callable from the cycle. Errors: nic (a frame was not sent; actual: the system's error
+// number), unknown_group (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
 void set_outputs(ProcessGroup& group);
-// Of a group that is not special, or whose outputs are set.
+// For a group that is not special, or whose outputs are already set.
 [[nodiscard, gnu::always_inline]] inline Result<> send_frames(ProcessGroup& group, Link& link, Time now) {
     ++group.cycles_sent;
     group.under_way = true;
@@ -79,35 +81,37 @@ void set_outputs(ProcessGroup& group);
 }
 [[nodiscard]] Result<> send_cycle(ProcessGroup& group, Link& link, Time now);
 
-// Ends a cycle: what is not back is given up. Returns the working counter, of all datagrams together. Errors: no_frame
-// (actual: frames missing), working_counter (expected, actual; slave: the first of those in a datagram that fell short
-// that is known to be lost; detail: Error::kOthersFresh when all datagrams are fresh), no_cycle.
+// Ends a cycle: frames that are not back are given up. Returns the sum of the working counters of all datagrams.
+// Errors: no_frame (actual: frames missing), working_counter (expected, actual; slave: the first slave that is known to
+// be lost and belongs to a datagram that fell short; detail: Error::kOthersFresh when all datagrams are fresh),
+// no_cycle.
 void give_inputs(ProcessGroup& group);
-[[nodiscard]] Result<std::uint32_t> judge_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
-                                                Time now);
+[[nodiscard]] Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFrame> frames, Link& link,
+                                                   Time now);
 [[nodiscard, gnu::always_inline]] inline Result<std::uint32_t> end_cycle(ProcessGroup& group, Link& link, CycleEnd end,
                                                                          Time now) {
     group.cycle_received = group.cycles_sent;
     group.under_way = false;
     if (end != CycleEnd::right || group.special) [[unlikely]]
-        return judge_cycle(group, group.prepared, link, now);
+        return evaluate_cycle(group, group.prepared, link, now);
     group.cycles_lost = 0;
     return group.expected_wkc;
 }
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 
-// Whether the inputs of the slave (of one with outputs only: its outputs) were exchanged with the last cycle that was
-// received. Of a slave of this group.
+// Whether the inputs of the slave (for a slave with outputs only: its outputs) were exchanged with the last cycle that
+// was received. `slave` belongs to `group`.
 [[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
-// The slave takes part from the next cycle that is sent on.
+// Call it when the slave takes part from the next sent cycle on.
 void note_joining(const ProcessGroup& group, Slave& slave);
-// By GroupConfiguration::lost_inputs: what the inputs of slaves become that do not take part.
+// Sets the inputs of slaves that do not take part, according to GroupConfiguration::lost_inputs.
 void settle_lost_inputs(ProcessGroup& group);
 
-// The same where cycles overlap. Errors of sending besides: busy (all cycles are under way; expected: how many).
+// The same where cycles overlap. Additional error of sending: busy (all cycles are in flight; expected: their number).
 [[nodiscard]] Result<> send_overlapped(ProcessGroup& group, Link& link, Time now);
-// The owner's: the oldest cycle that is under way, empty when there is none; how it has ended.
+// For the owner's thread: the frames of the oldest cycle in flight (empty: there is none), when it was sent, and its
+// end.
 [[nodiscard]] std::span<PreparedFrame> oldest_cycle(ProcessGroup& group);
 [[nodiscard]] inline Time sent_at(const ProcessGroup& group) {
     return group.overlap.sent_at[group.overlap.receive_set];

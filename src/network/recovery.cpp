@@ -21,7 +21,7 @@ namespace {
 
 namespace reg = wire::reg;
 
-// With all that belongs to the transition, and told as an event.
+// Changes the state with everything that belongs to the transition, and reports it as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     const AlStatus before = slave.al;
     auto changed = co_await bring_to_state(network, slave, state);
@@ -31,7 +31,7 @@ Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     co_return changed;
 }
 
-// INIT, and nothing left of what the slave was configured with before.
+// Brings the slave to INIT and clears its earlier configuration.
 Task<Result<>> back_to_init(Network& network, Slave& slave) {
     auto cleared = co_await clear_fmmus(network, slave);
     if (!cleared) co_return cleared;
@@ -46,13 +46,13 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
                   Bytes(kNone).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
-    const Error error = judge(station, write.reply(), Step::recover, reg::kSyncManagerBase);
+    const Error error = error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
 
-// One that was not there when the segment was scanned.
-Task<Result<>> get_to_know(Network& network, Slave& slave) {
+// Reads the identity of a slave that was missing during the scan.
+Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     slave.error = {};
     auto assigned = co_await sii_assign(network.station(slave), false);
     if (!assigned) co_return assigned;
@@ -71,9 +71,9 @@ Task<Result<>> get_to_know(Network& network, Slave& slave) {
     co_return other;
 }
 
-// The place that was kept for the slave has the sizes that it has itself.
+// Checks that the place that was reserved for the slave has the sizes of its process data.
 Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
-    Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.position};
+    Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.number};
     const auto bits_of = [](std::span<const ProcessSm> sms, std::uint8_t number) {
         std::uint32_t bits = 0;
         for (const ProcessSm& sm : sms) bits += sm.number == number ? sm.bits : 0;
@@ -89,9 +89,9 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     return {};
 }
 
-// The process data of a slave that could not be asked when the image was laid out: what was said of the slave before it
-// came, or what it says itself now. That may not be what the image was laid out for.
-Task<Result<>> take_in(Network& network, Slave& slave) {
+// Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
+// or from the slave itself. It may differ from the reserved place.
+Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     const bool kept = slave.place_kept;
     const auto kept_sms = slave.config.sms;
     const std::size_t kept_count = kept ? slave.config.sm_count : 0U;
@@ -109,24 +109,24 @@ Task<Result<>> take_in(Network& network, Slave& slave) {
     const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
-        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.position};
+        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
     if (!is_mapped(network, slave)) co_return Result<>();
     ProcessGroup& group = network.process.groups[slave.config.group];
     const Error entries = place_entries(network, group, &slave);
-    if (entries.code != Errc::none) co_return entries;  // what the application writes would go nowhere
+    if (entries.code != Errc::none) co_return entries;  // outputs that the application writes would have no effect
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
     co_return check_place(slave, group.layout, lrw);
 }
 
-// With the hook, and the process data of a slave that was not asked yet: from PREOP to SAFEOP.
+// From PREOP to SAFEOP: calls the hook, finds the process data if it was not read yet, and configures the slave.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Result<>();  // the hook may have changed the group
     if (slave.pdos_failed || slave.place_kept || slave.unplaced || !network.marks(slave).pdos_compared) {
-        auto taken_in = co_await take_in(network, slave);
+        auto taken_in = co_await discover_late_slave(network, slave);
         if (!taken_in) co_return taken_in;
     }
     if (!is_mapped(network, slave)) co_return Result<>();
@@ -139,7 +139,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     co_return configured;
 }
 
-// To PREOP or INIT, out of the exchange.
+// Removes the slave from the exchange and brings it to PREOP or INIT.
 Task<Result<>> lower(Network& network, Slave& slave, AlState state) {
     auto cleared = co_await clear_fmmus(network, slave);
     if (!cleared) co_return cleared;
@@ -154,10 +154,10 @@ bool is_configured(const Slave& slave) {
 
 }  // namespace
 
-// That it does not answer the next look will tell.
+// NONE is not stored here: the next look reports that the slave does not answer.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
-    network.tell({.kind = EventKind::state, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
 }
 
@@ -176,7 +176,7 @@ Task<Result<>> restart(Network& network, Slave& slave) {
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
     if (!slave.seen) {
-        auto known = co_await get_to_know(network, slave);
+        auto known = co_await read_missing_slave(network, slave);
         if (!known) co_return known;
         if (!is_mapped(network, slave)) slave.pdos_failed = false;
     }
@@ -204,7 +204,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
         configured = changed.ok();
     }
     if (configured) co_return Result<>();
-    // It was brought to PREOP and has been there since: there is nothing to begin anew with.
+    // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
     const bool waits = slave.al.state == AlState::preop && !slave.al.error &&
                        network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
                        to >= AlState::safeop;

@@ -1,24 +1,24 @@
-// Bringing one slave back: what has to be done follows from the state that it is in.
+// Brings one slave back to its wanted state. The necessary steps follow from the state that the slave is in.
 #pragma once
 
 #include "network/network.hpp"
 
 namespace margay {
 
-// From INIT to PREOP, with nothing left of what the slave was configured with before.
+// Brings a slave to INIT, clears its earlier configuration, and brings it to PREOP.
 [[nodiscard]] Task<Result<>> restart(Network& network, Slave& slave);
 
-// The whole start-up of a slave that answers at its station address, from INIT to SAFEOP: mailboxes, start-up lists,
-// the hook, process data. It takes part in no cycle while that lasts. A slave whose group is not mapped, or that is not
-// wanted in SAFEOP, ends in PREOP. Errors besides those of the steps: no_place, pdo_size (the image has no place for
-// the slave, or one of another size). See reconfig_slave().
+// The whole start-up of a slave that answers at its station address, from INIT to SAFEOP: mailboxes, start-up commands,
+// the hook, process data. The slave takes part in no cycle meanwhile. A slave whose group is not mapped, or that is not
+// wanted in SAFEOP, ends in PREOP. Errors besides those of the steps: no_place (the image has no place for the slave),
+// pdo_size (its place has another size). See reconfigure_slave().
 [[nodiscard]] Task<Result<>> reconfigure(Network& network, Slave& slave);
 
-// Brings a slave that answers at its station address to its goal(), up or down: acknowledges an error, and goes through
-// the whole start-up when the slave has lost its configuration, or when it refuses.
+// Brings a slave that answers at its station address to its goal(), up or down. Acknowledges an error, and executes the
+// whole start-up when the slave has lost its configuration or refuses.
 [[nodiscard]] Task<Result<>> bring_back(Network& network, Slave& slave);
 
-// Takes `now` over as the state of the slave, and tells when that is another one.
+// Stores `now` as the state of the slave; reports an event when the state has changed.
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 
 }  // namespace margay

@@ -31,7 +31,7 @@ Task<Result<>> wait_for_link(Network& network) {
     co_return Result<>();
 }
 
-// Writes to all slaves at once. Who has the register is not asked.
+// Writes to all slaves at once. Slaves without the register are not an error.
 template <std::size_t N>
 Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::array<std::byte, N> data) {
     Datagram write(network.engine.link(), Command::BWR, DatagramAddress(std::uint16_t{0}, address), Bytes(data));
@@ -40,7 +40,7 @@ Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::arr
     co_return Result<>();
 }
 
-// Waits until all slaves say INIT. One that does not is found when its state is read by itself.
+// Waits until all slaves report INIT. A slave that does not is found later, when its own state is read.
 Task<Result<bool>> wait_for_init(Network& network) {
     const Time give_up = network.engine.now() + network.settings.init_timeout;
     for (;;) {
@@ -55,8 +55,7 @@ Task<Result<bool>> wait_for_init(Network& network) {
     }
 }
 
-// Takes away what a master before this one has left: mappings, SyncManagers, SYNC signals, the EEPROM with
-// the PDI.
+// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI.
 Task<Result<>> clear_slaves(Network& network) {
     static constexpr std::array<std::byte, 16 * reg::kFmmuStride> kZeros{};
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
@@ -76,19 +75,20 @@ Task<Result<>> clear_slaves(Network& network) {
 Task<Result<>> assign_address(Network& network, Slave& slave) {
     std::array<std::byte, 2> address{};
     store_le<std::uint16_t>(address, 0, slave.station_address.value);
-    if (slave.ring == 0) co_return Result<>();
-    const RingPosition place{static_cast<std::uint16_t>(slave.ring - 1)};
+    if (slave.ring_position == 0) co_return Result<>();
+    const RingPosition place{static_cast<std::uint16_t>(slave.ring_position - 1)};
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
     auto reply = co_await write;
-    const Error error = judge(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
+    const Error error =
+        error_of_reply(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
     if (error.code != Errc::none) network.note(slave, error);
     co_return Result<>();
 }
 
-// A slave that is held stays in INIT where it has no mailbox.
+// A held slave without a mailbox stays in INIT.
 Task<Result<>> start_mailbox(Network& network, Slave& slave, FirstFault& faults) {
-    if (slave.ring == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
+    if (slave.ring_position == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
     auto done = co_await bring_to_preop(network, slave);
     if (!done) faults.note(network, slave, done.error());
     co_return Result<>();
@@ -112,8 +112,8 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
 Task<Result<bool>> reset_slaves(Network& network) {
     constexpr auto kInit = static_cast<std::byte>(AlState::init);
     constexpr auto kAndAcknowledge = std::byte{wire::al::kErrorAcknowledge};
-    // INIT with the error acknowledged, then without: those that mirror AL control would keep the acknowledge
-    // as an error, and some old slaves want it so.
+    // INIT with the error acknowledged, then without: slaves that mirror AL control would keep the acknowledge bit as
+    // an error, and some old slaves require the second write.
     for (const std::byte state : {kInit | kAndAcknowledge, kInit}) {
         auto init = co_await broadcast_write(network, reg::kAlControl.address, std::array{state, std::byte{0}});
         if (!init) co_return init.error();
@@ -126,26 +126,27 @@ Task<Result<bool>> reset_slaves(Network& network) {
 
 namespace {
 
-// The table as far as counting tells: each slave is where it is in the ring.
+// Fills the table after counting: the number of each slave is its place in the ring.
 void begin_table(Network& network, std::uint16_t count, bool in_init) {
     network.count = count;
     for (std::uint16_t i = 1; i <= count; ++i) {
         Slave& slave = network.slave(i);
         slave = Slave{};
         network.marks(i) = {};
-        slave.position = i;
-        slave.ring = i;
+        slave.number = i;
+        slave.ring_position = i;
         if (in_init) slave.al.state = AlState::init;
         slave.station_address = network.station_address(i);
     }
 }
 
-// Which slaves are expected where, once all are known: numbers them anew if that is not as they are in the ring.
+// Computes the topology, compares with the expected slaves, and assigns the station addresses again if numbers have
+// changed.
 Task<Result<>> arrange(Network& network) {
     for (Slave& slave : network.slaves()) {
-        // Somebody else who goes through the ring may have found the slave to be away.
-        if (slave.ring == 0 || slave.ring > network.ring.size()) continue;
-        network.ring[slave.ring - 1U] = {.slave = slave.position, .dl_status = slave.dl_status};
+        // A search that reads the ring may have found that the slave is absent.
+        if (slave.ring_position == 0 || slave.ring_position > network.ring.size()) continue;
+        network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
     const auto topology = find_topology(network.seen_ring());
@@ -157,7 +158,7 @@ Task<Result<>> arrange(Network& network) {
     co_return co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
 }
 
-// The table is of use once the scan has come to its end.
+// The table is valid only after a complete scan: the destructor clears it otherwise.
 class Scanning {
   public:
     explicit Scanning(Network& network) : network_(network) { begin(); }
@@ -180,10 +181,10 @@ class Scanning {
     bool done_ = false;
 };
 
-// A slave that could not be asked what it is.
+// Reports the slaves whose identity could not be read.
 void keep_unasked(Network& network, FirstFault& faults) {
     for (const Slave& slave : network.slaves())
-        if (slave.ring != 0 && !slave.seen) faults.keep(slave.error);
+        if (slave.ring_position != 0 && !slave.seen) faults.keep(slave.error);
 }
 
 }  // namespace

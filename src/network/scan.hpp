@@ -1,18 +1,18 @@
-// Bringing up the segment: from nothing known to every slave in PREOP.
+// The scan of the segment: from an empty table to every slave in PREOP.
 #pragma once
 
 #include "network/network.hpp"
 
 namespace margay {
 
-// The whole of config_init(); returns the number of slaves. An error that names a slave is of that slave, and the scan
-// has come to its end all the same; after any other error there are no slaves.
+// All of config_init(); returns the number of slaves. After an error with a slave number the scan is complete, and the
+// error is of that slave. After any other error the table is empty.
 [[nodiscard]] Task<Result<std::uint16_t>> scan(Network& network);
 
-// The parts of it.
+// The parts of scan().
 [[nodiscard]] Task<Result<std::uint16_t>> count_slaves(Network& network);
-// All slaves to INIT, and what a master before has left taken away. The value says whether all were seen in
-// INIT.
+// Brings all slaves to INIT and clears the configuration of an earlier master. The value says whether all slaves
+// reported INIT.
 [[nodiscard]] Task<Result<bool>> reset_slaves(Network& network);
 
 }  // namespace margay

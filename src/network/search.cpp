@@ -18,8 +18,8 @@ namespace {
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-// Nobody else has it: slaves of ours begin one above.
-StationAddress guest_address(const Network& network) { return network.station_address(0); }
+// No other slave has this address: the station addresses of the slaves start one above it.
+StationAddress newcomer_address(const Network& network) { return network.station_address(0); }
 
 bool is_lost(const Network& network, const Slave& slave) {
     return slave.al.state == AlState::none && !network.marks(slave).in_use;
@@ -41,14 +41,14 @@ std::uint8_t group_of(const Slave& slave) {
 }
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
 
-// Marks a search for as long as it lives.
+// Marks a search as executing, until it is destroyed.
 class Searching {
   public:
     explicit Searching(Network& network) : network_(network), scans_(network.scans) { network_.searching = true; }
     Searching(const Searching&) = delete;
     Searching& operator=(const Searching&) = delete;
     ~Searching() { network_.searching = false; }
-    // A scan has begun meanwhile: the ring and the slaves are not those that the search has looked at.
+    // A scan has started meanwhile: the ring and the slaves are not those that the search has read.
     [[nodiscard]] bool overtaken() const { return network_.scans != scans_; }
 
   private:
@@ -56,7 +56,7 @@ class Searching {
     std::uint32_t scans_;
 };
 
-// ------------------------------------------------------------------ who is where
+// ------------------------------------------------------------------ the places of the ring
 
 Task<Result<>> read_place(Network& network, std::uint16_t n) {
     std::array<std::byte, 2> address{};
@@ -74,16 +74,17 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
     co_return Result<>();
 }
 
-// Those that answer, by their addresses; of two with the same one the first. Nobody else is known yet.
+// Assigns the places of the ring to the slaves that answer, by their station addresses; of two places with the same
+// address the first one counts. The other places are not assigned yet.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
-    for (Slave& slave : network.slaves()) slave.ring = 0;
+    for (Slave& slave : network.slaves()) slave.ring_position = 0;
     for (RingPlace& place : network.seen_ring()) {
         if (place.address < first || place.address >= first + network.count) continue;
         Slave& slave = network.slave(place.address - first + 1);
-        if (slave.ring != 0 || is_lost(network, slave)) continue;
-        slave.ring = 1;
-        place.slave = slave.position;
+        if (slave.ring_position != 0 || is_lost(network, slave)) continue;
+        slave.ring_position = 1;
+        place.slave = slave.number;
     }
     (void)find_topology(network.seen_ring());
     store_topology(network.seen_ring(), network.slaves());
@@ -92,8 +93,8 @@ void recognise(Network& network) {
 constexpr Error kOvertaken{.code = Errc::unstable, .step = Step::recover};
 
 Task<Result<>> read_ring(Network& network, const Searching& searching) {
-    auto roll = co_await call_roll(network);
-    for (int more = 5; !roll && more > 0; --more) roll = co_await call_roll(network);
+    auto roll = co_await read_all_states(network);
+    for (int more = 5; !roll && more > 0; --more) roll = co_await read_all_states(network);
     if (!roll) co_return roll.error();
     if (roll->count > network.ring.size())
         co_return Error{.code = Errc::capacity, .step = Step::recover, .expected = roll->count};
@@ -113,27 +114,27 @@ Task<Result<>> read_ring(Network& network, const Searching& searching) {
     co_return Result<>();
 }
 
-// Those of whom nothing is in the ring, though nobody has noticed yet: a newcomer may be one of them.
+// Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
 Task<Result<>> miss_absent(Network& network) {
     for (Slave& slave : network.slaves()) {
-        if (slave.ring != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
+        if (slave.ring_position != 0 || network.marks(slave).in_use || slave.al.state == AlState::none) continue;
         auto there = co_await read_al_status(network.station(slave));
-        if (says_gone(there.error()) && !network.marks(slave).in_use && slave.al.state != AlState::none)
+        if (does_not_answer(there.error()) && !network.marks(slave).in_use && slave.al.state != AlState::none)
             note_lost(network, slave);
     }
     co_return Result<>();
 }
 
-// ------------------------------------------------------------------ who is it
+// ------------------------------------------------------------------ identification of a newcomer
 
-// Gives a newcomer the guest's address, unless the ring is not what it was any more: then whoever got it gets back what
-// he had.
-Task<Result<>> name_guest(Network& network, std::uint16_t n) {
+// Gives the guest address to a newcomer. If the ring has changed meanwhile, the slave that received the address gets
+// its previous address back.
+Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
     const RingPosition at{n};
     std::array<std::byte, 1> type{};
     std::array<std::byte, 2> before{};
     std::array<std::byte, 2> after{};
-    store_le<std::uint16_t>(after, 0, guest_address(network).value);
+    store_le<std::uint16_t>(after, 0, newcomer_address(network).value);
     Link& link = network.engine.link();
     Datagram count(link, wire::Command::BRD, {std::uint16_t{0}, reg::kType.address}, MutableBytes(type));
     Datagram look(link, wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
@@ -143,7 +144,7 @@ Task<Result<>> name_guest(Network& network, std::uint16_t n) {
     const bool same =
         count.reply().wkc == network.ring_count && load_le<std::uint16_t>(before) == network.ring[n].address;
     if (came && same) co_return Result<>();
-    Datagram undo(link, wire::Command::FPWR, {guest_address(network), reg::kStationAddress.address}, Bytes(before));
+    Datagram undo(link, wire::Command::FPWR, {newcomer_address(network), reg::kStationAddress.address}, Bytes(before));
     if (look.reply().ok()) co_await undo;
     co_return Error{.code = Errc::unstable, .step = Step::recover};
 }
@@ -154,16 +155,16 @@ Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
     co_return written;
 }
 
-// Guests who went away before it was known who they are, and are back.
-Task<Result<>> forget_guests(Network& network) {
+// Resets the address of guests from an earlier search that was not completed.
+Task<Result<>> release_newcomers(Network& network) {
     bool any = false;
     for (RingPlace& place : network.seen_ring()) {
-        if (place.address != guest_address(network).value) continue;
+        if (place.address != newcomer_address(network).value) continue;
         place.address = 0;
         any = true;
     }
     if (!any) co_return Result<>();
-    auto renamed = co_await rename(network, guest_address(network), 0);
+    auto renamed = co_await rename(network, newcomer_address(network), 0);
     co_return renamed || renamed.error().code == Errc::working_counter ? Result<>() : renamed;
 }
 
@@ -179,11 +180,11 @@ Task<Result<Identity>> read_identity(Station station) {
     co_return sii::load_identity(octets);
 }
 
-// Only where somebody lost is to be known by his device id all of the SII is read for it.
-Task<Result<>> ask_guest(Network& network) {
+// Reads the identity of the guest. The whole SII is read only if a lost slave is recognised by its device id.
+Task<Result<>> read_newcomer(Network& network) {
     Slave& guest = network.guest;
     guest = Slave{};
-    guest.station_address = guest_address(network);
+    guest.station_address = newcomer_address(network);
     const Station station = network.station(guest);
     auto al = co_await read_al_status(station);
     if (!al) co_return al.error();
@@ -195,7 +196,7 @@ Task<Result<>> ask_guest(Network& network) {
         if (!assigned) co_return assigned;
         auto surveyed = co_await survey(network, guest);
         if (!surveyed) co_return surveyed;
-        // What could not be read is no answer; that it has no id, and an SII that contradicts itself, are.
+        // A failed read is not an answer. A missing device id, or a contradictory SII, is an answer.
         if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
         auto offered = co_await sii_assign(station, true);
         if (!offered) co_return offered;
@@ -211,13 +212,13 @@ Task<Result<>> ask_guest(Network& network) {
     co_return Result<>();
 }
 
-// Who the guest is: `slave`; or nobody, but in the place of `instead_of`.
+// The result of the identification: the guest is `slave`; or it is none of them, but at the place of `instead_of`.
 struct Verdict {
     Slave* slave = nullptr;
     Slave* instead_of = nullptr;
 };
 
-// The last one before a place of the ring for whom this holds.
+// Returns the last slave before a place of the ring for which the condition holds.
 template <class Holds>
 const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     while (n-- > 0)
@@ -226,14 +227,14 @@ const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     return nullptr;
 }
 
-// The next lost one behind `after`, then the others.
+// Returns the lost slave that the guest is: the search begins behind `after`, then continues with the others.
 template <class Holds>
 Verdict choose(Network& network, const Slave* after, Holds holds) {
     Verdict verdict;
     for (const bool behind : {true, false}) {
         for (Slave& slave : network.slaves()) {
             if (!is_lost(network, slave) || !holds(slave) ||
-                (after == nullptr || slave.position > after->position) != behind)
+                (after == nullptr || slave.number > after->number) != behind)
                 continue;
             if (fits(slave, network.guest)) return {&slave, nullptr};
             if (verdict.instead_of == nullptr && behind) verdict.instead_of = &slave;
@@ -242,7 +243,7 @@ Verdict choose(Network& network, const Slave* after, Holds holds) {
     return verdict;
 }
 
-Verdict who_is(Network& network, std::uint16_t n) {
+Verdict identify_newcomer(Network& network, std::uint16_t n) {
     for (Slave& slave : network.slaves()) {
         if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
         return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
@@ -254,29 +255,29 @@ Verdict who_is(Network& network, std::uint16_t n) {
         if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
     }
     Verdict verdict = choose(network, last_before(network, n, of_the_line), of_the_line);
-    // Whoever has never been there need not be meant.
+    // An optional slave that has never been present is not reported as replaced by another slave.
     if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
         verdict.instead_of = nullptr;
     return verdict;
 }
 
-// ------------------------------------------------------------------ what becomes of it
+// ------------------------------------------------------------------ result of the identification
 
-Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
+Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& slave) {
     const AlStatus now = network.guest.al;
     slave.alias = network.guest.alias;
     slave.device_id = network.guest.device_id;
     auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
     if (!named) co_return named;
     if (n >= network.ring_count) co_return kOvertaken;
-    network.ring[n].slave = slave.position;
+    network.ring[n].slave = slave.number;
     store_topology(network.seen_ring(), network.slaves());
-    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
-    network.marks(slave).told_missing = false;
+    network.marks(slave).missing_reported = false;
     network.marks(slave).settled = AlState::none;
-    if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
+    if (slave.other) {  // the held slave is gone: delete what was read from it
         slave.seen = false;
         slave.other = false;
         slave.held = false;
@@ -285,7 +286,7 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     co_return Result<>();
 }
 
-void tell_other(Network& network, Slave& slave) {
+void report_other_slave(Network& network, Slave& slave) {
     const Identity& there = network.guest.identity;
     const Identity& wanted = slave.identity;
     Error error = slave.wanted != nullptr ? difference(network.guest, *slave.wanted) : Error{};
@@ -296,16 +297,16 @@ void tell_other(Network& network, Slave& slave) {
         error.detail = there.vendor;
     }
     error.step = Step::recover;
-    error.slave = slave.position;
-    Event event{.kind = EventKind::other_slave, .slave = slave.position, .error = error};
+    error.slave = slave.number;
+    Event event{.kind = EventKind::other_slave, .slave = slave.number, .error = error};
     event.expected = slave.seen || slave.wanted == nullptr ? wanted.product : slave.wanted->product.value_or(0);
     event.actual = there.product;
     event.detail = there.vendor;
-    network.tell(event);
+    network.report(event);
     network.note(slave, error);
 }
 
-void tell_stranger(Network& network, std::uint16_t n) {
+void report_stranger(Network& network, std::uint16_t n) {
     const auto ring = network.seen_ring();
     if (n >= ring.size()) return;
     Event event{.kind = EventKind::stranger, .port = ring[n].parent_port};
@@ -316,13 +317,13 @@ void tell_stranger(Network& network, std::uint16_t n) {
     event.expected = network.guest.identity.revision;
     event.actual = network.guest.identity.product;
     event.detail = network.guest.identity.vendor;
-    network.tell(event);
+    network.report(event);
 }
 
-// One whom nobody knows gets a mark for an address. He is told when he is found a second time, a ring that changes
-// while it is gone through deceives; and not again after that.
-Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
-    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of those who were told
+// An unknown slave gets a mark as its station address. It is reported when it is found a second time, because a ring
+// that changes while it is being read can mislead; after that it is not reported again.
+Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_of) {
+    constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
     const std::uint16_t told = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
     const bool at_once = told == 0;
@@ -334,37 +335,37 @@ Task<Result<>> dismiss(Network& network, std::uint16_t n, Slave* instead_of) {
     network.ring[n].address = mark;
     if (!at_once && !again) co_return Result<>();
     if (instead_of != nullptr)
-        tell_other(network, *instead_of);
+        report_other_slave(network, *instead_of);
     else
-        tell_stranger(network, n);
+        report_stranger(network, n);
     co_return Result<>();
 }
 
-// Below one who could not be asked nobody can be told: it may be the head of their group.
+// A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
 bool below_unasked(Network& network, std::size_t n) {
     for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
         if (network.ring[at - 1U].unasked) return true;
     return false;
 }
 
-// Says whether it is one of ours.
+// Identifies a newcomer. Returns whether it is a slave of the network.
 Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Searching& searching) {
-    auto named = co_await name_guest(network, n);
+    auto named = co_await address_newcomer(network, n);
     if (searching.overtaken()) co_return kOvertaken;
     if (!named) co_return named.error();
-    auto asked = co_await ask_guest(network);
+    auto asked = co_await read_newcomer(network);
     if (searching.overtaken()) co_return kOvertaken;
     if (!asked) {
-        auto undone = co_await rename(network, guest_address(network), network.ring[n].address);
-        (void)undone;  // it is gone, or it is asked again
+        auto undone = co_await rename(network, newcomer_address(network), network.ring[n].address);
+        (void)undone;  // the newcomer is gone, or it is read again in the next search
         co_return asked.error();
     }
-    const Verdict verdict = who_is(network, n);
+    const Verdict verdict = identify_newcomer(network, n);
     if (verdict.slave == nullptr) {
-        auto dismissed = co_await dismiss(network, n, verdict.instead_of);
+        auto dismissed = co_await mark_stranger(network, n, verdict.instead_of);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
-    auto admitted = co_await admit(network, n, *verdict.slave);
+    auto admitted = co_await assign_slave_address(network, n, *verdict.slave);
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
@@ -379,13 +380,13 @@ Task<Result<bool>> is_the_same(Network& network, Slave& slave) {
 
 }  // namespace
 
-Task<Result<Roll>> call_roll(Network& network) {
+Task<Result<BroadcastState>> read_all_states(Network& network) {
     std::array<std::byte, 2> states{};
     Datagram look(network.engine.link(), wire::Command::BRD, {std::uint16_t{0}, reg::kAlStatus.address},
                   MutableBytes(states), Repeat::no);
     auto reply = co_await look;
     if (!reply.ok()) co_return Error{.code = reply.errc, .step = Step::count_slaves};
-    co_return Roll{.count = reply.wkc, .al_status = load_le<std::uint16_t>(states)};
+    co_return BroadcastState{.count = reply.wkc, .al_status = load_le<std::uint16_t>(states)};
 }
 
 Task<Result<std::uint16_t>> find_lost(Network& network) {
@@ -393,7 +394,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     const Searching searching(network);
     auto read = co_await read_ring(network, searching);
     if (!read) co_return read.error();
-    auto forgotten = co_await forget_guests(network);
+    auto forgotten = co_await release_newcomers(network);
     if (searching.overtaken()) co_return kOvertaken;
     if (!forgotten) co_return forgotten.error();
     auto missed = co_await miss_absent(network);
@@ -406,22 +407,23 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
         auto ours = co_await receive_newcomer(network, n, searching);
         if (searching.overtaken()) co_return kOvertaken;
         network.ring[n].unasked = !ours;
-        if (!ours) error = ours.error();  // of this one: those behind may be well
+        if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct
         if (ours && *ours) ++found;
     }
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
 }
 
 void note_lost(Network& network, Slave& slave) {
-    network.tell({.kind = EventKind::lost, .slave = slave.position, .before = slave.al});
+    network.report({.kind = EventKind::lost, .slave = slave.number, .before = slave.al});
     slave.al = {};
-    slave.ring = 0;
+    slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
 }
 
-// FMMUs that are as we have written them are proof enough, and the cycle waits for them. Else the SII is asked.
-Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
+// FMMUs with the expected values are sufficient proof, and faster: the cycle waits for the slave. Otherwise the SII is
+// read.
+Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     bool mapped = false;
     if (exchanges(slave) && is_mapped(network, slave) && !slave.held) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
@@ -429,10 +431,10 @@ Task<Result<>> welcome_back(Network& network, Slave& slave, AlStatus now) {
     }
     if (!mapped) {
         auto same = co_await is_the_same(network, slave);
-        if (!same) co_return Result<>();  // the next look will tell
+        if (!same) co_return Result<>();  // the next look repeats the check
         if (!*same) co_return co_await rename(network, slave.station_address, 0);
     }
-    network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
+    network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);

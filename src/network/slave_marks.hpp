@@ -16,8 +16,8 @@ struct SlaveMarks {
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool in_use : 1 = false;         // see SlaveToken
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
-    bool told_missing : 1 = false;   // reported as missing while its hot connect group is present
-    bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
+    bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
+    bool held_back : 1 = false;         // brought to PREOP while it was held: its start-up commands were left out
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

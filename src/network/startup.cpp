@@ -29,7 +29,7 @@ bool by_soe(const StartupCommand& command) {
     return by_mailbox(command) && command.kind != StartupCommand::Kind::write_object;
 }
 
-// In INIT there is no mailbox: what is to be sent before it is left is sent as soon as that is done.
+// There is no mailbox in INIT: mailbox commands for the moment before INIT is left are sent right after the transition.
 Moment moment_of(const StartupCommand& command, Transition which) {
     const bool early = which == Transition::init_to_preop || which == Transition::init_to_boot;
     return by_mailbox(command) && early ? Moment::after : command.moment;
@@ -57,7 +57,7 @@ bool can_be(const StartupCommand& command) {
 Task<Result<>> write_register_of(Station station, const StartupCommand& command) {
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, command.index}, command.octets());
     auto reply = co_await write;
-    const Error error = judge(station, reply, Step::none, command.index);
+    const Error error = error_of_reply(station, reply, Step::none, command.index);
     if (error.code != Errc::none) co_return error;
     co_return Result<>();
 }
@@ -71,7 +71,7 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
         Datagram read(station.engine.link(), wire::Command::FPRD, {station.address, command.index},
                       MutableBytes(seen).first(command.length));
         auto reply = co_await read;
-        Error error = judge(station, reply, Step::none, command.index);
+        Error error = error_of_reply(station, reply, Step::none, command.index);
         if (error.code != Errc::none) co_return error;
         bool same = true;
         std::array<std::byte, 8> wanted{};
@@ -143,7 +143,7 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
         if (done) continue;
         Error error = done.error();
         error.step = step_of(which);
-        error.slave = slave.position;
+        error.slave = slave.number;
         error.index = command.index;
         if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
         if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;

@@ -14,11 +14,12 @@ constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 
 Task<Result<>> read_state(Network& network, Slave& slave) {
-    if (slave.al.state == AlState::none && !slave.seen) co_return Result<>();  // it has not come yet
+    if (slave.al.state == AlState::none && !slave.seen)
+        co_return Result<>();  // an expected slave that has not come yet
     auto seen = co_await read_al_status(network.station(slave));
     take_al_status(slave.al, seen);
     if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
-    if (!seen && !says_gone(seen.error())) co_return seen.error();
+    if (!seen && !does_not_answer(seen.error())) co_return seen.error();
     if (request_is_met(network, slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
 }
@@ -45,19 +46,20 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    // Its target is another one, by set_target().
+    // The slave has its own target, by set_target().
     if (network.supervised && slave.target != AlState::none) co_return Result<>();
     co_return co_await write_state(network, slave, limited(slave, state));
 }
 
-// With the error of the slave with the lowest number.
+// Keeps the error of the slave with the lowest number.
 Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, FirstFault& faults) {
     auto written = co_await write_state_of_all(network, slave, state);
     faults.keep(written.error());
     co_return Result<>();
 }
 
-// Those that may be missing do not count where they are; nor those that go no higher, unless there are no others.
+// The lowest state of the slaves. Optional slaves that are missing are left out. Slaves that have reached
+// their highest state, if it is below OP, are left out too, unless there are no others.
 AlStatus lowest(std::span<const Slave> slaves) {
     const auto at_its_end = [](const Slave& s) {
         return s.al.state == s.config.highest && s.config.highest != AlState::op;
@@ -114,7 +116,7 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
     Duration pause = kFirstPause;
     for (;;) {
         auto all = co_await read_states(network);
-        // Frames may be lost: as long as there is time the slaves are read again.
+        // Frames may be lost: the slaves are read again until the timeout.
         const bool over = network.engine.now() >= give_up;
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;

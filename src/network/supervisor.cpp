@@ -19,21 +19,22 @@ namespace {
 constexpr unsigned kLooksBeforeDoubt = 3;
 constexpr std::uint32_t kNotWalked = 0xFFFF'FFFF;
 
-// What the supervision remembers between two rolls.
+// The state of the supervision between two rolls.
 struct Watch {
     Network& network;
     const SuperviseRequest& wanted;
-    AlState target_before{};  // wanted.target, as it was taken over last
-    Roll last{};
-    std::uint16_t told_count = 0;   // of slaves that answer, as it was told last
-    unsigned looks = 0;             // in a row that have not explained a short working counter
-    bool silent = false;            // no frame comes back
-    std::uint64_t heard = 0;        // frames received,
-    std::uint64_t lost_before = 0;  // and lost, when one was received last
-    std::uint32_t walked = 0;       // of slaves in the ring, when it was gone through last
+    AlState target_before{};  // wanted.target when it was read last
+    BroadcastState last{};
+    std::uint16_t reported_count = 0;  // number of answering slaves, as last reported
+    unsigned looks = 0;                // consecutive looks that have not explained a short working counter
+    bool silent = false;               // no frame comes back
+    std::uint64_t heard = 0;           // frames received,
+    std::uint64_t lost_before = 0;     // and lost, when a frame was received last
+    std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
     Time retry_at = Time::min();
-    Time look_at = Time::min();   // when all slaves are asked again, whatever the roll says
-    std::size_t next_helped = 0;  // with which slave the next choice begins, so that no slave starves another
+    Time look_at = Time::min();  // when the state of all slaves is read again, whatever the roll says
+    std::size_t next_helped =
+        0;  // index of the slave that the next choice starts with, so that no slave blocks another one
     Time search_at = Time::min();
     Time lines_at = Time::min();
     Time groups_at = kNever;  // when a hot connect group should be complete
@@ -51,27 +52,28 @@ std::uint16_t answering(Network& network) {
         std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
-// Asks one slave how it is.
+// Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
         co_return Result<>();
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
-        if (!says_gone(seen.error()) || !was_there || slave.al.state == AlState::none || network.marks(slave).in_use)
+        if (!does_not_answer(seen.error()) || !was_there || slave.al.state == AlState::none ||
+            network.marks(slave).in_use)
             co_return Result<>();
         note_lost(network, slave);
         co_return Result<>();
     }
     if (slave.al.state == AlState::none && seen->state != AlState::none)
-        co_return co_await welcome_back(network, slave, *seen);
+        co_return co_await readmit_slave(network, slave, *seen);
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     co_return co_await settle_request(network, slave);
 }
 
-// All answer and claim to be well, and still the working counter is short: who has lost his configuration?
-Task<Result<>> doubt(Network& network, Slave& slave) {
+// All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
+Task<Result<>> check_fmmus(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
         co_return Result<>();
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
@@ -87,14 +89,14 @@ bool needs_help(const Network& network, const Slave& slave) {
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 
-// The slave is as the supervision has left it, or on its way up for the first time: no recovery.
+// Whether the slave is as the supervision has left it, or starts for the first time: then the end is not a recovery.
 bool is_well(const Network& network, const Slave& slave) {
     if (slave.al.error || network.marks(slave).attempts != 0) return false;
     if (network.marks(slave).settled != AlState::none) return slave.al.state == network.marks(slave).settled;
     return slave.al.state >= AlState::safeop && (slave.takes_part || !exchanges(slave));
 }
 
-// wanted.target may be changed by the application at any time.
+// The application may change wanted.target at any time.
 void take_target(Watch& watch) {
     const AlState target = watch.wanted.target;
     if (target == watch.target_before || !can_be_target(target)) return;
@@ -111,20 +113,20 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
-        if (!well && there) network.tell({.kind = EventKind::recovered, .slave = slave.position, .now = slave.al});
+        if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Result<>();
     }
-    // That it is gone again the next look will tell.
-    if (!says_gone(done.error())) {
-        Event event{.kind = EventKind::recovery_failed, .slave = slave.position, .now = slave.al};
+    // That the slave is gone again is reported by the next look.
+    if (!does_not_answer(done.error())) {
+        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
         event.error = done.error();
         if (network.marks(slave).attempts == 0) {
-            network.tell(event);
+            network.report(event);
             network.note(slave, done.error());
         }
     }
     network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
-    watch.look_at = network.engine.now();  // the slave may have fallen since the last roll, which does not tell that
+    watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Result<>();
 }
@@ -132,40 +134,42 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
 Task<Result<>> search(Watch& watch) {
     auto found = co_await find_lost(watch.network);
     const Time now = watch.network.engine.now();
-    // Whoever is nobody we know stays that for a while; a ring that changes meanwhile is gone through again.
+    // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
+    // soon.
     watch.search_at = now + (found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
     if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
     co_return Result<>();
 }
 
-// Members of hot connect groups that have not come with their heads.
-void tell_missing(Watch& watch) {
+// Reports members of hot connect groups that have not come with their heads.
+void report_missing(Watch& watch) {
     Network& network = watch.network;
     watch.groups_at = kNever;
     for (Slave& slave : network.slaves()) {
         const ExpectedSlave* wanted = slave.wanted;
         if (wanted == nullptr || wanted->hot_connect == 0 || wanted->optional || slave.al.state != AlState::none ||
-            network.marks(slave).told_missing)
+            network.marks(slave).missing_reported)
             continue;
         const auto head = std::ranges::find_if(network.slaves(), [&](const Slave& s) {
             return s.wanted != nullptr && s.wanted->hot_connect == wanted->hot_connect &&
                    is_located(network.expected, *s.wanted);
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
-        network.marks(slave).told_missing = true;
-        network.tell({.kind = EventKind::missing, .slave = slave.position, .other = head->position});
+        network.marks(slave).missing_reported = true;
+        network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
     }
 }
 
-void tell_count(Watch& watch, std::uint16_t count) {
-    if (count == watch.told_count) return;
-    watch.network.tell({.kind = EventKind::slave_count, .expected = watch.told_count, .actual = count});
-    watch.told_count = count;
+void report_count(Watch& watch, std::uint16_t count) {
+    if (count == watch.reported_count) return;
+    watch.network.report({.kind = EventKind::slave_count, .expected = watch.reported_count, .actual = count});
+    watch.reported_count = count;
 }
 
-// Working counters that fell short, and those that are right again.
-bool judge_groups(Watch& watch) {
+// Reports working counters that fell short, and those that are right again. Returns whether a look at the slaves is
+// needed.
+bool report_working_counters(Watch& watch) {
     bool unexpected = false;
     for (ProcessGroup& group : watch.network.process.groups) {
         if (!group.mapped || group.mapping) continue;
@@ -178,32 +182,32 @@ bool judge_groups(Watch& watch) {
             came &= d.came;
         }
         unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
-        if (!came || right != group.told_short) continue;
-        group.told_short = !right;
-        watch.network.tell({.kind = right ? EventKind::right_again : EventKind::fell_short,
-                            .group = group.number,
-                            .expected = group.expected_wkc,
-                            .actual = got});
+        if (!came || right != group.short_reported) continue;
+        group.short_reported = !right;
+        watch.network.report({.kind = right ? EventKind::right_again : EventKind::fell_short,
+                              .group = group.number,
+                              .expected = group.expected_wkc,
+                              .actual = got});
     }
     return unexpected;
 }
 
-// A frame may be lost, of a cycle or of a roll, and nothing is to be told. So many in a row, and none that comes back
-// meanwhile, are lost by chance once in ten thousand million rolls where every tenth frame is lost.
+// A single lost frame of a cycle or of a roll is not reported. Where every tenth frame is lost, this many consecutive
+// losses occur by chance once in ten thousand million rolls.
 constexpr std::uint64_t kSilentFrames = 10;
 
-// Returns how many were lost since one came back.
-std::uint64_t note_heard(Watch& watch) {
+// Returns the number of frames lost since one was received.
+std::uint64_t count_lost_frames(Watch& watch) {
     const LinkStatistics& link = watch.network.engine.link().statistics();
-    const std::uint64_t lost = link.lost + link.send_refused;  // without a link none is even sent
+    const std::uint64_t lost = link.lost + link.send_refused;  // without a link frames are not even sent
     if (link.frames_received != watch.heard) watch.lost_before = lost;
     watch.heard = link.frames_received;
     return lost - watch.lost_before;
 }
 
-void segment_silent(Watch& watch) {
-    if (note_heard(watch) < kSilentFrames || watch.silent) return;
-    watch.network.tell({.kind = EventKind::lost});
+void report_silent_segment(Watch& watch) {
+    if (count_lost_frames(watch) < kSilentFrames || watch.silent) return;
+    watch.network.report({.kind = EventKind::lost});
     watch.silent = true;
 }
 
@@ -223,59 +227,60 @@ void start_helpers(Watch& watch, Crew& crew) {
     }
 }
 
-// The ring is another one than it was, or somebody is in it who has not been found.
-bool walk_is_due(Watch& watch, const Roll& roll) {
+// Whether the ring has changed, or contains a slave that is not identified.
+bool walk_is_due(Watch& watch, const BroadcastState& roll) {
     if (watch.network.searching) return false;
     if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
     return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
            watch.network.engine.now() >= watch.search_at;
 }
 
-Task<Result<>> look(Watch& watch, Crew& crew, const Roll& roll, bool unexpected) {
+Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool unexpected) {
     Network& network = watch.network;
     auto looked = co_await for_each_slave(network, [&network](Slave& s) { return look_at(network, s); });
     if (!looked) co_return looked;
     watch.looks = unexpected ? watch.looks + 1 : 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
-        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return doubt(network, s); });
+        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return check_fmmus(network, s); });
         if (!doubted) co_return doubted;
     }
-    tell_count(watch, roll.count);
+    report_count(watch, roll.count);
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
     co_return Result<>();
 }
 
-// One roll, and what follows from it.
+// One roll and the actions that follow from it.
 Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
-    auto roll = co_await call_roll(network);
+    auto roll = co_await read_all_states(network);
     if (!roll) {
-        segment_silent(watch);
+        report_silent_segment(watch);
         co_return Result<>();
     }
-    (void)note_heard(watch);
+    (void)count_lost_frames(watch);
     if (std::exchange(watch.silent, false)) {
-        network.tell({.kind = EventKind::found});
+        network.report({.kind = EventKind::found});
         watch.last = {};
     }
     take_target(watch);
-    const bool unexpected = judge_groups(watch);
+    const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
-    // A slave that falls between two rolls is hidden by another slave in the same state: the roll has the OR of all.
+    // When a slave changes its state between two rolls, another slave in the new state hides it: the roll has the OR of
+    // all states.
     const bool look_is_due = network.engine.now() >= watch.look_at;
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
         watch.look_at = later(network.engine.now(), watch.wanted.retry);
         auto looked = co_await look(watch, crew, *roll, unexpected);
         if (!looked) co_return looked;
     }
-    if (network.engine.now() >= watch.groups_at) tell_missing(watch);
+    if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
     co_return Result<>();
 }
 
-// Until the next cycle, or for the interval where there are none.
+// Until the next cycle, or for the interval when there are no cycles.
 Duration pause(const Watch& watch) {
     const Time now = watch.network.engine.now();
     return watch.network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
@@ -285,7 +290,7 @@ Duration pause(const Watch& watch) {
 
 Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
-    watch.told_count = answering(network);
+    watch.reported_count = answering(network);
     watch.walked = network.ring_count;
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
@@ -293,7 +298,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
     }
-    watch.target_before = wanted.target;  // which submit() has taken over
+    watch.target_before = wanted.target;  // set by submit()
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);

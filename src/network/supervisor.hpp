@@ -7,7 +7,7 @@
 
 namespace margay {
 
-// Ends only with an error of its own: capacity, when the arena has no room for it.
+// Ends only with its own error: capacity, when the arena has no room for it.
 [[nodiscard]] Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted);
 
 }  // namespace margay

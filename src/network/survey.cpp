@@ -27,7 +27,7 @@ void store_dl_information(Slave& slave, Bytes dl) {
         slave.ports[p].type = static_cast<PortType>((at(reg::kPortDescriptor) >> (2 * p)) & 3);
 }
 
-// What the ESC says of itself, in one frame.
+// Reads the properties of the ESC, in one frame.
 Task<Result<>> read_esc(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     Link& link = network.engine.link();
@@ -42,7 +42,8 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     Datagram read_configuration(link, Command::FPRD, at(reg::kEscConfiguration), MutableBytes(configuration));
     co_await together(read_dl, read_alias, read_status, read_configuration);
     for (const Datagram* datagram : {&read_dl, &read_alias, &read_status, &read_configuration}) {
-        const Error error = judge(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
+        const Error error =
+            error_of_reply(station, datagram->reply(), Step::read_dl_information, reg::kDlInformation.address);
         if (error.code != Errc::none) co_return error;
     }
     store_dl_information(slave, dl);
@@ -53,11 +54,11 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-// Somebody is to be known by his device id, and this one may be him.
+// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
 bool id_is_wanted(const Network& network, const Slave& slave) {
     return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
         if (!wanted.device_id) return false;
-        const bool him = slave.wanted == &wanted || (wanted.position == slave.position && slave.position != 0) ||
+        const bool him = slave.wanted == &wanted || (wanted.position == slave.number && slave.number != 0) ||
                          (wanted.alias && *wanted.alias == slave.alias);
         return slave.device_id_source != DeviceIdSource::none || him;
     });

@@ -1,12 +1,13 @@
-// What a slave is: what its ESC and its SII say.
+// Reads what a slave is, from its ESC and its SII.
 #pragma once
 
 #include "network/network.hpp"
 
 namespace margay {
 
-// Fills the slave's entry from its ESC, its SII and, where expect() wants it, its explicit device id. What cannot be
-// read is noted as the slave's error; what was read before that stays. The SII's interface is the master's afterwards.
+// Fills the slave's entry from its ESC, its SII and, where expect() requires it, its explicit device id. What cannot be
+// read is noted as the slave's error; values that were read before it stay. Afterwards the SII interface is assigned to
+// the master.
 [[nodiscard]] Task<Result<>> survey(Network& network, Slave& slave);
 
 }  // namespace margay

@@ -5,7 +5,7 @@
 namespace margay {
 namespace {
 
-// The port by which a frame leaves after it came in by another one.
+// The next port that a frame leaves a slave by, after it came in by `port`.
 constexpr std::uint8_t next_port(std::uint8_t port) {
     constexpr std::uint8_t kNext[4] = {3, 2, 0, 1};  // 0 → 3 → 1 → 2 → 0
     return kNext[port & 3];
@@ -18,7 +18,7 @@ void read_ports(RingPlace& place) {
                               (place.dl_status & wire::dl_status::communication(p)) != 0;
         place.ports[p].neighbour = 0;
     }
-    // Frames come in by port 0 unless nothing is plugged in there.
+    // Frames arrive at port 0 unless nothing is connected there.
     place.entry_port = 0;
     while (!place.ports[place.entry_port].open && next_port(place.entry_port) != 0)
         place.entry_port = next_port(place.entry_port);
@@ -26,8 +26,7 @@ void read_ports(RingPlace& place) {
     place.parent_port = 0;
 }
 
-// The first open port of `place` behind its entry that nobody hangs at yet, or the entry port when there is
-// none.
+// The first open port of `place` behind its entry port that has no neighbour yet, or the entry port when there is none.
 std::uint8_t free_port(const RingPlace& place) {
     std::uint8_t port = next_port(place.entry_port);
     while (port != place.entry_port && !(place.ports[port].open && place.ports[port].neighbour == 0))
@@ -39,7 +38,7 @@ Error topology_error(std::size_t place, std::uint16_t port) {
     return {.code = Errc::unstable, .step = Step::topology, .slave = static_cast<std::uint16_t>(place), .index = port};
 }
 
-// Where frames come to the slave from: the next one towards the master that we know.
+// Sets the parent of a slave: the next known slave in the direction of the master.
 void store_parent(std::span<const RingPlace> ring, const RingPlace& place, Slave& slave) {
     slave.entry_port = place.entry_port;
     slave.parent_port = place.parent_port;
@@ -57,9 +56,9 @@ Result<> find_topology(std::span<RingPlace> ring) {
     Error error;
     for (RingPlace& place : ring) read_ports(place);
     for (std::size_t i = 1; i < ring.size(); ++i) {
-        // The frame comes from the last slave passed that still has a way out: the one before, or its parents
-        // upwards.
-        std::size_t parent = i;  // place, from 1
+        // The frame comes from the last slave passed that still has a free open port: the slave before, or one of its
+        // parents.
+        std::size_t parent = i;  // a place, from 1
         while (free_port(ring[parent - 1]) == ring[parent - 1].entry_port && ring[parent - 1].parent != 0)
             parent = ring[parent - 1].parent;
         const std::uint8_t port = free_port(ring[parent - 1]);
@@ -82,11 +81,11 @@ Result<> find_topology(std::span<RingPlace> ring) {
 }
 
 void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
-    for (Slave& slave : slaves) slave.ring = 0;
+    for (Slave& slave : slaves) slave.ring_position = 0;
     for (const RingPlace& place : ring) {
         if (place.slave == 0) continue;
         Slave& slave = slaves[place.slave - 1U];
-        slave.ring = static_cast<std::uint16_t>(&place - ring.data() + 1);
+        slave.ring_position = static_cast<std::uint16_t>(&place - ring.data() + 1);
         slave.dl_status = place.dl_status;
         store_parent(ring, place, slave);
         for (std::size_t p = 0; p < slave.ports.size(); ++p) {
@@ -98,7 +97,7 @@ void store_topology(std::span<const RingPlace> ring, std::span<Slave> slaves) {
     }
     for (Slave& slave : slaves)
         for (Port& port : slave.ports)
-            if (!port.open && port.neighbour != 0 && slaves[port.neighbour - 1U].ring != 0) port.neighbour = 0;
+            if (!port.open && port.neighbour != 0 && slaves[port.neighbour - 1U].ring_position != 0) port.neighbour = 0;
 }
 
 }  // namespace margay

@@ -9,12 +9,12 @@
 namespace margay {
 namespace {
 
-Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.position}; }
+Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
-// A hot connect group may be missing as a whole.
+// For slaves of a hot connect group, which may be missing as a whole.
 bool head_is_there(Network& network, std::uint8_t hot_connect) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return s.ring != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
+        return s.ring_position != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
                is_located(network.expected, *s.wanted);
     });
 }
@@ -27,7 +27,7 @@ bool may_be_missing(Network& network, const Slave& slave) {
     return slave.wanted->optional || slave.config.optional;
 }
 
-// What the start-up of the slave ended with, where that is known.
+// The error that ended the start-up of the slave, where known.
 Error start_up_error(const Slave& slave, const Error& otherwise) {
     const bool told = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
                       slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
@@ -47,7 +47,7 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
 
 }  // namespace
 
-void hold_back(Network& network) {
+void update_held(Network& network) {
     const Tolerance& tolerated = network.tolerance;
     for (Slave& slave : network.slaves()) {
         const bool other = tolerated.other_slaves || (slave.wanted != nullptr && slave.wanted->tolerate);
@@ -101,7 +101,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     return !slave.config.optional && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
 }
 
-Error trouble(Network& network, const Slave& slave) {
+Error state_error(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (wanted == AlState::init) return state_trouble(network, slave, wanted);
@@ -146,7 +146,7 @@ void set_targets(Network& network, std::uint16_t slave, AlState state) {
     if (slave == 0) network.target = state;
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
-        if (one.position == slave) one.target = state;
+        if (one.number == slave) one.target = state;
         update_counted(network, one);
     }
 }

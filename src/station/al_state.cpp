@@ -15,7 +15,7 @@ constexpr std::uint16_t code_offset = reg::kAlStatusCode.address - reg::kAlStatu
 
 AlStatus load_al_status(std::uint64_t status_to_code) {
     const auto status = static_cast<std::uint16_t>(status_to_code);
-    // While the slave shows its device id, the code is that (ETG.1020).
+    // While AL status reports a device id, the AL status code register contains the id (ETG.1020).
     const bool is_code = (status & wire::al::kDeviceIdentification) == 0;
     return {.state = static_cast<AlState>(status & wire::al::kStateMask),
             .error = (status & wire::al::kErrorIndication) != 0,
@@ -29,7 +29,7 @@ Task<Result<AlStatus>> read_al_status(Station station) {
     Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
                   MutableBytes(bytes));
     auto reply = co_await look;
-    const Error error = judge(station, reply, Step::read_state, reg::kAlStatus.address);
+    const Error error = error_of_reply(station, reply, Step::read_state, reg::kAlStatus.address);
     if (error.code != Errc::none) co_return error;
     co_return load_al_status(load_le<std::uint16_t>(bytes) |
                              (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
@@ -56,7 +56,7 @@ Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, Al
         if (!now) co_return now;
         if (now->state == state && !now->error) co_return now;
         const bool over = station.engine.now() >= give_up;
-        // An old error stands until the slave has seen the acknowledge: it is not yet a refusal.
+        // The old error indication remains until the slave has processed the acknowledge: it is not yet a refusal.
         const bool old = *now == before && station.engine.now() < give_up_old;
         if ((now->error && !old) || over) {
             Error error = station.error(now->error ? Errc::al_status : Errc::timeout, Step::request_state);

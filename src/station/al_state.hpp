@@ -1,4 +1,4 @@
-// State changes of one slave (ETG.1000.6, AL control and AL status).
+// AL state changes of one slave (ETG.1000.6, AL control and AL status).
 #pragma once
 
 #include "station/register_access.hpp"
@@ -10,24 +10,25 @@ namespace margay {
 
 // Reads AL status and AL status code.
 [[nodiscard]] Task<Result<AlStatus>> read_al_status(Station station);
-// Takes over what was read: NONE when the slave does not answer, nothing when that is not known.
+// Updates `known` with what was read: NONE when the slave does not answer at its address; no change when the read
+// failed for another reason.
 inline void take_al_status(AlStatus& known, const Result<AlStatus>& seen) {
     if (seen) known = *seen;
-    if (says_gone(seen.error())) known = AlStatus{};
+    if (does_not_answer(seen.error())) known = AlStatus{};
 }
 
-// Requests `state` and waits until the slave is there, refuses, or `timeout` is over. An error indication
-// that stands before is acknowledged with the request, unless the slave mirrors AL control
-// (`device_emulation`). Errors: Errc::al_status with the AL status code in detail and the state that was
-// reached in actual; Errc::timeout likewise.
+// Requests `state` and waits until the slave has reached it, the slave refuses, or `timeout` is over. An error
+// indication from before is acknowledged with the request, unless the slave mirrors AL control (`device_emulation`).
+// Errors: Errc::al_status with the AL status code in detail and the state reached in actual; Errc::timeout with the
+// same fields.
 [[nodiscard]] Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation,
                                                      Duration timeout);
 
-// The same for a slave whose AL status `before` is known.
+// The same for a slave whose AL status (`before`) was already read.
 [[nodiscard]] Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state,
                                                           bool device_emulation, Duration timeout);
 
-// The time that a change to `state` may take, by ETG.1020's default timeouts.
+// The longest time for a change to `state`: the default timeouts of ETG.1020.
 [[nodiscard]] Duration default_al_timeout(AlState state);
 
 }  // namespace margay

@@ -20,7 +20,7 @@ Task<Result<std::uint16_t>> from_memory(Station station, std::uint16_t sii_word)
     co_return id;
 }
 
-// AL status and AL status code in one look.
+// Reads AL status and AL status code in one datagram until the slave reports its device id.
 Task<Result<std::uint16_t>> await_id(Station station) {
     constexpr std::size_t kCodeAt = reg::kAlStatusCode.address - reg::kAlStatus.address;
     const Time give_up = station.engine.now() + kPatience;
@@ -29,7 +29,7 @@ Task<Result<std::uint16_t>> await_id(Station station) {
         Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
                       MutableBytes(octets));
         auto reply = co_await look;
-        const Error error = judge(station, reply, kStep, reg::kAlStatus.address);
+        const Error error = error_of_reply(station, reply, kStep, reg::kAlStatus.address);
         if (error.code != Errc::none) co_return error;
         const auto status = load_le<std::uint16_t>(octets);
         const bool answered =
@@ -44,7 +44,7 @@ Task<Result<std::uint16_t>> from_al_status(Station station) {
     auto status = co_await read<std::uint16_t>(station, reg::kAlStatus, kStep);
     if (!status) co_return status;
     const auto state = static_cast<std::uint16_t>(*status & wire::al::kStateMask);
-    // While an error stands the slave answers nothing: it is acknowledged along.
+    // A slave with an error indication answers no request: the same write acknowledges the error.
     const unsigned acknowledge = (*status & wire::al::kErrorIndication) != 0 ? wire::al::kErrorAcknowledge : 0U;
     const auto request = static_cast<std::uint16_t>(state | wire::al::kDeviceIdentification | acknowledge);
     auto asked = co_await write<std::uint16_t>(station, reg::kAlControl, request, kStep);
@@ -56,7 +56,7 @@ Task<Result<std::uint16_t>> from_al_status(Station station) {
 
 }  // namespace
 
-// A slave without a processor mirrors AL control: its bit 5 would be no answer.
+// A slave without a processor mirrors AL control: a set bit 5 would not be an answer.
 Task<Result<std::uint16_t>> read_device_id(Station station, const Slave& slave) {
     if (slave.device_id_source == DeviceIdSource::memory) co_return co_await from_memory(station, slave.device_id_word);
     if (slave.device_emulation) co_return station.error(Errc::unsupported, kStep);

@@ -1,5 +1,5 @@
-// The explicit device id of one slave (ETG.1020 "Explicit device identification"): what a switch on the device is set
-// to.
+// The explicit device id of one slave (ETG.1020, "Explicit device identification"): the value of a switch on the
+// device.
 #pragma once
 
 #include "station/register_access.hpp"
@@ -9,10 +9,11 @@
 
 namespace margay {
 
-// Asks for it the way the SII says: by AL control bit 5, answered by AL status bit 5 with the id in the AL status code;
-// or by reading the word of the ESC's memory that the SII names. The AL state stays as it is, and AL status code is
-// itself again afterwards. The SII's interface must be the master's. Errors: unsupported (the slave does not answer the
-// request, or has no processor that could), and those of the registers.
+// Reads the device id in the way that the SII defines. Either by AL control bit 5: the slave answers with AL status bit
+// 5 and the id in the AL status code. Or by reading the word of the ESC's memory that the SII names. The AL state does
+// not change, and the AL status code has its usual meaning again afterwards. The SII interface must be assigned to the
+// master. Errors: unsupported (the slave does not answer the request, or has no processor that could), and register
+// errors.
 [[nodiscard]] Task<Result<std::uint16_t>> read_device_id(Station station, const Slave& slave);
 
 }  // namespace margay

@@ -1,8 +1,7 @@
-// Registers of one slave by its station address. Each function returns an awaitable that adds no coroutine
+// Register access to one slave by its station address. Each function returns an awaitable that needs no coroutine
 // frame:
 //
 //     auto status = co_await read<std::uint16_t>(station, wire::reg::kAlStatus, Step::read_state);
-//
 // A reply whose working counter is not 1 is an error: the slave at this address did not take part.
 #pragma once
 
@@ -15,19 +14,20 @@
 
 namespace margay {
 
-// One slave, seen from the protocol sequences.
+// One slave, as the protocol sequences address it.
 struct Station {
     Engine& engine;
     StationAddress address;
-    std::uint16_t position = 0;  // for errors; 1 is the first slave
+    std::uint16_t number = 0;  // of the slave, for errors
     [[nodiscard]] Arena& arena() const { return engine.arena(); }
     [[nodiscard]] Error error(Errc code, Step step, std::uint16_t index = 0) const {
-        return {.code = code, .step = step, .slave = position, .index = index};
+        return {.code = code, .step = step, .slave = number, .index = index};
     }
 };
 
-// What a reply to a datagram for one station means. errc none: all well.
-[[nodiscard]] inline Error judge(const Station& station, Reply reply, Step step, std::uint16_t register_address) {
+// Converts the reply to a datagram for one station into an error. Code none: the slave took part.
+[[nodiscard]] inline Error error_of_reply(const Station& station, Reply reply, Step step,
+                                          std::uint16_t register_address) {
     if (reply.ok() && reply.wkc == 1) return {};
     if (!reply.ok()) {
         Error error = station.error(reply.errc, step, register_address);
@@ -40,9 +40,9 @@ struct Station {
     return error;
 }
 
-// The slave does not answer at its address: the frame came back and nobody took part. A frame that was lost, or an
-// arena that is full, says nothing of the slave.
-[[nodiscard]] inline bool says_gone(const Error& error) {
+// Whether the error shows that the slave does not answer at its address: the frame came back with a working counter of
+// zero. A lost frame or a full arena says nothing about the slave.
+[[nodiscard]] inline bool does_not_answer(const Error& error) {
     return error.code == Errc::working_counter && error.actual == 0;
 }
 
@@ -56,7 +56,7 @@ class ReadRegister : public DatagramWait {
           datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address}, MutableBytes(bytes_)) {}
     bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<T> await_resume() const noexcept {
-        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<T>(load_le<T>(bytes_)) : Result<T>(error);
     }
 
@@ -73,7 +73,7 @@ template <class T>
     return {station, r.address, step};
 }
 
-// Writes octets that it carries itself (the first form) or that the caller keeps (write_bytes).
+// Writes octets that the awaitable itself contains.
 template <std::size_t N>
 class WriteRegister : public DatagramWait {
   public:
@@ -85,7 +85,7 @@ class WriteRegister : public DatagramWait {
           datagram_(station.engine.link(), wire::Command::FPWR, {station.address, address}, Bytes(bytes_)) {}
     bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
     Result<> await_resume() const noexcept {
-        const Error error = judge(station_, datagram_.reply(), step_, address_);
+        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
         return error.code == Errc::none ? Result<>() : Result<>(error);
     }
 

@@ -8,9 +8,9 @@ namespace {
 namespace control = wire::sii_control;
 namespace reg = wire::reg;
 
-constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block: busy, and not acknowledged
+constexpr Duration kReadTimeout = std::chrono::milliseconds(100);  // for one block: while busy or not acknowledged
 constexpr Duration kNackPause = std::chrono::microseconds(500);    // after a command that was not acknowledged
-constexpr int kNackTries = 3;  // at least, however much time passes between two polls
+constexpr int kNackTries = 3;                                      // at least, whatever time passes between two polls
 
 constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t word) {
     std::array<std::byte, 6> bytes{};
@@ -21,8 +21,8 @@ constexpr std::array<std::byte, 6> command(std::uint16_t what, std::uint32_t wor
 
 }  // namespace
 
-// Looks (reads control, address and data in one datagram), or orders a block, or both in this order. `word` is for
-// errors: what the visit is for.
+// One visit: reads control, address and data in one datagram ("look"), or orders a block, or both in this order. `word`
+// is the word for errors.
 class SiiReader::VisitAwaiter {
   public:
     VisitAwaiter(const Station& station, bool look, std::uint32_t order, std::uint32_t word)
@@ -54,7 +54,7 @@ class SiiReader::VisitAwaiter {
 
   private:
     [[nodiscard]] Error judged(const Datagram& datagram) const {
-        return judge(station_, datagram.reply(), Step::read_sii, word_);
+        return error_of_reply(station_, datagram.reply(), Step::read_sii, word_);
     }
 
     const Station& station_;
@@ -68,23 +68,24 @@ class SiiReader::VisitAwaiter {
     bool orders_;
 };
 
-// The block that will be wanted behind the one at `word`: the rest of the range, or what the caller says
-// comes then.
+// Returns the block to order behind the one at `word`: the next one of the range, or the block that the caller reads
+// next.
 std::uint32_t SiiReader::block_after(std::uint32_t word, std::uint32_t end, std::uint32_t then) const {
     const std::uint32_t next = word + block_words_;
     if (next < end) return next;
     return then >= word && then < next ? next : then;
 }
 
-// A visit came too early. Nothing is ordered along with the next one: a command to a busy interface is lost.
-// As long as nothing is known of the EEPROM's time, the visits become rarer.
+// A visit was too early. The next visit orders no block: the ESC ignores a command while the interface is busy. While
+// the reading time of the EEPROM is unknown, the wait grows.
 void SiiReader::note_busy(Time sent) {
     known_busy_ = std::max(known_busy_, sent - ordered_at_);
     sure_ = false;
     wait_ = known_ready_ == Duration::max() ? known_busy_ * 7 / 4 : between();
 }
 
-// A visit came late enough. What is known of "too early" fades, so that one slow answer is not waited for forever.
+// A visit was late enough. The value of known_busy_ decays slowly, so that one slow answer does not slow down all
+// others.
 void SiiReader::note_ready(Time sent) {
     constexpr int kFading = 512;
     known_ready_ = std::min(known_ready_, sent - ordered_at_);
@@ -93,16 +94,15 @@ void SiiReader::note_ready(Time sent) {
     sure_ = true;
 }
 
-// When there is a wide gap between "too early" and "late enough", the middle of it is tried next: this finds the
-// EEPROM's time in a few steps.
+// When the gap between "too early" and "late enough" is wide, the next wait is the middle of it. This finds the reading
+// time of the EEPROM in a few steps.
 Duration SiiReader::between() const {
     constexpr int kNarrow = 5;
     const Duration gap = known_ready_ - known_busy_;
     return gap > known_ready_ / kNarrow ? known_busy_ + gap / 2 : known_ready_;
 }
 
-// Takes the data of a visit that found the interface ready. False when it is not the block that was asked
-// for.
+// Copies the data of a visit that found the interface ready. False when it is not the block that was ordered.
 bool SiiReader::accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent) {
     const bool right = visit.word == ordered_;
     if (right) {
@@ -163,7 +163,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
 }
 
 Task<Result<>> sii_assign(Station station, bool to_pdi) {
-    if (!to_pdi) {  // taken by force first: a PDI that holds on to it must let go
+    if (!to_pdi) {  // forced first: takes the interface from a PDI that does not release it
         auto forced =
             co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat, Step::read_sii);
         if (!forced) co_return forced.error();

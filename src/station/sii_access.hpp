@@ -1,4 +1,4 @@
-// The SII EEPROM of one slave, through ESC registers 0x0500–0x050F (ETG.1000.4, "Slave information
+// The SII EEPROM of one slave, accessed through ESC registers 0x0500–0x050F (ETG.1000.4, "Slave information
 // interface").
 #pragma once
 
@@ -9,9 +9,9 @@
 
 namespace margay {
 
-// Reads ranges of the EEPROM with as few visits to the slave as can be: while one block is fetched from a
-// visit, the next one is asked for in the same frame; and how long the EEPROM takes is learned, so that a
-// slow one is not asked in vain.
+// Reads ranges of the EEPROM with few accesses to the slave. One frame ("visit") fetches the block that was read and
+// orders the next one. The reader measures how long the EEPROM needs for a block, so that a slow EEPROM is not polled
+// too early.
 class SiiReader {
   public:
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
@@ -20,17 +20,17 @@ class SiiReader {
     SiiReader(const SiiReader&) = delete;
     SiiReader& operator=(const SiiReader&) = delete;
 
-    // Reads from `word` on. `into` holds a whole number of words. `then` is the word that will be asked for
-    // next, if that is known: it is ordered ahead. The reader and `into` outlive the task.
-    // An EEPROM that stores a word acknowledges nothing meanwhile: a read that is not acknowledged is repeated every
-    // 0.5 ms until 100 ms are over, and three times at least. error().index is the word that could not be read.
+    // Reads words from `word` on. `into` has a whole number of words. `then` is the word that the caller reads next, if
+    // known: its block is ordered ahead. The reader and `into` outlive the task. While an EEPROM stores a word it
+    // acknowledges no command. A read that is not acknowledged is repeated every 0.5 ms until 100 ms are over, and at
+    // least three times. error().index is the word that could not be read.
     [[nodiscard]] Task<Result<>> read(std::uint32_t word, MutableBytes into, std::uint32_t then = kNone);
 
     [[nodiscard]] Arena& arena() { return station_.arena(); }
     [[nodiscard]] const Station& station() const { return station_; }
 
   private:
-    // What one visit found.
+    // What one visit read.
     struct Visit {
         std::uint16_t status = 0;
         std::uint32_t word = 0;
@@ -51,35 +51,35 @@ class SiiReader {
     }
 
     Station station_;
-    std::uint32_t block_word_ = kNone;  // the block that is cached
-    std::uint32_t block_words_ = 4;     // what the ESC reads at a time: 4 words or 2
+    std::uint32_t block_word_ = kNone;  // first word of the cached block
+    std::uint32_t block_words_ = 4;     // block size of the ESC: 4 words or 2
     std::array<std::byte, 8> block_{};
-    std::uint32_t ordered_ = kNone;           // the read command that the ESC is carrying out
+    std::uint32_t ordered_ = kNone;           // the word whose read command the ESC is executing
     Time ordered_at_ = Time::min();           // when the visit that ordered it was sent
-    Duration known_busy_{0};                  // a visit so long after the order was too early
-    Duration known_ready_ = Duration::max();  // and one so long after it was not
+    Duration known_busy_{0};                  // a visit this long after the order was too early
+    Duration known_ready_ = Duration::max();  // a visit this long after the order was not too early
     Duration wait_{0};                        // from an order to the next visit
-    bool idle_ = false;                       // no command is under way, surely
-    bool sure_ = false;                       // the next visit will find the block: another one may be ordered along
+    bool idle_ = false;                       // certainly no command is being executed
+    bool sure_ = false;                       // the next visit is expected to find the block: it may order another one
     std::uint8_t nacks_ = 0;
 };
 
-// Writes words, each one waited for and read back. What is not acknowledged is repeated every 0.5 ms, up to 100 ms a
-// word and three times at least: slow parts take 10 ms for a word, and some leave "busy" long before the word is
-// stored.
+// Writes words. Each word is written, waited for and read back. A write that is not acknowledged is repeated every 0.5
+// ms, up to 100 ms a word and at least three times: slow EEPROMs need 10 ms for a word, and some clear "busy" long
+// before the word is stored.
 //
-// The order of the words protects the slave against an end at any word. Words 0x08 and up go first, in rising order.
-// The configuration area (words 0x00–0x07, which the ESC loads at power-up) goes last: only the words that differ, and
-// in an order in which no mixture of old and new words has a right checksum (wire/sii_area.hpp). When a word of the
-// area fails, the words of the area that are written already, and the failed one, get their old values again. Only an
-// end of power or of the connection between the first and the last changed word of the area leaves a wrong checksum:
-// the ESC tells it (0x0502 bit 11) and does not load the area. No order of words avoids this: the write of a single
-// word to a right area makes its checksum wrong, unless the change has a checksum of zero.
+// The order of the words protects the slave against an interruption after any word. Words 0x08 and up are written
+// first, in rising order. The configuration area (words 0x00–0x07, which the ESC loads at power-up) is written last:
+// only the words that differ, and in an order in which no mixture of old and new words has a right checksum
+// (wire/sii_area.hpp). When a word of the area fails, this word and the words of the area written before get their old
+// values again. Only a loss of power or connection between the first and the last changed word of the area leaves a
+// wrong checksum: the ESC reports it (0x0502 bit 11) and does not load the area. No order of words avoids this: writing
+// a single word to a right area makes its checksum wrong, unless the change has a checksum of zero.
 //
-// On an error, error().index is the word that is not sure to be written, whatever the cause.
+// On any error, error().index is the word that may not be written.
 [[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data);
 
-// Takes the SII interface for the master, or offers it to the slave's PDI (which needs it for INIT to PREOP).
+// Assigns the SII interface to the master, or offers it to the slave's PDI (which needs it for INIT to PREOP).
 [[nodiscard]] Task<Result<>> sii_assign(Station station, bool to_pdi);
 
 }  // namespace margay

@@ -17,7 +17,7 @@ constexpr std::size_t kGeneralWanted = 14;        // up to the E-bus current
 constexpr std::uint32_t kIdentificationWord = 9;  // of the general category: General::identification_address
 constexpr std::size_t kBlockBytes = 8;
 
-// Picks one string out of the string category, which comes piece by piece.
+// Finds one string in the strings category, whose octets arrive in pieces.
 class StringPicker {
   public:
     explicit StringPicker(sii::StringNumber wanted) : wanted_(wanted) {}
@@ -35,7 +35,7 @@ class StringPicker {
         const auto value = std::to_integer<std::uint8_t>(octet);
         if (!counted_) {
             counted_ = true;
-            done_ = value < wanted_;  // there is no such string
+            done_ = value < wanted_;  // the SII has fewer strings
         } else if (left_ == 0) {
             left_ = value;
             ++current_;
@@ -56,13 +56,13 @@ class StringPicker {
     std::array<std::byte, 255> text_{};
 };
 
-// One slave's SII, step by step.
+// Reads the SII of one slave, step by step.
 class Contents {
   public:
     Contents(const Station& station, Slave& slave) : reader_(station), slave_(slave) {}
 
-    // Each fills its part of the slave. configuration() reports a wrong checksum, or mailboxes that cannot
-    // be, and all else is read.
+    // Each function fills its part of the slave. After configuration() reports a wrong checksum or invalid mailboxes,
+    // the other functions are still called.
     [[nodiscard]] Task<Result<>> configuration();
     [[nodiscard]] Task<Result<>> categories();
     [[nodiscard]] Task<Result<>> name();
@@ -76,7 +76,7 @@ class Contents {
     [[nodiscard]] bool found_all() const {
         return generals_ > 0 && fmmus_ > 0 && sync_managers_ > 0 && strings_.word != 0;
     }
-    // How much of a category is read when it is come upon.
+    // How many octets of a category are read.
     [[nodiscard]] static std::size_t wanted_bytes(std::uint16_t type);
     void mark(const sii::CategoryPlace& place);
     void take(const sii::CategoryPlace& place, Bytes content);
@@ -106,7 +106,7 @@ Error Contents::mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std:
     return error(fault, first_word + place.word, static_cast<std::uint32_t>(wire::kMaxDatagramData), place.bytes);
 }
 
-// A pair of mailboxes that cannot be is left out: the slave has none then.
+// Mailboxes with invalid values are not copied: the slave then has no mailbox.
 Result<> Contents::take_fixed_part(Bytes head, Bytes mailboxes) {
     slave_.identity = sii::load_identity(head.subspan(sii::kConfigurationBytes));
     const auto boxes = sii::load_mailboxes(mailboxes);
@@ -150,7 +150,7 @@ std::size_t Contents::wanted_bytes(std::uint16_t type) {
     }
 }
 
-// Notes that a category was found. Of each the first counts.
+// Counts the categories found. Only the first category of each type is used.
 void Contents::mark(const sii::CategoryPlace& place) {
     switch (place.type) {
         case sii::category::kStrings: strings_ = strings_.word == 0 ? place : strings_; break;
@@ -188,8 +188,8 @@ void Contents::take(const sii::CategoryPlace& place, Bytes content) {
     }
 }
 
-// A mailbox SyncManager of a length that no frame carries is told and has no length. (What is written into its
-// registers are the mailbox words.)
+// A mailbox SyncManager with a length that no frame can carry is reported, and its length is set to 0. (The SyncManager
+// registers are written from the mailbox words, not from this category.)
 void Contents::take_sync_managers(const sii::CategoryPlace& place, Bytes content) {
     sii::SyncManagers sms(content);
     while (const auto read = sms.next()) {
@@ -212,8 +212,8 @@ Task<Result<>> Contents::categories() {
     for (unsigned n = 0; chain.more() && !found_all(); ++n) {
         if (n == kMostCategories) co_return error(sii::Fault::no_end, chain.header_word());
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        // The first category is mostly the strings, which are not read yet; of all others the content mostly
-        // is wanted.
+        // The first category is mostly the strings category, which is not read yet. The content of the other categories
+        // is mostly wanted.
         const auto behind = n == 0 ? SiiReader::kNone : chain.header_word() + 2;
         auto read_header = co_await reader_.read(chain.header_word(), header, behind);
         if (!read_header) co_return read_header;

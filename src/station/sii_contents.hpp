@@ -1,5 +1,5 @@
-// Reads of a slave's SII what bringing it up needs, and nothing else: identity, mailboxes, the general, FMMU
-// and SyncManager categories, and of the strings only those up to the name.
+// Reads the parts of a slave's SII that the master needs to configure it: identity, mailboxes, the general, FMMU and
+// SyncManager categories, and the strings category up to the name.
 #pragma once
 
 #include "station/register_access.hpp"
@@ -9,9 +9,9 @@
 
 namespace margay {
 
-// Fills the SII part of `slave`. A wrong checksum is kept in slave.error and reading goes on; a blank or
-// contradictory EEPROM ends it with the error, and leaves out what would follow from nonsense (mailboxes,
-// SyncManagers).
+// Fills the SII part of `slave`. After a wrong checksum the reading continues, and the error is returned at the end. A
+// blank or contradictory EEPROM ends the reading with the error; the values that would follow from invalid words
+// (mailboxes, SyncManagers) are left out.
 [[nodiscard]] Task<Result<>> read_sii_contents(Station station, Slave& slave);
 
 }  // namespace margay

@@ -1,4 +1,4 @@
-// Writing the SII EEPROM: see sii_access.hpp.
+// Writes the SII EEPROM: see sii_access.hpp.
 #include "station/sii_access.hpp"
 #include "wire/sii_area.hpp"
 
@@ -11,9 +11,9 @@ namespace control = wire::sii_control;
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-constexpr Duration kWordTimeout = std::chrono::milliseconds(100);  // real parts take up to 10 ms
-constexpr Duration kPause = std::chrono::microseconds(500);        // between two looks, and after a NACK
-constexpr int kNackTries = 3;  // at least, however much time passes between two polls
+constexpr Duration kWordTimeout = std::chrono::milliseconds(100);  // real EEPROMs need up to 10 ms
+constexpr Duration kPause = std::chrono::microseconds(500);        // between two reads of the status, and after a NACK
+constexpr int kNackTries = 3;                                      // at least, whatever time passes between two polls
 
 using Word = std::array<std::byte, sii::kWordBytes>;
 
@@ -28,11 +28,11 @@ Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
     }
 }
 
-// One write command, from ready to ready. Returns the status behind it.
+// Executes one write command: waits until ready, writes, waits until ready again. Returns the status after the command.
 Task<Result<std::uint16_t>> order_write(Station station, std::uint32_t word, Word data, Time give_up) {
     auto ready = co_await wait_ready(station, give_up);
     if (!ready) co_return ready.error();
-    std::array<std::byte, 8> bytes{};  // control, address and data in one datagram: the command runs with its data
+    std::array<std::byte, 8> bytes{};  // control, address and data in one datagram, so that the command uses this data
     store_le<std::uint16_t>(bytes, 0, control::kCommandWrite | control::kWriteEnable);
     store_le<std::uint32_t>(bytes, 2, word);
     std::copy(data.begin(), data.end(), bytes.begin() + 6);
@@ -41,7 +41,7 @@ Task<Result<std::uint16_t>> order_write(Station station, std::uint32_t word, Wor
     co_return co_await wait_ready(station, give_up);
 }
 
-// Repeats the command until the EEPROM acknowledges it: it may be storing the word before.
+// Repeats the command until the EEPROM acknowledges it: the EEPROM may still be storing the previous word.
 Task<Result<>> write_until_acknowledged(Station station, std::uint32_t word, Word data) {
     const Time give_up = station.engine.now() + kWordTimeout;
     for (int tries = 1;; ++tries) {
@@ -56,7 +56,7 @@ Task<Result<>> write_until_acknowledged(Station station, std::uint32_t word, Wor
     }
 }
 
-// One word: written, waited for, read back. Each error names the word.
+// Writes one word, waits and reads it back. Each error contains the word.
 Task<Result<>> write_word(Station station, std::uint32_t word, Word data) {
     auto result = co_await write_until_acknowledged(station, word, data);
     Word back{};
@@ -88,8 +88,8 @@ bool by_eeprom(Errc code) {
            code == Errc::sii_write_denied;
 }
 
-// Undoes the first `count` writes of the plan, the last one first. A word that the EEPROM does not take does not keep
-// the others from it; where the slave itself is out of reach it ends.
+// Writes the old values of the first `count` writes of the plan, the last one first. When the EEPROM does not store a
+// word, the others are still written; when the slave itself does not answer, undo() ends.
 Task<Result<>> undo(Station station, const sii::AreaPlan& plan, std::size_t count) {
     const auto writes = plan.writes().first(count);
     for (std::size_t n = count; n-- > 0;) {
@@ -99,7 +99,7 @@ Task<Result<>> undo(Station station, const sii::AreaPlan& plan, std::size_t coun
     co_return Result<>();
 }
 
-// What of `data` (from `word` on) lies in the configuration area.
+// Writes the part of `data` (from `word` on) that is in the configuration area.
 Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
     std::array<std::byte, sii::kConfigurationBytes> old{};
     SiiReader reader(station);
@@ -119,7 +119,7 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
         auto written = co_await write_word(station, write.word, word_octets(write.after));
         if (written) continue;
         auto undone = co_await undo(station, plan, n + 1);
-        (void)undone;  // the first error is what the caller wants to know; a read shows what is there
+        (void)undone;  // the caller needs the first error; a read returns the current words
         co_return written;
     }
     co_return Result<>();

@@ -1,4 +1,5 @@
-// Configuration is borrowed: temporaries do not compile, and a hosted helper owns a copy.
+// The library borrows configuration data: passing a temporary does not compile. A helper for hosted systems owns a
+// copy.
 #include "segment/bench.hpp"
 
 #include <margay/host_configuration.hpp>
@@ -44,7 +45,7 @@ TEST_F(HostConfigurationTest, OwnsAllThatItPointsAt) {
         SlaveConfiguration config;
         config.setup = &setup;
         plan.add({.position = position}, config);
-        // All of it is spoilt before it goes away.
+        // The data are overwritten before they are destroyed.
         std::ranges::fill(data, std::byte{0xEE});
         entries.assign(2, PdoEntry{});
         setup = {};

@@ -1,5 +1,5 @@
-// The thread that owns a context, and what other threads may do. In real time: two threads cannot share a clock that
-// each of them moves; no result depends on how long anything takes.
+// The thread that owns a context, and the calls that other threads may make. These tests use real time, because two
+// threads cannot share a clock that each of them moves. No result depends on durations.
 #include "osal/linux/linux_osal.hpp"
 #include "segment/bench.hpp"
 
@@ -11,14 +11,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Counts what a thread that waits asks of the system.
+// Counts the calls of waiting threads to the Osal.
 class CountingOsal final : public Osal {
   public:
     std::atomic<int> waits_of_others{0};
     std::atomic<int> sleeps{0};
     std::atomic<int> wakes{0};
     std::atomic<Duration::rep> skipped{0};  // time that passed in jumps
-    bool jump = false;                      // a thread that sleeps lets time jump
+    bool jump = false;                      // a thread that sleeps advances the time at once
     Time now() noexcept override { return real_.now() + Duration(skipped.load()); }
     void wait(Time until, int handle) noexcept override {
         if (this_thread() != owner_) ++waits_of_others;
@@ -61,7 +61,7 @@ class Ownership : public testing::Test {
         segment.power_up(osal.now());
         ASSERT_TRUE(init(ctx, wire, osal));
     }
-    // The owner polls until `stop`, and `work` is done by another thread meanwhile.
+    // The owner polls until `stop`, while another thread executes `work`.
     template <class Work>
     void beside_the_owner(Work work) {
         std::thread other([&] {
@@ -107,7 +107,7 @@ TEST_F(Ownership, AnotherThreadTakesItOver) {
     EXPECT_TRUE(send_processdata(ctx));
 }
 
-// Every kind of request, and the calls that wait for it.
+// Every kind of request, and the calls that wait for requests.
 TEST_F(Ownership, OtherThreadsDoEverythingByRequestsWhileTheOwnerPolls) {
     beside_the_owner([&] {
         const auto count = config_init(ctx);
@@ -117,15 +117,15 @@ TEST_F(Ownership, OtherThreadsDoEverythingByRequestsWhileTheOwnerPolls) {
         EXPECT_EQ(readstate(ctx)->state, AlState::safeop);
         EXPECT_TRUE(writestate(ctx, 2, AlState::preop));
         EXPECT_EQ(statecheck(ctx, 2, AlState::preop, 2s)->state, AlState::preop);
-        EXPECT_TRUE(reconfig_slave(ctx, 2));
+        EXPECT_TRUE(reconfigure_slave(ctx, 2));
         EXPECT_TRUE(recover_slave(ctx, 1));
         std::array<std::byte, 16> words{};
-        EXPECT_TRUE(eeprom_read(ctx, 1, 8, words));
-        EXPECT_TRUE(eeprom_write(ctx, 1, 0x30, words));
+        EXPECT_TRUE(read_sii(ctx, 1, 8, words));
+        EXPECT_TRUE(write_sii(ctx, 1, 0x30, words));
         EXPECT_TRUE(read_register<std::uint16_t>(ctx, 1, 0x0130));
         EXPECT_TRUE(write_register<std::uint8_t>(ctx, 1, 0x0F80, 1));
         EXPECT_TRUE(SDOread<std::uint32_t>(ctx, 1, 0x1000, 0));
-        EXPECT_TRUE(object_description(ctx, 1, 0x1000));
+        EXPECT_TRUE(read_object_description(ctx, 1, 0x1000));
         SuperviseRequest supervision;
         ASSERT_TRUE(submit(ctx, supervision));
         EXPECT_EQ(config_init(ctx).error().code, Errc::busy);

@@ -1,4 +1,4 @@
-// Requests: which exclude each other, what cancelling one does to the others, what callbacks may do.
+// Requests: which of them exclude each other, the effect of cancelling on other requests, and what callbacks may do.
 #include "segment/bench.hpp"
 
 namespace margay {
@@ -83,7 +83,7 @@ TEST_F(Requests, TwoThatNeedTheSameSlaveFollowEachOtherAndOthersDoNotWait) {
     EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
 }
 
-// What waits for the whole segment is not passed by request after request for a slave.
+// Requests for single slaves that are submitted later do not overtake a request for the whole segment.
 TEST_F(Requests, AScanIsNotPassedByRequestsForSlavesForEver) {
     std::array<SiiReadRequest, 4> reads;
     for (auto& read : reads) {
@@ -108,7 +108,7 @@ TEST_F(Requests, CancellingOneLeavesTheOthersAlone) {
         request.timeout = 5s;
         ASSERT_TRUE(submit(ctx, name_of(request, 1)));
     }
-    requests[2].cancel();  // not even taken by poll()
+    requests[2].cancel();  // poll() has not seen it yet
     EXPECT_EQ(requests[2].error().code, Errc::canceled);
     step();
     requests[0].cancel();
@@ -255,7 +255,7 @@ TEST_F(Requests, WhatAHookMustNotIsRefusedInWords) {
     EXPECT_NE(wrong.address.find("slave 1: reading at register 0x0130"), std::string::npos) << wrong.address;
 }
 
-// A lambda that captures nothing is a hook too.
+// A lambda without captures can be a hook.
 TEST_F(Requests, ALambdaMayBeASequence) {
     ctx.slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void*) -> Task<> {
         const std::array<std::byte, 1> octet{std::byte{0x77}};

@@ -1,8 +1,8 @@
-// What a cycle costs: user instructions of send_processdata() + receive_processdata() by callgrind, frames, octets on
-// the wire and allocations. The segment is simulated until the slaves are mapped; then the NIC answers at once, so that
-// nothing but the master is counted. What the NIC and the clock of this program take is measured on its own and taken
-// off; a `bare` loop does what no master can do without: put the outputs into the frame, send, receive, look at the
-// working counter, copy the inputs.
+// Measures the cost of a cycle: user instructions of send_processdata() + receive_processdata() by callgrind, frames,
+// octets on the wire and allocations. The segment is simulated until the slaves are mapped. Then the NIC answers at
+// once, so that only the master is counted. The cost of the NIC and the clock of this program is measured separately
+// and subtracted. The `bare` loop does only what every master must do: copy the outputs to the frame, send, receive,
+// compare the working counter, copy the inputs.
 #include "common/mapped_bus.hpp"
 #include "mailbox/channel.hpp"
 #include "network/entries.hpp"
@@ -32,7 +32,7 @@ namespace {
 
 using namespace margay;
 
-// A far end that gives every frame back at once, with the working counter expected.
+// A far end that returns every frame at once, with the expected working counter.
 class EchoNic final : public Nic {
   public:
     Group* group = nullptr;
@@ -70,20 +70,22 @@ struct Bench : bench::MappedBus {
     }
 };
 
-// A hundred inputs of 16 bits, eight a slave: by handles, and by pointers that the application has worked out itself.
+// A hundred inputs of 16 bits, eight per slave, read by handles, and by pointers that the application calculated
+// itself.
 class Entries {
   public:
     static constexpr std::size_t kCount = 100;
     static constexpr std::uint32_t kSlaves = 13;
-    static constexpr std::uint32_t kOctets = 16;  // a slave, in each direction
+    static constexpr std::uint32_t kOctets = 16;  // per slave and direction
 
-    // Of slaves whose only PDO has one entry for all of its octets: the handles are bound as config_map() binds them.
+    // The only PDO of these slaves has one entry for all octets. Therefore the handles are bound here, in the same way
+    // as config_map() binds them.
     [[nodiscard]] bool find(Context& ctx) {
         Group& group = ctx.group(0);
         for (std::size_t n = 0; n < kCount; ++n) {
             const Slave& slave = ctx.slave(n / 8 + 1);
             const EntryPlace place{
-                .slave = slave.position,
+                .slave = slave.number,
                 .direction = Direction::inputs,
                 .offset_bits = slave.image.inputs.offset_bits + static_cast<std::uint32_t>(n % 8 * 16),
                 .bits = 16,
@@ -117,8 +119,8 @@ class Entries {
     std::array<const std::byte*, kCount> pointers_{};
 };
 
-// Runs that callgrind counts: `work` is "cycle", "bare", "nic" (the NIC and the clock only), or a cycle with entries
-// read by "handles" or by "pointers".
+// Executes the work that callgrind counts: `work` is "cycle", "bare", "nic" (only the NIC and the clock), or a cycle
+// with entries read by "handles" or by "pointers".
 int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in, unsigned cycles) {
     static Bench bench;
     if (!bench.start(slaves, out, in)) return 1;
@@ -164,7 +166,7 @@ int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std:
     return sum == 1 ? 2 : 0;
 }
 
-// Instructions a cycle, or negative: the difference of two runs.
+// Instructions per cycle, the difference of two runs; negative after an error.
 double count(const std::string& self, const std::string& work, std::uint32_t slaves, std::uint32_t out,
              std::uint32_t in) {
     constexpr unsigned kCycles = 1000;
@@ -183,7 +185,7 @@ double count(const std::string& self, const std::string& work, std::uint32_t sla
     return (collected[1] - collected[0]) / kCycles;
 }
 
-// What other masters need for the same, as far as somebody has counted; 0: nobody.
+// Instruction counts of other masters for the same cycle, where they are known; 0: unknown.
 unsigned known_peer(std::uint32_t slaves, std::uint32_t out) {
     if (out != 32) return 0;
     switch (slaves) {
@@ -195,16 +197,15 @@ unsigned known_peer(std::uint32_t slaves, std::uint32_t out) {
     }
 }
 
-// Upper bounds: a larger count means that something has crept into the cycle. memcpy() differs a little from machine to
-// machine.
+// Limits: a larger count means that the cycle has become more expensive. memcpy() differs a little between machines.
 struct Most {
     std::uint32_t slaves;
-    std::uint32_t octets;  // of outputs and of inputs, a slave
+    std::uint32_t octets;  // of outputs and of inputs, per slave
     double instructions;
 };
 constexpr Most kMost[] = {{1, 16, 265}, {1, 743, 450}, {100, 32, 1400}};
 
-// What the entries of a cycle take, and the cycle itself, without the NIC.
+// The instructions for the entries of a cycle, and for the cycle itself, without the NIC.
 struct EntryCost {
     double cycle = 0;
     double handles = 0;
@@ -219,7 +220,8 @@ EntryCost count_entries(const std::string& self) {
     return {cycle - cost("nic"), cost("handles") - cycle, cost("pointers") - cycle};
 }
 
-// Fails when the cycle has grown. Instructions do not depend on the machine's mood.
+// Fails when the cycle needs more instructions than the limits. Instruction counts do not depend on the load of the
+// machine.
 int check(const std::string& self) {
     if (std::system("valgrind --version >/dev/null 2>&1") != 0) {
         std::printf("no valgrind here: nothing was counted\n");
@@ -242,7 +244,7 @@ int check(const std::string& self) {
     return grown;
 }
 
-// What so many octets take at the least: one datagram a frame, frames as full as they can be.
+// The lower bound for this number of octets: one datagram per frame, and full frames.
 struct Bound {
     unsigned frames = 0;
     unsigned wire_bytes = 0;

@@ -1,6 +1,7 @@
-// How punctually a periodic task is woken: CyclicRunner beside a plain loop of clock_nanosleep, in turns within one
-// run, so that both meet the same machine. Lateness is what is told; the ratio of the 99th percentiles is the promise
-// (at most a tenth). Not a test: it depends on what else the machine does.
+// Measures the wake-up latency of a periodic task: CyclicRunner and a plain loop of clock_nanosleep, alternately
+// within one run, so that both have the same conditions. The output is the lateness. The promise is the ratio of the
+// 99th percentiles: at most a tenth. This program is not a test, because the result depends on the load of the
+// machine.
 #include "osal/duration_histogram.hpp"
 #include "osal/linux/cyclic_runner.hpp"
 

@@ -1,11 +1,10 @@
-// How many round trips, and how many cycles of a running bus, SDO reads take: of one slave, and of many slaves at the
-// same time.
+// Counts round trips, and cycles of a running bus, for SDO reads of one slave and of many slaves at the same time.
 //
-// Slaves have mailboxes of 128 octets and answer at once. Beside the bus: every burst of frames is a round trip of 100
-// µs. In the cycle: process data every millisecond, mail rides in what its frames leave and in frames of its own up to
-// the budget (GroupConfiguration::acyclic_bytes). The promise: with a budget for all of them many reads take the cycles
-// of one. The budget that a group has by default is shown beside it: mail takes more cycles then, process data none of
-// its time.
+// Slaves have mailboxes of 128 octets and answer at once. Without cycles, every burst of frames is a round trip of 100
+// µs. With cycles, process data is exchanged every millisecond. Mailbox datagrams use the free space of the cycle's
+// frames, and additional frames up to the budget (GroupConfiguration::acyclic_bytes). The promise: with a budget that
+// is sufficient for all reads, many reads need as many cycles as one read. The result with the default budget of a
+// group is printed, too: then the reads need more cycles, but process data is not delayed.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
@@ -88,7 +87,7 @@ struct Bus {
     HostContext ctx;
 };
 
-// One read of each slave, submitted at the same time.
+// One read per slave, all submitted at the same time.
 struct Reads {
     explicit Reads(Bus& b) : bus(b), requests(b.ctx.slaves().size()), values(requests.size()) {}
     void submit_all(std::uint16_t index, std::uint8_t subindex) {
@@ -122,7 +121,7 @@ Measured beside(std::size_t slaves, std::uint16_t index, std::uint8_t subindex) 
     Bus bus(slaves);
     Reads reads(bus);
     Measured measured;
-    for (int round = 0; round < 2; ++round) {  // the first one also looks what was left in the mailboxes
+    for (int round = 0; round < 2; ++round) {  // the first round also checks the mailboxes for old messages
         const LinkStatistics before = bus.ctx.statistics();
         const Time begin = bus.osal.now();
         reads.submit_all(index, subindex);
@@ -137,7 +136,7 @@ Measured beside(std::size_t slaves, std::uint16_t index, std::uint8_t subindex) 
     return measured;
 }
 
-// Cycles from submitting to the last value.
+// Cycles from submit() to the last value.
 unsigned in_cycle(std::size_t slaves, std::uint16_t index, std::uint8_t subindex, std::uint16_t budget) {
     Bus bus(slaves);
     std::vector<std::byte> process_image(8 * slaves);

@@ -1,6 +1,6 @@
-// What the master adds to a cycle on a real interface: send_processdata() + receive_processdata() beside a bare send()
-// + recv() of the same frame through the same socket, measured in turns in one run; and the system calls of a cycle,
-// counted. The far end of the cable gives frames back at once.
+// Measures the time that the master adds to a cycle on a real interface: send_processdata() + receive_processdata(),
+// compared alternately in one run with plain send() + recv() of the same frame through the same socket. Counts the
+// system calls of a cycle. The far end of the cable returns frames at once.
 //
 //   bench_roundtrip           prints medians and ratios
 //   bench_roundtrip check     fails when a cycle needs more than two system calls; measures no time
@@ -27,10 +27,10 @@ using namespace margay::bench;
 
 struct Load {
     std::uint32_t slaves;
-    std::uint32_t bytes;  // each way, of each
+    std::uint32_t bytes;  // per slave, in each direction
 };
 
-// A bus with one frame a cycle on the near end of the cable.
+// A bus with one frame per cycle at the near end of the cable.
 struct Near {
     MappedBus bus;
     PacketNic nic;
@@ -50,7 +50,7 @@ struct Near {
     [[nodiscard]] bool cycle() {
         return send_processdata(*bus.ctx).ok() && receive_processdata(*bus.ctx, std::chrono::milliseconds(20)).ok();
     }
-    // The same, by a task that has read the clock.
+    // The same, in a task that has already read the clock.
     [[nodiscard]] bool cycle(Time now) {
         return send_processdata(*bus.ctx, now).ok() &&
                receive_processdata(*bus.ctx, std::chrono::milliseconds(20)).ok();
@@ -74,7 +74,7 @@ double median(std::vector<double>& all) {
     return all[all.size() / 2];
 }
 
-// `count` times, each measured.
+// Calls `what` `count` times and measures each call.
 template <class What>
 bool measure(unsigned count, std::vector<double>& into, Osal& osal, What what) {
     for (unsigned n = 0; n < count; ++n) {
@@ -110,7 +110,7 @@ bool compare(const Load& load, std::string& why) {
     return true;
 }
 
-// System calls that a child makes between two stops of its own.
+// The number of system calls of a child process between two stops that the child makes.
 std::optional<long> calls_between_stops(pid_t child) {
     int status = 0;
     if (::waitpid(child, &status, 0) != child || !WIFSTOPPED(status)) return std::nullopt;
@@ -120,12 +120,12 @@ std::optional<long> calls_between_stops(pid_t child) {
         if (::ptrace(PTRACE_SYSCALL, child, nullptr, nullptr) != 0) return std::nullopt;
         if (::waitpid(child, &status, 0) != child || WIFEXITED(status)) return std::nullopt;
         if (!WIFSTOPPED(status)) continue;
-        if (WSTOPSIG(status) == SIGSTOP) return stops / 2;  // on its way into each and out again
+        if (WSTOPSIG(status) == SIGSTOP) return stops / 2;  // one stop at the entry of a call, one at the exit
         if (WSTOPSIG(status) == (SIGTRAP | 0x80)) ++stops;
     }
 }
 
-// So many cycles in a child that is watched; negative when that is not possible.
+// System calls for this number of cycles, counted in a traced child process; negative when tracing is not possible.
 long count_calls(const Load& load, unsigned cycles) {
     const pid_t child = ::fork();
     if (child == 0) {
@@ -145,7 +145,7 @@ long count_calls(const Load& load, unsigned cycles) {
     return calls.value_or(-1);
 }
 
-// The difference of two runs; negative when nothing could be counted.
+// System calls per cycle, the difference of two runs; negative when nothing could be counted.
 double calls_per_cycle(const Load& load) {
     constexpr unsigned kCycles = 500;
     const long once = count_calls(load, kCycles);

@@ -1,15 +1,13 @@
-// How much of the bus and of time a scan takes, beside what it must take at least.
+// Measures the bus use and the duration of a scan, and compares them with lower bounds.
 //
-// Every slave has an SII of 2 KiB. A round trip takes 100 µs, however many frames were sent back to back
-// before waiting. Two things are measured: config_init(), which reads only what it needs, and reading the
-// whole 2 KiB of all slaves at once. The bounds:
-//   time      the EEPROM's time for those blocks of 8 octets that are needed, and one round trip for each
-//   step of the scan that
-//             must wait for the one before;
-//   bus time  the datagrams that nobody can do without, in frames as full as they can be, at 80 ns an octet.
-// The round trips that could have been made in the bound's time are what the round trips made are held
-// against. The last column is the time when frames also queue on the wire, one behind the other: no target,
-// the truth of a single cable.
+// Every slave has an SII of 2 KiB. A round trip lasts 100 µs, for any number of frames that are sent together. Two
+// things are measured: config_init(), which reads only the parts that it needs, and reading the whole 2 KiB of all
+// slaves at the same time. The bounds:
+//   time      the EEPROM's time for the necessary blocks of 8 octets, and one round trip for each step of the scan that
+//             depends on the step before;
+//   bus time  the necessary datagrams, in full frames, at 80 ns per octet.
+// The measured round trips are compared with the round trips that fit into the time bound. The last column is the time
+// when frames also queue on the wire, as on a real cable. It has no target.
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/segment.hpp"
@@ -34,8 +32,8 @@ namespace sii = wire::sii;
 constexpr Duration kRoundTrip = 100us;
 constexpr std::size_t kImageBytes = 2048;
 constexpr std::size_t kBlock = 8;
-// Count, INIT twice, all in INIT?, clear, addresses, ESC information, count again, mailbox, EEPROM to PDI,
-// request, there?
+// Steps: count, INIT twice, check that all are in INIT, clear, addresses, ESC information, count again, mailbox,
+// EEPROM to PDI, request a state, check the state.
 constexpr int kSteps = 12;
 
 std::vector<std::byte> image() {
@@ -67,7 +65,7 @@ std::vector<std::byte> image() {
     return bytes;
 }
 
-// How many blocks a reader that knew everything beforehand would fetch for a scan.
+// The number of blocks that a reader with complete knowledge of the content would read for a scan.
 std::size_t needed_blocks(Bytes bytes) {
     std::vector<bool> needed(bytes.size() / 2);
     const auto mark = [&](std::size_t from, std::size_t octets) {
@@ -155,16 +153,16 @@ struct Bus {
     HostContext ctx;
 };
 
-// Octets on the wire for datagrams of so many octets in full frames.
+// The time on the wire of datagrams with this number of octets, in full frames.
 Duration bus_time(std::size_t datagram_bytes) {
     const std::size_t frames = (datagram_bytes + wire::kMaxDatagramsBytes - 1) / wire::kMaxDatagramsBytes;
     return Duration(80) *
            static_cast<std::int64_t>(datagram_bytes + frames * (wire::kFramePrefixBytes + wire::kBusOverheadBytes));
 }
 
-// What a slave needs of the bus: each block is ordered by a FPWR of 6 octets and fetched by a FPRD of 14; a
-// scan also gives it its address (2), reads its ESC (10, 2, 2, 1), sets up its mailbox (16), hands its EEPROM
-// over (1), requests a state (2) and reads it (6).
+// The octets that a slave needs on the bus. Each block is requested by a FPWR of 6 octets and read by a FPRD of 14. A
+// scan also writes the station address (2), reads ESC information (10, 2, 2, 1), configures the mailbox (16), gives
+// the EEPROM to the PDI (1), requests a state (2) and reads it (6).
 std::size_t needed_bytes(std::size_t blocks, bool whole) {
     constexpr std::size_t kOverhead = wire::kDatagramOverheadBytes;
     const std::size_t of_blocks = blocks * (2 * kOverhead + 6 + 14);
@@ -201,7 +199,7 @@ bool line(std::size_t slaves, Duration eeprom, bool whole) {
     const Measured queued = measure(slaves, eeprom, whole, true);
     const std::size_t blocks = whole ? kImageBytes / kBlock : needed_blocks(image());
     const int steps =
-        (whole ? 2 : kSteps) + 1;  // whole: the EEPROM taken back from the PDI; and the first block ordered
+        (whole ? 2 : kSteps) + 1;  // whole: the EEPROM is taken back from the PDI; plus the request of the first block
     const Duration time_bound = std::max(eeprom, kRoundTrip) * static_cast<std::int64_t>(blocks) + kRoundTrip * steps;
     const Duration bus_bound = bus_time(slaves * needed_bytes(blocks, whole));
     const double trips_bound = static_cast<double>(time_bound.count()) / static_cast<double>(kRoundTrip.count());

@@ -1,5 +1,5 @@
-// How quick the simulated segment is: datagram·slaves a second (datagrams times the slaves that each passes) and
-// allocations a frame. Fails on an allocation; the figures are for people.
+// Measures the speed of the simulated segment: datagram·slaves per second (the number of datagrams times the slaves
+// that each passes), and allocations per frame. An allocation is a failure; the speed is only printed.
 #include "sim/segment.hpp"
 #include "sim/devices.hpp"
 #include "wire/datagram.hpp"
@@ -40,7 +40,7 @@ double cpu_seconds() {
     return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-// Who takes part in a datagram at logical address 0: everybody who has the octets mapped there.
+// The slaves that take part in a datagram at logical address 0: all slaves that have mapped these octets.
 enum class Image { apart, shared };
 
 class Bench {
@@ -73,7 +73,7 @@ class Bench {
         segment_.reconsider();
     }
 
-    // Prints a line; false when something is wrong.
+    // Prints a line; returns false after an error.
     bool run(const char* title, Command command, std::size_t datagrams, unsigned expected_wkc) {
         std::array<std::byte, wire::kMaxFrameBytes> frame{};
         std::array<std::byte, wire::kMaxFrameBytes> sent{};
@@ -97,7 +97,7 @@ class Bench {
             wire::kEthernetHeaderBytes + wire::kFrameHeaderBytes + wire::kDatagramHeaderBytes + kBytes;
         const auto wkc = load_le<std::uint16_t>(frame, wkc_at);
         const auto allocated = allocations;
-        // The best of some runs, in the time that this thread had a core: others may be at work.
+        // The best of several runs, in CPU time of this thread, because other processes can be active.
         double rate = 0;
         for (int run = 0; run < 10; ++run) {
             const double begin = cpu_seconds();
@@ -128,7 +128,7 @@ class Bench {
 
 }  // namespace
 
-// One case by its number from 1, or all.
+// The case with this number (from 1), or all cases.
 int main(int argc, char** argv) {
     const int only = argc > 1 ? std::atoi(argv[1]) : 0;
     const auto wanted = [only](int n) { return only == 0 || only == n; };

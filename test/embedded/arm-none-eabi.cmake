@@ -1,4 +1,4 @@
-# Toolchain: bare Cortex-M4, nothing linked.
+# Toolchain file: Cortex-M4 without an operating system, static libraries only.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
 set(CMAKE_CXX_COMPILER arm-none-eabi-g++)

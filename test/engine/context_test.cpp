@@ -1,4 +1,4 @@
-// The context and its requests, as an application uses them, against a far end that hardly answers.
+// The context and its requests, as an application uses them, with a far end that rarely answers.
 #include "engine/scripted_nic.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 
@@ -28,7 +28,7 @@ TEST_F(ContextTest, BeforeInitEverythingIsRefusedAndNothingCrashes) {
     EXPECT_EQ(config_init(ctx).error().code, Errc::wrong_state);
     EXPECT_EQ(poll(ctx, osal.now()), kNever);
     EXPECT_TRUE(ctx.slaves().empty());
-    EXPECT_EQ(ctx.slave(1).position, 0);
+    EXPECT_EQ(ctx.slave(1).number, 0);
 }
 
 TEST_F(ContextTest, BeforeInitThereIsNothingToRead) {
@@ -41,7 +41,7 @@ TEST_F(ContextTest, BeforeInitThereIsNothingToRead) {
     EXPECT_EQ(ctx.arena_peak_bytes(), 0U);
 }
 
-// A scan's first wish is to send: it ends, and says why it could not.
+// A scan over a busy NIC ends, and its error says that nothing could be sent.
 TEST_F(ContextTest, ScanOverANicThatStaysBusyEnds) {
     ASSERT_TRUE(init(ctx, nic, osal));
     nic.answer = SendStatus::busy;
@@ -88,7 +88,7 @@ TEST_F(ContextTest, CallbackOfEventsSetBeforeInitStays) {
     EXPECT_TRUE(ctx.events().take().has_value());
 }
 
-// slave(0), before init() and after it: its image has no octets, and each of them reads as zero.
+// slave(0) and unknown slaves, before and after init(): the image has no octets, and every octet reads as zero.
 TEST_F(ContextTest, SlaveThatIsNotThereHasAnImageThatDoesNoHarm) {
     for (int round = 0; round < 2; ++round) {
         for (const std::size_t position : {std::size_t{0}, std::size_t{1}, std::size_t{99}}) {
@@ -160,7 +160,7 @@ TEST_F(ContextTest, EmptySegment) {
 TEST_F(ContextTest, RequestsAreCheckedBeforeTheyStart) {
     ASSERT_TRUE(init(ctx, nic, osal));
     std::array<std::byte, 4> data{};
-    EXPECT_EQ(eeprom_read(ctx, 1, 0, data).error().code, Errc::unknown_slave);
+    EXPECT_EQ(read_sii(ctx, 1, 0, data).error().code, Errc::unknown_slave);
     ScanRequest scan;
     ASSERT_TRUE(submit(ctx, scan));
     EXPECT_TRUE(scan.busy());

@@ -1,4 +1,4 @@
-// Errors as sentences: who, where, why.
+// Errors as sentences: slave, step, cause.
 #include <margay/error.hpp>
 
 #include <gtest/gtest.h>
@@ -31,14 +31,14 @@ TEST(Describe, NamesSlaveStepAndCause) {
             {.code = Errc::working_counter, .step = Step::assign_address, .slave = 2, .index = 0x10, .expected = 1}),
         "slave 2: assigning station addresses at register 0x0010: wrong working counter (expected 1, got 0)");
     EXPECT_EQ(sentence({.code = Errc::capacity, .step = Step::count_slaves, .expected = 100, .actual = 64}),
-              "counting slaves: out of the capacity that the application set (Limits::slaves) (needed 100, there is "
-              "room for 64)");
+              "counting slaves: the application gives too little memory for it: Limits::slaves (needed 100, there is room "
+              "for 64)");
 }
 
 TEST(Describe, EveryCodeAndStepHasWords) {
-    for (int code = 1; code <= static_cast<int>(Errc::unsupported); ++code)
+    for (int code = 1; code <= static_cast<int>(Errc::supervised); ++code)
         EXPECT_NE(to_text(static_cast<Errc>(code)), "unknown error") << code;
-    for (int step = 1; step <= static_cast<int>(Step::topology); ++step)
+    for (int step = 1; step <= static_cast<int>(Step::application_hook); ++step)
         EXPECT_FALSE(to_text(static_cast<Step>(step)).empty()) << step;
 }
 

@@ -1,5 +1,6 @@
-// How much of the arena the protocol sequences take. A frame that grows costs every user memory for every slave, so a
-// change of a size is a decision and shows up here. Sizes are those of the arena's blocks (64 octets and doublings).
+// The arena memory of the protocol sequences. A larger coroutine frame costs every user memory for every slave.
+// Therefore this test fixes the sizes, and a change of a size must be deliberate. Sizes are those of the arena's
+// blocks (64 octets and doublings).
 #include "engine/scripted_nic.hpp"
 #include "network/configure.hpp"
 #include "network/groups.hpp"
@@ -29,7 +30,7 @@ class FrameSizes : public testing::Test {
     std::vector<std::byte> memory = std::vector<std::byte>(Arena::memory_for(32 * 1024));
     Network network{nic, {slaves, marks}, slots, memory, 1};
 
-    // What a task that was just made holds of the arena.
+    // The arena memory that a new task occupies.
     template <class T>
     void expect(const char* name, std::size_t bytes, Task<T> task) {
         EXPECT_TRUE(static_cast<bool>(task));

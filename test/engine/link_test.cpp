@@ -1,4 +1,4 @@
-// The link against a far end that answers right, wrong, late, twice or not at all.
+// The link, with a far end whose answers are right, wrong, late, duplicated or missing.
 #include "engine/scripted_nic.hpp"
 #include "link/engine.hpp"
 #include "util/task.hpp"
@@ -40,7 +40,7 @@ class LinkTest : public testing::Test {
         asked.done = true;
         co_return Result<>();
     }
-    // One FPWR of all of `data`.
+    // One FPWR with `data`.
     static Task<Result<>> exchange(Engine& engine, Asked& asked, std::span<const std::byte> data) {
         Datagram datagram(engine.link(), Command::FPWR, station(0x1001, 0x1000), Bytes(data), Repeat::no);
         asked.reply = co_await datagram;
@@ -68,7 +68,7 @@ TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
 }
 
 TEST_F(LinkTest, AsManyDatagramsInAFrameAsFit) {
-    // 1498 octets of datagrams: 93 of 12 + 4 octets.
+    // 1498 octets of datagrams: 93 datagrams of 12 + 4 octets.
     std::vector<Asked> asked(100);
     std::vector<Task<Result<>>> tasks;
     for (std::uint16_t i = 0; i < 100; ++i) {
@@ -80,7 +80,7 @@ TEST_F(LinkTest, AsManyDatagramsInAFrameAsFit) {
     EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 93 * 16);
     EXPECT_EQ(nic.sent[1].size(), wire::kFramePrefixBytes + 7 * 16);
     EXPECT_EQ(counted().bursts, 1U);
-    // The second frame may come back first.
+    // The second frame can return first.
     nic.incoming.push_back(reply_to(nic.sent[1], 7));
     nic.incoming.push_back(reply_to(nic.sent[0], 9));
     poll();
@@ -157,7 +157,7 @@ TEST_F(LinkTest, LostIndexRestsEvenWhenAllOthersHaveBeenUsed) {
     }
 }
 
-// Every way in which a frame can be wrong: it is counted, dropped, and the right one still comes through.
+// Every way in which a frame can be wrong: the link counts and drops it, and still accepts the right frame.
 TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
     Asked asked;
     auto task = ask(engine, asked, station(0x1001, 0x0130));
@@ -178,13 +178,13 @@ TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
     nic.incoming = {Octets(good.begin(), good.begin() + 25), Octets(3), with(14, 0x08), with(23, 0x80)};
     poll();
     EXPECT_EQ(counted().malformed, 4U);
-    nic.incoming = {with(17, 0x77)};  // an index that nobody uses
+    nic.incoming = {with(17, 0x77)};  // an unused index
     poll();
     EXPECT_EQ(counted().unexpected, 1U);
     nic.incoming = {with(16, 0x05), with(18, 0x02), with(20, 0x20)};  // command, station, register
     poll();
     EXPECT_EQ(counted().mismatched, 3U);
-    Octets shorter = good;  // asked for four octets, answered two
+    Octets shorter = good;  // four octets requested, two returned
     shorter[14] = std::byte{0x0e};
     shorter[22] = std::byte{2};
     shorter.resize(shorter.size() - 2);
@@ -219,7 +219,7 @@ TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
     for (std::size_t length = 1; length <= 1600; ++length) {
         Octets noise(length);
         for (auto& octet : noise) octet = static_cast<std::byte>(random());
-        if (length > 16 && length % 2 == 0) {  // half of them look like EtherCAT at first sight
+        if (length > 16 && length % 2 == 0) {  // half of them begin like an EtherCAT frame
             noise[12] = std::byte{0x88};
             noise[13] = std::byte{0xa4};
             noise[15] = (noise[15] & std::byte{0x07}) | std::byte{0x10};
@@ -303,7 +303,7 @@ TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
     for (const auto& a : asked) EXPECT_TRUE(a.done);
 }
 
-// A mailbox as large as a wrong SII says it is: no frame carries 1487 octets of data.
+// A mailbox of the size in a wrong SII: no frame holds 1487 octets of data.
 TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
     for (const std::size_t bytes : {wire::kMaxDatagramData + 1, std::size_t{1487}, std::size_t{2000}}) {
         nic.sent.clear();
@@ -355,7 +355,7 @@ TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
     EXPECT_EQ(second.reply.errc, Errc::nic_busy);
     EXPECT_GE(now - start, 300ms);
     EXPECT_LE(now - start, 301ms);
-    // What comes afterwards has its own time.
+    // Later datagrams have their own timeout.
     Asked third;
     auto three = ask(engine, third, station(3, 0x0130));
     three.start();
@@ -384,7 +384,7 @@ TEST_F(LinkTest, NicThatIsBusyForSomeTimeCostsNothingButTime) {
     EXPECT_TRUE(asked.done && asked.reply.ok());
 }
 
-// A NIC that takes a frame now and then is slow, not stuck: nobody in a long queue is given up.
+// A NIC that accepts a frame now and then is slow, not stuck: no datagram in a long queue times out.
 TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
     std::vector<std::byte> more(1024 * 1024);
     Engine large(nic, slots, more);
@@ -406,7 +406,7 @@ TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
     for (const Asked& a : asked) EXPECT_TRUE(a.done && a.reply.ok());
 }
 
-// What was stuck is gone, and what comes afterwards has its whole time.
+// The stuck datagrams have ended, and later datagrams have their whole timeout.
 TEST_F(LinkTest, NewQueueDoesNotInheritTheWaitOfAnOldOne) {
     auto old = std::make_unique<Asked>();
     auto forgotten = ask(engine, *old, station(1, 0x0130));
@@ -422,7 +422,8 @@ TEST_F(LinkTest, NewQueueDoesNotInheritTheWaitOfAnOldOne) {
     EXPECT_FALSE(asked.done);
 }
 
-// A slave in the field counts up and does not mark. Where the NIC returns no own frames its replies are replies.
+// Some slaves increment the working counter without setting the mark in the source address. When the NIC hides the
+// master's own frames, such replies are accepted.
 TEST_F(LinkTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
     nic.hides_own = true;
     for (const std::uint16_t wkc : {std::uint16_t{1}, std::uint16_t{0}}) {
@@ -441,7 +442,7 @@ TEST_F(LinkTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
     EXPECT_EQ(counted().echoes + counted().unmarked, 0U);
 }
 
-// Another master on the same cable sends the same question: it has another source address.
+// Another master on the same cable sends the same datagrams, with another source address.
 TEST_F(LinkTest, FrameOfAnotherMasterIsNoUnmarkedReply) {
     nic.hides_own = true;
     Asked asked;

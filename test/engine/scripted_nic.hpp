@@ -1,4 +1,4 @@
-// A NIC whose far end is the test: it keeps what was sent, and gives what the test put in.
+// A NIC whose far end is the test: it stores the sent frames and receives the frames of the test.
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -18,7 +18,7 @@ class ScriptedNic final : public Nic {
     std::deque<Octets> incoming;
     SendStatus answer = SendStatus::sent;
     LinkState link = LinkState::up;
-    std::size_t most_frames_at_once = SIZE_MAX;  // so many are taken, the next one finds the NIC busy
+    std::size_t most_frames_at_once = SIZE_MAX;  // number of frames that the NIC accepts before it is busy
     std::size_t taken = 0;
     bool hides_own = false;
 
@@ -39,7 +39,7 @@ class ScriptedNic final : public Nic {
     bool hides_own_frames() const noexcept override { return hides_own; }
 };
 
-// What a segment makes of a frame: the mark of the first ESC, and `wkc` in every datagram.
+// The frame as a segment returns it: with the mark of the first ESC, and with `wkc` in every datagram.
 inline Octets reply_to(Octets frame, std::uint16_t wkc = 1) {
     frame[wire::kSourceMacOffset] |= wire::kPassedEscBit;
     std::vector<std::size_t> wkc_at;

@@ -1,6 +1,6 @@
-// Reading and writing the EEPROM of one slave, against a slave that is nothing but an SII interface
-// (ETG.1000.4, registers 0x0500–0x050F): busy for a time, four or eight octets at a time, with missing
-// acknowledges, lost frames, refused writes.
+// Reading and writing the EEPROM of one slave. The slave has only an SII interface (ETG.1000.4, registers
+// 0x0500–0x050F): it is busy for a time, returns four or eight octets, does not acknowledge some commands, loses
+// frames, and refuses writes.
 #include "station/sii_access.hpp"
 #include "engine/scripted_nic.hpp"
 #include "link/engine.hpp"
@@ -16,24 +16,25 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The far end: every frame is back after a fixed time, its datagrams carried out when it was sent.
+// The far end. Every frame returns after a fixed time; its datagrams are executed at the time of sending.
 class SiiSlave final : public Nic {
   public:
     Time now{1s};
     Duration round_trip = 100us;
     Duration read_time = 680us;
-    Duration write_busy = 300us;           // as recorded on an EK1100: not busy any more, and
-    Duration write_time = 3800us;          // no command is acknowledged until the word is stored
-    std::uint32_t dead_word = 0xFFFFFFFF;  // writes of it are never acknowledged
-    int lost_after_writes = -1;            // no frame comes back once so many words were written
+    Duration write_busy = 300us;  // busy time after a write command, as recorded on an EK1100
+    // Until this time after a write no command is acknowledged, because the word is being stored (same recording).
+    Duration write_time = 3800us;
+    std::uint32_t dead_word = 0xFFFFFFFF;  // writes to this word are never acknowledged
+    int lost_after_writes = -1;            // after this number of written words no frame returns
     std::vector<std::uint32_t> written;
     bool eight_bytes = true;
     bool refuses_writes = false;
     int missing_acknowledges = 0;
-    int lose_frame = -1;  // the number of a frame that does not come back
+    int lose_frame = -1;  // the number of the frame that does not return
     std::vector<std::byte> eeprom = std::vector<std::byte>(4096);
     int frames = 0;
-    std::map<std::uint32_t, int> reads;  // how often each word was asked for
+    std::map<std::uint32_t, int> reads;  // the number of reads of each word
 
     SendStatus send(std::span<const std::byte> sent) noexcept override {
         Octets frame = reply_to(Octets(sent.begin(), sent.end()), 1);
@@ -183,7 +184,7 @@ TEST_F(SiiAccess, MissingAcknowledgeIsTriedUntilATimeIsOver) {
     EXPECT_LT(took, 110ms);
 }
 
-// A program that polls rarely still gets two more tries.
+// The two retries also happen when the program polls rarely.
 TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMoreHoweverRarelyItIsPolled) {
     slave.missing_acknowledges = 2;
     SiiReader reader(station);
@@ -239,7 +240,7 @@ TEST_F(SiiAccess, ReadErrorsNameTheWordWhateverTheCause) {
     EXPECT_EQ(result.error().index, 0x40);
 }
 
-// ETG.1000.6 "Slave information interface area", words 0–7 of this slave, and others for them.
+// ETG.1000.6 "Slave information interface area": words 0–7 of this slave, and other values for them.
 class SiiAreaWrite : public SiiAccess {
   protected:
     using Area = std::array<std::byte, 16>;
@@ -270,7 +271,7 @@ TEST_F(SiiAreaWrite, WritesOnlyTheWordsThatDifferAndTheChecksumLast) {
     EXPECT_EQ(slave.written, (std::vector<std::uint32_t>{4, 7}));
 }
 
-// Whichever word fails: the old content is there again, and the error names the word.
+// When any word fails, the old content is restored, and the error names the word.
 TEST_F(SiiAreaWrite, AWordThatFailsIsNamedAndTheOldContentComesBack) {
     std::vector<std::byte> image(64);
     const Area head = area(2);
@@ -291,8 +292,8 @@ TEST_F(SiiAreaWrite, AWordThatFailsIsNamedAndTheOldContentComesBack) {
     EXPECT_EQ(now(), old) << "the area comes last";
 }
 
-// The connection or the power ends after any number of words: the old content, the new content, or a checksum that is
-// wrong and says so.
+// The connection or the power fails after any number of words. The EEPROM then has the old content, the new content,
+// or a wrong checksum.
 TEST_F(SiiAreaWrite, AnEndAtAnyWordIsOldOrNewOrSeen) {
     std::vector<std::byte> image(64);
     const Area head = area(3);
@@ -322,7 +323,7 @@ TEST_F(SiiAccess, ATimeoutOfTheWriteNamesTheWord) {
     EXPECT_EQ(result.error().index, 0x17);
 }
 
-// Slow parts: 10 ms a word.
+// Slow EEPROMs: 10 ms per word.
 TEST_F(SiiAccess, WaitsForSlowParts) {
     slave.write_time = 10ms;
     const std::array<std::byte, 8> data{std::byte{1}};

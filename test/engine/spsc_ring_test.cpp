@@ -1,4 +1,4 @@
-// The ring between two threads: order, room, and a writer that clears while the other thread reads.
+// The ring between two threads: order, capacity, and a writer that clears the ring while the other thread reads.
 #include <margay/spsc_ring.hpp>
 
 #include <gtest/gtest.h>
@@ -12,8 +12,7 @@
 namespace margay {
 namespace {
 
-// The ring against a queue that cannot be wrong: sizes that divide 2^32 and sizes that do not, far more values than
-// places.
+// The ring compared with a simple queue: sizes that divide 2^32 and other sizes, and many more values than places.
 TEST(SpscRing, KeepsTheOldestInOrderAndCountsWhatItDrops) {
     for (const std::uint32_t size : {1U, 2U, 3U, 5U, 7U, 8U, 64U, 65U}) {
         std::vector<std::uint32_t> memory(size);
@@ -69,7 +68,8 @@ TEST(SpscRing, ClearedFullRingHasAllItsRoom) {
     EXPECT_FALSE(ring.take().has_value());
 }
 
-// One thread adds and clears, the other one takes: whole values only, in order, each once, and no more than came.
+// One thread adds and clears, the other thread takes: values are complete, in order, never duplicated, and never more
+// than were added.
 TEST(SpscRing, IsClearedWhileAnotherThreadReads) {
     struct Value {
         std::uint64_t number = 0;

@@ -1,4 +1,4 @@
-// Tasks, crews, timers and the arena they live in.
+// Tasks, crews, timers and their arena.
 #include "util/task.hpp"
 #include "engine/scripted_nic.hpp"
 #include "link/engine.hpp"

@@ -1,6 +1,6 @@
-// The CoE client's reading of replies on anything. The input is a conversation: what to do, then a reply after the
-// other. Whatever a slave answers, a transfer writes nothing beyond its buffer, claims no more than it has room for,
-// composes nothing beyond a mailbox, and comes to an end after as many replies as its size allows.
+// Replies with random content for the CoE client. The input is a conversation: the request, then replies in sequence.
+// For any answers, a transfer must not write beyond its buffer, must not report more octets than its buffer has, must
+// not compose more than a mailbox holds, and must end after as many replies as its size allows.
 #include "mailbox/coe_information.hpp"
 #include "mailbox/coe_transfer.hpp"
 
@@ -18,7 +18,7 @@ void require(bool holds) {
     if (!holds) std::abort();
 }
 
-// Hands out the input, front to back.
+// Reads the input from front to back.
 class Input {
   public:
     explicit Input(Bytes data) : left_(data) {}
@@ -42,7 +42,7 @@ class Input {
 constexpr std::size_t kGuard = 16;
 constexpr std::byte kMark{0xA5};
 
-// Composes into a mailbox of `room` octets of data, with marks behind it.
+// Composes into a mailbox of `room` octets of data, and checks the marks behind it.
 void compose(MailClient& client, std::size_t room) {
     std::vector<std::byte> data(room + kGuard, kMark);
     const std::size_t bytes = client.compose(MutableBytes(data).first(room));
@@ -54,7 +54,7 @@ void compose(MailClient& client, std::size_t room) {
     require(std::equal(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(bytes), data.begin()));
 }
 
-// Gives replies until the client has enough or the input is at its end; returns how many were taken.
+// Passes replies to the client until it is finished or the input ends. Returns the number of replies.
 template <class Client>
 std::size_t converse(Client& client, Input& input, std::size_t room) {
     std::size_t taken = 0;
@@ -74,7 +74,7 @@ void upload(Input& input, std::size_t room, const SdoObject& object) {
     std::vector<std::byte> into(size + kGuard, kMark);
     SdoUploadTransfer transfer(object, MutableBytes(into).first(size));
     const std::size_t taken = converse(transfer, input, room);
-    require(taken <= size + 2);  // each segment brings something on
+    require(taken <= size + 2);  // each segment must contain data
     require(transfer.bytes() <= size);
     require(std::all_of(into.begin() + static_cast<std::ptrdiff_t>(size), into.end(),
                         [](std::byte b) { return b == kMark; }));
@@ -118,7 +118,7 @@ void information(Input& input, std::size_t room, unsigned kind) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     Input input(std::as_bytes(std::span(data, size)));
     const std::size_t what = input.octet();
-    const std::size_t room = 18 + input.octet();  // of a mailbox of 24 octets and more
+    const std::size_t room = 18 + input.octet();  // of a mailbox of 24 octets or more
     const SdoObject object{0x1018, static_cast<std::uint8_t>(what >> 7), ((what >> 6) & 1) != 0};
     switch (what % 5) {
         case 0: upload(input, room, object); break;

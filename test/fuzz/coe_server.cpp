@@ -1,4 +1,4 @@
-// The CoE server on any sequence of CoE messages.
+// The CoE server with any sequence of CoE messages.
 #include "mail_device.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

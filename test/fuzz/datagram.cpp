@@ -1,5 +1,5 @@
-// The frame reader on anything: what it returns lies within the frame, adds up to the length that the frame header
-// tells, and survives being written again.
+// The frame reader with random input: its results are inside the frame, their lengths add up to the length in the
+// frame header, and writing them again gives the same frame.
 #include "wire/datagram.hpp"
 
 #include <algorithm>
@@ -55,7 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (reader.fault() != FrameFault::none) return 0;
     require(!more && octets == load_frame_header(frame.subspan(kEthernetHeaderBytes)).length);
 
-    // What was read and written again reads the same.
+    // The rewritten frame is read with the same results.
     if (octets > kMaxDatagramsBytes) return 0;
     DatagramReader original(frame);
     DatagramReader rewritten(builder.finish());

@@ -1,4 +1,4 @@
-// The FoE server on any sequence of FoE messages, in PREOP and in BOOT.
+// The FoE server with any sequence of FoE messages, in PREOP and in BOOT.
 #include "mail_device.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

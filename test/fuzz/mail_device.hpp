@@ -1,5 +1,5 @@
-// A device with CoE, FoE and SoE over plain memory, for harnesses that throw anything at its mailbox: whatever comes,
-// each reply is a mailbox message that fits, and afterwards a proper request gets its proper reply.
+// A device with CoE, FoE and SoE over plain memory, for harnesses that write anything to its mailbox. For any input,
+// each reply must be a mailbox message that fits, and afterwards a correct request must get its correct reply.
 #pragma once
 
 #include "subdevice/mail_hand.hpp"
@@ -105,7 +105,7 @@ inline constexpr SoeParameter kParameters[] = {
 };
 static_assert(well_formed(kParameters, DriveValues::bytes));
 
-// Every other command ends at once, every third goes wrong; what is written keeps the bounds.
+// Every second command ends at once, every third fails. Written values are checked against the bounds.
 class Axis final : public SoeApplication {
   public:
     SoeError before_write(const SoeAccess& access, Bytes value) override {
@@ -166,14 +166,14 @@ class Author final : public testing::ReportingApplication<2, 3, 2> {
     std::array<std::byte, 600> vast{};
 };
 inline HookAnswer slow(const ObjectAccess& access) {
-    // Every other moment is the wrong one.
+    // Returns busy at every second moment.
     return (access.now.time_since_epoch().count() / 1'000'000) % 2 == 0 ? HookAnswer::later(access.now + 1ms)
                                                                         : HookAnswer(Abort::none);
 }
 inline HookAnswer slow_write(const ObjectAccess& access, Bytes) { return slow(access); }
 inline MutableBytes vast(const ObjectAccess& access) { return static_cast<Author*>(access.application)->vast; }
 
-// The input, octet by octet.
+// Reads the input octet by octet.
 class Input {
   public:
     Input(const std::uint8_t* data, std::size_t size) : left_(std::as_bytes(std::span(data, size))) {}
@@ -196,7 +196,7 @@ class Input {
 
 class MailDevice {
   public:
-    // `size` of both mailboxes is made out of an octet: 16 to 256.
+    // Makes the size of both mailboxes from the octet `size`: 16 to 256.
     MailDevice(std::uint8_t size, bool boot) : bytes_(static_cast<std::uint16_t>(std::max(16, (size & 0x3F) * 4 + 4))) {
         axis_.server = &soe_;
         drives_[0].restore_defaults();
@@ -216,10 +216,10 @@ class MailDevice {
         (void)device_.step(esc.time);
         esc.time += 1ms;
     }
-    // Into the receive mailbox as is, as far as it goes.
+    // Writes a message to the receive mailbox without changes, cut to the size of the mailbox.
     bool put(Bytes message) { return hand_.put({message.begin(), message.end()}); }
     bool send(wire::MailboxType type, Bytes data) { return hand_.put(hand_.message(type, data)); }
-    // What is in the send mailbox, which must make sense; empty: nothing.
+    // Reads the send mailbox and checks the message; empty when there is no message.
     Bytes fetch() {
         reply_ = hand_.fetch();
         if (reply_.empty()) return {};
@@ -240,7 +240,7 @@ class MailDevice {
         step();
         return message->data;
     }
-    // Nothing that came before keeps a proper request from its reply, without a change of state in between.
+    // After any input, a correct request must get its reply, without a state change in between.
     void must_still_work() {
         const bool boot = esc.al_status().state == AlState::boot;
         for (int idle = 0, steps = 0; idle < 4; ++steps) {
@@ -248,7 +248,7 @@ class MailDevice {
             step();
             idle = fetch().empty() ? idle + 1 : 0;
         }
-        // Reads of the type of the device, or of a file that there is not: whichever protocol the state has.
+        // Reads the device type, or a file that does not exist, depending on the protocol of the state.
         std::array<std::byte, 10> request{};
         if (boot) {
             request[0] = std::byte{1};
@@ -257,7 +257,7 @@ class MailDevice {
             request[2] = std::byte{0x40};
             wire::coe::SdoLayout::index::store(request, 0x1000);
         }
-        const std::uint8_t no_counter = 0;  // as a master that begins afresh would
+        const std::uint8_t no_counter = 0;  // as a master that starts again does
         const auto type = boot ? wire::MailboxType::foe : wire::MailboxType::coe;
         require(hand_.put(hand_.message(type, Bytes(request).first(boot ? 6 : 10), no_counter)));
         step();
@@ -297,7 +297,7 @@ class MailDevice {
     std::vector<std::byte> reply_;
 };
 
-// Messages of one protocol, each behind its length in an octet; bit 7 of it: a reply is fetched first.
+// Messages of one protocol, each after its length in an octet. Bit 7 of this octet: read a reply first.
 inline void run_protocol(wire::MailboxType type, Input input, bool boot) {
     MailDevice device(input.octet(), boot);
     while (!input.done()) {

@@ -1,5 +1,5 @@
-// The mailbox engine on anything a master may do to it: messages with any header, replies fetched or left, repeat
-// requests, changes of state, SyncManagers switched off and on.
+// The mailbox engine with anything that a master can do: messages with any header, replies that are read or not read,
+// repeat requests, state changes, SyncManagers that are disabled and enabled.
 #include "mail_device.hpp"
 
 using namespace margay;
@@ -27,7 +27,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         device.step();
     }
-    // Where it still has a mailbox nothing but reading must bring it back; a new start-up helps in any case.
+    // If the mailbox is still enabled, it must work again after reading only. After a new start-up it must work in any
+    // case.
     const auto status = device.esc.al_status();
     const bool on = device.esc.sync_manager(0).enabled() && device.esc.sync_manager(1).enabled();
     if (on && status.state != AlState::init) device.must_still_work();

@@ -1,5 +1,5 @@
-# Runs PROGRAM over its corpus and a bounded number of inputs made from it. The same inputs each time. What is found
-# newly goes to a scratch folder; an input that fails stays beside the program: add it to the corpus with the repair.
+# Runs PROGRAM with its corpus and with a bounded number of inputs derived from the corpus, the same inputs each time. New inputs
+# are written to a scratch folder. An input that fails is stored beside the program: add it to the corpus together with the fix.
 if(NOT EXISTS ${PROGRAM})
   message("SKIPPED: not built, as there is no clang++-16")
   return()

@@ -1,7 +1,7 @@
-// Any octets as frames, to a segment whose registers they may write as they like: SyncManagers over each other, FMMUs
-// past the memory, SII and clock registers. The input is frames one behind the other, each behind its length in two
-// octets; the segment has a coupler, a terminal, a device with mailbox and program, one with every feature switched
-// off, and a second way in.
+// Random octets as frames, for a segment whose registers they can write in any way: overlapping SyncManagers, FMMUs
+// beyond the memory, SII and clock registers. The input is a sequence of frames, each after its length in two octets.
+// The segment has a coupler, a terminal, a device with mailbox and program, a device with all features switched off,
+// and a second master port.
 #include "sim/segment.hpp"
 #include "sim/devices.hpp"
 #include "wire/sii_writer.hpp"
@@ -23,7 +23,7 @@ void require(bool what) {
 std::unique_ptr<sim::Segment> make_segment() {
     auto segment = std::make_unique<sim::Segment>();
     auto odd = sim::make_device("digital_out_8").value();
-    odd.chip.features = 0x0E01;  // no bits, no LRW, no read and write in one
+    odd.chip.features = 0x0E01;  // no bit operation of FMMUs, no LRW, no combined read and write
     odd.chip.fmmus = 16;
     odd.chip.sync_managers = 16;
     odd.chip.dc = sim::DcUnit::bits32;
@@ -46,7 +46,7 @@ std::unique_ptr<sim::Segment> make_segment() {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const auto segment = make_segment();
-    // As after switching on, so that every input stands for itself.
+    // The state after power-up, so that the result of an input does not depend on earlier inputs.
     static Time now{};
     for (std::uint32_t n = 0; n < segment->size(); ++n) {
         segment->set_power(n, false, now);
@@ -63,7 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const auto passage = segment->process(MutableBytes(frame).first(length), now, length & 1);
         require(!passage.returned || passage.master_port < 2);
     }
-    // Whatever was written, the segment goes on: everybody is there, and time passes.
+    // After any writes the segment still works: all slaves exist, and time passes.
     now += std::chrono::milliseconds(200);
     segment->advance(now);
     for (std::uint32_t n = 0; n < segment->size(); ++n) (void)segment->slave(n).peek(0, 0x1000);

@@ -1,6 +1,5 @@
-// The readers of the SII on anything: whatever they return lies within what they were given, they come to an
-// end, the strict check and the readers agree, and an image whose fixed part was written again reads the
-// same.
+// The readers of the SII with random input: their results are inside the input, they end, the strict check and the
+// readers agree, and a fixed part that is written again is read with the same result.
 #include "wire/sii_category.hpp"
 #include "wire/sii_check.hpp"
 
@@ -65,7 +64,7 @@ void check_categories(Bytes image) {
         require(found->content.data() == image.data() + found->place.word * std::size_t{2});
         require(within(found->content, image));
         last = found->place.word;
-        // Each reader on each content: a type is only what the image says.
+        // Each reader with each content, because the image alone decides the type.
         check_strings(found->content);
         check_pdos(found->content);
         check_entries<sii::FmmuUses>(found->content);

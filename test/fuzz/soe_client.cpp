@@ -1,6 +1,6 @@
-// The SoE client's reading of replies on anything. The input is a conversation: what to do, then a reply after the
-// other. Whatever a slave answers, a transfer writes nothing beyond its buffer, claims no more than it has room for,
-// composes nothing beyond a mailbox, and is over after as many fragments as the first one says.
+// Replies with random content for the SoE client. The input is a conversation: the request, then replies in sequence.
+// For any answers, a transfer must not write beyond its buffer, must not report more octets than its buffer has, must
+// not compose more than a mailbox holds, and must end after as many fragments as the first fragment says.
 #include "mailbox/soe_transfer.hpp"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// The SoE server on any sequence of SoE messages.
+// The SoE server with any sequence of SoE messages.
 #include "mail_device.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -1,4 +1,5 @@
-// A stranger's program on the installed package: a master and a segment of one slave with a blank EEPROM.
+// The program of another project that uses the installed package: a master and a segment of one slave with a blank
+// EEPROM.
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 #include <margay/parts/osal/virtual/virtual_osal.hpp>
@@ -23,7 +24,8 @@ int main() {
     margay::SimulatedNic nic(segment, osal);
     margay::HostContext ctx;
     if (!connected || !init(ctx, nic, osal) || margay::library_version() != margay::kVersion) return 1;
-    const auto found = config_init(ctx);  // the slave cannot go to PREOP: its EEPROM is blank, and the error names it
+    // The slave cannot go to PREOP, because its EEPROM is blank; the error names it.
+    const auto found = config_init(ctx);
     const bool named = !found && found.error().slave == 1;
     return named && ctx.slaves().size() == 1 && ctx.slave(1).station_address.value == 0x1001 ? 0 : 1;
 }

@@ -34,7 +34,7 @@ Faults readme_faults(const SourceTree& tree, const std::set<std::string>& notes)
     std::set<std::string> folders;
     for (const auto& file : tree) {
         if (file.path.find(".cpp") == std::string::npos) continue;
-        // Floors of many small rooms are told by one note: test/README.md speaks for test/wire as well.
+        // Below the other top-level folders one README.md is sufficient: test/README.md also describes test/wire.
         const auto floor = file.path.substr(0, file.path.find('/'));
         const auto folder = floor == "src" || floor == "include" ? file.path.substr(0, file.path.rfind('/')) : floor;
         if (notes.count(folder + "/README.md") == 0) folders.insert(folder);

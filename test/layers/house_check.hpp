@@ -1,5 +1,5 @@
-// The rules of the house that are neither about includes nor about identifiers: lengths, notes, what may lie
-// about.
+// House rules that concern neither includes nor identifiers: lengths of files and lines, README files, names at the
+// top level.
 #pragma once
 
 #include "layers/source_tree.hpp"
@@ -11,17 +11,17 @@ namespace margay::layers {
 inline constexpr std::size_t kMaxFileLines = 500;
 inline constexpr std::size_t kMaxColumns = 120;
 
-// Files of the library that have grown too long.
+// Library files that are too long.
 Faults length_faults(const SourceTree& tree);
 
-// Lines that are wider than a page, of all files.
+// Lines of any file that are too wide.
 Faults width_faults(const SourceTree& tree);
 
-// Folders with sources (a contract header alone is its own note) without a README.md. `notes` are the paths
-// of those there are.
+// Folders with sources but without a README.md. A folder with only a contract header needs none. `notes` are the paths
+// of the existing README files.
 Faults readme_faults(const SourceTree& tree, const std::set<std::string>& notes);
 
-// What lies at the top level and does not belong there, by the names of what lies there.
+// Names at the top level that do not belong there. `names` are the existing names.
 Faults top_level_faults(const std::set<std::string>& names);
 
 }  // namespace margay::layers

@@ -1,4 +1,4 @@
-// File lengths, a README.md in every folder, and nothing lying about at the top level.
+// File lengths, a README.md in every folder, and no unknown files at the top level.
 #include <places.hpp>
 #include "layers/house_check.hpp"
 

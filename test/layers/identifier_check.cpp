@@ -8,10 +8,11 @@ namespace margay::layers {
 namespace {
 
 struct Rule {
-    std::vector<std::string_view> words;  // a line without any of them is not looked at: regular expressions are slow
+    // A line without any of these words is skipped, because regular expressions are slow.
+    std::vector<std::string_view> words;
     std::regex form;
     const char* what;
-    const std::set<std::string>* layers;  // where it holds
+    const std::set<std::string>* layers;  // the layers in which the rule applies
 };
 
 const std::set<std::string>& core_layers() {
@@ -78,8 +79,8 @@ const std::vector<Rule>& rules() {
          std::regex(R"(\b(unique_ptr|shared_ptr|make_unique|make_shared)\b)"),
          "the heap",
          &core_layers()},
-        // Views of octets as octets or characters are no casts onto the wire; util carves memory into
-        // objects.
+        // Casts of octets to octets or characters are allowed, because they are not casts to a wire format. util
+        // builds objects in memory blocks.
         {{"reinterpret_cast"},
          std::regex(
              R"(\breinterpret_cast\s*<\s*)"
@@ -95,7 +96,7 @@ bool has_any(const std::string& line, const std::vector<std::string_view>& words
                        [&](std::string_view word) { return line.find(word) != std::string::npos; });
 }
 
-// A class may define `operator new` and `operator delete` over an arena of its own.
+// A class may define `operator new` and `operator delete` for its own arena.
 std::string without_operators(const std::string& line) {
     if (line.find("operator") == std::string::npos && line.find("delete") == std::string::npos) return line;
     static const std::regex form(R"(\boperator\s+(new|delete)\s*(\[\s*\])?|=\s*delete\b)");
@@ -107,7 +108,7 @@ std::string without_operators(const std::string& line) {
 Faults identifier_faults(const SourceTree& tree) {
     Faults faults;
     for (const auto& file : tree) {
-        if (file.path == "include/margay/host_context.hpp") continue;  // the one header that is for systems with a heap
+        if (file.path == "include/margay/host_context.hpp") continue;  // the only public header for systems with a heap
         const auto layer = layer_of(file.path);
         const auto stripped = strip(file.text);
         const auto lines = lines_of(stripped);

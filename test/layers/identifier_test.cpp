@@ -1,5 +1,5 @@
-// The core does without heap, exceptions, RTTI, clocks and streams, as far as the sources tell;
-// symbol_test.cpp asks the archives.
+// The sources of the core use no heap, exceptions, RTTI, clocks and streams. symbol_test.cpp checks the same for the
+// archives.
 #include <places.hpp>
 #include "layers/identifier_check.hpp"
 

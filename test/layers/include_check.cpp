@@ -9,7 +9,7 @@
 namespace margay::layers {
 namespace {
 
-// A folder may include itself, what stands beside it here, and what that may include in turn.
+// A folder may include itself, the folders in its row, and the folders that those may include.
 const std::map<std::string, std::vector<std::string>>& table() {
     static const std::map<std::string, std::vector<std::string>> rows = {
         {"include", {}},
@@ -52,7 +52,7 @@ bool may_include(const std::string& from, const std::string& to) {
     return reached.count(to) != 0;
 }
 
-// Headers of the standard library that need no heap, no operating system and no exceptions to be of use.
+// Headers of the standard library that are usable without a heap, an operating system and exceptions.
 const std::set<std::string>& freestanding_headers() {
     static const std::set<std::string> names = {
         "algorithm",  "array",    "atomic",   "bit",         "bitset",           "charconv", "chrono",      "climits",
@@ -63,7 +63,7 @@ const std::set<std::string>& freestanding_headers() {
     return names;
 }
 
-// "" when `header` may be taken from outside the project by `layer`, else the reason why not.
+// Returns "" when `layer` may include the external `header`, else the reason why not.
 std::string outside_fault(const std::string& layer, const std::string& header) {
     const auto begins = [&](std::string_view with) { return header.compare(0, with.size(), with) == 0; };
     const bool leaf = layer == "samples" || layer == "test";
@@ -74,19 +74,22 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
     if (begins("pcap")) return layer == "oshw/pcap" ? "" : "belongs to oshw/pcap/ only";
     if (leaf || layer == "osal/linux" || layer == "oshw/linux" || layer == "oshw/pcap") return "";
     if (freestanding_headers().count(header) != 0) return "";
-    // What is built up from a description may use containers while it is being built up.
+    // Code that builds objects from a description may use containers for this.
     static const std::set<std::string> containers = {"deque", "map", "set", "string", "vector"};
     if ((layer == "sim" || layer == "oshw/simulated") && containers.count(header) != 0) return "";
     return "needs more than core code may ask for";
 }
 
-// Public headers for systems with a heap, which nothing of the library includes.
+// Public headers for systems with a heap. The library itself includes none of them.
 bool is_hosted(const std::string& path, const std::string& header) {
+    // Two headers pick a smaller header of a certain standard library where it is there.
+    if (path == "include/margay/detail/chrono.hpp") return header == "bits/chrono.h";
+    if (path == "include/margay/detail/ranges.hpp") return header == "bits/ranges_base.h";
     return path.starts_with("include/margay/host_") && (header == "deque" || header == "vector");
 }
 
 struct Include {
-    std::size_t line;  // from 1
+    std::size_t line;  // the first is 1
     std::string name;
     bool angled;
 };
@@ -94,7 +97,7 @@ struct Include {
 std::vector<Include> includes_of(const SourceFile& file) {
     static const std::regex form(R"(^\s*#\s*include\s*([<"])([^>"]*)[>"])");
     std::vector<Include> found;
-    // Comments are taken out by looking at the stripped line first: there an include keeps its `#`.
+    // In the stripped text an include outside a comment keeps its `#`, while an include in a comment loses it.
     const auto stripped = strip(file.text);
     const auto plain = lines_of(stripped);
     const auto lines = lines_of(file.text);
@@ -115,12 +118,16 @@ std::optional<std::string> resolve(const Graph& files, const std::string& from, 
         tries.insert(tries.begin(), from.substr(0, from.rfind('/') + 1) + include.name);
         for (const auto* top : {"src/", "", "samples/", "test/"}) tries.push_back(top + include.name);
     }
+    // A user's spelling of a part: the build copies the headers of the parts below margay/parts.
+    constexpr std::string_view kParts = "margay/parts/";
+    if (include.name.starts_with(kParts))
+        for (const auto* top : {"src/", ""}) tries.push_back(top + include.name.substr(kParts.size()));
     for (const auto& path : tries)
         if (files.count(path) != 0) return path;
     return {};
 }
 
-// Depth first; `path` holds the files on the way, a file met again on it closes a circle.
+// Depth-first search. `path` holds the files on the present path; a file that occurs twice on it closes a circle.
 void find_circles(const Graph& graph, const std::string& file, std::vector<std::string>& path,
                   std::set<std::string>& done, Faults& faults) {
     if (const auto seen = std::find(path.begin(), path.end(), file); seen != path.end()) {

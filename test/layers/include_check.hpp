@@ -1,12 +1,12 @@
-// Who may include whom: the table of the architecture, as data, and the check of a tree against it.
+// The allowed includes: the table of the architecture as data, and the check of a source tree.
 #pragma once
 
 #include "layers/source_tree.hpp"
 
 namespace margay::layers {
 
-// Every include that goes upward in the house, reaches past the contract of osal or oshw, closes a circle, is
-// found nowhere, or takes a header from outside the project where that is not allowed.
+// Every include that goes to a higher layer, that bypasses the contract header of osal or oshw, that closes a circle,
+// that does not exist, or that is an external header which the layer must not use.
 Faults include_faults(const SourceTree& tree);
 
 }  // namespace margay::layers

@@ -1,4 +1,4 @@
-// The includes of the tree follow the table of layers, and the check that says so catches what it has to.
+// The includes of the project follow the table of layers, and the check detects violations.
 #include <places.hpp>
 #include "layers/include_check.hpp"
 
@@ -14,7 +14,7 @@ TEST(Includes, OfTheProjectFollowTheTable) {
     EXPECT_TRUE(faults.empty()) << joined(faults);
 }
 
-// A sound tree that each of the tests below spoils in one place.
+// A correct tree. Each test below adds one fault to it.
 SourceTree sound_tree() {
     return {
         {"include/margay/time.hpp", "#include <chrono>\n"},
@@ -77,7 +77,7 @@ TEST(Includes, CatchesEachKindOfFault) {
     };
     for (const auto& c : cases) {
         const auto faults = include_faults(with(c.file, c.include));
-        ASSERT_GE(faults.size(), 1U) << c.include;  // an upward one may close a circle as well
+        ASSERT_GE(faults.size(), 1U) << c.include;  // an include of a higher layer can also close a circle
         EXPECT_NE(faults[0].find(c.fault), std::string::npos) << c.include << joined(faults);
     }
 }

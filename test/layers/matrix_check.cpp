@@ -7,7 +7,7 @@
 namespace margay::layers {
 namespace {
 
-// "FOLDER/SUITE.TEST" of every GoogleTest there is.
+// "FOLDER/SUITE.TEST" of every GoogleTest in the tree.
 std::vector<std::string> tests_of(const SourceTree& tree) {
     static const std::regex form(R"(TEST(?:_F|_P)?\((\w+),\s*(\w+)\))");
     std::vector<std::string> names;

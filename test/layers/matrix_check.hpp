@@ -1,19 +1,18 @@
-// The support matrix of README.md and the field notes of test/README.md are held to their word: what works is proved by
-// tests that exist.
+// Checks the support matrix of README.md and the field notes of test/README.md: each claim must name tests that exist.
 #pragma once
 
 #include "layers/source_tree.hpp"
 
 namespace margay::layers {
 
-// Rows that claim `works` without naming a test, and tests that are named but not there. A name is
-// FOLDER/SUITE or FOLDER/SUITE.TEST in backticks, its end may be left open by "…"; for what is no GoogleTest
-// (install/, embedded/, clang/, fuzz/, bench_NAME) a file or folder of test/ has to stand for it. `file` is what the
-// text is of.
+// Rows that claim `works` without a test name, and named tests that do not exist. A name is FOLDER/SUITE or
+// FOLDER/SUITE.TEST in backticks; its end can be replaced by "…". For tests that are not GoogleTests (install/,
+// embedded/, clang/, fuzz/, bench_NAME) a file or folder of test/ must exist. `file` is the file of the text, for
+// messages.
 Faults matrix_faults(const std::string& text, const SourceTree& tree, const std::string& file = "README.md");
 
-// Threads of other stacks (`S#725`) that are named twice in a table, and rows with threads whose status is none of the
-// three.
+// Threads of other stacks (`S#725`) that occur twice in a table, and rows with threads whose status is none of the
+// three status words.
 Faults thread_faults(const std::string& text, const std::string& file);
 
 }  // namespace margay::layers

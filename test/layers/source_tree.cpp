@@ -11,7 +11,7 @@ namespace {
 
 bool word_character(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_'; }
 
-// Where the literal or comment that begins at `at` ends; `at` itself when none begins there.
+// The end of the literal or comment that begins at `at`; `at` itself when none begins there.
 std::size_t end_of_blank(std::string_view code, std::size_t at) {
     const auto end_or_all = [&](std::size_t found, std::size_t length) {
         return found == std::string_view::npos ? code.size() : found + length;
@@ -24,7 +24,7 @@ std::size_t end_of_blank(std::string_view code, std::size_t at) {
         const auto close = ")" + std::string(code.substr(at + 2, open - at - 2)) + "\"";
         return end_or_all(code.find(close, open), close.size());
     }
-    // A quote between digits separates them: 1'000.
+    // A quote between digits is a digit separator: 1'000.
     const bool quote = code[at] == '"' || (code[at] == '\'' && (at == 0 || !word_character(code[at - 1])));
     if (!quote) return at;
     for (auto i = at + 1; i < code.size(); ++i) {

@@ -1,4 +1,4 @@
-// What the core archives ask the linker for: no heap, no exceptions, no RTTI, no clock, no printing.
+// The undefined symbols of the core archives: no heap, no exceptions, no RTTI, no clock, no printing.
 #include <places.hpp>
 #include "layers/source_tree.hpp"
 
@@ -13,7 +13,7 @@
 namespace margay::layers {
 namespace {
 
-// The output of a command, or nothing when it could not be run.
+// The output of a command, or nothing when it could not be executed.
 std::optional<std::string> output_of(const std::string& command) {
     std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"), [](FILE* f) { return pclose(f); });
     if (!pipe) return {};
@@ -23,8 +23,7 @@ std::optional<std::string> output_of(const std::string& command) {
     return pclose(pipe.release()) == 0 ? std::optional(out) : std::nullopt;
 }
 
-// Lines of `nm -A --undefined-only` ("archive:member: U symbol") that name something the core must do
-// without.
+// Lines of `nm -A --undefined-only` ("archive:member: U symbol") with a symbol that the core must not use.
 Faults symbol_faults(const std::string& nm_output) {
     static const std::regex forbidden(
         "(malloc|calloc|realloc|free|aligned_alloc|posix_memalign|strdup"  // heap
@@ -58,7 +57,7 @@ TEST(Symbols, OfTheCoreArchives) {
 }
 
 TEST(Symbols, OfThisProgramAreCaught) {
-    // A hosted program: it uses the heap and exceptions, so the check has to find them in it.
+    // This test program uses the heap and exceptions, so the check must find them in it.
     const auto symbols = output_of("nm -A --undefined-only '" MARGAY_BIN_DIR "/test_layers'");
     ASSERT_TRUE(symbols);
     const auto all = joined(symbol_faults(*symbols));

@@ -1,4 +1,4 @@
-// Firmware by FoE in BOOT, from the wire: states, files, busy, errors, the restart with the new version.
+// Firmware by FoE in BOOT, tested by datagrams: states, files, busy, errors, the restart with the new version.
 #include "hand.hpp"
 
 #include "sim/library/bootloader.hpp"
@@ -48,7 +48,7 @@ class BootloaderTest : public testing::Test {
         }
         return opcode;
     }
-    // True when the whole file was taken.
+    // True when the slave acknowledged the whole file.
     bool write(const std::vector<std::byte>& file, std::uint32_t password = Bootloader::kPassword,
                std::string_view file_name = "firmware", std::size_t stop_after = SIZE_MAX) {
         std::vector<std::byte> reply;

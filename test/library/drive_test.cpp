@@ -1,4 +1,5 @@
-// The drive, driven as a master would: control word, set points, status word, faults. Bits and codes: IEC 61800-7-201.
+// The drive, used as a master would use it: control word, set points, status word, faults. Bits and codes: IEC
+// 61800-7-201.
 #include "hand.hpp"
 
 #include "sim/library/drive.hpp"
@@ -29,7 +30,7 @@ class DriveTest : public testing::Test {
     int actual_torque() { return hand.in<std::int16_t>(10); }
     int shown_mode() { return hand.in<std::int8_t>(12); }
     unsigned error_code() { return hand.in<std::uint16_t>(14); }
-    // The state's bits (table "State coding").
+    // The bits of the state (table "State coding").
     unsigned state() { return status() & 0x6F; }
 
     void command(unsigned word) {
@@ -48,7 +49,7 @@ class DriveTest : public testing::Test {
         ASSERT_EQ(state(), 0x27u);
         EXPECT_EQ(shown_mode(), in_mode);
     }
-    // Cycles until bits of the status word are set; the number, or `most`.
+    // Executes cycles until the bits of the status word are set. Returns their number, or `most`.
     unsigned until(unsigned bits, unsigned most) {
         unsigned n = 0;
         for (; n < most && (status() & bits) != bits; ++n) hand.cycle();
@@ -84,7 +85,7 @@ TEST_F(DriveTest, FollowsPositionsInCsp) {
     enable(8);
     const auto from = position();
     double worst = 0;
-    // Two turns in a second along a half wave, a set point a millisecond.
+    // Two turns in a second along half a cosine wave, with a set point per millisecond.
     for (int ms = 0; ms <= 1000; ++ms) {
         const double way = 2.0 * kTurn * (1 - std::cos(3.14159265358979 * ms / 1000)) / 2;
         target(from + static_cast<std::int32_t>(way));
@@ -117,7 +118,7 @@ TEST_F(DriveTest, SpeedsUpByItsInertiaInCst) {
     hand.cycle(3);
     const auto before = actual_speed();
     hand.cycle(20);
-    // A tenth of the rated torque: 480 rad/s², 76.4 turns/s², less a little friction.
+    // A tenth of the rated torque: 480 rad/s², 76.4 turns/s², minus a little friction.
     EXPECT_NEAR(actual_speed() - before, 76.4 * 0.020 * kTurn, 0.05 * kTurn);
     EXPECT_EQ(actual_torque(), 100);
 }
@@ -149,13 +150,13 @@ TEST_F(DriveTest, ProfilePositionWithHandshake) {
     target(from + 5 * kTurn);
     control(0x1F);
     hand.cycle(2);
-    EXPECT_EQ(status() & 0x1000, 0x1000u);  // taken
-    EXPECT_EQ(status() & 0x0400, 0u);       // not there
+    EXPECT_EQ(status() & 0x1000, 0x1000u);  // set point acknowledged
+    EXPECT_EQ(status() & 0x0400, 0u);       // target not reached
     control(0x0F);
     hand.cycle(2);
     EXPECT_EQ(status() & 0x1000, 0u);
-    // 5 turns at 20 turns/s, 200 turns/s² both ways: 0.1 + 0.1 s for two turns, 0.2 s for the other four … in all 0.35
-    // s.
+    // 5 turns at 20 turns/s, with 200 turns/s² in both directions: 0.1 s and one turn each for acceleration and
+    // deceleration, 0.15 s for the other three turns, 0.35 s in total.
     const auto cycles = until(0x0400, 2000);
     EXPECT_NEAR(cycles, 350, 25);
     EXPECT_NEAR(position(), from + 5 * kTurn, 1000);
@@ -220,7 +221,7 @@ TEST_F(DriveTest, SoftwareLimitsHoldTargets) {
 
 struct HomingCase {
     int method;
-    double home_turns;  // where the motor is then, from where it was counted at power-up
+    double home_turns;  // position of the motor at home, counted from power-up
 };
 class Homing : public DriveTest, public testing::WithParamInterface<HomingCase> {};
 
@@ -229,17 +230,17 @@ TEST_P(Homing, Finishes) {
     hand.download(0x607C, 0, 1000, 4);
     enable(6);
     command(0x1F);
-    const auto cycles = until(0x1400, 20'000);  // attained, target reached
+    const auto cycles = until(0x1400, 20'000);  // homing attained, target reached
     ASSERT_LT(cycles, 20'000u);
     EXPECT_EQ(status() & 0x2000, 0u);
     hand.cycle(200);
     EXPECT_NEAR(actual_speed(), 0, kTurn / 1000);
-    // Home offset is what the position reads at home; the motor stops within a fraction of a turn of it.
+    // The home offset is the position value at home. The motor stops within a fraction of a turn from home.
     EXPECT_NEAR(position(), 1000, kTurn / 20);
     const auto& motor = static_cast<Drive&>(static_cast<StackFirmware&>(hand.device()).model()).motor();
     hand.cycle();
     EXPECT_NEAR(motor.position() - position() + 1000, GetParam().home_turns * kTurn, 100);
-    // In csp afterwards the new positions count.
+    // Afterwards, csp uses the new positions.
     mode(8);
     target(kTurn);
     hand.out<std::uint16_t>(0, 0x0F);
@@ -301,7 +302,7 @@ TEST_F(DriveTest, InjectedFaultAndReset) {
     enable(9);
     speed(10 * kTurn);
     hand.cycle(200);
-    hand.download(0x2F00, 1, 0x4210, 2);  // too hot
+    hand.download(0x2F00, 1, 0x4210, 2);  // motor too hot
     hand.cycle(2);
     EXPECT_EQ(error_code(), 0x4210u);
     hand.cycle(100);

@@ -19,7 +19,7 @@ Hand::Hand(Device device) {
 }
 
 void Hand::set_sync_manager(unsigned n, std::uint16_t start, std::uint16_t length, std::uint8_t control) {
-    // While it is on its settings are not writable.
+    // The settings of an enabled SyncManager are not writable.
     rig.put<std::uint8_t>(0, static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
     std::vector<std::byte> octets(8);
     store_le<std::uint16_t>(octets, 0, start);
@@ -99,7 +99,7 @@ void Hand::tick() {
 
 void Hand::wait(Duration how_long) {
     rig.now += how_long;
-    (void)rig.read(0, reg::kAlStatus.address, 2);  // a frame takes the segment's time along
+    (void)rig.read(0, reg::kAlStatus.address, 2);  // a frame advances the time of the segment
 }
 
 void Hand::cycle(unsigned n) {

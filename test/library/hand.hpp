@@ -1,5 +1,5 @@
-// One device of the library on a segment of its own, and a master's hand that knows nothing but its SII: states,
-// process data, SDO, in virtual time.
+// One library device on a segment, and a master for it that knows only the SII of the device: states, process data,
+// SDO, in virtual time.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -31,16 +31,17 @@ class Hand {
     Esc& esc() { return rig.slave(0); }
     ProcessDataFirmware& device() { return *esc().process_data(); }
     [[nodiscard]] AlStatus status();
-    // From where it is, state by state; process data run from SAFEOP on. The status at the end.
+    // Changes the state in steps from the present state. Process data is exchanged from SAFEOP on. Returns the final
+    // status.
     AlStatus to(AlState state);
     AlStatus ask(AlState state, Duration patience = 1s, unsigned control_bits = 0);
     void configure_mailboxes(bool boot = false);
     void configure_process_data();
-    // A cycle of a millisecond: outputs out, inputs in.
+    // A cycle of a millisecond: writes the outputs, reads the inputs.
     void cycle(unsigned n = 1);
     void wait(Duration how_long);
 
-    // Mailbox messages, without header; the reply's type must be the request's.
+    // Mailbox messages without header. The type of the reply must equal the type of the request.
     bool put(wire::MailboxType type, std::vector<std::byte> data);
     struct Mail {
         wire::MailboxHeader header;
@@ -49,9 +50,9 @@ class Hand {
     std::optional<Mail> take(Duration patience = 1s);
     std::vector<std::byte> exchange(wire::MailboxType type, std::vector<std::byte> data);
 
-    // SDO, up to what one message carries, and segments for uploads.
+    // SDO transfers with the size of one message, and segmented uploads.
     std::vector<std::byte> upload(unsigned index, unsigned subindex = 0, bool complete = false);
-    std::int64_t number(unsigned index, unsigned subindex = 0);  // signed by its length
+    std::int64_t number(unsigned index, unsigned subindex = 0);  // sign-extended from its length
     void download(unsigned index, unsigned subindex, std::int64_t value, std::size_t bytes);
     Abort last_abort = Abort::none;
 
@@ -66,7 +67,7 @@ class Hand {
 
     SiiModel model;
     std::uint16_t mailbox_bytes = 0;
-    bool keep_cycling = false;  // process data run beside the mailbox
+    bool keep_cycling = false;  // cycles continue during mailbox transfers
 
   private:
     void tick();

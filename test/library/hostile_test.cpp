@@ -1,5 +1,5 @@
-// A master that writes anything anywhere: the simulation goes on, and its work for a second of simulated time stays
-// below a bound that no register and no object moves. Work is counted, not timed.
+// A master that writes any value to any register. The simulation must continue, and its work for a second of simulated
+// time must stay below a bound that does not depend on registers and objects. The test counts work, not time.
 #include "hand.hpp"
 
 #include "wire/esc.hpp"
@@ -9,7 +9,7 @@
 namespace margay::sim::test {
 namespace {
 
-constexpr std::uint64_t kMost = 1'300'000;  // Esc::work(), a second
+constexpr std::uint64_t kMost = 1'300'000;  // Esc::work() per second
 
 std::uint64_t work_of_a_second(Hand& hand) {
     const auto before = hand.esc().work();
@@ -40,7 +40,7 @@ TEST(HostileMaster, SyncCyclesOfNanosecondsAreBounded) {
     }
 }
 
-// The clock is thrown about while SYNC runs.
+// The clock is set forwards and backwards while SYNC is active.
 TEST(HostileMaster, JumpsOfTheClockAreBounded) {
     Hand hand("soe_drive");
     EXPECT_EQ(hand.to(AlState::op).state, AlState::op);
@@ -55,7 +55,7 @@ TEST(HostileMaster, JumpsOfTheClockAreBounded) {
     }
 }
 
-// Watchdogs of 80 ns, drives that are to home and interpolate in nothing.
+// For example watchdogs of 80 ns, and drives with a homing or interpolation time of zero.
 TEST(HostileMaster, AnyRegisterMayHaveAnyValue) {
     constexpr std::uint16_t kTargets[] = {0x0100, 0x0101, 0x0103, 0x0120, 0x0200, 0x0204, 0x0400, 0x0410, 0x0420,
                                           0x0500, 0x0502, 0x0504, 0x0510, 0x0600, 0x0610, 0x0800, 0x0808, 0x0810,

@@ -1,4 +1,4 @@
-// Digital and analogue devices and the encoder: what the world does to them, and what the master sees.
+// Digital and analogue devices and the encoder: their environment changes, and the master reads the effect.
 #include "hand.hpp"
 
 #include <algorithm>
@@ -48,7 +48,7 @@ TEST(DigitalIo, OutputsFallWhenOpIsLeft) {
     hand.cycle(2);
     ASSERT_EQ(hand.number(0x7000, 5), 1);
     ASSERT_EQ(hand.ask(AlState::safeop).state, AlState::safeop);
-    hand.cycle(3);  // still 0xFFFF, read but not applied
+    hand.cycle(3);  // still 0xFFFF: outputs are read but not applied
     EXPECT_EQ(hand.number(0x7000, 5), 0);
 }
 
@@ -60,7 +60,7 @@ TEST(AnalogIo, RawValuesComeThroughUntilTheyAreScaled) {
     store_le<std::int16_t>(hand.device().inputs(), 2, -1000);
     hand.cycle(2);
     EXPECT_EQ(hand.in<std::int16_t>(value_at(1)), -1000);
-    hand.download(0x8010, 0x12, 0x8000, 4);  // a half
+    hand.download(0x8010, 0x12, 0x8000, 4);  // a factor of one half
     hand.download(0x8010, 0x11, 20, 2);
     hand.download(0x8010, 1, 1, 1);
     hand.cycle(2);
@@ -100,7 +100,7 @@ TEST(AnalogIo, OutputsAreScaledToTheTerminal) {
     hand.out<std::int16_t>(2, 20000);
     hand.cycle(2);
     EXPECT_EQ(hand.number(0x9040, 1), 77);
-    EXPECT_EQ(hand.number(0x9050, 1), 32767);  // held, not wrapped
+    EXPECT_EQ(hand.number(0x9050, 1), 32767);  // limited, not wrapped
     ASSERT_EQ(hand.ask(AlState::safeop).state, AlState::safeop);
     EXPECT_EQ(hand.number(0x9040, 1), 0);
 }
@@ -140,9 +140,9 @@ TEST_F(EncoderTest, LongTurningLosesNothing) {
     hand.cycle(2);
     const auto start = counter();
     hand.keep_cycling = false;
-    hand.rig.now += std::chrono::minutes(5);  // the watchdog takes OP away meanwhile
+    hand.rig.now += std::chrono::minutes(5);  // meanwhile the watchdog changes OP to SAFEOP
     hand.cycle(3);
-    // 5 minutes, and 3 ms less what the last two cycles had of it already.
+    // 5 minutes, plus 3 ms minus the time that the last two cycles have already counted.
     const std::uint64_t turned = 300u * 100'000'003ull;
     const auto counted = counter() - start;
     EXPECT_NEAR(static_cast<double>(static_cast<std::uint32_t>(counted - static_cast<std::uint32_t>(turned))), 300'000,
@@ -164,7 +164,7 @@ TEST_F(EncoderTest, LatchesTheFirstIndexPulse) {
     hand.out<std::uint8_t>(0, 0x01);
     hand.cycle(2);
     EXPECT_EQ(flags() & 0x01, 0);
-    turn(40'960);  // ten turns a second
+    turn(40'960);  // ten turns per second
     hand.cycle(150);
     EXPECT_EQ(flags() & 0x01, 0x01);
     EXPECT_EQ(latched(), 4096u);
@@ -184,7 +184,7 @@ TEST_F(EncoderTest, LatchesTheFirstIndexPulse) {
 TEST_F(EncoderTest, LatchInputTellsThePositionAtTheEdge) {
     constexpr std::uint8_t kLatch0IsThePdis = 0x10;
     hand.rig.put<std::uint8_t>(0, reg::kCyclicUnitControl.address, kLatch0IsThePdis);
-    turn(1'000'000);  // a count a microsecond
+    turn(1'000'000);  // one count per microsecond
     hand.out<std::uint8_t>(0, 0x02);
     hand.cycle(5);
     const auto before = counter();
@@ -193,7 +193,7 @@ TEST_F(EncoderTest, LatchInputTellsThePositionAtTheEdge) {
     hand.rig.segment.reconsider();
     hand.cycle(2);
     ASSERT_EQ(flags() & 0x02, 0x02);
-    // Inputs of a cycle are those of the millisecond before.
+    // The inputs of a cycle come from the millisecond before.
     EXPECT_GT(latched(), before);
     EXPECT_LT(latched() - before, 1000u + 500u);
     const auto first = latched();

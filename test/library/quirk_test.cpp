@@ -1,4 +1,4 @@
-// Each manner of the odd device shows from the wire.
+// Each quirk of the odd device is visible in its answers to datagrams.
 #include "hand.hpp"
 
 #include "sim/library/quirks.hpp"
@@ -32,7 +32,7 @@ unsigned command_of(const Hand::Mail& mail) {
     return mail.data.size() > 2 ? std::to_integer<unsigned>(mail.data[2]) : 0;
 }
 
-// In PREOP, with these manners.
+// The odd device in PREOP, with these quirks.
 struct Odd : Hand {
     explicit Odd(std::initializer_list<std::string_view> names) : Hand(odd(names)) {
         EXPECT_EQ(to(AlState::preop), (AlStatus{AlState::preop, false, 0}));

@@ -1,4 +1,5 @@
-// The SoE drive, driven as a master would: parameters, control and status words, procedure commands. IEC 61800-7-204.
+// The SoE drive, used as a master would use it: parameters, control and status words, procedure commands. IEC
+// 61800-7-204.
 #include "hand.hpp"
 
 #include "wire/soe.hpp"
@@ -83,7 +84,7 @@ class SoeDriveTest : public testing::Test {
         return mail ? mail->data : Octets{};
     }
     soe::ErrorCode last{};
-    std::vector<Octets> told;  // what came unasked
+    std::vector<Octets> told;  // notifications
 };
 
 TEST_F(SoeDriveTest, TellsWhatItIs) {
@@ -98,7 +99,7 @@ TEST_F(SoeDriveTest, TellsWhatItIs) {
     EXPECT_EQ(last, soe::ErrorCode::invalid_drive);
     EXPECT_EQ(write(0, 24, octets({2, 0, 0, 0, 51, 0})), soe::ErrorCode::value_invalid);
     EXPECT_EQ(message(0), "ready");
-    // A CoE request: it has none.
+    // A CoE request: the device has no CoE.
     Octets sdo(wire::coe::kSdoBytes);
     wire::coe::store_header(sdo, {0, wire::coe::Service::sdo_request});
     ASSERT_TRUE(hand.put(wire::MailboxType::coe, sdo));
@@ -108,7 +109,7 @@ TEST_F(SoeDriveTest, TellsWhatItIs) {
 TEST_F(SoeDriveTest, FollowsPositionsOnBothAxes) {
     ASSERT_EQ(hand.to(AlState::op).state, AlState::op);
     hand.cycle(2);
-    EXPECT_EQ(status(0) & 0xC000, 0x8000U);  // power is there, no torque
+    EXPECT_EQ(status(0) & 0xC000, 0x8000U);  // power on, no torque
     EXPECT_EQ(position(1) - position(0), kTurn);
     const std::int32_t from = position(0);
     enable(0);
@@ -116,12 +117,13 @@ TEST_F(SoeDriveTest, FollowsPositionsOnBothAxes) {
     hand.cycle(50);
     EXPECT_NEAR(position(0), from + 2 * kTurn, kTurn / 1000);
     EXPECT_EQ(status(1) & 0xC000, 0x8000U);
-    EXPECT_EQ(position(1) - from, kTurn);  // the other one stands
+    EXPECT_EQ(position(1) - from, kTurn);  // the other axis does not move
     hand.keep_cycling = true;
     EXPECT_EQ(write(0, 47, octets({1, 0, 0, 0})), soe::ErrorCode::value_cyclic);
     EXPECT_EQ(write(0, 16, octets({0, 0, 0, 0})), soe::ErrorCode::value_protected);
     EXPECT_EQ(message(0), "torque on");
-    // Halt stops in order, on again goes on from there; without the enable bit it is free at once.
+    // Halt stops with a ramp, and clearing it continues the movement. Without the enable bit the axis is without
+    // torque at once.
     control(0, 0xC000);
     hand.cycle(20);
     EXPECT_EQ(status(0) & 0xC008, 0xC000U);
@@ -138,7 +140,7 @@ TEST_F(SoeDriveTest, ModesAndTelegramsByParameters) {
     EXPECT_EQ(write(1, 16, octets({4, 0, 0, 0, 84, 0, 135, 0})), soe::ErrorCode::none);
     EXPECT_EQ(write(1, 32, octets({1, 0})), soe::ErrorCode::none);
     EXPECT_EQ(write(1, 32, octets({4, 0})), soe::ErrorCode::value_too_large);
-    // Axis 0: 6 octets each way; axis 1: 4 and 4. The SII's lengths are refused.
+    // Axis 0: 6 octets each way; axis 1: 4 and 4. The lengths in the SII are refused.
     EXPECT_EQ(hand.ask(AlState::safeop).state, AlState::preop);
 }
 
@@ -154,7 +156,7 @@ TEST_F(SoeDriveTest, HomesAndTellsIt) {
     EXPECT_EQ(next(3s), octets({0x05, 0x01, 148, 0, 3, 0}));  // the notification
     EXPECT_EQ(read(0, 148, soe_element::kDataState), octets({3, 0}));
     hand.cycle(100);
-    EXPECT_LT(std::abs(position(0)), kTurn / 10);  // zero is where the index pulse was
+    EXPECT_LT(std::abs(position(0)), kTurn / 10);  // zero is the position of the index pulse
     target(0, position(0));
     hand.cycle(2);
     EXPECT_EQ(write(0, 148, octets({0, 0})), soe::ErrorCode::none);
@@ -168,7 +170,7 @@ TEST_F(SoeDriveTest, FaultsAreToldAndReset) {
     hand.keep_cycling = true;
     hand.cycle(2);
     enable(1);
-    target(1, position(1) + 10 * kTurn);  // at once
+    target(1, position(1) + 10 * kTurn);  // without a ramp
     EXPECT_EQ(next(2s), octets({0x26, 0x00, 0, 0, 0x00, 0x08}));
     hand.cycle(2);
     EXPECT_EQ(number(1, 11), 0x0800);
@@ -194,7 +196,7 @@ TEST_F(SoeDriveTest, AMasterThatGoesAwayStopsIt) {
     EXPECT_EQ(number(0, 11), 0x1000);
     EXPECT_EQ(message(0), "communication lost");
     EXPECT_EQ(told, (std::vector<Octets>{octets({0x06, 0x00, 0, 0, 0x00, 0x10})}));
-    EXPECT_EQ(number(1, 11), 0);  // it had no torque
+    EXPECT_EQ(number(1, 11), 0);  // the axis had no torque
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The CoE conversations that a real drive had with another master (soem-sdinfo-akd.pcapng), held again with our client:
-// it asks the same questions octet by octet, gets the drive's answers octet by octet, and finds the values that tshark
+// Repeats the CoE conversations of a real drive with another master (soem-sdinfo-akd.pcapng), with our client. The
+// client sends the same requests octet by octet, receives the recorded replies, and finds the values that tshark
 // prints.
 #include <places.hpp>
 #include "mailbox/mailbox_bus.hpp"
@@ -15,12 +15,12 @@ namespace margay {
 namespace {
 
 struct Conversation {
-    std::uint64_t frame = 0;  // of the reply, as Wireshark counts
+    std::uint64_t frame = 0;  // frame of the reply, as Wireshark counts
     Mail request;
     Mail reply;
 };
 
-// Messages of type CoE that slaves took and gave: mailbox reads and writes with working counter 1.
+// CoE messages that were written to and read from slaves: mailbox datagrams with working counter 1.
 std::vector<Conversation> conversations(const CaptureFile& file) {
     std::vector<Conversation> all;
     Mail asked;
@@ -51,7 +51,7 @@ struct Printed {
     std::uint64_t value = 0;
 };
 
-// What Wireshark makes of the SDO responses.
+// The SDO responses as Wireshark decodes them.
 std::vector<Printed> printed(const std::string& path) {
     const std::string command =
         "tshark -n -r '" + path +
@@ -88,7 +88,7 @@ TEST(MailboxCapture, TheDrivesConversationsGiveTheValuesThatTsharkPrints) {
     bus.start();
     std::size_t n = 0;
     slave.on_mail = [&](const Mail& mail) {
-        // From the CoE header on: the mailbox counter is ours.
+        // Compared from the CoE header on, because the mailbox counter can differ.
         EXPECT_EQ(Mail(mail.begin() + 6, mail.end()), Mail(all[n].request.begin() + 6, all[n].request.end()))
             << "before frame " << all[n].frame;
         slave.put(all[n].reply);

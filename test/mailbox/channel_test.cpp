@@ -1,5 +1,5 @@
-// The mailbox channel against a mailbox whose every octet the test writes. ETG.1000.4 "Mailbox" (header, counter,
-// repeat), ETG.1000.6 table "Mailbox error reply"; the behaviour of real slaves from the field notes (mailbox).
+// The mailbox channel with a mailbox for which the test writes every octet. ETG.1000.4 "Mailbox" (header, counter,
+// repeat), ETG.1000.6 table "Mailbox error reply". The behaviour of real slaves comes from the field notes (mailbox).
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -7,7 +7,7 @@ namespace {
 
 using wire::MailboxType;
 
-// An expedited upload response of two octets: 06 7F stands for the index 0x7F06 … little-endian as on the wire.
+// An expedited upload response of two octets. The index is little-endian: 06 7F is index 0x7F06.
 Mail two_octets(unsigned index_low, unsigned index_high, unsigned subindex, unsigned low, unsigned high) {
     return mail_bytes({0x00, 0x30, 0x4B, index_low, index_high, subindex, low, high, 0x00, 0x00});
 }
@@ -48,7 +48,7 @@ TEST_F(ChannelTest, CountersRunFromOneToSevenWhateverTheSlaveCounts) {
     unsigned answers = 0;
     slave.on_mail = [&](const Mail&) {
         Mail mail = mail_bytes({0x0A, 0x00, 0x00, 0x00, 0x00, 0x03});
-        mail[5] |= static_cast<std::byte>((answers++ % 3 == 0 ? 0 : 5) << 4);  // none, five, five, none …
+        mail[5] |= static_cast<std::byte>((answers++ % 3 == 0 ? 0 : 5) << 4);  // counters 0, 5, 5, 0 …
         const auto data = two_octets(0x00, 0x20, 0x00, answers, 0x00);
         mail.insert(mail.end(), data.begin(), data.end());
         slave.put(mail);
@@ -63,7 +63,7 @@ TEST_F(ChannelTest, CountersRunFromOneToSevenWhateverTheSlaveCounts) {
 
 TEST_F(ChannelTest, WhatAnEarlierMasterLeftIsDrainedFirst) {
     start();
-    // A reply of the same object, left from before: it must not be taken for ours.
+    // An old reply of the same object: it must not be accepted for the new request.
     slave.reply(two_octets(0x00, 0x20, 0x00, 0xAA, 0xAA));
     slave.reply(two_octets(0x00, 0x20, 0x00, 0xBB, 0xBB));
     slave.on_mail = [&](const Mail&) { slave.reply(two_octets(0x00, 0x20, 0x00, 0x11, 0x22)); };
@@ -113,7 +113,7 @@ TEST_F(ChannelTest, MailThatNobodyWaitsForIsFoundByTheWatch) {
     start();
     slave.reply({0x00, 0x10, 0x10, 0x23, 0x01, 0, 0, 0, 0, 0});
     bus.idle(50ms);
-    EXPECT_FALSE(emergencies(*bus.ctx, 1).take().has_value());  // nobody looks
+    EXPECT_FALSE(emergencies(*bus.ctx, 1).take().has_value());  // nobody reads the mailbox
     (void)watch_mailboxes(*bus.ctx, 5ms);
     bus.idle(20ms);
     const auto emergency = emergencies(*bus.ctx, 1).take();
@@ -121,7 +121,7 @@ TEST_F(ChannelTest, MailThatNobodyWaitsForIsFoundByTheWatch) {
     EXPECT_EQ(emergency->code, 0x2310);
     const auto before = bus.ctx->statistics().datagrams_sent;
     bus.idle(100ms);
-    EXPECT_LE(bus.ctx->statistics().datagrams_sent - before, 21U);  // one datagram each time
+    EXPECT_LE(bus.ctx->statistics().datagrams_sent - before, 21U);  // one datagram per check
     (void)watch_mailboxes(*bus.ctx, 0ms);
     bus.idle(10ms);
     const auto after = bus.ctx->statistics().datagrams_sent;
@@ -152,7 +152,7 @@ TEST_F(ChannelTest, SilenceEndsInATimeoutAndALateReplyIsNotTakenForTheNext) {
     EXPECT_EQ(request.error().code, Errc::timeout);
     EXPECT_EQ(request.error().index, 0x2000);
     EXPECT_LT(bus.osal.now() - begin, 55ms);
-    // The same object again: its reply looks the same as the late one, so the channel waits for that first.
+    // The same object again: its reply looks like the late reply, so the channel waits for the late reply first.
     submit_upload(0x2000, 500ms);
     bus.run(request);
     EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
@@ -167,7 +167,7 @@ TEST_F(ChannelTest, ASlaveThatNeverAnswersBlocksNobodyForLong) {
         bus.run(request);
         EXPECT_EQ(request.error().code, Errc::timeout);
     }
-    EXPECT_EQ(slave.received.size(), 3U);  // each has been sent
+    EXPECT_EQ(slave.received.size(), 3U);  // each request was sent
 }
 
 TEST_F(ChannelTest, CanceledRequestLeavesTheChannelClean) {
@@ -175,7 +175,7 @@ TEST_F(ChannelTest, CanceledRequestLeavesTheChannelClean) {
     slave.on_mail = [&](const Mail& mail) {
         slave.reply(two_octets(std::to_integer<unsigned>(mail[9]), 0x20, 0x00, std::to_integer<unsigned>(mail[9]), 0));
     };
-    // Given up at every moment of the exchange, then another object, and the same one.
+    // Cancelled at every moment of the exchange; then another object is read, and the same object.
     for (int polls = 0; polls < 12; ++polls) {
         submit_upload(0x2000);
         for (int n = 0; n < polls && request.busy(); ++n) bus.step();
@@ -204,7 +204,7 @@ TEST_F(ChannelTest, ACanceledSegmentedTransferIsAbortedAtTheSlave) {
     request.index = 0x2000;
     request.data = into;
     ASSERT_TRUE(submit(*bus.ctx, request).ok());
-    while (slave.received.size() < 3) bus.step();  // the second segment is asked for: no reply
+    while (slave.received.size() < 3) bus.step();  // the second segment is requested and gets no reply
     request.cancel();
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2042, 0), 0x42);
     ASSERT_EQ(slave.received.size(), 5U);
@@ -217,7 +217,7 @@ TEST_F(ChannelTest, AFullMailboxIsWaitedForAndNamed) {
     start();
     slave.takes = false;
     submit_upload(0x2000, 100ms);
-    bus.run(request);  // it is in the mailbox, nobody fetches it
+    bus.run(request);  // the message is in the mailbox, and the slave does not read it
     EXPECT_EQ(request.error().code, Errc::timeout);
     submit_upload(0x2001, 150ms);
     bus.run(request);
@@ -250,7 +250,8 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     start();
     slave.on_mail = [&](const Mail&) { slave.reply(two_octets(0x00, 0x20, 0x00, 0x34, 0x12)); };
     EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
-    // A request takes three frames here: the message, a look, the reply; whose frame is the last.
+    // A request needs three frames here: the message, a check of the mailbox, and the reply. The reply is in the last
+    // frame.
     const auto sent = bus.nic->sent;
     EXPECT_TRUE(SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0).ok());
     bus.nic->lose_in.insert(bus.nic->sent + (bus.nic->sent - sent) - 1);
@@ -263,8 +264,8 @@ TEST_F(ChannelTest, ALostReplyIsAskedForByTheToggleAndNothingIsWrittenTwice) {
     EXPECT_EQ(statistics().resent, 0U);
 }
 
-// At every frame of an exchange, a slave that does not count its messages: its replies cannot be told apart, and still
-// none is lost or taken twice.
+// A slave without message counters, with a loss of every frame of an exchange in turn. The replies cannot be
+// distinguished, but no reply is lost or accepted twice.
 TEST_F(ChannelTest, ASlaveThatDoesNotCountLosesNothingEither) {
     start();
     slave.counts = false;
@@ -302,8 +303,8 @@ TEST_F(ChannelTest, AFloodOfOtherMailEndsInATimeoutAndBoundedMemory) {
     EXPECT_EQ(ring.dropped(), ring.count() - Limits{}.emergencies);
 }
 
-// One that acknowledges the repeat request and leaves its mailbox empty, and one that does not know repeat requests:
-// the whole question is asked again, by a new message.
+// A slave that acknowledges the repeat request and leaves its mailbox empty, and a slave that does not support repeat
+// requests: the request is sent again in a new message.
 TEST_F(ChannelTest, AReplyThatIsLostForGoodIsAskedForAgain) {
     start();
     slave.on_mail = [&](const Mail& mail) {
@@ -329,7 +330,7 @@ TEST_F(ChannelTest, AReplyThatIsLostForGoodIsAskedForAgain) {
     EXPECT_EQ(slave.repeat_requests, 1U);
 }
 
-// Each reply is lost: the error says so, in bounded time.
+// Every reply is lost: the request ends with an error in bounded time.
 TEST_F(ChannelTest, AReplyThatIsLostAgainAndAgainEndsTheRequest) {
     start();
     slave.forgets = true;
@@ -360,7 +361,8 @@ TEST_F(ChannelTest, PrioritiesGoFirstAndStarveNobody) {
         requests[n].slave = 1;
         requests[n].index = static_cast<std::uint16_t>(0x2000 + n);
         requests[n].data = into;
-        requests[n].priority = n < 2 ? 0 : n % 2 == 0 ? 3 : 2;  // two low ones first, then high and less high in turn
+        // Two requests with low priority first, then requests with high and less high priority alternately.
+        requests[n].priority = n < 2 ? 0 : n % 2 == 0 ? 3 : 2;
         ASSERT_TRUE(submit(*bus.ctx, requests[n]).ok());
     }
     for (const auto& r : requests) bus.run(r);
@@ -369,10 +371,11 @@ TEST_F(ChannelTest, PrioritiesGoFirstAndStarveNobody) {
     EXPECT_LT(place(2), place(3));
     EXPECT_LT(place(4), place(3));
     EXPECT_LT(place(2), place(0));
-    // The low ones were passed over eight times before they began and eight times at the channel, and no more.
+    // The requests with low priority were overtaken eight times before they began and eight times at the channel, not
+    // more often.
     EXPECT_GE(place(0), 8);
     EXPECT_LE(place(1), 18);
-    EXPECT_LT(place(4), place(6));  // equals in the order they came
+    EXPECT_LT(place(4), place(6));  // requests of equal priority keep their order
 }
 
 TEST_F(ChannelTest, MailboxesThatAreTooSmallOrNotThereAreTold) {
@@ -391,15 +394,15 @@ TEST(ChannelRouting, MailFromSlaveToSlaveIsHandedOn) {
     const auto address = [&](std::uint16_t n) { return bus.ctx->slave(n).station_address.value; };
     one.on_mail = [&](const Mail&) {
         one.reply(mail_bytes({9, 8, 7, 6, 5, 4, 3}), MailboxType::voe, address(2));  // for slave 2
-        one.reply(mail_bytes({1, 1, 1, 1}), MailboxType::voe, 0x4444);               // for nobody
+        one.reply(mail_bytes({1, 1, 1, 1}), MailboxType::voe, 0x4444);               // for no slave
         one.reply(two_octets(0x00, 0x20, 0x00, 5, 0), MailboxType::coe,
-                  address(1));  // its own address where the master's belongs
+                  address(1));  // the slave's own address in place of the master's address
     };
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0), 5);
     bus.idle(5ms);
     ASSERT_EQ(two.received.size(), 1U);
     const auto header = wire::load_mailbox_header(two.received[0]);
-    EXPECT_EQ(header.address, address(1));  // of the sender
+    EXPECT_EQ(header.address, address(1));  // address of the sender
     EXPECT_EQ(header.type, MailboxType::voe);
     EXPECT_EQ(header.counter, 1);
     EXPECT_EQ(Mail(two.received[0].begin() + 6, two.received[0].end()), mail_bytes({9, 8, 7, 6, 5, 4, 3}));
@@ -440,7 +443,7 @@ TEST(ChannelRouting, MailForAMailboxThatIsFullIsDroppedInBoundedTime) {
     one.on_mail = [&](const Mail&) { one.reply(two_octets(0x00, 0x20, 0x00, 5, 0)); };
     EXPECT_EQ(*SDOread<std::uint16_t>(*bus.ctx, 1, 0x2000, 0), 5);
     bus.idle(3s);
-    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->undeliverable, 19U);  // one is in the mailbox
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->undeliverable, 19U);  // one message is in the mailbox
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // Complete access and its fallback, PDOs by the dictionary, SDO information, PDOs by mailbox.
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 #include <map>
@@ -23,13 +24,13 @@ TEST(CompleteAccess, ReadsAndWritesWholeObjects) {
     EXPECT_EQ(load_le<std::uint32_t>(memory), 0x4D47U);
 }
 
-// The same slave twice, one with complete access and one that refuses it: both give the same octets.
+// The same slave twice, with complete access and without it: both return the same octets.
 TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     MailboxBus bus;
     bus.add_stack(128, true);
     bus.add_stack(128, false);
     bus.start();
-    bus.ctx->slave(2).coe_details |= coe_detail::kCompleteAccess;  // advertised all the same
+    facts(bus.ctx->slave(2)).coe_details |= coe_detail::kCompleteAccess;  // advertised although it is refused
     for (const std::uint16_t index : std::initializer_list<std::uint16_t>{0x1018, 0x1C00, 0x1C12, 0x1600, 0x1A00}) {
         for (const std::uint8_t subindex : std::initializer_list<std::uint8_t>{0, 1}) {
             std::array<std::byte, 64> whole{};
@@ -38,12 +39,12 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
             const auto second = SDOread(*bus.ctx, 2, index, subindex, true, singly);
             ASSERT_TRUE(first.ok()) << bus.words(first.error());
             ASSERT_TRUE(second.ok()) << bus.words(second.error());
-            EXPECT_LE(*second, *first);  // a complete access gives unused places of a list as well
+            EXPECT_LE(*second, *first);  // a complete access also returns unused subindices of a list
             EXPECT_TRUE(std::equal(singly.begin(), singly.begin() + static_cast<long>(*second), whole.begin()))
                 << std::hex << index;
         }
     }
-    // It is not asked again: as many messages as subindices.
+    // Complete access is not tried again: the number of messages equals the number of subindices.
     const auto before = mailbox_statistics(*bus.ctx, 2)->sent;
     std::array<std::byte, 64> memory{};
     EXPECT_TRUE(SDOread(*bus.ctx, 2, 0x1018, 0, true, memory).ok());
@@ -51,7 +52,7 @@ TEST(CompleteAccess, FallsBackToSingleSubindicesAndRemembersIt) {
     std::array<std::byte, 4> little{};
     const auto too_long = SDOread(*bus.ctx, 2, 0x1018, 0, true, little);
     EXPECT_EQ(too_long.error().code, Errc::capacity);
-    // What is not there is not there, however it is asked for.
+    // A missing object gives the same abort code with both forms of access.
     EXPECT_EQ(SDOread(*bus.ctx, 2, 0x3000, 0, true, memory).error().detail, 0x06020000U);
 }
 
@@ -83,7 +84,7 @@ TEST(CompleteAccess, AnAssignmentIsZeroedFirstAndItsCountWrittenLast) {
     EXPECT_EQ(writes, expected);
     writes.clear();
     EXPECT_TRUE(SDOwrite(*bus.ctx, 1, 0x1C12, 0, true, value).ok());
-    EXPECT_EQ(writes, expected);  // remembered
+    EXPECT_EQ(writes, expected);  // the refusal was remembered
 }
 
 TEST(CompleteAccess, OtherObjectsAreCutByTheSizesThatTheirValuesHave) {
@@ -91,7 +92,7 @@ TEST(CompleteAccess, OtherObjectsAreCutByTheSizesThatTheirValuesHave) {
     auto& slave = bus.add_stack(128, false);
     bus.start();
     std::array<std::byte, 8> values{};
-    // 0x7000: UNSIGNED8, INTEGER16, two bits in an octet each; subindex 0 is read-only and 4.
+    // 0x7000: UNSIGNED8, INTEGER16, two bits in an octet each. Subindex 0 is read-only and has the value 4.
     const Mail value = mail_bytes({4, 0, 0x77, 0x34, 0x12, 1, 0});
     const auto done = SDOwrite(*bus.ctx, 1, 0x7000, 0, true, value);
     ASSERT_TRUE(done.ok()) << bus.words(done.error());
@@ -109,7 +110,7 @@ TEST(PdoDiscovery, FollowsTheDictionaryNotTheSii) {
         MailboxBus bus;
         bus.add_stack(128, complete);
         bus.start();
-        // Another mapping than the SII tells: 8 bits of 0x7000:1 only.
+        // A mapping different from the SII: only the 8 bits of 0x7000:1.
         ASSERT_TRUE(SDOwrite(*bus.ctx, 1, 0x1600, 0, std::uint8_t{0}).ok());
         ASSERT_TRUE(SDOwrite(*bus.ctx, 1, 0x1600, 0, std::uint8_t{1}).ok());
         std::vector<std::byte> image(64);
@@ -126,7 +127,7 @@ TEST(PdoDiscovery, FollowsTheDictionaryNotTheSii) {
     }
 }
 
-// All at once, in the memory that a context has by default.
+// All slaves at the same time, with the default memory of a context.
 TEST(PdoDiscovery, ManySlavesAtOnceFitTheArena) {
     for (const std::uint16_t mailbox : std::initializer_list<std::uint16_t>{128, 1024}) {
         MailboxBus bus;
@@ -216,7 +217,7 @@ TEST(MailPdo, SentAndAskedFor) {
     EXPECT_EQ(send.error().code, Errc::capacity);
 }
 
-// A slave that wants its outputs by mailbox asks for them; the application answers by a request.
+// A slave requests its outputs by mailbox; the application answers with a request.
 TEST(MailPdo, AskedForByTheSlave) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(64);
@@ -267,7 +268,7 @@ TEST(SdoInformation, TheFiveListsAndTheirLengths) {
         bus.add_stack(mailbox);
         bus.start();
         std::vector<std::uint16_t> lengths;
-        ASSERT_TRUE(object_list(*bus.ctx, 1, ObjectList::lengths, collect, &lengths).ok());
+        ASSERT_TRUE(read_object_list(*bus.ctx, 1, ObjectList::lengths, collect, &lengths).ok());
         ASSERT_EQ(lengths.size(), 5U);
         const std::pair<ObjectList, std::uint16_t> lists[] = {{ObjectList::all, 0},
                                                               {ObjectList::rx_mappable, subdevice::od::kRxMappable},
@@ -282,7 +283,7 @@ TEST(SdoInformation, TheFiveListsAndTheirLengths) {
                 if (in) expected.push_back(object.index);
             }
             std::vector<std::uint16_t> found;
-            const auto count = object_list(*bus.ctx, 1, list, collect, &found);
+            const auto count = read_object_list(*bus.ctx, 1, list, collect, &found);
             ASSERT_TRUE(count.ok()) << bus.words(count.error());
             EXPECT_EQ(found, expected);
             EXPECT_EQ(*count, expected.size());
@@ -293,17 +294,17 @@ TEST(SdoInformation, TheFiveListsAndTheirLengths) {
 
 TEST(SdoInformation, DescribesObjectsAndEntries) {
     MailboxBus bus;
-    bus.add_stack(40);  // names come in fragments
+    bus.add_stack(40);  // names arrive in fragments
     bus.start();
     for (const auto& object : kObjects) {
-        const auto described = object_description(*bus.ctx, 1, object.index);
+        const auto described = read_object_description(*bus.ctx, 1, object.index);
         ASSERT_TRUE(described.ok()) << bus.words(described.error());
         EXPECT_EQ(described->name(), object.name);
         EXPECT_EQ(described->data_type, static_cast<std::uint16_t>(object.type));
         EXPECT_EQ(described->object_code, static_cast<std::uint8_t>(object.code));
         EXPECT_EQ(described->max_subindex, object.max_subindex());
         for (const auto& entry : object.entries) {
-            const auto found = entry_description(*bus.ctx, 1, object.index, entry.subindex, true);
+            const auto found = read_entry_description(*bus.ctx, 1, object.index, entry.subindex, true);
             ASSERT_TRUE(found.ok()) << bus.words(found.error());
             EXPECT_EQ(found->access, entry.access);
             EXPECT_EQ(found->data_type, static_cast<std::uint16_t>(entry.type));
@@ -312,23 +313,23 @@ TEST(SdoInformation, DescribesObjectsAndEntries) {
             }
         }
     }
-    const auto setting = entry_description(*bus.ctx, 1, 0x2000, 0, true);
+    const auto setting = read_entry_description(*bus.ctx, 1, 0x2000, 0, true);
     ASSERT_TRUE(setting.ok());
     EXPECT_EQ(setting->bit_length, 16);
     EXPECT_EQ(load_le<std::int16_t>(setting->default_value.octets), 100);
     EXPECT_EQ(load_le<std::int16_t>(setting->minimum.octets), -500);
     EXPECT_EQ(load_le<std::int16_t>(setting->maximum.octets), 500);
     EXPECT_TRUE(setting->writable());
-    const auto plain = entry_description(*bus.ctx, 1, 0x2000, 0, false);
+    const auto plain = read_entry_description(*bus.ctx, 1, 0x2000, 0, false);
     EXPECT_EQ(plain->minimum.bytes, 0);
-    const auto none = object_description(*bus.ctx, 1, 0x3000);
+    const auto none = read_object_description(*bus.ctx, 1, 0x3000);
     EXPECT_EQ(none.error().code, Errc::sdo_abort);
     EXPECT_EQ(bus.words(none.error()),
               "slave 1: SDO information of 0x3000:0: the slave aborted the transfer (abort code 0x06020000: object "
               "does not exist)");
 }
 
-// 30 000 objects: more than any table of ours; they are seen as they come.
+// 30 000 objects, more than any table of the master has: the callback receives them as they arrive.
 TEST(SdoInformation, ADictionaryMayBeOfAnySize) {
     MailboxBus bus;
     auto& slave = bus.add_scripted(512);
@@ -352,7 +353,7 @@ TEST(SdoInformation, ADictionaryMayBeOfAnySize) {
         unsigned count = 0;
         bool in_order = true;
     } seen;
-    const auto count = object_list(
+    const auto count = read_object_list(
         *bus.ctx, 1, ObjectList::all,
         [](std::span<const std::uint16_t> some, void* user) {
             auto& s = *static_cast<Seen*>(user);

@@ -1,4 +1,4 @@
-// Mail beside a running cycle: process data keeps its working counter and its frames.
+// Mailbox requests during cycles: process data keeps its working counter and its number of frames.
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -13,7 +13,7 @@ class CycleTest : public testing::Test {
     void start(std::size_t count, bool status_bits, std::uint16_t mailbox_bytes = 128) {
         for (std::size_t n = 0; n < count; ++n) slaves.push_back(&bus.add_stack(mailbox_bytes));
         bus.start();
-        for (Slave& slave : bus.ctx->slaves()) slave.config.mailbox_status = status_bits;
+        for (const Slave& slave : bus.ctx->slaves()) slave.config.mailbox_status = status_bits;
         const auto mapped = config_map(*bus.ctx, image);
         ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
         for (const Slave& slave : bus.ctx->slaves()) ASSERT_EQ(slave.error.code, Errc::none) << bus.words(slave.error);
@@ -27,7 +27,7 @@ class CycleTest : public testing::Test {
         ASSERT_EQ(check.reached.state, AlState::op);
     }
 
-    // One cycle of a millisecond, as it must be.
+    // One cycle of a millisecond, with checks.
     void cycle() {
         bus.osal.advance(1ms);
         const auto frames = bus.ctx->statistics().frames_sent;
@@ -63,7 +63,7 @@ TEST_F(CycleTest, EightSegmentedTransfersAndADictionaryKeepWkcAndFrames) {
         ASSERT_TRUE(submit(*bus.ctx, uploads[n]).ok());
         ASSERT_TRUE(submit(*bus.ctx, downloads[n]).ok());
     }
-    // The ninth streams its dictionary, again and again: lists, objects, entries.
+    // The ninth slave reads its dictionary repeatedly: lists, objects, entries.
     std::vector<std::uint16_t> indices;
     ObjectListRequest list;
     list.slave = 9;
@@ -110,8 +110,8 @@ TEST_F(CycleTest, EightSegmentedTransfersAndADictionaryKeepWkcAndFrames) {
     }
     EXPECT_GE(lists, 1U);
     EXPECT_GE(described, 30U);
-    EXPECT_EQ(most_frames, bus.ctx->group(0).frames);  // everything rode in the frames of the cycle
-    EXPECT_LT(cycles, 500U);                           // three cycles a segment of 119 octets
+    EXPECT_EQ(most_frames, bus.ctx->group(0).frames);  // all datagrams travelled in the frames of the cycle
+    EXPECT_LT(cycles, 500U);                           // three cycles per segment of 119 octets
     EXPECT_EQ(bus.ctx->statistics().lost, 0U);
 }
 
@@ -129,15 +129,16 @@ TEST_F(CycleTest, AMappedBitTakesThePlaceOfLooking) {
         while (upload.busy() && cycles < 100) cycle();
         EXPECT_EQ(upload.state(), RequestState::success) << bus.words(upload.error());
     };
-    read();  // the first one looks what was left in the mailbox
+    read();  // the first read checks whether the mailbox holds an old message
     const auto before = bus.ctx->statistics().datagrams_sent;
     const auto in_a_cycle = bus.ctx->group(0).datagrams.size();
     read();
-    // Nothing but the message and its reply: the cycle's own datagrams said when to fetch it.
+    // Only the message and its reply are extra datagrams: the mailbox status in the cycle showed when to read the
+    // reply.
     EXPECT_EQ(bus.ctx->statistics().datagrams_sent - before, cycles * in_a_cycle + 2);
     EXPECT_LE(cycles, 4U);
 
-    // An answer that takes its time: still no other datagrams than now and then one that makes sure.
+    // A slow answer: extra datagrams occur only now and then, to make sure.
     slaves[0]->application.slow_until = bus.osal.now() + 100ms;
     upload.index = 0x2007;
     const auto slow = bus.ctx->statistics().datagrams_sent;
@@ -167,7 +168,7 @@ TEST_F(CycleTest, AnEmergencyIsSeenByTheMappedBitWithoutADatagramOfItsOwn) {
     EXPECT_FALSE(bus.ctx->events().take().has_value()) << "once";
 }
 
-// Fifty slaves that take their time: one datagram looks for all of them.
+// Fifty slow slaves: one datagram checks all mailboxes.
 TEST(SharedLook, ManySlavesThatWaitShareADatagram) {
     MailboxBus bus;
     constexpr std::size_t kSlaves = 50;
@@ -191,7 +192,7 @@ TEST(SharedLook, ManySlavesThatWaitShareADatagram) {
         bus.run(r);
         EXPECT_EQ(r.state(), RequestState::success) << bus.words(r.error());
     }
-    // 200 ms of looking every millisecond; each by itself that would be 10 000 datagrams.
+    // 200 ms with a check every millisecond; a check per slave would need 10 000 datagrams.
     EXPECT_LT(bus.ctx->statistics().datagrams_sent - before, 1800U);
 }
 

@@ -1,4 +1,4 @@
-// How much of the arena the sequences of a mailbox take; see test/engine/frame_sizes_test.cpp.
+// The arena memory that the sequences of a mailbox need; see test/engine/frame_sizes_test.cpp.
 #include "api/master.hpp"
 #include "mailbox/coe_complete.hpp"
 #include "mailbox/coe_information.hpp"
@@ -41,7 +41,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found));
     expect("find_sms_by_coe", 512, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
     expect("write_sm_pdos", 1024, write_sm_pdos(channel, {}, {}));
-    // One read, begun: its sequences, the pump and the mailbox.
+    // One read that has started: its sequences, the pump and the mailbox.
     SdoUpload request;
     request.slave = 1;
     request.index = 0x1000;

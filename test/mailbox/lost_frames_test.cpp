@@ -1,5 +1,5 @@
-// Every frame of every kind of transfer lost on its way out, lost on its way back, and sent twice: the transfer ends
-// well all the same, what is written is written once, and the channel goes on.
+// Every kind of transfer, with each of its frames lost on the way out, lost on the way back, or sent twice. The
+// transfer succeeds, each value is written once, and the channel works afterwards.
 #include "mailbox/mailbox_bus.hpp"
 #include "sim/library/quirks.hpp"
 
@@ -9,19 +9,19 @@ namespace {
 enum class Fault { lost_out, lost_in, twice };
 
 struct Outcome {
-    std::uint64_t frames = 0;  // that the transfer took
-    unsigned writes = 0;       // that the application saw
+    std::uint64_t frames = 0;  // frames of the transfer
+    unsigned writes = 0;       // write accesses that the application of the slave received
     MailboxStatistics statistics;
 };
 
 using Transfer = void (*)(MailboxBus& bus, StackSlave& slave);
 
-// Runs `transfer` with frame number `at` of it spoilt (none when negative).
+// Executes `transfer` with a fault at its frame number `at` (negative: no fault).
 Outcome run(Transfer transfer, std::uint16_t mailbox_bytes, Fault fault, int at) {
     MailboxBus bus;
     auto& slave = bus.add_stack(mailbox_bytes);
     bus.start();
-    EXPECT_TRUE(SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0).ok());  // the channel is drained and in use
+    EXPECT_TRUE(SDOread<std::uint32_t>(*bus.ctx, 1, 0x1000, 0).ok());  // the channel is empty and in use
     const std::uint64_t before = bus.nic->sent;
     if (at >= 0) {
         const auto number = before + static_cast<std::uint64_t>(at);
@@ -31,8 +31,8 @@ Outcome run(Transfer transfer, std::uint16_t mailbox_bytes, Fault fault, int at)
             .insert(number);
     }
     transfer(bus, slave);
-    Outcome outcome{bus.nic->sent - before, slave.application.writes, mailbox_statistics(*bus.ctx, 1)};
-    // What comes afterwards is right.
+    Outcome outcome{bus.nic->sent - before, slave.application.writes, *mailbox_statistics(*bus.ctx, 1)};
+    // The next requests work.
     EXPECT_EQ(*SDOread<std::uint64_t>(*bus.ctx, 1, 0x2001, 0), 0x1122334455667788U);
     const auto none = SDOread<std::uint8_t>(*bus.ctx, 1, 0x3000, 0);
     EXPECT_EQ(none.error().detail, 0x06020000U);
@@ -55,7 +55,7 @@ void try_all(const char* name, Transfer transfer, std::uint16_t mailbox_bytes, u
             resent += spoilt.statistics.resent;
         }
     }
-    EXPECT_GT(repeats, 0U) << name;  // both ways out of a loss have been gone
+    EXPECT_GT(repeats, 0U) << name;  // both methods of recovery were used
     EXPECT_GT(resent, 0U) << name;
 }
 
@@ -110,7 +110,7 @@ TEST(LostFrames, ObjectList) {
         "object list",
         [](MailboxBus& bus, StackSlave&) {
             std::vector<std::uint16_t> all;
-            const auto count = object_list(
+            const auto count = read_object_list(
                 *bus.ctx, 1, ObjectList::all,
                 [](std::span<const std::uint16_t> some, void* user) {
                     auto& list = *static_cast<std::vector<std::uint16_t>*>(user);
@@ -125,8 +125,8 @@ TEST(LostFrames, ObjectList) {
         40, 0);
 }
 
-// The same against a slave that acknowledges repeat requests and has nothing to repeat: each transfer is asked for
-// again as often as a reply is lost, and its value is right.
+// The same with a slave that acknowledges repeat requests and has nothing to repeat: the master sends the request
+// again after each lost reply, and the value is right.
 TEST(LostFrames, WhereNothingIsRepeated) {
     const auto run_all = [](MailboxBus& bus) {
         std::vector<std::byte> block(1024);
@@ -141,7 +141,7 @@ TEST(LostFrames, WhereNothingIsRepeated) {
         ASSERT_TRUE(again.ok()) << bus.words(again.error());
         EXPECT_TRUE(std::equal(value.begin(), value.end(), block.begin()));
         std::vector<std::uint16_t> all;
-        const auto count = object_list(
+        const auto count = read_object_list(
             *bus.ctx, 1, ObjectList::all,
             [](std::span<const std::uint16_t> some, void* user) {
                 auto& list = *static_cast<std::vector<std::uint16_t>*>(user);
@@ -152,7 +152,7 @@ TEST(LostFrames, WhereNothingIsRepeated) {
         EXPECT_EQ(all.size(), *count);
         EXPECT_EQ(all.size(), 81U);
         EXPECT_TRUE(std::ranges::is_sorted(all)) << "none is told twice";
-        const auto described = object_description(*bus.ctx, 1, 0x1018);
+        const auto described = read_object_description(*bus.ctx, 1, 0x1018);
         ASSERT_TRUE(described.ok()) << bus.words(described.error());
         EXPECT_EQ(described->name(), "Identity");
     };

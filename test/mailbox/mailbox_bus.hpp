@@ -1,5 +1,5 @@
-// A master on a segment of stack slaves and scripted slaves, in virtual time, over a line that loses the frames that it
-// is told to.
+// A master on a segment of stack slaves and scripted slaves, in virtual time. The test chooses the frames that the
+// line loses.
 #pragma once
 
 #include "mailbox/scripted_slave.hpp"
@@ -21,20 +21,20 @@ namespace margay {
 
 using namespace std::chrono_literals;
 
-// Counts frames from 0, and loses those that are named, on their way out or on their way back, or sends them twice.
+// Counts frames from 0. Loses chosen frames on the way out or on the way back, or sends them twice.
 class LossyNic final : public Nic {
   public:
     explicit LossyNic(Nic& nic) : nic_(nic) {}
     std::set<std::uint64_t> lose_out;
     std::set<std::uint64_t> lose_in;
     std::set<std::uint64_t> twice;
-    std::uint16_t lose_mail_from = 0;  // all frames that bring mail of this slave, 1 the first; 0: none
+    std::uint16_t lose_mail_from = 0;  // lose all frames that return mail of this slave, the first is 1; 0: none
     std::uint64_t sent = 0;
     std::uint64_t came = 0;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (lose_out.count(sent++) != 0) {
-            ++came;  // that reply will not be
+            ++came;  // the reply will not come
             return SendStatus::sent;
         }
         if (twice.count(sent - 1) != 0) (void)nic_.send(frame);
@@ -53,7 +53,7 @@ class LossyNic final : public Nic {
     Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
-    // An FPRD of a whole mailbox that the slave has filled.
+    // Whether the frame has an FPRD of a whole mailbox that the slave has filled.
     [[nodiscard]] bool brings_mail(Bytes frame) const {
         if (lose_mail_from == 0) return false;
         wire::DatagramReader reader(frame);
@@ -84,7 +84,7 @@ class MailboxBus {
         return add(std::make_unique<ScriptedSlave>(mailbox_bytes, protocols, coe_details));
     }
 
-    // One of the library.
+    // Appends a library device.
     void add_device(sim::Device device) {
         const auto n = segment.add(std::move(device).assemble());
         EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
@@ -103,11 +103,11 @@ class MailboxBus {
         ASSERT_EQ(*found, segment.size());
         for (const Slave& slave : ctx->slaves()) {
             ASSERT_EQ(slave.error.code, Errc::none) << words(slave.error);
-            ASSERT_EQ(slave.al.state, AlState::preop) << slave.position;
+            ASSERT_EQ(slave.al.state, AlState::preop) << slave.number;
         }
     }
 
-    // Polls until it is over or `most` has passed.
+    // Polls until the request ends or `most` has passed.
     void run(const Request& request, Duration most = 60s) {
         const Time end = osal.now() + most;
         while (request.busy() && osal.now() < end) step();
@@ -146,7 +146,7 @@ class MailboxBus {
     return text;
 }
 
-// Octets that tell where they are.
+// Octets that depend on their offset.
 [[nodiscard]] inline std::vector<std::byte> pattern(std::size_t bytes) {
     std::vector<std::byte> out(bytes);
     for (std::size_t i = 0; i < bytes; ++i) out[i] = static_cast<std::byte>((i * 7 + i / 251 + 1) & 0xFF);

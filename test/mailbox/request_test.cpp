@@ -1,4 +1,4 @@
-// Requests: their states, their reuse, other threads, and the calls that wait.
+// Requests: their states, reuse, other threads, and the blocking calls.
 #include "mailbox/mailbox_bus.hpp"
 #include "osal/linux/linux_osal.hpp"
 
@@ -49,7 +49,7 @@ TEST_F(RequestTest, IsReusableWithAnotherIndex) {
 
 TEST_F(RequestTest, WhatIsWrongWithItIsItsError) {
     const auto error_of = [&](auto& request) {
-        const auto refused = submit(*bus.ctx, request);  // the owner is told at once
+        const auto refused = submit(*bus.ctx, request);  // the owner gets the refusal at once
         EXPECT_EQ(refused.error(), request.error());
         return request.error();
     };
@@ -105,7 +105,7 @@ TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     };
     submit_all(1);
     bus.step();
-    // A scan starts all over: it closes the mailbox under the request, which says so.
+    // A scan closes the mailbox during the request, and the error of the request says so.
     ASSERT_TRUE(config_init(*bus.ctx).ok());
     EXPECT_EQ(requests.front().error().code, Errc::mailbox_closed);
     EXPECT_EQ(bus.words(requests.front().error()),
@@ -137,7 +137,7 @@ TEST_F(RequestTest, DozensToOneSlaveWaitInTurnInLittleMemory) {
         EXPECT_EQ(requests[n].state(), n == 150 ? RequestState::error : RequestState::success)
             << bus.words(requests[n].error());
     }
-    SdoUpload late;  // whose time is over before its turn comes
+    SdoUpload late;  // its timeout ends before it is sent
     late.slave = 1;
     late.index = 0x2007;  // answered after 50 ms
     late.data = memory;
@@ -159,7 +159,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     EXPECT_NE(bus.words(refused.error()).find("submit() the request of the same name"), std::string::npos)
         << bus.words(refused.error());
     EXPECT_EQ(SDOwrite(*bus.ctx, 1, 0x2000, 0, std::int16_t{1}).error().code, Errc::waiting_forbidden);
-    EXPECT_EQ(object_description(*bus.ctx, 1, 0x2000).error().code, Errc::waiting_forbidden);
+    EXPECT_EQ(read_object_description(*bus.ctx, 1, 0x2000).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(config_init(*bus.ctx).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(config_map(*bus.ctx, image).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(readstate(*bus.ctx).error().code, Errc::waiting_forbidden);
@@ -167,8 +167,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     EXPECT_EQ(*SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0), 100);
 }
 
-// In real time, as two threads cannot share a clock that each of them moves; nothing depends on how long anything
-// takes.
+// Real time, because two threads cannot share a clock that each of them moves. No result depends on durations.
 TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     LinuxOsal osal;
     sim::Segment segment;
@@ -212,7 +211,7 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
             if (request.bytes == 26) ++good;
             request.bytes = 0;
             if (submit(ctx, request) && wait(ctx, request) && request.bytes == 26)
-                ++good;  // leaves polling to the owner
+                ++good;  // the owner does the polling
             if (!submit(ctx, request)) continue;
             request.cancel();
             while (request.busy()) std::this_thread::yield();

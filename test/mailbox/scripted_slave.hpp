@@ -1,6 +1,6 @@
-// A simulated slave whose mailbox is the test's: it sees every message as it came and writes every octet of every
-// reply. What a slave's mailbox must do on its own (fill SyncManager 1 when it is free, repeat the last reply on
-// request) it does, unless told not to.
+// A simulated slave with a mailbox that the test controls: the test sees every message unchanged and writes every
+// octet of every reply. The slave does what a mailbox must do without a program: it fills SyncManager 1 when it is
+// empty, and repeats the last reply on request, unless the test disables this.
 #pragma once
 
 #include "sim/devices.hpp"
@@ -34,19 +34,19 @@ class ScriptedSlave final : public sim::Firmware {
     explicit ScriptedSlave(std::uint16_t mailbox_bytes, std::uint16_t protocols = 0x3F, std::uint8_t coe_details = 0x3F)
         : bytes_(mailbox_bytes), protocols_(protocols), coe_details_(coe_details) {}
 
-    // What to do with a message (cut to its length): put() as many replies as wanted.
+    // Called with each message, cut to its length. It calls put() for each reply.
     std::function<void(const Mail&)> on_mail;
-    bool takes = true;     // fetches what the master writes
+    bool takes = true;     // reads the messages of the master
     bool repeats = true;   // acknowledges a repeat request, and repeats
     bool forgets = false;  // acknowledges a repeat request, and has nothing to repeat
-    bool counts = true;    // replies made by reply() have counters
+    bool counts = true;    // replies of reply() have counters
     Duration delay{0};     // from put() to SyncManager 1
     std::vector<Mail> received;
     unsigned repeat_requests = 0;
 
-    // A whole message, every octet as is.
+    // Sends a complete message without changes.
     void put(Mail mail) { out_.push_back({now_ + delay, std::move(mail)}); }
-    // Data behind a header with the next counter.
+    // Sends data behind a mailbox header with the next counter.
     void reply(const Mail& data, wire::MailboxType type = wire::MailboxType::coe, std::uint16_t address = 0) {
         counter_ = counts ? wire::next_mailbox_counter(counter_) : std::uint8_t{0};
         Mail mail(wire::kMailboxHeaderBytes);
@@ -64,7 +64,7 @@ class ScriptedSlave final : public sim::Firmware {
                                       {0x2000, 0, 0x64, 0, SmType::outputs},
                                       {0x2100, 0, 0x20, 0, SmType::inputs}};
         const std::vector<FmmuUse> fmmus{FmmuUse::outputs, FmmuUse::inputs, FmmuUse::mailbox_status};
-        wire::sii::Description d{.configuration = {.pdi_control = 0x0100},  // device emulation: states at once
+        wire::sii::Description d{.configuration = {.pdi_control = 0x0100},  // device emulation: state changes at once
                                  .identity = {0x4D47, 2, 1, 1},
                                  .mailbox = {0x1000, bytes_, kIn, bytes_, protocols_},
                                  .name = "scripted",
@@ -137,7 +137,7 @@ class ScriptedSlave final : public sim::Firmware {
         const bool answered = (pdi & wire::sm_pdi_control::kRepeatAcknowledge) != 0;
         if (asked == answered || !repeats) return;
         ++repeat_requests;
-        // What was fetched last comes again; if the last one was not fetched it is still there.
+        // Repeats the message that the master read last. A message that was not read is still in the mailbox.
         if (!forgets && !kept_.empty() && (status(1) & wire::sm_status::kMailboxFull) == 0) {
             out_.push_front({now_, kept_});
             boxed_ = false;

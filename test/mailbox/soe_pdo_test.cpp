@@ -1,4 +1,4 @@
-// Process data by the parameters of drives, against slaves whose parameters the test writes.
+// Process data by SoE parameters, with slaves whose parameters the test sets.
 #include "mailbox/mailbox_bus.hpp"
 #include "wire/soe.hpp"
 
@@ -16,7 +16,7 @@ class SoePdo : public testing::Test {
     ScriptedSlave& slave = bus.add_scripted(64, mailbox_protocol::kSoE, 0);
     std::map<Key, Mail> parameters;
     unsigned drives = 1;
-    unsigned refusal = 0x800A;  // of drives that are not there
+    unsigned refusal = 0x800A;  // error code of drives that do not exist
     unsigned asked = 0;
     std::vector<std::byte> image = std::vector<std::byte>(256);
 
@@ -59,12 +59,12 @@ class SoePdo : public testing::Test {
         }
         parameters[{drive, idn, soe_element::kValue}] = value;
     }
-    // Bits of outputs and inputs, and who has said so.
+    // Maps, and checks the bits of outputs and inputs and the source of the configuration.
     void expect_mapped(std::uint32_t outputs, std::uint32_t inputs,
                        ConfigurationSource source = ConfigurationSource::soe) {
         auto& config = bus.ctx->slave(1).config;
         config = {};
-        bus.ctx->slave(1).error = {};
+        EXPECT_TRUE(clear_error(*bus.ctx, 1));
         const auto mapped = config_map(*bus.ctx, image);
         ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
         EXPECT_EQ(config.source, source);
@@ -73,11 +73,11 @@ class SoePdo : public testing::Test {
         EXPECT_EQ(config.sms[1], (ProcessSm{3, Direction::inputs, 0x20, 0x2100, inputs}));
         EXPECT_EQ(bus.ctx->slave(1).al.state, AlState::safeop);
     }
-    // A drive that answers what it must not is not taken for a slave without process data.
+    // A drive with a wrong answer is not a slave without process data.
     void expect_unknown() {
         auto& config = bus.ctx->slave(1).config;
         config = {};
-        bus.ctx->slave(1).error = {};
+        EXPECT_TRUE(clear_error(*bus.ctx, 1));
         (void)config_map(*bus.ctx, image);
         EXPECT_EQ(config.source, ConfigurationSource::none);
         EXPECT_EQ(config.sm_count, 0);
@@ -93,21 +93,21 @@ TEST_F(SoePdo, TheConfigurableTelegramIsWhatTheListsSay) {
     expect_mapped(16 + 32, 16 + 32 + 16);
     EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::none);
     EXPECT_EQ(bus.ctx->slave(1).image.outputs.bits, 48U);
-    EXPECT_EQ(asked, 3U + 3 + 7);                   // type and lists, attributes, and the drives that are not there
-    EXPECT_LE(bus.ctx->arena_peak_bytes(), 7168U);  // of 8192 that a slave has
-    // Other bits of the telegram type say other things.
+    EXPECT_EQ(asked, 3U + 3 + 7);                   // type and lists, attributes, and the drives that do not exist
+    EXPECT_LE(bus.ctx->arena_peak_bytes(), 7168U);  // of the 8192 octets per slave
+    // Other bits of the telegram type have other meanings.
     type(0, 0xFF);
-    list(0, 16, {135, 51});  // the status word comes once, listed or not
+    list(0, 16, {135, 51});  // the status word is mapped once, listed or not
     list(0, 24, {134});
     expect_mapped(16, 16 + 32);
     list(0, 16, {});
     expect_mapped(16, 16);
-    attribute(0, 200, 1, true);  // a list has no configurable length
+    attribute(0, 200, 1, true);  // a list does not have a fixed length
     list(0, 16, {200, 84});
     expect_mapped(16, 32);
 }
 
-// IEC 61800-7-204, S-0-0015: bits beside control word and status word.
+// IEC 61800-7-204, S-0-0015: bits besides control word and status word.
 TEST_F(SoePdo, StandardTelegramsHaveFixedContents) {
     const std::array<std::pair<unsigned, unsigned>, 7> expected{
         {{0, 0}, {16, 0}, {32, 32}, {32, 32}, {32, 32}, {64, 64}, {32, 0}}};
@@ -116,7 +116,7 @@ TEST_F(SoePdo, StandardTelegramsHaveFixedContents) {
         type(0, n);
         expect_mapped(16 + expected[n].first, 16 + expected[n].second);
     }
-    attribute(0, 51, 8);  // of its own mind about the length
+    attribute(0, 51, 8);  // its own length in the attribute
     type(0, 4);
     expect_mapped(16 + 32, 16 + 64);
 }
@@ -129,7 +129,7 @@ TEST_F(SoePdo, SeveralDrivesLieOneBehindTheOther) {
     type(1, 4);
     type(2, 0);
     expect_mapped(48 + 48 + 16, 80 + 48 + 16);
-    // A gap in the numbers is no end; a drive that has no such parameter at all is none.
+    // A gap in the drive numbers does not end the search; a drive without this parameter is ignored.
     drives = 8;
     refusal = 0x1001;
     parameters.erase({0, 15, soe_element::kValue});
@@ -157,11 +157,11 @@ TEST_F(SoePdo, WhatIsWrongIsNamed) {
     expect_mapped(0, 0, ConfigurationSource::sii);
     EXPECT_EQ(bus.words(bus.ctx->slave(1).error),
               "slave 1: SoE read of S-0-0099, drive 0: the drive refused (error code 0x1001: no such IDN)");
-    parameters[{0, 16, soe_element::kValue}] = mail_bytes({8, 0, 8, 0, 51, 0});  // says four, and has one
+    parameters[{0, 16, soe_element::kValue}] = mail_bytes({8, 0, 8, 0, 51, 0});  // the length says four, one is present
     expect_unknown();
     EXPECT_EQ(bus.ctx->slave(1).error.code, Errc::protocol);
     EXPECT_EQ(bus.ctx->slave(1).error.index, 16);
-    // More than one list can hold: how much it would be is told.
+    // A list longer than the master can hold: the error gives its length.
     slave.on_mail = [this](const Mail&) {
         for (unsigned left = 4; left <= 4; --left) {
             Mail reply(54, std::byte{0});
@@ -178,7 +178,7 @@ TEST_F(SoePdo, WhatIsWrongIsNamed) {
     EXPECT_EQ(bus.ctx->slave(1).error.expected, 250U);
 }
 
-// The dictionary of a slave that has both counts.
+// When a slave has both, its dictionary is used.
 TEST_F(SoePdo, CoeComesFirst) {
     MailboxBus both;
     both.add_stack(128);

@@ -1,4 +1,4 @@
-// SoE from the client's side, against a slave whose every reply the test writes: octets by hand from ETG.1000.6.
+// The SoE client with a slave for which the test writes every reply; octets by hand from ETG.1000.6.
 #include "wire/soe.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
@@ -15,7 +15,7 @@ class SoeTest : public testing::Test {
     void SetUp() override { bus.start(); }
     std::array<std::byte, 64> memory{};
 
-    // What the slave got, behind the mailbox header.
+    // The n-th message that the slave received, without the mailbox header.
     [[nodiscard]] Mail got(std::size_t n) const {
         return {slave.received.at(n).begin() + wire::kMailboxHeaderBytes, slave.received.at(n).end()};
     }
@@ -59,13 +59,13 @@ TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
         s.state = told.data.size() == 2 ? load_le<std::uint16_t>(told.data) : std::uint16_t{0};
     };
     answer([&](const Mail&) {
-        reply({0x62, 0x40, 0x34, 0x00, 9, 9});                                   // late: to a read of S-0-0052
-        reply({0x42, 0x40, 0x33, 0x00, 9, 9});                                   // of another drive
-        reply({0x6A, 0x40, 0x02, 0x00, 1, 2, 3, 4, 5});                          // two more
+        reply({0x62, 0x40, 0x34, 0x00, 9, 9});                                   // late reply to a read of S-0-0052
+        reply({0x42, 0x40, 0x33, 0x00, 9, 9});                                   // reply of another drive
+        reply({0x6A, 0x40, 0x02, 0x00, 1, 2, 3, 4, 5});                          // two more fragments
         reply({0x65, 0x01, 0x94, 0x00, 0x03, 0x00});                             // S-0-0148 has been executed
-        reply({0x6A, 0x40, 0x01, 0x00, 6, 7, 8, 9, 10});                         // one more
+        reply({0x6A, 0x40, 0x01, 0x00, 6, 7, 8, 9, 10});                         // one more fragment
         slave.reply(mail_bytes({0x00, 0x10, 0x10, 0x42, 0x01, 0, 0, 0, 0, 0}));  // a CoE emergency
-        reply({0x64, 0x40, 0x33, 0x00});                                         // the answer to some write
+        reply({0x64, 0x40, 0x33, 0x00});                                         // reply to a write
         reply({0x62, 0x40, 0x33, 0x00, 11, 12});
     });
     const auto done = read();
@@ -80,7 +80,8 @@ TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
     EXPECT_EQ(emergencies(*bus.ctx, 1).count(), 1U);
     EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 3U);
 
-    // One octet too few: how many are needed is told all the same, and nothing is written behind the buffer.
+    // A buffer that is one octet too small: the error gives the required size, and nothing is written behind the
+    // buffer.
     memory.fill(std::byte{0xEE});
     const auto less = read(11);
     EXPECT_EQ(less.error().code, Errc::capacity);
@@ -103,7 +104,7 @@ TEST_F(SoeTest, AnEmergencyOfADriveReachesTheHook) {
     (void)watch_mailboxes(*bus.ctx, 1ms);
     bus.idle(20ms);
     EXPECT_EQ(octets, 3U);
-    // Without a hook it is mail that nobody wants.
+    // Without a hook the notification counts as unexpected mail.
     hooks.soe_notification = nullptr;
     reply({0x46, 0x00, 0x00, 0x00, 1, 2, 3});
     bus.idle(20ms);
@@ -117,8 +118,8 @@ TEST_F(SoeTest, ErrorsAreToldInWords) {
               "slave 1: SoE read of S-0-0051, drive 3: the drive refused (error code 0x7005: the value is "
               "write-protected in this state)");
     EXPECT_EQ(soe_error_text(0x1001), "no such IDN");
-    // To another read: not ours. Too short: nothing the standard knows. Without elements: of a slave that does not tell
-    // them.
+    // A reply to another read is ignored. A reply that is too short is a protocol error. A reply without element flags
+    // comes from a slave that does not report them.
     answer([&](const Mail&) { reply({0x72, 0x40, 0x34, 0x00, 0x05, 0x70}); });
     EXPECT_EQ(read().error().code, Errc::timeout);
     answer([&](const Mail&) { reply({0x72, 0x40, 0x33, 0x00, 0x05}); });
@@ -133,11 +134,12 @@ TEST_F(SoeTest, ErrorsAreToldInWords) {
 
 TEST_F(SoeTest, FragmentsCountDownOrTheTransferEnds) {
     const std::vector<std::vector<Mail>> wrong{
-        {mail_bytes({0x6A, 0x40, 2, 0, 1}), mail_bytes({0x6A, 0x40, 2, 0, 1})},     // stands still
-        {mail_bytes({0x6A, 0x40, 3, 0, 1}), mail_bytes({0x6A, 0x40, 1, 0, 1})},     // one is missing
+        // the number of fragments left does not decrease
+        {mail_bytes({0x6A, 0x40, 2, 0, 1}), mail_bytes({0x6A, 0x40, 2, 0, 1})},
+        {mail_bytes({0x6A, 0x40, 3, 0, 1}), mail_bytes({0x6A, 0x40, 1, 0, 1})},     // a fragment is missing
         {mail_bytes({0x6A, 0x40, 2, 0, 1}), mail_bytes({0x62, 0x40, 0x33, 0, 1})},  // ends early
         {mail_bytes({0x6A, 0x40, 1, 0, 1}), mail_bytes({0x62, 0x40, 0x34, 0, 1})},  // ends with another IDN
-        {mail_bytes({0x6A, 0x40, 0, 0, 1})},                                        // none left, and yet more
+        {mail_bytes({0x6A, 0x40, 0, 0, 1})},                                        // none left, but another fragment
         {mail_bytes({0x6A, 0x40, 2, 0})},                                           // empty
     };
     for (const auto& replies : wrong) {
@@ -149,15 +151,15 @@ TEST_F(SoeTest, FragmentsCountDownOrTheTransferEnds) {
     }
     answer([&](const Mail&) {
         reply({0x6A, 0x40, 2, 0, 1});
-        reply({0x7A, 0x40, 1, 0, 0x01, 0x70});  // given up between fragments
+        reply({0x7A, 0x40, 1, 0, 0x01, 0x70});  // aborted between fragments
     });
     const auto broken_off = read();
     EXPECT_EQ(broken_off.error().code, Errc::soe_error);
     EXPECT_EQ(broken_off.error().detail, 0x7001U);
-    answer([&](const Mail&) { reply({0x6A, 0x40, 2, 0, 1}); });  // and no more
+    answer([&](const Mail&) { reply({0x6A, 0x40, 2, 0, 1}); });  // no further fragment
     EXPECT_EQ(read().error().code, Errc::timeout);
     answer([&](const Mail&) { reply({0x62, 0x40, 0x33, 0x00, 7}); });
-    EXPECT_EQ(*read(), 1U);  // good again
+    EXPECT_EQ(*read(), 1U);  // works again
 }
 
 TEST_F(SoeTest, WritesInFragmentsOfWhichTheLastIsAnswered) {
@@ -167,7 +169,7 @@ TEST_F(SoeTest, WritesInFragmentsOfWhichTheLastIsAnswered) {
     ASSERT_TRUE(SoEwrite(*bus.ctx, 1, 3, kPosition, std::uint16_t{0x0201}).ok());
     EXPECT_EQ(got(0), mail_bytes({0x63, 0x40, 0x33, 0x00, 0x01, 0x02}));
     slave.received.clear();
-    const auto value = pattern(30);  // of which a mailbox of 24 octets takes 14
+    const auto value = pattern(30);  // a mailbox of 24 octets holds 14 of them
     const auto written = SoEwrite(*bus.ctx, 1, 3, kPosition, soe_element::kValue, value);
     ASSERT_TRUE(written.ok()) << bus.words(written.error());
     ASSERT_EQ(slave.received.size(), 3U);
@@ -181,7 +183,7 @@ TEST_F(SoeTest, WritesInFragmentsOfWhichTheLastIsAnswered) {
     }
     EXPECT_EQ(joined, value);
     EXPECT_EQ(got(0).size(), 18U);
-    // What fits exactly is one message; one octet more is two.
+    // A value that fits exactly needs one message; one octet more needs two.
     for (const std::size_t size : {0U, 14U, 15U, 28U, 29U}) {
         slave.received.clear();
         ASSERT_TRUE(SoEwrite(*bus.ctx, 1, 3, kPosition, soe_element::kValue, Bytes(value).first(size)).ok());
@@ -210,7 +212,7 @@ TEST_F(SoeTest, TextsHaveAHead) {
     EXPECT_EQ(*SoEread_text(*bus.ctx, 1, 3, kPosition, soe_element::kUnit, text), "rpm");
     answer([&](const Mail&) {
         reply({0x62, 0x08, 0x33, 0x00, 0x09, 0x00, 0x03, 0x00, 'r', 'p', 0});
-    });  // lies of its length
+    });  // reports a wrong length
     EXPECT_EQ(*SoEread_text(*bus.ctx, 1, 3, kPosition, soe_element::kUnit, text), "rp");
     answer([&](const Mail&) { reply({0x62, 0x08, 0x33, 0x00, 0x00, 0x00}); });
     EXPECT_EQ(*SoEread_text(*bus.ctx, 1, 3, kPosition, soe_element::kUnit, text), "");

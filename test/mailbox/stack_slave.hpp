@@ -1,5 +1,5 @@
-// A simulated slave with the slave stack's mailbox and CoE server behind its ESC: the bench device of test/subdevice,
-// with mailboxes of any size.
+// A simulated slave with the mailbox and CoE server of the slave stack: the bench device of test/subdevice, with
+// mailboxes of a chosen size.
 #pragma once
 
 #include "sim/devices.hpp"

@@ -1,12 +1,12 @@
-// Every form of SDO transfer at every size where one form ends and the next begins (ETG.1000.6 "SDO services", tables
-// of the expedited, normal and segment coding), and replies that no slave should give.
+// Every form of SDO transfer at the sizes between two forms (ETG.1000.6 "SDO services", tables of the expedited,
+// normal and segment coding), and wrong replies of slaves.
 #include "mailbox/coe_transfer.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
 namespace {
 
-// ------------------------------------------------------------------ between our two ends, at every boundary
+// ------------------------------------------------------------------ our client and our server, at every boundary
 
 class TransferSizes : public testing::TestWithParam<std::uint16_t> {};
 
@@ -17,8 +17,8 @@ TEST_P(TransferSizes, UploadAndDownloadAtEveryBoundary) {
     bus.start();
     std::vector<std::size_t> sizes{0, 1, 2, 3, 4, 5, 6, 7, 8, 1000};
     for (std::size_t n = mailbox - 17U; n <= mailbox + 2U; ++n) sizes.push_back(n);
-    const std::size_t first = mailbox - 16U;   // what an initiate carries
-    const std::size_t segment = mailbox - 9U;  // what a segment carries
+    const std::size_t first = mailbox - 16U;   // octets in an initiate message
+    const std::size_t segment = mailbox - 9U;  // octets in a segment
     for (std::size_t n = 0; n <= 9; ++n)
         sizes.push_back(first + segment + n);  // segments of fewer than 7 octets are padded
     for (const std::size_t size : sizes) {
@@ -33,8 +33,8 @@ TEST_P(TransferSizes, UploadAndDownloadAtEveryBoundary) {
         ASSERT_TRUE(read.ok()) << bus.words(read.error());
         EXPECT_EQ(*read, size);
         EXPECT_TRUE(std::equal(value.begin(), value.end(), back.begin()));
-        EXPECT_EQ(back[size], std::byte{0xEE});  // nothing beyond it
-        // A buffer that is exactly as long, and one that is an octet short.
+        EXPECT_EQ(back[size], std::byte{0xEE});  // nothing is written behind the value
+        // A buffer of exactly the length, and a buffer that is an octet too short.
         EXPECT_TRUE(SDOread(*bus.ctx, 1, 0x2008, 0, false, MutableBytes(back).first(size)).ok());
         if (size == 0) continue;
         const auto short_read = SDOread(*bus.ctx, 1, 0x2008, 0, false, MutableBytes(back).first(size - 1));
@@ -70,11 +70,11 @@ TEST(TransferOctets, ExpeditedDownload) {
 TEST(TransferOctets, SegmentedDownload) {
     const Mail value = pattern(20);
     SdoDownloadTransfer transfer({0x2000, 0x00}, value);
-    // A mailbox of 20 octets: 14 of data, 4 of the value with the initiate.
+    // A mailbox of 20 octets: 14 of data, 4 of the value in the initiate message.
     Mail expected = mail_bytes({0x00, 0x20, 0x21, 0x00, 0x20, 0x00, 20, 0, 0, 0});
     expected.insert(expected.end(), value.begin(), value.begin() + 4);
     EXPECT_EQ(composed(transfer, 14), expected);
-    EXPECT_EQ(composed(transfer, 14), expected);  // the same again when it is not sure to have arrived
+    EXPECT_EQ(composed(transfer, 14), expected);  // the same message again when its arrival is not certain
     EXPECT_EQ(give(transfer, {0x00, 0x30, 0x60, 0x00, 0x20, 0x00, 0, 0, 0, 0}), MailClient::Taken::all);
     EXPECT_TRUE(transfer.must_abort());
     expected = mail_bytes({0x00, 0x20, 0x00});  // toggle 0, more to come, 11 octets
@@ -127,13 +127,13 @@ TEST(TransferOctets, ANormalResponseThatFillsTheMailboxIsCutAtItsSize) {
     EXPECT_EQ(into[5], std::byte{0});
 }
 
-// ------------------------------------------------------------------ replies that no slave should give
+// ------------------------------------------------------------------ wrong replies
 
 struct Hostile {
     const char* what;
-    std::vector<Mail> replies;  // one for each message; the last again and again
+    std::vector<Mail> replies;  // one for each message; the last one repeatedly
     Errc code;
-    std::uint32_t told;  // the abort code that the slave is told; 0: it is not
+    std::uint32_t told;  // the abort code that the slave receives; 0: none
 };
 
 Mail segment(unsigned command, std::size_t bytes) {
@@ -266,7 +266,7 @@ TEST(HostileReplies, EndAnObjectList) {
                 for (int n = 0; n < 3000; ++n) slave.reply(hostile.then);
         };
         std::size_t calls = 0;
-        const auto listed = object_list(
+        const auto listed = read_object_list(
             *bus.ctx, 1, ObjectList::all,
             [](std::span<const std::uint16_t> some, void* user) { *static_cast<std::size_t*>(user) += some.size(); },
             &calls, 60s);

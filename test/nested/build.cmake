@@ -1,4 +1,4 @@
-# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (all of them when empty); skips where NEEDS is not there.
+# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). Skips when a program of NEEDS is missing.
 foreach(program IN LISTS NEEDS)
   find_program(found_${program} ${program})
   if(NOT found_${program})
@@ -15,7 +15,7 @@ execute_process(COMMAND ${CMAKE_COMMAND} -S ${SOURCE} -B ${FOLDER} ${settings} C
 
 set(only)
 if(TARGETS)
-  # Parts without sources yet are no targets.
+  # Parts that have no sources yet have no target.
   execute_process(COMMAND ${CMAKE_COMMAND} --build ${FOLDER} --target help OUTPUT_VARIABLE known COMMAND_ERROR_IS_FATAL ANY)
   foreach(target IN LISTS TARGETS)
     if(known MATCHES "\\.\\.\\. ${target}\n")

@@ -1,5 +1,5 @@
-# Links SAMPLE for a Cortex-M4 with the archives below FOLDER, prints what it takes, and fails beyond the promise: 32 KiB of text
-# (code and constants), 4 KiB of RAM beside the buffers for messages and values. Skips without the compiler.
+# Links SAMPLE for a Cortex-M4 with the archives below FOLDER and prints the memory that it needs. Fails above the promised limits:
+# 32 KiB of text (code and constants), 4 KiB of RAM without the buffers for messages and values. Skips without the compiler.
 foreach(tool g++ size nm)
   find_program(arm_${tool} arm-none-eabi-${tool})
   if(NOT arm_${tool})

@@ -1,5 +1,5 @@
-# Tests that build the project another way: installed and used by a stranger, by the ARM compiler, by clang, by clang for
-# fuzzing. Each has a build folder of its own below build/nested that stays, so that only what changed is built again.
+# Tests that build the project in another way: installed and used by another project, with the ARM compiler, with clang, with clang
+# for fuzzing. Each has its own build folder below build/nested. The folder is kept, so that only changed files are built again.
 
 # margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds])
 # A test with a COST begins before the others, so that the run does not end with waiting for it.
@@ -20,7 +20,7 @@ endfunction()
 
 set(parts_only MARGAY_TESTS=OFF MARGAY_SAMPLES=OFF)
 
-# A consumer of the installed package.
+# Another project that uses the installed package.
 add_test(NAME install/install COMMAND ${CMAKE_COMMAND} --install ${PROJECT_BINARY_DIR} --prefix ${PROJECT_BINARY_DIR}/nested/prefix)
 set_tests_properties(install/install PROPERTIES FIXTURES_SETUP prefix)
 margay_nested(install/consumer_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FIXTURE consumer
@@ -51,13 +51,13 @@ margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/ins
               DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON
               TARGETS consumer_linux consumer_readme)
 
-# What an embedder builds.
+# The parts for an embedded system.
 margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
               COST 300 DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
                      CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
               TARGETS margay_wire margay margay_subdevice)
 
-# What a device with CoE and FoE takes on a microcontroller.
+# The memory that a device with CoE and FoE needs on a microcontroller.
 add_test(NAME embedded/footprint
          COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"
                  "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)

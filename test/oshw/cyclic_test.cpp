@@ -1,4 +1,4 @@
-// Periodic tasks: the grid of deadlines, the histogram, and the runner of Linux.
+// Periodic tasks: the grid of deadlines, the histogram, and CyclicRunner of Linux.
 #include "osal/cyclic_schedule.hpp"
 #include "osal/duration_histogram.hpp"
 #include "osal/linux/cyclic_runner.hpp"
@@ -99,7 +99,8 @@ TEST(DurationHistogram, EmptyAndOutOfRange) {
     EXPECT_EQ(histogram.bucket(DurationHistogram::kBuckets - 1).count, 1U);
 }
 
-// A few real milliseconds: whether the kernel's clock and ours are the same, no earlier test can tell.
+// Uses a few milliseconds of real time, because no other test can show that the clock of the kernel and ours are the
+// same.
 TEST(CyclicRunner, IsNeverWokenBeforeItsDeadline) {
     CyclicRunner runner({.period = 200us, .spin = 20us, .lock_memory = false, .hold_latency = false});
     EXPECT_TRUE(runner.prepare().empty()) << "nothing was asked for";
@@ -116,7 +117,7 @@ TEST(CyclicRunner, IsNeverWokenBeforeItsDeadline) {
 }
 
 TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
-    std::thread([] {  // its policy goes with it
+    std::thread([] {  // the scheduling policy ends with the thread
         CyclicRunner runner(
             {.period = 100us, .priority = 1000, .cpu = 100'000, .lock_memory = false, .hold_latency = false});
         const auto refusals = runner.prepare();
@@ -130,7 +131,7 @@ TEST(CyclicRunner, TellsWhatWasRefusedAndRunsNevertheless) {
         .join();
 }
 
-// What Linux lets real-time threads take is never all spent on spinning.
+// Spinning never uses the whole time that Linux grants to real-time threads.
 TEST(CyclicRunner, SpinStaysWithinTheShareOfRealTime) {
     std::thread([] {
         CyclicRunner runner({.period = 1ms, .spin = 5ms, .priority = 1, .lock_memory = false, .hold_latency = false});
@@ -140,7 +141,7 @@ TEST(CyclicRunner, SpinStaysWithinTheShareOfRealTime) {
         EXPECT_EQ(::sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, SCHED_FIFO);
         long runtime_us = -1;
         std::ifstream("/proc/sys/kernel/sched_rt_runtime_us") >> runtime_us;
-        if (runtime_us < 0) runtime_us = 1'000'001;  // there is no limit
+        if (runtime_us < 0) runtime_us = 1'000'001;  // no limit
         EXPECT_LT(runner.spin(), Duration(runtime_us)) << "of a second in µs is the same as of 1 ms in ns";
     }).join();
 }

@@ -1,4 +1,4 @@
-// Filters against a scripted NIC, in virtual time.
+// Filters around a scripted NIC, in virtual time.
 #include "oshw/filters/corrupt_nic.hpp"
 #include "oshw/filters/drop_nic.hpp"
 #include "oshw/filters/duplicate_nic.hpp"
@@ -92,7 +92,7 @@ TEST_F(FiltersTest, CorruptTurnsFewBitsOverAndSparesTheHeader) {
             }
         }
         ASSERT_LE(bits, 3);
-        changed += bits != 0 ? 1u : 0u;  // two flips of one bit undo each other
+        changed += bits != 0 ? 1u : 0u;  // two flips of the same bit cancel each other
     }
     EXPECT_NEAR(static_cast<double>(changed), 500, 80);
     EXPECT_LE(changed, filter.corrupted());
@@ -175,7 +175,7 @@ TEST_F(FiltersTest, ReorderLetsOthersOvertake) {
     EXPECT_NEAR(static_cast<double>(filter.held()), 40, 20);
     EXPECT_FALSE(std::is_sorted(order.begin(), order.end()));
     std::sort(order.begin(), order.end());
-    for (int i = 0; i < 200; ++i) EXPECT_EQ(order[static_cast<std::size_t>(i)], i);  // all of them, once
+    for (int i = 0; i < 200; ++i) EXPECT_EQ(order[static_cast<std::size_t>(i)], i);  // all frames, each once
     EXPECT_EQ(order.size(), 200u);
 }
 
@@ -224,8 +224,8 @@ TEST_F(FiltersTest, TraceSurvivesNoiseOfEveryLength) {
 }
 
 TEST_F(FiltersTest, FiltersStack) {
-    // Five filters over one NIC, as a stress test would: nothing is invented, everything that is not lost
-    // arrives.
+    // Five filters around one NIC, as in a stress test: every received frame was sent, and every frame that is not
+    // lost arrives.
     std::array<HeldFrame, 512> late;
     std::array<HeldFrame, 512> mixed;
     DropNic drop(inner, {.seed = 1, .received = Rate::percent(5)});

@@ -1,4 +1,4 @@
-// The two systems: the clock that moves when told, and Linux.
+// The two implementations of Osal: virtual time, and Linux.
 #include "osal/linux/linux_osal.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 
@@ -40,7 +40,7 @@ TEST(LinuxOsal, WaitsUntilTheTimeAndNotLess) {
     osal.wait(start + 2ms, -1);
     EXPECT_GE(osal.now(), start + 2ms);
     const Time later = osal.now();
-    osal.wait(start, -1);  // long gone
+    osal.wait(start, -1);  // in the past
     EXPECT_LT(osal.now() - later, 1s);
 }
 
@@ -59,7 +59,7 @@ TEST(LinuxOsal, AFrameEndsTheWait) {
 TEST(LinuxOsal, WakeOfAnotherThreadEndsAWaitForEver) {
     LinuxOsal osal;
     std::thread waker([&] { osal.wake(); });
-    osal.wait(kNever, -1);  // hangs, and the test with it, when the wake is lost
+    osal.wait(kNever, -1);  // the test hangs here when the wake-up is lost
     waker.join();
 }
 

@@ -1,4 +1,4 @@
-// A NIC for tests of what wraps NICs: records what is sent, delivers what the test has put in.
+// A NIC for tests of NIC filters: it records the sent frames and delivers the frames of the test.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -12,7 +12,7 @@ namespace margay {
 
 using Frame = std::vector<std::byte>;
 
-// A frame of one octet value; the value tells frames apart.
+// A frame filled with one octet value, which identifies the frame.
 inline Frame frame_of(int value, std::size_t size = 60) { return Frame(size, static_cast<std::byte>(value)); }
 
 class ScriptedNic final : public Nic {
@@ -48,7 +48,7 @@ class ScriptedNic final : public Nic {
     Osal& clock_;
 };
 
-// All frames that are there now.
+// All frames that are available now.
 inline std::vector<Frame> receive_all(Nic& nic) {
     std::vector<Frame> all;
     Frame buffer(2000);
@@ -57,7 +57,7 @@ inline std::vector<Frame> receive_all(Nic& nic) {
     return all;
 }
 
-// Lets time run to each next arrival until nothing more is to come, and returns what was received and when.
+// Advances time to each next arrival until no frame is left. Returns the received frames with their times.
 inline std::vector<std::pair<Time, Frame>> run_dry(Nic& nic, Osal& clock) {
     std::vector<std::pair<Time, Frame>> all;
     for (;;) {

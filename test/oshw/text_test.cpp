@@ -1,4 +1,4 @@
-// Datagrams and registers in words.
+// Datagrams and registers as text.
 #include "wire/text.hpp"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ TEST(RegisterText, NamesRegistersArraysAndRam) {
     EXPECT_EQ(register_text(0x0600), "FMMU 0");
     EXPECT_EQ(register_text(0x0630), "FMMU 3");
     EXPECT_EQ(register_text(0x0634), "FMMU 3 +4");
-    EXPECT_EQ(register_text(0x0700), "");  // behind the last of 16
+    EXPECT_EQ(register_text(0x0700), "");  // behind the last of the 16 FMMUs
     EXPECT_EQ(register_text(0x0805), "SM 0 status");
     EXPECT_EQ(register_text(0x080D), "SM 1 status");
     EXPECT_EQ(register_text(0x0880), "");
@@ -73,7 +73,7 @@ TEST(DatagramText, IsOneLineOfColumns) {
     view.data = data;
     view.wkc = 1;
     EXPECT_EQ(describe(view, buffer), "0x1f APRD -2:0x0130 AL status                n2 wkc 1 irq 0x0004 : 08 00");
-    for (std::size_t room = 0; room < 80; ++room)  // cut, never past the end
+    for (std::size_t room = 0; room < 80; ++room)  // truncated, never written beyond the end
         EXPECT_LE(describe(view, std::span(buffer).first(room)).size(), room);
 }
 

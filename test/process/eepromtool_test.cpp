@@ -1,4 +1,4 @@
-// eepromtool as it is used: the program itself, on simulated slaves and on files.
+// The program eepromtool, executed on simulated slaves and on files.
 #include <places.hpp>
 #include "wire/sii_writer.hpp"
 
@@ -57,7 +57,7 @@ class Eepromtool : public testing::Test {
         return out;
     }
 
-    // Runs it in the test's folder.
+    // Executes it in the folder of the test.
     [[nodiscard]] Ran tool(const std::string& arguments) const {
         const auto command = "cd '" + folder_.string() + "' && '" MARGAY_BIN_DIR "/eepromtool' " + arguments +
                              " >.out 2>.err </dev/null";
@@ -98,7 +98,7 @@ TEST_F(Eepromtool, WritesASlaveAndSaysWhatBecomesOfIt) {
     EXPECT_EQ(ran.status, 0) << ran.err;
     EXPECT_TRUE(contains(ran.out, " of 512 words were different and are written, all verified\n")) << ran.out;
     EXPECT_TRUE(contains(ran.err, "a simulated slave forgets this")) << ran.err;
-    EXPECT_EQ(content(a_), image(1));  // the file that the simulation was made from is left alone
+    EXPECT_EQ(content(a_), image(1));  // the image file of the simulated slave is not changed
 }
 
 TEST_F(Eepromtool, WritesAFileInPlace) {
@@ -119,7 +119,7 @@ TEST_F(Eepromtool, DumpsByCategory) {
     EXPECT_EQ(tool("file:b.bin 1 dump").out, slave.out);
 }
 
-// The size word tells 4 MiB, minutes of reading: what is in use is read, and the rest on request.
+// The size word gives 4 MiB, which would take minutes to read. Only the part in use is read; --size reads all.
 TEST_F(Eepromtool, ReadsNoMoreThanIsInUseWhereTheSizeIsAbsurd) {
     auto big = image(4);
     big[0x7C] = '\xFF';
@@ -164,7 +164,7 @@ TEST_F(Eepromtool, RefusesWhatDoesNotFit) {
     const auto other = tool("file:a.bin write large.bin");
     EXPECT_EQ(other.status, 1);
     EXPECT_EQ(content(a_), image(1));
-    // It does not fit, whatever --size says: the word behind the end does not take.
+    // The image does not fit, whatever --size says: the word behind the end is not written.
     const std::string name(250, 'x');
     write(file("full.bin"), image(3, 2048, name));
     write(file("small.bin"), image(1, 256));
@@ -234,7 +234,7 @@ TEST_F(Eepromtool, NamesWhatIsWrongWithItsArguments) {
     EXPECT_EQ(unwritable.out, "");
 }
 
-// A recording answers as the segment did, and to nothing else: what is written differently does not verify.
+// A replay has the answers of the recorded requests only: writing another value is not verified.
 TEST_F(Eepromtool, WorksOnItsOwnRecording) {
     const auto live = tool("--record r.pcap sim:a.bin,b.bin 2 dump");
     EXPECT_EQ(live.status, 0) << live.err;
@@ -260,7 +260,7 @@ TEST_F(Eepromtool, ShowsProgressOnATerminalOnly) {
     EXPECT_TRUE(contains(shown, "verifying 1024 of 1024")) << shown;
     EXPECT_TRUE(contains(shown, "all verified")) << shown;
 
-    // Standard output on a terminal is no place for octets.
+    // Standard output on a terminal gets text, not octets.
     const auto read = "cd '" + folder_.string() +
                       "' && script -qec \"'" MARGAY_BIN_DIR
                       "/eepromtool' sim:a.bin 1 read\" /dev/null >.tty </dev/null";

@@ -61,7 +61,7 @@ Cable::Cable() : master_(unique("m")), segment_(unique("s")) {
 }
 
 Cable::~Cable() {
-    // What was made, in whatever state the test has left it; the interfaces go with their namespaces.
+    // Removes everything that was created, in any state of the test. The interfaces are removed with their namespaces.
     for (const auto& name : {master_, segment_})
         if (std::filesystem::exists("/run/netns/" + name)) run("ip netns del " + name);
 }
@@ -93,7 +93,7 @@ Child::Child(const std::string& name_space, const std::vector<std::string>& argu
     id_ = ::fork();
     EXPECT_GE(id_, 0);
     if (id_ != 0) return;
-    // The child: only calls that are safe after fork().
+    // The child process: only calls that are safe after fork().
     const int to_out = ::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
     const int to_err = ::open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
     if (::dup2(to_out, 1) < 0 || ::dup2(to_err, 2) < 0 || !enter(name_space)) ::_exit(126);
@@ -136,7 +136,7 @@ int Child::wait(std::chrono::seconds limit) {
 bool Child::says(const std::string& text, std::chrono::seconds limit) {
     const auto until = std::chrono::steady_clock::now() + limit;
     for (;;) {
-        const bool over = ended();  // asked first: what it said last is there then
+        const bool over = ended();  // read first, so that the last output of the program is complete
         if (output().find(text) != std::string::npos) return true;
         if (over || std::chrono::steady_clock::now() > until) return false;
         std::this_thread::sleep_for(kGlance);

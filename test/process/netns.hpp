@@ -1,5 +1,5 @@
-// Two network namespaces joined by a cable (a veth pair), made by the test and removed with it; nothing
-// outside of them is touched. And child processes that run inside them.
+// Two network namespaces connected by a veth pair. The test creates and removes them and changes nothing else in the
+// system. Also starts child processes inside them.
 #pragma once
 
 #include <sys/types.h>
@@ -11,12 +11,13 @@
 
 namespace margay::process {
 
-// Runs a command through the shell; true when it succeeded. Its output is added to `said`.
+// Executes a command through the shell. Returns true when it succeeded, and appends its output to `said`.
 bool run(const std::string& command, std::string* said = nullptr);
 
 class Cable {
   public:
-    // Ends of the cable: namespaces by the name of the test's process, interfaces by fixed names.
+    // The ends of the cable. The names of the namespaces contain the process id of the test, the interface names are
+    // fixed.
     static constexpr const char* kMaster = "ecat-m";
     static constexpr const char* kSegment = "ecat-s";
 
@@ -25,16 +26,17 @@ class Cable {
     Cable(const Cable&) = delete;
     Cable& operator=(const Cable&) = delete;
 
-    // Why there is no cable (no permission, no ip, no veth), empty when there is one: reason to skip.
+    // The reason why there is no cable (no permission, no ip, no veth), for skipping the test; empty when there is a
+    // cable.
     [[nodiscard]] const std::string& missing() const { return missing_; }
 
     [[nodiscard]] const std::string& master_namespace() const { return master_; }
     [[nodiscard]] const std::string& segment_namespace() const { return segment_; }
 
-    // `ip ARGUMENTS` in one of the namespaces.
+    // Executes `ip ARGUMENTS` in one of the namespaces.
     bool ip(const std::string& name_space, const std::string& arguments) const;
 
-    // Calls `what` with this thread in the namespace. Sockets opened meanwhile stay in it.
+    // Calls `what` with this thread in the namespace. Sockets that it opens stay in the namespace.
     static void inside(const std::string& name_space, const std::function<void()>& what);
 
   private:
@@ -43,7 +45,7 @@ class Cable {
     std::string missing_;
 };
 
-// A program running in a namespace, its output caught. Ended, by its id, at the latest by the destructor.
+// A program in a namespace, with its output recorded. The destructor ends the program by its process id.
 class Child {
   public:
     Child(const std::string& name_space, const std::vector<std::string>& arguments);
@@ -51,11 +53,9 @@ class Child {
     Child(const Child&) = delete;
     Child& operator=(const Child&) = delete;
 
-    // Waits for the end and returns the exit code; −1 when it had to be killed after `limit` or died of a
-    // signal.
+    // Waits for the end and returns the exit code; −1 when the program was killed after `limit` or ended by a signal.
     int wait(std::chrono::seconds limit);
-    // Waits until standard output has held `text`; false when it has not within `limit` or the program has
-    // ended before.
+    // Waits until standard output contains `text`. Returns false after `limit`, or when the program ended before.
     bool says(const std::string& text, std::chrono::seconds limit);
     void terminate();
 

@@ -24,7 +24,7 @@ using process::Cable;
 using Frame = std::vector<std::byte>;
 using Side = PacketNic::Side;
 
-// Noise with the given EtherType.
+// Random octets with the given EtherType.
 Frame frame_of(std::size_t size, Chance& chance, std::uint16_t ether_type = wire::kEtherTypeEtherCat) {
     Frame frame(size);
     for (auto& octet : frame) octet = static_cast<std::byte>(chance.next());
@@ -51,7 +51,7 @@ struct PacketNicTest : testing::Test {
                       [&] { ASSERT_TRUE(segment.open(Cable::kSegment, Side::segment).ok()) << segment.problem(); });
     }
 
-    // The next frame, waited for; empty when none comes.
+    // Waits for the next frame; empty when none arrives.
     Frame next(PacketNic& nic, Duration limit = 5s) {
         Frame buffer(2048);
         const auto until = osal.now() + limit;
@@ -64,13 +64,13 @@ struct PacketNicTest : testing::Test {
         }
         return {};
     }
-    // Nothing more is there: a frame sent now is the next that comes.
+    // Checks that no frame is pending: a frame sent now is the next frame received.
     void expect_quiet(PacketNic& from, PacketNic& to) {
         const auto mark = frame_of(100, chance);
         ASSERT_EQ(from.send(mark), SendStatus::sent);
         EXPECT_EQ(next(to), mark);
     }
-    // open() in the master's namespace, and what it says.
+    // Calls open() in the master's namespace and returns problem().
     std::string problem_of(const std::string& interface) {
         PacketNic nic;
         bool opened = false;
@@ -176,11 +176,11 @@ TEST_F(PacketNicTest, AnUnpluggedCableIsSeenAndHeals) {
     EXPECT_NE(master.last_error(), 0);
     Frame buffer(100);
     EXPECT_EQ(master.receive(buffer), 0u);
-    // Opening without a cable works as well: the link may come later.
+    // Opening works without a cable, too: the link can come up later.
     EXPECT_EQ(problem_of(Cable::kMaster), "");
     ASSERT_TRUE(cable.ip(cable.segment_namespace(), std::string("link set ") + Cable::kSegment + " up"));
     EXPECT_EQ(master.link_state(), LinkState::up);
-    // The far end's socket was told that its interface went down, once.
+    // The socket of the far end got one report that its interface went down.
     EXPECT_EQ(segment.receive(buffer), 0u);
     EXPECT_EQ(segment.last_error(), ENETDOWN);
     expect_quiet(master, segment);
@@ -229,7 +229,7 @@ TEST_F(PacketNicTest, SaysWhatKeepsItFromOpening) {
 }
 
 TEST_F(PacketNicTest, MissingPermissionIsNamedWithItsRemedy) {
-    // In a child, as a process that has given its capabilities up does not get them back.
+    // In a child process, because a process that has dropped its capabilities does not get them back.
     int pipe[2];
     ASSERT_EQ(::pipe(pipe), 0);
     const auto child = ::fork();

@@ -1,4 +1,4 @@
-// What all programs do alike: help, usage, exit codes, and output that is lost.
+// The common behaviour of all programs: help, usage errors, exit codes, and lost output.
 #include <places.hpp>
 #include "process/shell.hpp"
 
@@ -64,11 +64,11 @@ TEST(Programs, ListInterfacesAndSegmentsWithoutArguments) {
     }
 }
 
-// All that the programs print, on a disk that is full and into a pipe that nobody reads.
+// The output of all programs, on a full disk and into a closed pipe.
 TEST(Programs, NoticeOutputThatIsLost) {
     const ShellFolder folder;
     ASSERT_EQ(folder.run(kBin + "slaveinfo sim:demo --record r.pcap").status, 0);
-    // A pipe has a reader while its writer opens it; then the reader goes.
+    // The pipe has a reader while the writer opens it; then the reader closes it.
     const std::string closed = "mkfifo p && exec 3<>p && exec 4>p && exec 3<&- && rm p; ";
     for (const std::string command :
          {"slaveinfo sim:demo", "slaveinfo sim:demo --json", "slaveinfo sim:demo --map",
@@ -178,7 +178,7 @@ TEST(SegmentMonitor, RecordsAndEndsWithOneAfterLostFrames) {
     EXPECT_TRUE(contains(lost.err, "cycles without all frames or with a wrong working counter\n")) << lost.err;
 }
 
-// The errors of the start are seen on the screen and at the end.
+// The errors of the bring-up are visible on the screen and at the end.
 TEST(SegmentMonitor, PrintsTheErrorsOfTheSegment) {
     const ShellFolder folder;
     folder.write("blank.bin", std::string(1024, '\xFF'));

@@ -1,4 +1,4 @@
-// The scripts of a first user, with programs of the test in the place of those of the system: nothing is installed and
+// The scripts for new users. Test programs replace the programs of the system, so that nothing is installed and
 // nothing is built.
 #include <places.hpp>
 #include "process/shell.hpp"
@@ -12,8 +12,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A checkout with samples/ and test/run.sh alone, and a system where the user is root and `installed` holds the names
-// of the installed packages.
+// A checkout with only samples/ and test/run.sh. On its system the user is root, and the file `installed` holds the
+// names of the installed packages.
 struct Checkout : testing::Test {
     ShellFolder folder;
 
@@ -105,7 +105,7 @@ TEST_F(Checkout, CompilersFitIntoTheMemory) {
     EXPECT_EQ(script(". samples/packages.sh; meminfo='" + file("meminfo") + "'; compilers").out, "8\n");
 }
 
-// CMake writes its cache also where it fails.
+// CMake also writes its cache when it fails.
 TEST_F(Checkout, QuickstartConfiguresAgainAfterAFailure) {
     folder.write_script("bin/cmake",
                         "echo \"cmake $*\" >>'" + file("log") +
@@ -124,7 +124,7 @@ TEST_F(Checkout, QuickstartConfiguresAgainAfterAFailure) {
     EXPECT_FALSE(contains(log().substr(configured), "cmake -S")) << "a configured folder keeps its settings";
 }
 
-// A test of the house allows nothing else at the top level.
+// A test in layers/ allows no other files at the top level.
 TEST_F(Checkout, QuickstartSuggestsNothingThatLeavesFilesInTheCheckout) {
     const auto text = content_of(file("samples/quickstart.sh"));
     ASSERT_TRUE(contains(text, "--record "));

@@ -1,4 +1,4 @@
-// segment_monitor and simple_io, whole, on a simulated segment in virtual time.
+// The programs segment_monitor and simple_io on a simulated segment in virtual time.
 #include <places.hpp>
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ const std::string kBin = MARGAY_BIN_DIR;
 
 struct Ran {
     int status = -1;
-    std::string output;  // and errors
+    std::string output;  // standard output and standard error
 };
 
 Ran run(const std::string& command) {

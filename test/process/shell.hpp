@@ -1,4 +1,4 @@
-// A command through the shell, with what it prints.
+// Executes a command through the shell and returns its output.
 #pragma once
 
 #include <sys/wait.h>
@@ -25,7 +25,7 @@ inline std::string content_of(const std::filesystem::path& path) {
 
 inline bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
-// A folder of its own for each test, removed at the end.
+// A temporary folder for each test, removed at the end.
 class ShellFolder {
   public:
     ShellFolder() {
@@ -41,14 +41,14 @@ class ShellFolder {
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     void write(const std::string& name, const std::string& text) const { std::ofstream(path_ / name) << text; }
-    // A program of our own in the place of one of the system.
+    // A test program that replaces a program of the system.
     void write_script(const std::string& name, const std::string& text) const {
         std::filesystem::create_directories((path_ / name).parent_path());
         write(name, "#!/bin/sh\n" + text);
         std::filesystem::permissions(path_ / name, std::filesystem::perms::owner_all);
     }
 
-    // Runs the command in the folder. A redirection of its own wins over the ones that catch the output.
+    // Executes the command in the folder. Redirections in the command replace the ones that capture the output.
     [[nodiscard]] Ran run(const std::string& command) const {
         const auto whole = "cd '" + path_.string() + "' && exec >.out 2>.err </dev/null || exit 99\n" + command;
         const int status = std::system(whole.c_str());

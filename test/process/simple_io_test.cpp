@@ -1,4 +1,4 @@
-// simple_io, whole, over a cable to a second process that serves a simulated segment; and that segment loses its power.
+// The program simple_io, over a cable to a second process with a simulated segment, which then loses its power.
 #include <places.hpp>
 #include "netns.hpp"
 
@@ -24,7 +24,7 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
     ASSERT_TRUE(segment->says("serv", kLimit)) << segment->output() << segment->errors();
     Child master(cable.master_namespace(), {kSimpleIo, Cable::kMaster, "--cycles", "100000000", "--period", "2000"});
     ASSERT_TRUE(master.says("all slaves in OP", kLimit)) << master.output() << master.errors();
-    // A new process is a segment that was just switched on: no addresses, INIT.
+    // A new process acts as a segment after power-up: no station addresses, INIT.
     segment->terminate();
     EXPECT_EQ(segment->wait(kLimit), 0) << segment->errors();
     EXPECT_TRUE(master.says("no frame comes back from the segment", kLimit)) << master.output() << master.errors();
@@ -36,7 +36,7 @@ TEST(SimpleIo, BringsASegmentToOpOverACableAndBackThereAfterALossOfPower) {
             << master.output() << master.errors();
     EXPECT_TRUE(master.says("found again, in INIT, as after a loss of power", kLimit)) << master.output();
     EXPECT_TRUE(master.says("group 0: working counter right again", kLimit)) << master.output();
-    // Told to end it says what it has, and leaves the slaves in INIT.
+    // After a signal it prints its results and leaves the slaves in INIT.
     master.terminate();
     EXPECT_EQ(master.wait(kLimit), 1) << "cycles were lost";
     EXPECT_NE(master.output().find("slave 2 (8-channel digital input): 00"), std::string::npos) << master.output();

@@ -1,5 +1,5 @@
-// slaveinfo, whole: over a cable to a second process that serves a simulated segment, against the same
-// segment without the cable, against the recording of it, and when there is nothing to find.
+// The program slaveinfo: over a cable to a second process with a simulated segment, compared with the same segment
+// without the cable and with its recording; and without any segment.
 #include <places.hpp>
 #include "netns.hpp"
 #include "osal/linux/linux_osal.hpp"
@@ -52,8 +52,8 @@ struct SlaveinfoTest : testing::Test {
         EXPECT_GT(result.output.size(), 100u);
         return result.output;
     }
-    // Asks with frames of its own whether somebody answers at the far end, so that no program has to be
-    // believed.
+    // Checks with a PacketNic whether the far end answers, so that the test does not depend on the output of a
+    // program.
     bool answered_within(std::chrono::seconds limit) {
         PacketNic nic;
         Cable::inside(cable.master_namespace(), [&] { EXPECT_TRUE(nic.open(Cable::kMaster).ok()) << nic.problem(); });

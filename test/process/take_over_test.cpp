@@ -1,4 +1,4 @@
-// Slaves that another master runs: the programs look before they write, and go on only when told to.
+// Slaves under another master: the programs read before they write, and continue only with --take-over.
 #include <places.hpp>
 #include "netns.hpp"
 

@@ -1,5 +1,5 @@
-// virtual_segment, whole: over a cable to a master in another namespace it is spoken to while it runs, by commands on
-// its standard input and by signals; it tells who talks and what happens, records, and serves a TAP device.
+// The program virtual_segment, over a cable to a master in another namespace. It gets commands on its standard input
+// and signals while it runs. It reports masters and events, records frames, and serves a TAP device.
 #include <places.hpp>
 #include "netns.hpp"
 
@@ -43,7 +43,7 @@ struct VirtualSegmentTest : testing::Test {
     }
     std::string file(const std::string& name) const { return folder / name; }
 
-    // The program with its standard input at our end of a pipe, and its process id in a file.
+    // The program with its standard input at a pipe of the test, and its process id in a file.
     std::vector<std::string> serve(const std::string& arguments) const {
         return {"/bin/sh", "-c",
                 "echo $$ > " + file("pid") + "; exec " + kVirtualSegment + " " + arguments + " < " + file("commands")};
@@ -121,7 +121,7 @@ TEST_F(VirtualSegmentTest, BringsAMasterToOpAndShowsItsData) {
     ASSERT_TRUE(segment.says("slave 3 (outputs): OP", 30s)) << segment.output() << master.errors();
     command("set inputs 0 0x5a");
     EXPECT_TRUE(segment.says("5a", 5s));
-    // The master's outputs count up: another value after a while.
+    // The master writes a counter to the outputs: they change after some time.
     command("get outputs out");
     master.terminate();
     (void)master.wait(20s);
@@ -129,7 +129,7 @@ TEST_F(VirtualSegmentTest, BringsAMasterToOpAndShowsItsData) {
     EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
 }
 
-// Lengths of the frames in a pcap file, and whether each was marked by a slave.
+// Lengths of the frames in a pcap file, and whether a slave marked each frame.
 std::vector<std::pair<std::size_t, bool>> frames_in(const std::string& path) {
     std::ifstream in(path, std::ios::binary);
     const std::string all{std::istreambuf_iterator<char>(in), {}};
@@ -161,7 +161,7 @@ TEST_F(VirtualSegmentTest, RecordsRequestsAndAnswers) {
     }
 }
 
-// Real time: a second passes.
+// Real time: the test lasts a second.
 TEST_F(VirtualSegmentTest, WaitsQuietlyForAMaster) {
     Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " demo --quiet"));
     ASSERT_TRUE(segment.says("serving 5 slaves on", 20s)) << segment.errors();
@@ -172,7 +172,7 @@ TEST_F(VirtualSegmentTest, WaitsQuietlyForAMaster) {
         std::string word;
         long total = 0;
         for (int field = 1; field <= 15 && in >> word; ++field)
-            if (field >= 14) total += std::stol(word);  // processor time as user and as system
+            if (field >= 14) total += std::stol(word);  // CPU time in user mode and in system mode
         return total;
     };
     const auto before = ticks();

@@ -1,4 +1,4 @@
-// A master and a simulated segment of devices made to order, in virtual time.
+// A master and a simulated segment with devices of chosen sizes, in virtual time.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -35,7 +35,7 @@ class Bus {
         const auto n = segment.add(std::move(device).assemble());
         EXPECT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
     }
-    // Switches on and scans.
+    // Switches the segment on and scans it.
     void start(const Limits& limits = {.slaves = 64}) {
         segment.power_up(osal.now());
         nic = std::make_unique<SimulatedNic>(segment, osal);
@@ -45,7 +45,7 @@ class Bus {
         ASSERT_TRUE(found.ok());
         ASSERT_EQ(*found, segment.size());
     }
-    // Cycles a millisecond apart.
+    // A cycle, one millisecond after the last one.
     Result<std::uint32_t> cycle(std::uint8_t group = 0) {
         osal.advance(std::chrono::milliseconds(1));
         const auto sent = send_processdata(*ctx, group);
@@ -53,7 +53,7 @@ class Bus {
         (void)poll(*ctx, osal.now());
         return wkc;
     }
-    // All slaves to OP, with cycles beside.
+    // Brings all slaves to OP, with cycles.
     AlStatus to_op() {
         for (int i = 0; i < 5; ++i) (void)cycle();
         EXPECT_TRUE(writestate(*ctx, 0, AlState::op).ok());

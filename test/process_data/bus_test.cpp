@@ -1,4 +1,4 @@
-// From a scan to OP on the simulated segment, and the cycle there.
+// From a scan to OP on the simulated segment, and cycles in OP.
 #include "process_data/bus.hpp"
 
 #include "wire/fmmu.hpp"
@@ -31,7 +31,7 @@ TEST_F(BusTest, MapsWhatTheSiiSaysAndBringsToSafeop) {
     EXPECT_EQ(*bytes, 2U + 75 + 3 + 1);
     EXPECT_EQ(bus.errors(), std::vector<std::string>());
     for (const Slave& slave : ctx().slaves())
-        EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.position;
+        EXPECT_EQ(slave.al, (AlStatus{AlState::safeop, false, 0})) << slave.number;
     EXPECT_EQ(ctx().slave(1).config.source, ConfigurationSource::sii);
     EXPECT_EQ(ctx().slave(3).image.outputs.bits, 600U);
     EXPECT_EQ(ctx().slave(3).image.inputs.bits, 8U) << "whole octets";
@@ -39,7 +39,7 @@ TEST_F(BusTest, MapsWhatTheSiiSaysAndBringsToSafeop) {
     EXPECT_EQ(ctx().group(0).expected_wkc, 3U + 3U);
     EXPECT_EQ(ctx().group(0).frames, 1);
 
-    // What stands in the third slave's registers.
+    // The registers of the third slave.
     std::array<std::byte, 16> fmmu{};
     bus.segment.slave(2).read(0x0610, fmmu);
     EXPECT_EQ(wire::load_fmmu(fmmu), (wire::Fmmu{{80}, 1, 0, 7, 0x2000, 0, true, false, true}));
@@ -72,7 +72,7 @@ TEST_F(BusTest, ReachesOpAndExchanges) {
     EXPECT_TRUE(ctx().group(0).datagrams[0].right());
 }
 
-// Every way to lay out an image carries the same data.
+// Every layout of an image transfers the same data.
 TEST_F(BusTest, EveryFormOfImageCarriesTheData) {
     const std::pair<std::uint32_t, std::uint32_t> sizes[] = {{4, 2}, {3, 7},    {0, 12},      {16, 0},
                                                              {2, 2}, {100, 60}, {4000, 5000}, {4, 9000}};
@@ -143,7 +143,7 @@ TEST_F(BusTest, ASecondReceiveWithoutASendIsAnError) {
     EXPECT_EQ(bus.osal.now(), before) << "nothing is waited for";
     EXPECT_TRUE(inputs_fresh(ctx(), 1)) << "those of the last cycle still are";
     ASSERT_TRUE(bus.cycle().ok());
-    // A cycle that was lost is over too.
+    // A lost cycle is finished, too.
     bus.segment.lose_next({0, 0});
     EXPECT_EQ(bus.cycle().error().code, Errc::no_frame);
     EXPECT_EQ(receive_processdata(ctx(), 500us).error().code, Errc::no_cycle);
@@ -216,7 +216,7 @@ TEST_F(BusTest, AcyclicDatagramsRideAlong) {
     EXPECT_GT(cycles, 3);
     EXPECT_EQ(ctx().statistics().frames_sent - before.frames_sent, static_cast<std::uint64_t>(cycles))
         << "not one frame of its own";
-    // When the cycle stops they do not wait for ever.
+    // The requests end when the cycles stop.
     ASSERT_TRUE(submit(ctx(), read).ok());
     EXPECT_TRUE(wait(ctx(), read).ok());
 }
@@ -243,7 +243,7 @@ TEST_F(BusTest, GroupsAreExchangedForThemselves) {
     ASSERT_EQ(*config_map(ctx(), other, 1), 4U);
     EXPECT_EQ(*bus.cycle(0), 6U);
     EXPECT_EQ(*bus.cycle(1), 6U);
-    // At one logical address they would disturb each other.
+    // Two groups at the same logical address would overwrite each other's data.
     ctx().group(1).config.start = ctx().group(0).config.start;
     EXPECT_EQ(config_map(ctx(), other, 1).error().code, Errc::invalid_argument);
     EXPECT_EQ(bus.cycle(1).error().code, Errc::unknown_group);
@@ -310,7 +310,7 @@ TEST_F(BusTest, WatchdogIsWritten) {
     EXPECT_EQ(bus.segment.slave(0).registers().get<std::uint16_t>(0x0420), 250);
 }
 
-// Bad input: an error that names it, and the context is still usable.
+// A wrong argument gives an error that names it, and the context can still be used.
 TEST_F(BusTest, WrongCallsAreRefused) {
     HostContext fresh;
     EXPECT_EQ(config_map(fresh, image).error().code, Errc::wrong_state);

@@ -1,5 +1,4 @@
-// Devices whose process data is known by their SII alone, for the tests of entries: SyncManagers and PDOs made to
-// order.
+// Devices for the tests of entries, with chosen SyncManagers and PDOs that only their SII describes.
 #pragma once
 
 #include "process_data/bus.hpp"
@@ -10,11 +9,11 @@ namespace margay {
 struct EntryDevice {
     std::vector<wire::sii::PdoDescription> rx{};
     std::vector<wire::sii::PdoDescription> tx{};
-    std::uint8_t output_sms = 1;  // SyncManagers 0 … are outputs, those behind them inputs
+    std::uint8_t output_sms = 1;  // the first SyncManagers are outputs, the next ones inputs
     std::uint8_t input_sms = 1;
 };
 
-// Appends one to the line.
+// Appends a device to the line.
 inline void add_device(Bus& bus, const EntryDevice& device) {
     std::vector<SmInfo> sms;
     for (unsigned n = 0; n < unsigned{device.output_sms} + device.input_sms; ++n) {
@@ -40,7 +39,7 @@ inline void add_device(Bus& bus, const EntryDevice& device) {
     EXPECT_TRUE(n == 0 ? bus.segment.connect_master({0, 0}) : bus.segment.connect({n - 1, 1}, {n, 0}));
 }
 
-// What a test reads and writes bits with: one by one.
+// Reads and writes single bits, for comparison in tests.
 inline std::uint64_t bits_at(std::span<const std::byte> octets, std::size_t first, unsigned bits) {
     std::uint64_t value = 0;
     for (unsigned n = 0; n < bits; ++n) {

@@ -1,5 +1,6 @@
-// Process data by name: what is written through a handle is what the device gets, bit by bit, and what the device shows
-// is what is read; whatever is not as the application has written it down is told by config_map().
+// Process data by name. The device receives exactly the bits that a handle writes, and a handle reads exactly the bits
+// that the device shows. config_map() reports every difference between the slave and the declaration of the
+// application.
 #include "process_data/entry_device.hpp"
 #include "process_data/plant.hpp"
 
@@ -14,7 +15,7 @@ using Words = std::vector<std::string>;
 
 enum class Mode : std::int8_t { reverse = -3, off = 0, forward = 2 };
 
-// Outputs in two SyncManagers, inputs in two; bits of every kind, and gaps.
+// Outputs in two SyncManagers, inputs in two; entries of different sizes, and gaps.
 const PdoEntryDescription kRxA[] = {
     {.index = 0x7000, .subindex = 1, .name = "Enable", .data_type = 0x01, .bit_length = 1},
     {.bit_length = 2},
@@ -61,7 +62,7 @@ class EntryTest : public testing::Test {
         std::array<char, 256> text{};
         return std::string(describe(error, text));
     }
-    // The octets that device `n` has after another cycle.
+    // The output octets of device `n` after another cycle.
     Bytes outputs(std::size_t n) {
         bus.osal.advance(std::chrono::milliseconds(2));
         const auto wkc = bus.cycle();
@@ -70,7 +71,7 @@ class EntryTest : public testing::Test {
         bus.segment.advance(bus.osal.now());
         return bus.device(n).outputs();
     }
-    // Lets device `n` show these bits.
+    // Makes device `n` show these bits.
     void show(std::size_t n, std::size_t first, unsigned bits, std::uint64_t value) {
         set_bits(bus.device(n).inputs(), first, bits, value);
         bus.device(n).poke();
@@ -79,7 +80,7 @@ class EntryTest : public testing::Test {
     }
 };
 
-// Against bits moved one by one: every width at every bit, and no other bit is touched.
+// Compared with bits copied one by one: every width at every bit offset, and no other bit changes.
 TEST(EntryBits, OfEveryWidthAtEveryBit) {
     std::mt19937_64 random(7);
     for (unsigned shift = 0; shift < 8; ++shift) {
@@ -111,7 +112,7 @@ TEST_F(EntryTest, WhatIsWrittenIsWhatTheDeviceGets) {
     ASSERT_TRUE(mapped.ok()) << words(mapped.error());
     ASSERT_EQ(bus.to_op().state, AlState::op);
     for (const EntryHandle* entry : entries) EXPECT_TRUE(entry->mapped());
-    // Offsets by hand: the second PDO begins at bit 40, the second SyncManager on an octet.
+    // Offsets calculated by hand: the second PDO begins at bit 40, the second SyncManager at an octet boundary.
     EXPECT_EQ(target.place().offset_bits, 8U);
     EXPECT_EQ(odd.place().offset_bits, 40U);
     EXPECT_EQ(odd.place().index, 0x7010);
@@ -120,7 +121,7 @@ TEST_F(EntryTest, WhatIsWrittenIsWhatTheDeviceGets) {
     EXPECT_EQ(gain.place().offset_bits, 104U);
 
     enable.write(true);
-    ramp.write(0xF6);  // five bits of it
+    ramp.write(0xF6);  // only five bits of it
     target.write(-123456789);
     odd.write(-2000);
     text.write_text("Margay and more");
@@ -134,16 +135,16 @@ TEST_F(EntryTest, WhatIsWrittenIsWhatTheDeviceGets) {
     EXPECT_EQ(static_cast<std::int32_t>(bits_at(got, 8, 32)), -123456789);
     EXPECT_EQ(bits_at(got, 40, 13), static_cast<std::uint64_t>(-2000) & 0x1FFF);
     for (unsigned n = 0; n < 6; ++n) EXPECT_EQ(static_cast<char>(bits_at(got, 53 + 8 * n, 8)), "Margay"[n]);
-    EXPECT_EQ(bits_at(got, 101, 3), 5U);  // -3 of three bits
+    EXPECT_EQ(bits_at(got, 101, 3), 5U);  // -3 in three bits
     EXPECT_EQ(std::bit_cast<float>(static_cast<std::uint32_t>(bits_at(got, 104, 32))), -1.5F);
-    // What was written can be read back.
+    // Written values can be read back.
     EXPECT_TRUE(enable.read());
     EXPECT_EQ(ramp.read(), 0x16);
     EXPECT_EQ(odd.read(), -2000);
     EXPECT_EQ(mode.read(), Mode::reverse);
     std::array<char, 8> back{};
     EXPECT_EQ(text.read_text(back), "Margay");
-    // A shorter text is filled up with zeros; false clears its bit and no other.
+    // A shorter text is padded with zeros; false clears only its bit.
     text.write_text("IO");
     enable.write(false);
     const Bytes next = outputs(1);
@@ -189,7 +190,7 @@ TEST_F(EntryTest, WhatTheDeviceShowsIsWhatIsRead) {
     std::array<std::byte, 8> octets{};
     EXPECT_EQ(serial.read(octets), 5U);
     EXPECT_EQ(octets[4], std::byte{0x43});
-    // The second SyncManager; the device puts its inputs one behind the other.
+    // The second SyncManager. The device stores its inputs without gaps.
     show(1, 216, 16, 0xBEEF);
     EXPECT_EQ(count.read(), 0xBEEF);
     EXPECT_FALSE(again.read());
@@ -198,7 +199,7 @@ TEST_F(EntryTest, WhatTheDeviceShowsIsWhatIsRead) {
     EXPECT_EQ(temperature.read(), 2047) << "the neighbours are as they were";
 }
 
-// Slaves packed bit by bit, and images whose halves overlap on the wire: a handle reads and writes its own bits.
+// Slaves packed by bits, and images with overlapping halves: a handle reads and writes only its bits.
 TEST_F(EntryTest, InPackedAndOverlappedImages) {
     const PdoEntryDescription three[] = {{.index = 0x7000, .subindex = 1, .bit_length = 1},
                                          {.index = 0x7000, .subindex = 2, .bit_length = 2}};
@@ -260,7 +261,7 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
                                    "slave 7: mapping process data: there is no such slave (there are 1)"}));
     EXPECT_TRUE(enable.mapped());
     EXPECT_FALSE(missing.mapped());
-    // All that can be done was done, and a handle that is not mapped harms nobody.
+    // Everything else was mapped, and a handle that is not mapped changes nothing.
     ASSERT_EQ(bus.to_op().state, AlState::op);
     const auto before = image;
     missing.write(0xFF);
@@ -276,7 +277,7 @@ TEST_F(EntryTest, WrongTypesAreNamed) {
     bus.start();
     Output<std::uint16_t> narrow{1, 0x7000, 3};
     Output<std::uint64_t> wide{1, 0x7000, 3};
-    Output<float> number{1, 0x7000, 3};  // nobody tells that it is an integer
+    Output<float> number{1, 0x7000, 3};  // no source says that the entry is an integer
     Output<std::uint32_t> integer{1, 0x7020, 1};
     Input<std::uint32_t> input{1, 0x7000, 3};
     Output<bool> many{1, 0x7010, 1};
@@ -312,7 +313,8 @@ TEST_F(EntryTest, WrongTypesAreNamed) {
     }
 }
 
-// Another place in the image, and none at all: the handles follow, what was found by hand is refused.
+// After a new mapping at another place the handles follow. Without the entry the handle is not mapped. Offsets that
+// the caller kept are refused.
 TEST_F(EntryTest, ARemapFindsThemAnew) {
     add_device(bus, odd_widths());
     add_device(bus, odd_widths());
@@ -320,18 +322,18 @@ TEST_F(EntryTest, ARemapFindsThemAnew) {
     Output<std::uint32_t> target{2, 0x7000, 3};
     EntryHandle* const entries[] = {&target};
     ASSERT_TRUE(map(entries).ok());
-    const auto by_hand = entry(*bus.ctx, 2, 0x7000, 3);
+    const auto by_hand = find_entry(*bus.ctx, 2, 0x7000, 3);
     ASSERT_TRUE(by_hand.ok()) << words(by_hand.error());
     EXPECT_EQ(by_hand->offset_bits, target.place().offset_bits);
     EXPECT_EQ(target.place().offset_bits, 17U * 8 + 8);
-    group().config.overlapped = true;  // the second slave begins where the longer half of the first ends
+    group().config.overlapped = true;  // the second slave begins behind the longer half of the first slave
     ASSERT_TRUE(map(entries).ok());
     EXPECT_EQ(target.place().offset_bits, 30U * 8 + 8);
     ASSERT_EQ(bus.to_op().state, AlState::op);
     target.write(0x12345678);
     EXPECT_EQ(bits_at(outputs(2), 8, 32), 0x12345678U);
     EXPECT_EQ(read_entry<std::uint32_t>(*bus.ctx, *by_hand).error().code, Errc::entry_stale);
-    // A mapping that fails: nothing is mapped, and the image is left alone.
+    // After a failed mapping nothing is mapped, and the image does not change.
     std::vector<std::byte> little(3);
     ASSERT_FALSE(config_map(*bus.ctx, little).ok());
     EXPECT_FALSE(target.mapped());
@@ -342,23 +344,23 @@ TEST_F(EntryTest, ARemapFindsThemAnew) {
 TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     add_device(bus, odd_widths());
     bus.start();
-    EXPECT_EQ(entry(*bus.ctx, 1, 0x7000, 3).error().code, Errc::unknown_group) << "nothing is mapped yet";
+    EXPECT_EQ(find_entry(*bus.ctx, 1, 0x7000, 3).error().code, Errc::unknown_group) << "nothing is mapped yet";
     ASSERT_TRUE(map({}).ok());
-    const auto odd = entry(*bus.ctx, EntryAddress::at(1, 0, 2, 1));
+    const auto odd = find_entry(*bus.ctx, EntryAddress::at(1, 0, 2, 1));
     ASSERT_TRUE(odd.ok()) << words(odd.error());
     EXPECT_EQ(odd->index, 0x7010);
     EXPECT_EQ(odd->bits, 13U);
-    const auto angle = entry(*bus.ctx, 1, 0x6000, 4);
+    const auto angle = find_entry(*bus.ctx, 1, 0x6000, 4);
     ASSERT_TRUE(angle.ok()) << words(angle.error());
     EXPECT_EQ(angle->direction, Direction::inputs);
-    EXPECT_EQ(entry(*bus.ctx, 1, 0x7777, 0).error().code, Errc::entry_not_mapped);
-    EXPECT_EQ(entry(*bus.ctx, 9, 0x7000, 1).error().code, Errc::unknown_slave);
+    EXPECT_EQ(find_entry(*bus.ctx, 1, 0x7777, 0).error().code, Errc::entry_not_mapped);
+    EXPECT_EQ(find_entry(*bus.ctx, 9, 0x7000, 1).error().code, Errc::unknown_slave);
     std::array<char, 32> name{};
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x7010, 1, name), "Odd");
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x6000, 7, name), "Serial");
-    EXPECT_EQ(entry_name(*bus.ctx, 1, 0x7010, 77, name).error().code, Errc::unsupported);
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x7010, 1, name), "Odd");
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x6000, 7, name), "Serial");
+    EXPECT_EQ(read_entry_name(*bus.ctx, 1, 0x7010, 77, name).error().code, Errc::unsupported);
     std::array<char, 3> little{};
-    EXPECT_EQ(*entry_name(*bus.ctx, 1, 0x6000, 7, little), "Ser");
+    EXPECT_EQ(*read_entry_name(*bus.ctx, 1, 0x6000, 7, little), "Ser");
 
     ASSERT_EQ(bus.to_op().state, AlState::op);
     EXPECT_TRUE(write_entry<std::int16_t>(*bus.ctx, *odd, -77).ok());
@@ -372,8 +374,8 @@ TEST_F(EntryTest, FoundByHandTheyAreCheckedAtEachAccess) {
     EXPECT_EQ(read_entry<bool>(*bus.ctx, EntryPlace{}).error().code, Errc::entry_stale);
 }
 
-// A slave without CoE whose PDOs the application puts into another order: its SII tells what is in those that the list
-// leaves open.
+// A slave without CoE whose PDOs the application reorders. For PDOs without a list of entries, the SII gives the
+// entries.
 TEST_F(EntryTest, ListsOfTheApplicationCountAboveTheSii) {
     add_device(bus, odd_widths());
     bus.start();
@@ -398,7 +400,7 @@ TEST_F(EntryTest, ListsOfTheApplicationCountAboveTheSii) {
     EXPECT_EQ(third.place().bits, 16U);
 }
 
-// Another thread works on images of its own: the handle reads and writes there as well.
+// Another thread uses images of its own; the handle reads and writes these images, too.
 TEST_F(EntryTest, InAnImageForAnotherThread) {
     add_device(bus, odd_widths());
     bus.start();
@@ -420,7 +422,7 @@ TEST_F(EntryTest, InAnImageForAnotherThread) {
     EXPECT_EQ(temperature.read(shared.inputs().first(1)), 0) << "not in there";
 }
 
-// A slave that may be missing: its entries are no error while it is away, and are found when it comes.
+// A slave that may be missing: its entries are no error while it is absent, and are found when it arrives.
 class EntryOfALateSlave : public testing::Test, protected Plant {};
 
 TEST_F(EntryOfALateSlave, IsFoundWhenTheSlaveComes) {

@@ -1,4 +1,4 @@
-// Slaves as they are found against slaves as they are expected.
+// Comparison of the slaves that were found with the slaves that are expected.
 #include "process_data/plant.hpp"
 
 namespace margay {
@@ -54,7 +54,7 @@ TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
     EXPECT_EQ(writestate(ctx(), 0, AlState::op).error().slave, 1);
     for (std::size_t n = 1; n <= 3; ++n)
         EXPECT_EQ(ctx().slave(n).al.state, AlState::init) << "held: they have no mailbox";
-    // The application decides to go on all the same.
+    // The application decides to continue.
     ASSERT_TRUE(tolerate(ctx(), {.other_slaves = true, .unexpected_slaves = true, .missing_slaves = true}));
     ASSERT_TRUE(config_map(ctx(), image).ok());
     (void)bus.to_op();
@@ -70,7 +70,7 @@ TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
         {.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
     EXPECT_EQ(scan(expected), Words());
     EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose positions do not count it";
-    EXPECT_EQ(ctx().slave(3).ring, 2);
+    EXPECT_EQ(ctx().slave(3).ring_position, 2);
     EXPECT_EQ(ctx().slave(3).parent, 1);
     EXPECT_EQ(ctx().slave(2).parent, 3) << "the tree is told in the same numbers";
     EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
@@ -126,9 +126,9 @@ TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
     const ExpectedSlave expected[] = {
         {.position = 1}, {.device_id = std::uint16_t{0x0055}}, {.device_id = std::uint16_t{0x0234}}};
     EXPECT_EQ(bring_up(expected), Words());
-    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(2).ring_position, 3);
     EXPECT_EQ(ctx->slave(2).device_id, 0x0055);
-    EXPECT_EQ(ctx->slave(3).ring, 2);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
     EXPECT_EQ(ctx->slave(3).device_id, 0x0234);
     EXPECT_FALSE(ctx->slave(1).device_id.has_value());
     run();
@@ -157,7 +157,7 @@ TEST_F(DeviceIdTest, IsComparedAtItsPosition) {
             "slave 4: comparing with what is expected: an expected slave is missing (device id 0x0777)"}));
 }
 
-// A slave without a program mirrors AL control: that it echoes the request is no answer.
+// A slave without a program copies AL control to AL status. The copy of the request is not an answer.
 TEST_F(DeviceIdTest, AMirrorHasNoId) {
     const auto mirror = make({.emulation = true});
     plug({by_memory, 1}, mirror);
@@ -171,7 +171,8 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
     EXPECT_EQ(ctx->slave(4).al.state, AlState::init);
 }
 
-// The other one of two is known though it comes back elsewhere; one whose switch was turned is not the one.
+// One of two slaves returns at another place and is recognised. A slave whose switch was changed is not the expected
+// slave.
 TEST_F(DeviceIdTest, KnowsWhoComesBack) {
     const ExpectedSlave expected[] = {
         {.position = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
@@ -210,7 +211,7 @@ TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
     EXPECT_EQ(refused_at({head, {.position = 4, .hot_connect = 1}}), 2U) << "a member has no position";
     EXPECT_EQ(refused_at({head, {.position = 1}, head}), 3U) << "a group torn apart";
     EXPECT_EQ(refused_at({head, {.hot_connect = 1}, {.position = 1}}), 0U);
-    // More numbers than there is room for.
+    // A position number above the limit.
     const ExpectedSlave far[] = {{.position = 1000}};
     ASSERT_TRUE(expect(ctx(), far).ok());
     const auto scanned = config_init(ctx());

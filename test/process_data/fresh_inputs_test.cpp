@@ -1,4 +1,4 @@
-// Whose inputs are fresh, and what those of a lost slave become.
+// Which slaves have fresh inputs, and the inputs of a lost slave.
 #include "process_data/bus.hpp"
 #include "process_data/prepared_group.hpp"
 
@@ -9,7 +9,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Three slaves of an octet each way in OP; the last one loses its power.
+// Three slaves with one octet each way in OP; the last one loses its power.
 class FreshInputsTest : public testing::Test {
   protected:
     Bus bus;
@@ -24,7 +24,7 @@ class FreshInputsTest : public testing::Test {
         ASSERT_TRUE(config_map(ctx(), image).ok());
         ASSERT_EQ(bus.to_op().state, AlState::op);
     }
-    // Every device has another value, and a cycle.
+    // Every device shows a new value, then a cycle follows.
     Result<std::uint32_t> cycle() {
         ++counter;
         for (std::size_t n = 1; n <= 3; ++n) {
@@ -45,7 +45,7 @@ TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
     ASSERT_TRUE(cycle().ok());
     for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(inputs_fresh(ctx(), n)) << n;
 
-    // Nobody knows yet which slave is missing: no input was taken over, and nothing claims to be fresh.
+    // It is unknown yet which slave is missing: no input was copied, and no input is reported as fresh.
     lose_the_last();
     const auto unknown = cycle();
     EXPECT_EQ(unknown.error().code, Errc::working_counter);
@@ -55,7 +55,7 @@ TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
         EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
     }
 
-    // Once it is known the others go on, and the error tells so.
+    // When the missing slave is known, the other slaves continue, and the error says so.
     ASSERT_TRUE(readstate(ctx()).ok());
     for (int round = 0; round < 3; ++round) {
         const auto known = cycle();
@@ -73,7 +73,7 @@ TEST_F(FreshInputsTest, ALostSlavesAreNotFreshAndThoseOfTheOthersAre) {
         }
     }
 
-    // A lost frame makes none of them fresh.
+    // After a lost frame no inputs are fresh.
     bus.segment.lose_next({0, 0});
     EXPECT_EQ(cycle().error().code, Errc::no_frame);
     for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_FALSE(inputs_fresh(ctx(), n)) << n;
@@ -153,7 +153,7 @@ TEST_F(FreshInputsTest, SharedImageGetsTheInputsOfTheOthers) {
     EXPECT_NE(shared.inputs()[2], std::byte{counter});
 }
 
-// Two slaves, the first of which maps its mailbox status; every reply is written by the test.
+// Two slaves; the first maps its mailbox status. The test writes every reply.
 class DegradedStatusTest : public testing::Test, protected PreparedGroup {
   protected:
     DegradedStatusTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {
@@ -182,7 +182,7 @@ TEST_F(DegradedStatusTest, MailboxStatusBitsComeInWhileDegradedWithOverlappedIma
     for (const bool full : {true, false, true}) {
         ASSERT_TRUE(send_cycle(group, engine.link(), now += 1ms).ok());
         Octets back = reply_to(nic.sent.back(), group.datagrams[0].accepted);
-        // Inputs are at the same place of the datagram as in their half of the image.
+        // Inputs have the same offset in the datagram as in their half of the image.
         const std::size_t at = kDataAt + bit / 8 - group.layout.output_bytes;
         ASSERT_LT(at, back.size());
         const auto mask = static_cast<std::byte>(1U << (bit % 8));
@@ -194,8 +194,8 @@ TEST_F(DegradedStatusTest, MailboxStatusBitsComeInWhileDegradedWithOverlappedIma
     }
 }
 
-// The cycle is sent while both take part, and received when the second is known to be lost: where its inputs would be
-// there is what was sent.
+// Both slaves take part when the cycle is sent. When it is received, the second is known to be lost; the octets for
+// its inputs contain what was sent.
 TEST_F(DegradedStatusTest, ASlaveLostWhileTheCycleIsUnderWayKeepsItsInputs) {
     prepare_frames();
     const auto in = [&](std::size_t n) { return slaves[n].image.inputs.bytes[0]; };

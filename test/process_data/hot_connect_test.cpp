@@ -1,4 +1,5 @@
-// Slaves that come later, go, and come back elsewhere: places kept, hot connect groups, and the tree that follows.
+// Slaves that arrive later, leave, and return at another place: reserved places, hot connect groups, and the topology
+// after changes.
 #include "process_data/plant.hpp"
 
 namespace margay {
@@ -8,7 +9,7 @@ using Words = std::vector<std::string>;
 
 constexpr std::uint32_t kVendor = 0x4D47;
 
-// What a slave of the line exchanges: as in its SII.
+// The process data of a slave in the line, as in its SII.
 SlaveConfiguration io() {
     SlaveConfiguration config;
     config.source = ConfigurationSource::application;
@@ -20,7 +21,7 @@ const SlaveConfiguration kIo = io();
 
 class HotConnectTest : public testing::Test, protected Plant {
   protected:
-    // A line of three: 0x100, 0x101, 0x102.
+    // A line of three slaves: 0x100, 0x101, 0x102.
     std::array<std::uint32_t, 3> line{};
     void SetUp() override {
         for (std::uint32_t n = 0; n < line.size(); ++n) {
@@ -39,8 +40,8 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(bring_up(expected), Words());
     ASSERT_EQ(ctx->slaves().size(), 4U);
     EXPECT_EQ(ctx->slave(3).identity.product, 0x101U) << "numbers are those of the whole line";
-    EXPECT_EQ(ctx->slave(3).ring, 2);
-    EXPECT_EQ(ctx->slave(2).ring, 0);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
+    EXPECT_EQ(ctx->slave(2).ring_position, 0);
     EXPECT_EQ(ctx->slave(2).al.state, AlState::none);
     EXPECT_FALSE(ctx->slave(2).seen);
     run();
@@ -50,7 +51,7 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(readstate(*ctx)->state, AlState::op);
     expect_exchanged(4, line[2]);
 
-    // It is put in between, with its supply: what is behind it is away for a moment.
+    // A slave is inserted with its power supply; the slaves behind it are lost for a moment.
     const auto late = make({.product = 0x1FF});
     pull(line[1]);
     cycles(20);
@@ -65,11 +66,11 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(ctx->slave(2).name(), "MG IO") << "all of its SII is known now";
     EXPECT_EQ(ctx->slave(2).parent, 1);
     EXPECT_EQ(ctx->slave(3).parent, 2);
-    EXPECT_EQ(ctx->slave(4).ring, 4);
+    EXPECT_EQ(ctx->slave(4).ring_position, 4);
     const auto story = events();
     EXPECT_EQ(told(story, "slave 2: found again, in INIT"), 1) << joined(story);
     EXPECT_EQ(told(story, "slave 2: recovered, in OP"), 1) << joined(story);
-    // It leaves: told, and its place is kept.
+    // The slave leaves: an event reports it, and its place is kept.
     pull(late);
     segment.disconnect({late, 1});
     ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
@@ -86,7 +87,7 @@ TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     run();
     EXPECT_EQ(cycle().error().code, Errc::working_counter) << "5 may not be missing";
     expect_exchanged(3, line[2]);
-    // 4 stays away, 5 comes.
+    // Slave 4 stays absent, slave 5 arrives.
     const auto fifth = make({.product = 0x104});
     plug({line[2], 1}, fifth);
     power(fifth, true);
@@ -95,7 +96,8 @@ TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     expect_exchanged(5, fifth);
 }
 
-// From nothing: the SII, start-up lists, the hook that was set while it was away, asked again while it is busy.
+// The complete start-up: the SII, start-up lists, and a hook that was set while the slave was absent and is called
+// again while it is busy.
 TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     static constexpr StartupCommand kList[] = {
         write_register(Transition::init_to_preop, 0x0F80, std::uint8_t{0x11}),
@@ -129,7 +131,7 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
     expect_exchanged(4, fourth);
 }
 
-// One with a mailbox: its objects can be read when it has come.
+// A slave with a mailbox: its objects can be read after it has arrived.
 TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.position = 4, .optional = true}};
     EXPECT_EQ(bring_up(expected), Words());
@@ -137,8 +139,7 @@ TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
     ASSERT_TRUE(segment.connect({line[2], 1}, {fourth, 0}));
     power(fourth, true);
-    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; }))
-        << joined(events());
+    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; })) << joined(events());
     std::array<std::byte, 4> vendor{};
     SdoUpload upload;
     upload.slave = 4;
@@ -153,7 +154,8 @@ TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// Without a word of what it exchanges there is no place in the image: it comes as far as PREOP, and that is said.
+// Without a configuration of its process data the slave has no place in the image. It goes to PREOP only, and an event
+// reports it.
 TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ExpectedSlave late = at(4, 0x103, true);
     late.config = nullptr;
@@ -173,7 +175,7 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     EXPECT_EQ(told(story, "recovery failed: slave 4: mapping process data: it has process data that no place"), 1)
         << "once\n"
         << joined(story);
-    // Mapped again it has one.
+    // A new mapping gives it a place.
     supervision.cancel();
     ASSERT_TRUE(config_map(*ctx, image).ok());
     EXPECT_EQ(to_op().state, AlState::op);
@@ -198,7 +200,7 @@ TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
     EXPECT_EQ(story.size(), 2U) << joined(story);
     EXPECT_EQ(*cycle(), 9U);
     EXPECT_EQ(ctx->slave(4).al.state, AlState::none);
-    // Switched off and on it is told anew; the right one in its place is taken.
+    // After power off and on the wrong slave is reported again; the right slave in its place is accepted.
     power(wrong, false);
     cycles(20);
     power(wrong, true);
@@ -214,7 +216,7 @@ TEST_F(HotConnectTest, TheWrongOneInAKeptPlaceIsAStranger) {
 
 // ------------------------------------------------------------------ groups
 
-// Two groups of two: heads by alias 0x0010 and by device id 7.
+// Two groups of two slaves. Their heads are identified by alias 0x0010 and by device ID 7.
 struct Groups {
     std::uint32_t a = 0, a2 = 0, b = 0, b2 = 0;
 };
@@ -278,7 +280,7 @@ TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
     EXPECT_EQ(told(events(), "nobody expects"), 0);
 }
 
-// The others lose no cycle but those in which wires are pulled and plugged.
+// The other slaves lose only the cycles during which cables are pulled and plugged.
 TEST_F(HotConnectGroups, SwapPortsDuringOp) {
     plug({line[0], 2}, g.a);
     plug({line[1], 2}, g.b);
@@ -290,7 +292,7 @@ TEST_F(HotConnectGroups, SwapPortsDuringOp) {
         pull(g.b);
         cycles(round % 2 == 0 ? 30 : 400);
         EXPECT_EQ(*cycle(), 9U);
-        // With their power, as on a machine that is docked, or without.
+        // With loss of power, as on a docking machine, or without.
         if (round < 2)
             for (const auto number : {g.a, g.a2, g.b, g.b2}) {
                 power(number, false);
@@ -322,7 +324,7 @@ TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
         (Words{
             "slave 5: comparing with what is expected: another slave than expected (expected product 0x00000201, got "
             "0x000002ff of vendor 0x00004d47)"}));
-    // And the same while it runs.
+    // The same while the segment is in OP.
     pull(g.a);
     EXPECT_EQ(bring_up(expected), Words());
     run();
@@ -353,15 +355,15 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     cycles(2000);
     EXPECT_EQ(*cycle(), 12U) << "the image is right without it";
     EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1);
-    // When it comes it belongs.
+    // When the slave arrives, it belongs to the group.
     ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
     power(g.a2, true);
     ASSERT_TRUE(until([&] { return in_op(5); })) << joined(events());
     expect_exchanged(5, g.a2);
 }
 
-// Any order of pulling and plugging, power kept or lost, any port, frames lost besides, with room for all slaves at
-// once or for one: in the end everybody is in OP and exchanges as who he is.
+// Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
+// for one. In the end every slave is in OP and exchanges its own process data.
 class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};
 
 TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
@@ -409,7 +411,7 @@ TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, HotConnectInAnyOrder, testing::Range(1U, 41U));
 
-// ------------------------------------------------------------------ the tree
+// ------------------------------------------------------------------ topology
 
 TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
     EXPECT_EQ(bring_up({}), Words());
@@ -417,21 +419,21 @@ TEST_F(HotConnectTest, TheTreeFollowsWhoeverIsPluggedElsewhere) {
     EXPECT_EQ(ctx->slave(3).parent, 2);
     pull(line[2]);
     cycles(20);
-    EXPECT_EQ(ctx->slave(3).ring, 0);
+    EXPECT_EQ(ctx->slave(3).ring_position, 0);
     EXPECT_FALSE(ctx->slave(2).ports[1].open);
     plug({line[0], 3}, line[2]);
     ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
     cycles(20);
     EXPECT_EQ(ctx->slave(3).parent, 1);
     EXPECT_EQ(ctx->slave(3).parent_port, 3);
-    EXPECT_EQ(ctx->slave(3).ring, 2);
-    EXPECT_EQ(ctx->slave(2).ring, 3);
+    EXPECT_EQ(ctx->slave(3).ring_position, 2);
+    EXPECT_EQ(ctx->slave(2).ring_position, 3);
     EXPECT_EQ(ctx->slave(1).ports[3].neighbour, 3);
     EXPECT_EQ(ctx->slave(2).ports[1].neighbour, 0);
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// A new scan takes in who is there now; nothing has to be switched off.
+// A new scan finds the slaves that are present; no slave has to be switched off.
 TEST_F(HotConnectTest, ScannedAnewOnRequest) {
     EXPECT_EQ(bring_up({}), Words());
     run();
@@ -451,7 +453,7 @@ TEST_F(HotConnectTest, ScannedAnewOnRequest) {
     EXPECT_EQ(ctx->slave(4).parent, 1);
 }
 
-// A machine that comes with the addresses of another master, and with power of its own.
+// A machine arrives with power of its own and with station addresses from another master.
 TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
     EXPECT_EQ(bring_up(expected), Words());

@@ -1,4 +1,4 @@
-// Cutting an image into datagrams and frames, and the working counters to expect.
+// The division of an image into datagrams and frames, and the expected working counters.
 #include "network/image_datagrams.hpp"
 #include "process_data/slaves.hpp"
 
@@ -29,7 +29,7 @@ TEST_F(ImageDatagramsTest, OneLrw) {
     slaves = {io_slave(1, 16, 24), io_slave(2, 0, 0), io_slave(3, 0, 8)};
     const auto got = plan();
     ASSERT_EQ(got.size(), 1U);
-    // 3 of the slave that reads and writes, none of the coupler, 1 of the one with inputs.
+    // 3 for the slave with outputs and inputs, 0 for the coupler, 1 for the slave with inputs.
     EXPECT_EQ(got[0], (DatagramPlan{Command::LRW, 0, {0x1000}, 6, 4, 0, 2, 2, 4, 2}));
 }
 
@@ -77,7 +77,7 @@ TEST_F(ImageDatagramsTest, OverlappedDataTravelsOnce) {
     EXPECT_EQ(got[1], (DatagramPlan{Command::LRD, 0, {0x1000}, 8, 2, 0, 8, 0, 8, 0}));
 }
 
-// 1486 octets fit one datagram that has a frame for itself.
+// 1486 octets fit into one datagram, alone in its frame.
 TEST_F(ImageDatagramsTest, AFullFrameIsOneFrame) {
     slaves = {io_slave(1, 486 * 8, 500 * 8), io_slave(2, 500 * 8, 0)};
     EXPECT_EQ(plan().size(), 1U);
@@ -85,7 +85,7 @@ TEST_F(ImageDatagramsTest, AFullFrameIsOneFrame) {
     EXPECT_EQ(plan().size(), 2U);
 }
 
-// Three slaves of 700: two fill a frame up to 86 octets, the third is not cut for them.
+// Three slaves of 700 octets: two leave 86 octets of a frame free, and the third slave is not divided to fill them.
 TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
     slaves = {io_slave(1, 0, 700 * 8), io_slave(2, 0, 700 * 8), io_slave(3, 0, 700 * 8)};
     const auto got = plan();
@@ -97,7 +97,7 @@ TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
     EXPECT_EQ(got[1].expected_wkc, 1);
 }
 
-// Three slaves of 990 octets: 2970, and two frames hold 2972.
+// Three slaves of 990 octets have 2970 octets, and two frames hold 2972.
 TEST_F(ImageDatagramsTest, ASlaveIsCutWhereThatSavesAFrame) {
     slaves = {io_slave(1, 0, 990 * 8), io_slave(2, 0, 990 * 8), io_slave(3, 0, 990 * 8)};
     const auto got = plan();

@@ -1,4 +1,4 @@
-// The process image against FMMUs, addresses and errors worked out by hand.
+// The process image, compared with FMMUs, addresses and errors calculated by hand.
 #include "network/image_layout.hpp"
 #include "process_data/slaves.hpp"
 
@@ -34,7 +34,7 @@ class ImageLayoutTest : public testing::Test {
     }
 };
 
-// Outputs of all, then inputs of all: 2 + 1 octets out, 3 + 1 in.
+// Outputs of all slaves, then inputs of all slaves: 2 + 1 octets out, 3 + 1 in.
 TEST_F(ImageLayoutTest, ByteAligned) {
     slaves = {io_slave(1, 16, 24), io_slave(2, 0, 0), io_slave(3, 4, 2)};
     const auto layout = lay();
@@ -53,7 +53,8 @@ TEST_F(ImageLayoutTest, ByteAligned) {
     EXPECT_EQ(slaves[1].image.outputs.bits, 0U);
 }
 
-// 4 + 2 bits share an octet, the third's 4 straddle it; 16 bits begin on an octet; 3 bits follow at once.
+// 4 + 2 bits share an octet, the 4 bits of the third slave cross the octet boundary; 16 bits begin at an octet; 3 bits
+// follow directly.
 TEST_F(ImageLayoutTest, PackedBitWise) {
     slaves = {io_slave(1, 4, 0), io_slave(2, 2, 1), io_slave(3, 4, 7), io_slave(4, 16, 0), io_slave(5, 3, 0)};
     wanted.packing = Packing::bits;
@@ -82,7 +83,7 @@ TEST_F(ImageLayoutTest, SlaveWithoutBitOperationsKeepsOctetsOfItsOwn) {
     EXPECT_EQ(fmmus(3, *layout)[0], out(0x10002, 1, 0, 2, 0x1100));
 }
 
-// Slots of max(2, 3), max(4, 0), max(0, 1) octets: outputs and inputs of a slave have one logical address.
+// Slots of max(2, 3), max(4, 0), max(0, 1) octets: outputs and inputs of a slave have the same logical address.
 TEST_F(ImageLayoutTest, Overlapped) {
     slaves = {io_slave(1, 16, 24), io_slave(2, 32, 0), io_slave(3, 0, 8)};
     wanted.overlapped = true;
@@ -98,7 +99,8 @@ TEST_F(ImageLayoutTest, Overlapped) {
     EXPECT_EQ(slaves[2].image.inputs.bytes.data(), image.data() + 8 + 7);
 }
 
-// One FMMU reads to SyncManager 3, the next to SyncManager 4; SyncManagers 5 and 6 lie side by side and share one.
+// One FMMU reads from SyncManager 3, the next from SyncManager 4. The areas of SyncManagers 5 and 6 are adjacent and
+// share an FMMU.
 TEST_F(ImageLayoutTest, SeveralSyncManagersOfADirection) {
     Slave slave = make_slave(1);
     slave.config.add(inputs_sm(3, 0x1400, 12));
@@ -118,7 +120,7 @@ TEST_F(ImageLayoutTest, SeveralSyncManagersOfADirection) {
     EXPECT_EQ(sm_offset_bits(slaves[0], Packing::bytes, 3), 16U);
 }
 
-// An ESC gives an octet to one FMMU of a direction only.
+// In an ESC an octet belongs to only one FMMU of a direction.
 TEST_F(ImageLayoutTest, SecondSyncManagerOfAPackedSlaveBeginsOnAnOctet) {
     Slave slave = make_slave(1);
     slave.config.add(inputs_sm(3, 0x1400, 3));
@@ -131,7 +133,7 @@ TEST_F(ImageLayoutTest, SecondSyncManagerOfAPackedSlaveBeginsOnAnOctet) {
     EXPECT_EQ(fmmus(1, *layout)[1], in(0x10001, 1, 0, 1, 0x1600));
 }
 
-// 0x080D is the status of SyncManager 1. The bits follow the inputs, in an octet of their own.
+// 0x080D is the status of SyncManager 1. The bits are behind the inputs, in a separate octet.
 TEST_F(ImageLayoutTest, MailboxStatusBits) {
     slaves = {io_slave(1, 8, 4), io_slave(2, 0, 8), io_slave(3, 0, 0), io_slave(4, 0, 0)};
     for (Slave& slave : slaves) slave.config.mailbox_status = true;

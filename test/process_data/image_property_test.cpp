@@ -1,6 +1,6 @@
-// Random configurations: a little interpreter of FMMUs, made from the standard and sharing no code with the planner,
-// runs the datagrams over the slaves; each slave must get exactly its bits, and the working counters must be those
-// expected.
+// Random configurations. A small interpreter of FMMUs, written from the standard and without code of the planner,
+// executes the datagrams on the slaves. Each slave must get exactly its bits, and the working counters must be the
+// expected ones.
 #include "network/image_datagrams.hpp"
 #include "process_data/slaves.hpp"
 
@@ -21,14 +21,14 @@ void set_bit(Octets& octets, std::size_t bit, bool value) {
     octets[bit / 8] = static_cast<std::uint8_t>(value ? octets[bit / 8] | mask : octets[bit / 8] & ~mask);
 }
 
-// An ESC that knows nothing but its FMMU registers and 64 KiB of memory.
+// An ESC that has only FMMU registers and 64 KiB of memory.
 struct Esc {
     Octets memory = Octets(0x10000);
     Octets written = Octets(0x10000);  // bits that a datagram wrote
     std::array<Octets, 16> fmmus;
 
     struct Mapping {
-        std::uint64_t first_bit, end_bit;  // logical
+        std::uint64_t first_bit, end_bit;  // logical address in bits
         std::uint64_t physical_bit;
         bool read, write;
     };
@@ -46,7 +46,7 @@ struct Esc {
         return all;
     }
 
-    // An octet belongs to the first FMMU of the direction that touches it.
+    // An octet belongs to the first FMMU of the direction that contains it.
     unsigned pass(wire::Command command, std::uint64_t address, Octets& data) {
         bool was_read = false;
         bool was_written = false;
@@ -116,7 +116,7 @@ Case random_case(std::mt19937& random) {
     return c;
 }
 
-// Runs the whole exchange of a case as the master and the slaves would.
+// Executes the complete exchange of a case, for the master and the slaves.
 void check(Case& c, std::mt19937& random) {
     std::vector<std::byte> buffer(200000);
     const auto layout = lay_out(c.slaves, 0, c.wanted, buffer);
@@ -159,7 +159,7 @@ void check(Case& c, std::mt19937& random) {
         frame_bytes[d.frame] += d.bytes + 12U;
     }
     for (const auto& [frame, bytes] : frame_bytes) EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
-    // Not one frame more than the data needs if it were cut anywhere.
+    // No more frames than the data would need if a slave could be divided anywhere.
     if (!datagrams.empty()) {
         const std::size_t overheads =
             (datagrams.back().command != datagrams.front().command ? 24U : 12U) + c.wanted.reserve_bytes;
@@ -185,14 +185,14 @@ void check(Case& c, std::mt19937& random) {
                 const bool out = sm.direction == Direction::outputs;
                 const bool in_slave = bit_of(out ? escs[n].memory : before[n].memory, std::size_t{sm.start} * 8 + bit);
                 ASSERT_EQ(in_slave, bit_of(out ? sent : image, at + bit))
-                    << "slave " << slave.position << " sm " << k << " bit " << bit;
+                    << "slave " << slave.number << " sm " << k << " bit " << bit;
             }
             if (sm.direction == Direction::outputs)
                 for (std::size_t octet = 0; octet < sm.bytes(); ++octet) may_write[sm.start + octet] = 0xFF;
         }
         std::size_t wrong = 0;
         for (std::size_t i = 0; i < 0x10000; ++i) wrong += (escs[n].written[i] & ~may_write[i]) != 0 ? 1 : 0;
-        ASSERT_EQ(wrong, 0U) << "slave " << slave.position << ": written beside its SyncManagers";
+        ASSERT_EQ(wrong, 0U) << "slave " << slave.number << ": written beside its SyncManagers";
         if (slave.image.mailbox_status_bit != SlaveImage::kNone) {
             EXPECT_EQ(bit_of(image, slave.image.mailbox_status_bit), (before[n].memory[0x080D] & 8) != 0);
         }

@@ -1,4 +1,4 @@
-// The SII of a device with as much process data as wanted.
+// Builds the SII of a device with process data of a chosen size.
 #pragma once
 
 #include "wire/sii_writer.hpp"
@@ -9,14 +9,14 @@
 
 namespace margay {
 
-// An SII with outputs in SyncManager 0 and inputs in SyncManager 1, by PDOs of entries of up to 8 bits. The PDOs of
-// index 0x1A01 and 0x1601 are not assigned.
+// Builds an SII with outputs in SyncManager 0 and inputs in SyncManager 1, with PDO entries of up to 8 bits. The PDOs
+// 0x1A01 and 0x1601 are not assigned.
 struct IoDevice {
     std::uint32_t product = 0x0100;
     std::uint16_t alias = 0;
     std::uint8_t flags = 0;  // wire::sii::general_flag bits
     std::uint16_t identification_address = 0;
-    bool emulation = false;  // no program: AL status mirrors AL control
+    bool emulation = false;  // no program: AL status is a copy of AL control
 };
 inline std::vector<std::byte> io_image(std::uint32_t output_bits, std::uint32_t input_bits,
                                        const IoDevice& device = {}) {

@@ -1,4 +1,4 @@
-// Overlapped cycles: one is sent before the one before it is received, by one thread or by two.
+// Overlapped cycles: a cycle is sent before the previous cycle is received, by one thread or by two.
 #include "process_data/bus.hpp"
 #include "process_data/prepared_group.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two slaves of an octet each way, against a far end whose every reply the test writes.
+// Two slaves with one octet each way; the test writes every reply.
 class OverlapTest : public testing::Test, protected PreparedGroup {
   protected:
     OverlapTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {}
@@ -21,7 +21,7 @@ class OverlapTest : public testing::Test, protected PreparedGroup {
         prepare_frames();
     }
     Result<> send() { return send_overlapped(group, engine.link(), now += 1ms); }
-    // All that the NIC has, and the end of the oldest cycle.
+    // Receives all frames of the NIC and ends the oldest cycle.
     Result<std::uint32_t> receive() {
         (void)engine.receive_overlapped(oldest_cycle(group), now);
         return end_overlapped(group, engine.link(), now);
@@ -113,7 +113,7 @@ TEST_F(OverlapTest, IndicesOfLostFramesRest) {
         EXPECT_EQ(receive().error().code, Errc::no_frame);
     }
     now += 1s;
-    // All that were lost come at once: none is taken for one that is under way.
+    // All lost replies arrive at once: none of them is accepted for a cycle in flight.
     for (std::size_t n = 100; n < 128; ++n) {
         ASSERT_TRUE(send().ok());
         nic.incoming.assign(late.begin(), late.end());
@@ -149,7 +149,7 @@ TEST_F(OverlapTest, WhatAReplyLeftInAFrameIsNotSentAgain) {
         EXPECT_EQ(states->header.address, wire::DatagramAddress(std::uint16_t{0}, 0x0130));
         EXPECT_EQ(states->data[0], std::byte{0}) << "slaves only add bits to what is sent";
         Octets back = reply(n, static_cast<std::uint8_t>(n));
-        back[kDataAt + 6 - wire::kDatagramHeaderBytes + 12] ^= std::byte{0x02};  // the position is counted up
+        back[kDataAt + 6 - wire::kDatagramHeaderBytes + 12] ^= std::byte{0x02};  // the slaves increment the position
         nic.incoming = {back};
         ASSERT_TRUE(receive().ok());
         EXPECT_EQ(group.al_status.value, 0x08U);
@@ -213,7 +213,7 @@ TEST_F(OverlapTest, MappingAgainForgetsWhatIsUnderWay) {
     EXPECT_EQ(planned.error().code, Errc::invalid_argument);
 }
 
-// By the public calls, on the simulated segment.
+// With the public calls, on the simulated segment.
 class OverlappedBus : public testing::Test {
   protected:
     Bus bus;
@@ -270,7 +270,7 @@ TEST_F(OverlappedBus, TooFewFrames) {
     EXPECT_EQ(mapped.error().expected, 2U);
 }
 
-// A NIC and a clock for two threads.
+// A NIC and a clock that two threads can use.
 struct Guarded final : Nic, Osal {
     Guarded(Nic& n, VirtualOsal& o) : nic(n), osal(o) {}
     Nic& nic;
@@ -302,8 +302,8 @@ struct Guarded final : Nic, Osal {
     }
 };
 
-// One thread sends as fast as it may; the owner receives, polls, and asks for the states beside it. Every cycle comes
-// back whole, in order.
+// One thread sends as fast as possible. The owner receives, polls, and reads the states. Every cycle comes back
+// complete and in order.
 TEST_F(OverlappedBus, TwoThreads) {
     constexpr std::uint32_t kCycles = 3000;
     for (int i = 0; i < 3; ++i) bus.add(16, 16);
@@ -335,7 +335,7 @@ TEST_F(OverlappedBus, TwoThreads) {
             states_read += states.state() == RequestState::success ? 1 : 0;
             EXPECT_TRUE(submit(ctx(), states).ok());
         }
-        if (wkc.error().code == Errc::timeout) continue;  // the other thread had no time
+        if (wkc.error().code == Errc::timeout) continue;  // the other thread has not sent yet
         ++received;
         EXPECT_TRUE(wkc.ok()) << received;
         EXPECT_EQ(group().cycle_received, received);
@@ -351,7 +351,7 @@ TEST_F(OverlappedBus, TwoThreads) {
     std::array<std::byte, 1> last{};
     bus.segment.slave(0).read(0x1100, last);
     EXPECT_EQ(last[0], std::byte{(kCycles - 1) & 0xFF});
-    bus.ctx.reset();  // before the NIC
+    bus.ctx.reset();  // before the NIC is destroyed
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// A segment of any shape, whose slaves may be plugged elsewhere while it runs, with its master.
+// A segment of any topology with its master. Slaves can be connected elsewhere while it operates.
 #pragma once
 
 #include "process_data/bus.hpp"
@@ -11,7 +11,7 @@ struct Plant : Bus {
     SuperviseRequest supervision;
     Limits limits{.slaves = 32};
 
-    // A slave of 8 bits each way, not connected yet. Returns its number in the segment, from 0.
+    // A slave with 8 bits each way, not connected yet. Returns its number in the segment, from 0.
     std::uint32_t make(const IoDevice& of) {
         auto made = sim::device_from_sii(io_image(8, 8, of));
         made.chip = sim::junction();
@@ -24,7 +24,7 @@ struct Plant : Bus {
     void pull(std::uint32_t number) { segment.disconnect({number, 0}); }
     void power(std::uint32_t number, bool on) { segment.set_power(number, on, osal.now()); }
 
-    // Scans; what is to be said about it.
+    // Scans, and returns the texts of all errors.
     std::vector<std::string> bring_up(std::span<const ExpectedSlave> expected) {
         if (!nic) {
             segment.power_up(osal.now());
@@ -34,10 +34,10 @@ struct Plant : Bus {
         }
         EXPECT_TRUE(expect(*ctx, expected).ok());
         const auto found = config_init(*ctx);
-        EXPECT_TRUE(found.ok() || found.error().slave != 0);  // of one slave: the others are there
+        EXPECT_TRUE(found.ok() || found.error().slave != 0);  // an error of one slave; the other slaves were found
         return errors();
     }
-    // Maps and lets the supervision bring all to OP.
+    // Maps the group; the supervision then brings all slaves to OP.
     void run() {
         (void)config_map(*ctx, image);
         ASSERT_TRUE(ctx->group(0).mapped);
@@ -50,7 +50,7 @@ struct Plant : Bus {
     }
     bool all_in_op() {
         for (std::size_t n = 1; n <= ctx->slaves().size(); ++n)
-            if (ctx->slave(n).ring != 0 && !in_op(n)) return false;
+            if (ctx->slave(n).ring_position != 0 && !in_op(n)) return false;
         return true;
     }
     template <class Holds>
@@ -80,7 +80,8 @@ struct Plant : Bus {
     static std::ptrdiff_t told(const std::vector<std::string>& all, const std::string& text) {
         return std::ranges::count_if(all, [&](const std::string& one) { return one.find(text) != std::string::npos; });
     }
-    // What the device `number` shows arrives as the input of slave n, and what the master sets for n arrives there.
+    // Checks that the input of slave n is the value that device `number` shows, and that the output for slave n
+    // arrives at this device.
     void expect_exchanged(std::size_t n, std::uint32_t number) {
         const Slave& slave = ctx->slave(n);
         ASSERT_EQ(slave.image.inputs.bytes.size(), 1U) << n;

@@ -1,4 +1,4 @@
-// The cycle's frames at the link, against a far end that answers right, late, twice, wrong or not at all.
+// The frames of the cycle at the link. The answers are right, late, duplicated, wrong or missing.
 #include "process_data/prepared_group.hpp"
 
 namespace margay {
@@ -6,7 +6,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// True: what comes is taken in by poll() before the cycle asks for it.
+// Parameter true: poll() receives the frames before the cycle receives.
 class PreparedFrameTest : public testing::TestWithParam<bool>, protected PreparedGroup {
   protected:
     PreparedFrameTest() : PreparedGroup({io_slave(1, 16, 16)}) {}
@@ -23,7 +23,7 @@ class PreparedFrameTest : public testing::TestWithParam<bool>, protected Prepare
         while (engine.receive_one(now)) {
         }
     }
-    // The reply to the frame sent last: the slave's two octets of input, and a working counter.
+    // The reply to the last frame sent: two octets of input, and a working counter.
     Octets reply(std::uint16_t wkc, std::uint8_t value) {
         Octets r = reply_to(nic.sent.back(), wkc);
         r[kDataAt + 2] = r[kDataAt + 3] = std::byte{value};
@@ -131,7 +131,7 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
         EXPECT_EQ(end().error().code, Errc::no_frame) << c.name;
         EXPECT_EQ(image[2], std::byte{0}) << c.name;
     }
-    // Cut at any place.
+    // Truncated at any octet.
     for (std::size_t length = 1; length < nic.sent[0].size(); ++length) {
         ASSERT_TRUE(send().ok());
         Octets cut = reply(3, 0x66);
@@ -139,7 +139,7 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
         nic.incoming.push_back(cut);
         EXPECT_EQ(end().error().code, Errc::no_frame) << length;
     }
-    // Padding and the flag that a closed ring sets are no faults.
+    // Padding, and the flag that a closed ring sets, are no errors.
     ASSERT_TRUE(send().ok());
     Octets right = reply(3, 0x66);
     right.resize(60);
@@ -149,7 +149,7 @@ TEST_P(PreparedFrameTest, WrongRepliesAreDropped) {
     EXPECT_EQ(image[2], std::byte{0x66});
 }
 
-// Of what is read besides, slaves count up the position of a broadcast and nothing else.
+// In the additional readings, slaves may increment the position of a broadcast and change nothing else.
 TEST_P(PreparedFrameTest, ReadingsAreComparedToo) {
     unprepare(group, engine.link(), now);
     group.config.al_status = true;
@@ -241,7 +241,7 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     ASSERT_TRUE(send().ok());
     ASSERT_EQ(nic.sent.size(), 1U);
     EXPECT_EQ(nic.sent[0].size(), wire::kFramePrefixBytes + 16 + 2 * 16);
-    // One longer than the budget goes all the same, alone.
+    // A request longer than the budget is sent alone.
     tasks.clear();
     Asked large;
     std::array<std::byte, 500> data{};
@@ -251,10 +251,10 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     EXPECT_EQ(nic.sent.back().size(), wire::kFramePrefixBytes + 16 + 512);
 }
 
-// The frame of the cycle is taken, the one of the requests never: they end all the same.
+// The NIC accepts the frame of the cycle, but never the frame of the requests. The requests must end.
 TEST_P(PreparedFrameTest, NicThatTakesOnlyTheCycleLeavesNoRequestWaitingForEver) {
     Asked asked;
-    std::array<std::byte, wire::kMaxDatagramData> data{};  // does not fit behind the cycle's own
+    std::array<std::byte, wire::kMaxDatagramData> data{};  // does not fit behind the datagrams of the cycle
     auto task = ask(engine, asked, data);
     task.start();
     nic.most_frames_at_once = 1;
@@ -284,7 +284,7 @@ TEST_P(PreparedFrameTest, NicThatStaysBusyInTheCycleEndsWhatRides) {
     ASSERT_TRUE(asked.done);
     EXPECT_EQ(asked.reply.errc, Errc::nic_busy);
     EXPECT_LE(now - start, engine.link().settings.queue_timeout + 5ms);
-    // The cycle itself goes on as soon as the NIC does.
+    // The cycle continues as soon as the NIC accepts frames.
     nic.answer = SendStatus::sent;
     ASSERT_TRUE(send().ok());
     nic.incoming.push_back(reply(3, 1));
@@ -304,7 +304,7 @@ TEST_P(PreparedFrameTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
         EXPECT_EQ(image[2], hides ? std::byte{0x21} : std::byte{0});
         EXPECT_EQ(ended.error().detail, hides ? 0U : Error::kUnmarked);
     }
-    // The next one is lost as such.
+    // The next cycle is lost and reported as lost.
     ASSERT_TRUE(send().ok());
     const auto ended = end();
     EXPECT_EQ(ended.error().code, Errc::no_frame);

@@ -1,5 +1,4 @@
-// A group with prepared frames at an engine, against a far end whose every reply the test writes: what the tests of the
-// cycle share.
+// A group with prepared frames at an engine, where the test writes every reply. Used by the tests of the cycle.
 #pragma once
 
 #include "engine/scripted_nic.hpp"
@@ -36,7 +35,7 @@ class PreparedGroup {
     ProcessTables tables{groups, frames, datagrams, statuses, plans, scratch};
     ProcessGroup& group = groups[0];
 
-    // By group.config as it is then.
+    // Prepares the frames from the present group.config.
     void prepare_frames() {
         group.layout = *lay_out(slaves, 0, group.config, image);
         group.image = image;

@@ -1,4 +1,5 @@
 // Registers that are read with each cycle: the AL status of all slaves, and the time of the reference clock.
+#include "facts.hpp"
 #include "network/image_datagrams.hpp"
 #include "oshw/pcap/recorder.hpp"
 #include "process_data/bus.hpp"
@@ -20,7 +21,7 @@ class ReadingsTest : public testing::Test {
     std::vector<std::byte> image = std::vector<std::byte>(8192);
     HostContext& ctx() { return *bus.ctx; }
     Group& group() { return ctx().group(0); }
-    // Three slaves with a clock, both readings wanted.
+    // Three slaves with a clock; both readings are enabled.
     void start() {
         for (int i = 0; i < 3; ++i) bus.add(16, 16);
         bus.start();
@@ -61,7 +62,7 @@ TEST_F(ReadingsTest, TheTimeOfTheReferenceClockComesWithTheCycle) {
         const std::uint64_t before = group().dc_time.value;
         const Time end = bus.osal.now();
         ASSERT_TRUE(bus.cycle().ok());
-        const Duration passed = bus.osal.now() - end;  // each cycle takes the same
+        const Duration passed = bus.osal.now() - end;  // each cycle lasts equally long
         EXPECT_EQ(group().dc_time.value - before, static_cast<std::uint64_t>(passed.count()));
     }
 }
@@ -115,7 +116,7 @@ TEST_F(ReadingsTest, TheReferenceClockIsASlaveWithAClock) {
     EXPECT_EQ(mapped.error().code, Errc::unknown_slave);
     EXPECT_EQ(mapped.error().slave, 4);
     group().config.dc_reference = 2;
-    ctx().slave(2).dl.dc = false;
+    facts(ctx().slave(2)).dl.dc = false;
     mapped = config_map(ctx(), image);
     EXPECT_EQ(mapped.error().code, Errc::invalid_argument);
     EXPECT_EQ(mapped.error().slave, 2);
@@ -124,7 +125,7 @@ TEST_F(ReadingsTest, TheReferenceClockIsASlaveWithAClock) {
     EXPECT_TRUE(bus.cycle().ok());
 }
 
-// What both take of the first frame: 12 + 2 and 12 + 8 octets.
+// The octets that both readings need in the first frame: 12 + 2 and 12 + 8.
 TEST(ReadingsPlan, TheFirstFrameHasRoomForThem) {
     std::vector<Slave> slaves{io_slave(1, 0, (1486 - 34) * 8)};
     slaves[0].dl.dc = true;
@@ -144,8 +145,8 @@ TEST(ReadingsPlan, TheFirstFrameHasRoomForThem) {
     EXPECT_EQ(frames(), 2);
 }
 
-// The frame as tshark reads it, and as the standard has it: LRW of the image, BRD of 0x0130, FRMW of 0x0910 at the
-// first slave's address.
+// The frame as tshark decodes it and as the standard defines it: LRW of the image, BRD of 0x0130, FRMW of 0x0910 at
+// the station address of the first slave.
 TEST_F(ReadingsTest, TsharkReadsTheFrame) {
     if (!testing_tshark::installed()) GTEST_SKIP() << "tshark is not installed";
     for (int i = 0; i < 2; ++i) bus.add(16, 16);

@@ -11,8 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Two threads, as fast as they can: whatever the reader sees was written by one publication, and what it sees never
-// grows older.
+// Two threads without pauses: the reader always sees the data of one publication, and never older data than before.
 TEST(SharedImage, NeverShowsHalfOfACycle) {
     std::vector<std::byte> memory(SharedImage::memory_bytes(0, 256));
     SharedImage shared(memory);

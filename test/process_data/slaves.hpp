@@ -1,4 +1,4 @@
-// Slaves as the tests of process data make them up.
+// Makes slaves for the tests of process data.
 #pragma once
 
 #include "wire/sync_manager.hpp"
@@ -14,7 +14,7 @@ inline constexpr std::uint8_t kInputControl = 0x20;
 
 inline Slave make_slave(std::uint16_t position, std::uint8_t fmmus = 8, std::uint8_t sync_managers = 8) {
     Slave slave;
-    slave.position = position;
+    slave.number = position;
     slave.station_address.value = static_cast<std::uint16_t>(0x1000 + position);
     slave.dl.fmmus = fmmus;
     slave.dl.sync_managers = sync_managers;
@@ -29,7 +29,7 @@ inline ProcessSm inputs_sm(std::uint8_t number, std::uint16_t start, std::uint32
     return {number, Direction::inputs, kInputControl, start, bits};
 }
 
-// One with outputs in SyncManager 2 at 0x1100 and inputs in SyncManager 3 at 0x1400, each of so many bits.
+// A slave with outputs in SyncManager 2 at 0x1100 and inputs in SyncManager 3 at 0x1400; sizes in bits.
 inline Slave io_slave(std::uint16_t position, std::uint32_t output_bits, std::uint32_t input_bits) {
     Slave slave = make_slave(position);
     if (output_bits > 0) slave.config.add(outputs_sm(2, 0x1100, output_bits));

@@ -1,11 +1,11 @@
-// A segment under supervision, in virtual time, whose inputs are checked in every cycle.
+// A supervised segment in virtual time, with a check of the inputs in every cycle.
 #pragma once
 
 #include "process_data/bus.hpp"
 
 namespace margay {
 
-// A segment, its master and the supervision of it.
+// A segment, its master and the supervision.
 struct Run {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(8192);
@@ -15,7 +15,7 @@ struct Run {
     bool mapped = false;
 
     Run() = default;
-    // Mapped and supervised: the supervision brings the slaves to OP by itself.
+    // Maps the group and submits the supervision, which then brings the slaves to OP.
     explicit Run(unsigned slaves, const Limits& limits = {.slaves = 64}) {
         start(slaves, limits);
         mapped = config_map(ctx(), image).ok() && submit(ctx(), supervision).ok();
@@ -32,9 +32,8 @@ struct Run {
         for (int i = 0; i < 5; ++i) (void)cycle();
         EXPECT_EQ(events(), std::vector<std::string>());
     }
-    // A cycle in which every device shows a new input, its number in the other octet. Whatever comes of it: the image
-    // has of each slave what it showed just now, or what it had before; and what it showed just now if the cycle is
-    // right.
+    // A cycle in which every device shows a new value, with its number in the other octet. Checks the image: for each
+    // slave it has either the new or the last value. If the cycle is right, it has the new value.
     Result<std::uint32_t> cycle() {
         ++counter;
         const std::size_t count = ctx().slaves().size();
@@ -80,7 +79,7 @@ struct Run {
         for (const auto& one : all) text += one + "\n";
         return text;
     }
-    // Cycles until all are in OP and the cycle is right, or too many of them.
+    // Counts cycles until all slaves are in OP and the cycle is right, at most `most`.
     int cycles_until_right(int most = 5000) {
         for (int n = 1; n <= most; ++n) {
             const auto wkc = cycle();

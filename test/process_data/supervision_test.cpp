@@ -1,4 +1,4 @@
-// Keeping a segment alive: what happens to it is noticed, told and put right, and the others go on.
+// The supervision detects, reports and repairs the faults of a segment, while the other slaves continue.
 #include "process_data/supervised.hpp"
 
 namespace margay {
@@ -16,7 +16,7 @@ TEST_F(SupervisionTest, LostPowerIsNoticedWithinTwoCyclesAndTheOthersGoOn) {
     start(4);
     to_op();
     bus.segment.set_power(1, false, bus.osal.now());
-    // What hangs behind it is gone with it.
+    // The slaves behind the lost slave are lost, too.
     int stale = 0;
     int cycles_to_word = -1;
     std::vector<std::string> words;
@@ -51,7 +51,7 @@ TEST_F(SupervisionTest, LostPowerIsNoticedWithinTwoCyclesAndTheOthersGoOn) {
     for (std::size_t n = 1; n <= 4; ++n) EXPECT_TRUE(fresh(n)) << n;
 }
 
-// Whoever was never away is not said to be back.
+// A slave that was never lost is not reported as recovered.
 TEST_F(SupervisionTest, TheFirstWayUpIsNoRecovery) {
     Run run(3);
     ASSERT_TRUE(run.mapped);
@@ -61,7 +61,8 @@ TEST_F(SupervisionTest, TheFirstWayUpIsNoRecovery) {
     EXPECT_FALSE(has(told, "recovered")) << joined(told);
 }
 
-// While one comes back the others do not lose a cycle, but for those in which it is found to be lost or to be there.
+// While a slave comes back, the other slaves lose only the cycles in which the slave is found to be lost or to be
+// present.
 TEST_F(SupervisionTest, AReturningSlaveTakesPartFromOneCycleToTheNext) {
     start(3);
     to_op();
@@ -75,14 +76,14 @@ TEST_F(SupervisionTest, AReturningSlaveTakesPartFromOneCycleToTheNext) {
     EXPECT_TRUE(fresh(3));
 }
 
-// Any slave, at any cycle of the bring-up and of operation.
+// Any slave, at any cycle of the bring-up and in OP.
 TEST_F(SupervisionTest, PowerLossOfAnySlaveAtAnyCycle) {
     for (std::uint32_t slave = 0; slave < 4; ++slave) {
         for (int at = 0; at < 60; ++at) {
             SCOPED_TRACE("slave " + std::to_string(slave + 1) + " at " + std::to_string(at));
             Run run(4);
             ASSERT_TRUE(run.mapped);
-            // The supervision brings the slaves to OP by itself.
+            // The supervision brings the slaves to OP.
             for (int n = 0; n < at; ++n) (void)run.cycle();
             run.bus.segment.set_power(slave, false, run.bus.osal.now());
             for (int n = 0; n < at % 17; ++n) (void)run.cycle();
@@ -99,7 +100,7 @@ TEST_F(SupervisionTest, WireBreakAndHeal) {
     for (int round = 0; round < 20; ++round) {
         const auto at = static_cast<std::uint32_t>(round % 6);
         bus.segment.set_cable({at, 0}, false);
-        for (int n = 0; n < 5 + round * 20; ++n) (void)cycle();  // longer than their watchdogs, later on
+        for (int n = 0; n < 5 + round * 20; ++n) (void)cycle();  // in later rounds longer than the watchdogs
         if (at > 0 && round > 2) {
             EXPECT_TRUE(fresh(1));
         }
@@ -131,7 +132,8 @@ TEST_F(SupervisionTest, SegmentThatIsSilentIsToldOnce) {
     EXPECT_TRUE(has(told, "frames come back from the segment again")) << joined(told);
 }
 
-// The link is there, and nothing comes back: that takes as many frames as are never lost by chance.
+// The link is up, but no frame returns. The supervision reports this only after several frames, so that chance losses
+// do not count.
 TEST_F(SupervisionTest, AllFramesLostIsTold) {
     start(2);
     to_op();
@@ -145,7 +147,8 @@ TEST_F(SupervisionTest, AllFramesLostIsTold) {
     EXPECT_TRUE(has(events(), "frames come back from the segment again"));
 }
 
-// A slave whose outputs have stopped for longer than its watchdog allows says so, and is asked to go on.
+// The outputs of a slave stop for longer than its watchdog time. The slave reports it, and the supervision
+// acknowledges it and brings the slave back to OP.
 TEST_F(SupervisionTest, SafeopWithErrorIsToldInWordsAcknowledgedAndLeft) {
     start(3);
     to_op();
@@ -166,7 +169,7 @@ TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
     to_op();
     bus.segment.set_power(2, false, bus.osal.now());
     for (int n = 0; n < 20; ++n) (void)cycle();
-    // The same plug, another device: its SII says so.
+    // Another device at the same port: its SII is different.
     bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
     bus.segment.set_power(2, true, bus.osal.now());
     for (int n = 0; n < 2000; ++n) {
@@ -185,14 +188,14 @@ TEST_F(SupervisionTest, AnotherSlaveInItsPlaceIsToldAndLeftAlone) {
     EXPECT_EQ(ctx().slave(3).al.state, AlState::none);
     const auto recovered = recover_slave(ctx(), 3);
     EXPECT_EQ(recovered.error().code, Errc::other_slave);
-    // And back again.
+    // And the right device again.
     bus.segment.set_power(2, false, bus.osal.now());
     bus.segment.slave(2).sii().image()[0x0A * 2] ^= std::byte{0x22};
     bus.segment.set_power(2, true, bus.osal.now());
     EXPECT_LE(cycles_until_right(), 3000) << joined(events());
 }
 
-// Registers that are not what they were written with, though the slave says nothing of it.
+// Registers that differ from what the master wrote, without any report of the slave.
 TEST_F(SupervisionTest, LostMappingIsFoundByDoubt) {
     start(3);
     to_op();
@@ -234,7 +237,7 @@ TEST_F(SupervisionTest, StartupListsAndTheHookAreReplayed) {
     EXPECT_EQ(calls, 3) << "busy, then done";
 }
 
-// Damaged frames are counted by the port that they come in at, and the cable there is named.
+// Damaged frames are counted at the port where they arrive, and the event names the cable of this port.
 TEST_F(SupervisionTest, LineErrorsNameTheCable) {
     start(6);
     std::array<LineErrors, 6> lines{};
@@ -254,7 +257,7 @@ TEST_F(SupervisionTest, LineErrorsNameTheCable) {
     EXPECT_EQ(lines[4].ports[0].invalid_frames, 3U);
     EXPECT_EQ(lines[3].ports[0].invalid_frames, 0U);
     EXPECT_EQ(lines[5].ports[0].forwarded, 3U) << "the slave behind knows that somebody has seen it already";
-    // Counters do not stop at 255.
+    // The sums continue above 255, the limit of the counters.
     for (int n = 0; n < 600; ++n) {
         bus.segment.corrupt_next({4, 0});
         (void)cycle();
@@ -264,8 +267,8 @@ TEST_F(SupervisionTest, LineErrorsNameTheCable) {
     EXPECT_EQ(lines[4].ports[0].invalid_frames, 603U);
 }
 
-// 1 % and 10 % of all frames lost on some cable, for 100 000 cycles: no input is wrong, nobody is said to be lost who
-// is not.
+// 1 % and 10 % of all frames are lost on some cable, for 100 000 cycles: no input is wrong, and no slave is reported
+// lost without reason.
 TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
     for (const double share : {0.01, 0.10}) {
         SCOPED_TRACE(share);
@@ -285,7 +288,7 @@ TEST_F(SupervisionTest, FrameLossNeverGivesWrongInputsAndAllAreInOpAgain) {
         EXPECT_EQ(run.wrong, 0);
         const LinkStatistics& link = run.ctx().statistics();
         EXPECT_NEAR(static_cast<double>(link.lost) / static_cast<double>(link.frames_sent), share, share / 5);
-        // One that is gone is told all the same, though not every look comes through.
+        // A lost slave is reported, although some of the frames that check it are lost.
         run.bus.segment.set_power(2, false, run.bus.osal.now());
         int until_told = 0;
         while (until_told < 100 && !has(run.events(), "slave 3: lost")) (void)run.cycle(), ++until_told;
@@ -342,16 +345,16 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
     EXPECT_EQ(std::ranges::count(told, "link interrupted between slave 2 port 1 and slave 3: 1 time"), 1)
         << joined(told);
     EXPECT_EQ(lines[1].ports[1].lost_links, 1U);
-    EXPECT_EQ(ctx().slave(3).ring, 0);
+    EXPECT_EQ(ctx().slave(3).ring_position, 0);
     bus.segment.set_cable({2, 0}, true);
     ASSERT_LE(cycles_until_right(), 1000);
-    EXPECT_EQ(ctx().slave(3).ring, 3);
+    EXPECT_EQ(ctx().slave(3).ring_position, 3);
 }
 
 TEST_F(SupervisionTest, AThousandSlaves) {
     Run run(1000, {.slaves = 1000, .tasks = 100, .process_frames = 8});
     ASSERT_TRUE(run.mapped);
-    run.bus.reply_timeout = 4ms;  // a frame is on its way for a millisecond
+    run.bus.reply_timeout = 4ms;  // a frame needs a millisecond on the wire
     const int needed = run.cycles_until_right();
     ASSERT_LE(needed, 500);
     EXPECT_EQ(run.bus.ctx->group(0).expected_wkc, 3000U);
@@ -401,7 +404,7 @@ TEST_F(SupervisionTest, CallbackHasEveryEventAndTheQueueCountsWhatItDrops) {
     EXPECT_EQ(taken + static_cast<int>(ctx().events().dropped()), calls);
 }
 
-// Without the supervision: found, named and started again by hand.
+// Without the supervision, the application finds, names and restarts the slave.
 TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
     start(3);
     ASSERT_TRUE(config_map(ctx(), image).ok());
@@ -411,7 +414,7 @@ TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
     bus.segment.set_power(2, true, bus.osal.now());
     EXPECT_TRUE(recover_slave(ctx(), 3).ok());
     EXPECT_EQ(ctx().slave(3).al.state, AlState::init);
-    EXPECT_TRUE(reconfig_slave(ctx(), 3).ok());
+    EXPECT_TRUE(reconfigure_slave(ctx(), 3).ok());
     EXPECT_EQ(ctx().slave(3).al.state, AlState::safeop);
     EXPECT_EQ(bus.to_op().state, AlState::op);
     EXPECT_TRUE(cycle().ok());
@@ -420,10 +423,10 @@ TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
 TEST_F(SupervisionTest, WrongCallsAreRefused) {
     HostContext fresh;
     EXPECT_EQ(submit(fresh, supervision).error().code, Errc::wrong_state);
-    EXPECT_EQ(reconfig_slave(fresh, 1).error().code, Errc::wrong_state);
+    EXPECT_EQ(reconfigure_slave(fresh, 1).error().code, Errc::wrong_state);
     EXPECT_EQ(recover_slave(fresh, 1).error().code, Errc::wrong_state);
     start(2);
-    EXPECT_EQ(reconfig_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    EXPECT_EQ(reconfigure_slave(ctx(), 3).error().code, Errc::unknown_slave);
     EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::unknown_slave);
     supervision.target = AlState::boot;
     EXPECT_EQ(submit(ctx(), supervision).error().code, Errc::invalid_argument);

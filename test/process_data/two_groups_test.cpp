@@ -1,4 +1,5 @@
-// Two groups on one cable: each has its own pace and its own budget for the datagrams that travel with its cycles.
+// Two groups on one cable. Each group has its own period and its own budget for the datagrams of requests that travel
+// with its cycles.
 #include "process_data/bus.hpp"
 #include "process_data/prepared_group.hpp"
 
@@ -7,7 +8,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// Group 0 is that of the base, group 1 has the second slave; both are sent, and their replies written, by the test.
+// Group 0 is the group of the base class, group 1 has the second slave. The test sends both and writes their replies.
 class TwoGroupsTest : public testing::Test, protected PreparedGroup {
   protected:
     static constexpr std::size_t kBudget = 40;  // two datagrams of 16 octets
@@ -19,7 +20,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
     void SetUp() override {
         for (std::uint8_t n = 0; n < 2; ++n) prepare_one(n);
     }
-    // Requests wait; to be called once the pace of the cycles is known.
+    // Adds waiting requests. Call it when the period of the cycles is known.
     void ask_all() {
         for (auto& a : asked) {
             tasks.push_back(ask(engine, a));
@@ -49,7 +50,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
         asked.done = true;
         co_return Result<>();
     }
-    // Octets of datagrams that are not the cycle's.
+    // Octets of the datagrams that do not belong to the cycle.
     static std::size_t acyclic_bytes(std::span<const Octets> frames_sent) {
         std::size_t all = 0;
         for (const Octets& frame : frames_sent) {
@@ -69,7 +70,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
         answer_all(from);
         (void)end_cycle(groups[n], engine.link(), engine.receive_cycle(groups[n].prepared, now), now);
     }
-    // Looks for a while after the cycle: poll() sends nothing of its own.
+    // Polls for some time after the cycle. poll() must not send a frame of its own.
     void poll_until(Time until) {
         for (; now < until; now += 50us) {
             const std::size_t from = nic.sent.size();
@@ -118,7 +119,7 @@ TEST_F(TwoGroupsTest, OfDifferentRatesKeepTheirBudgets) {
     }
 }
 
-// When both groups stop the queue does not wait any longer than the slower one's next cycle could come.
+// When both groups stop, the queue waits no longer than until the next possible cycle of the slower group.
 TEST_F(TwoGroupsTest, ThatStopLeaveTheQueueToPoll) {
     for (int n = 0; n < 4; ++n) {
         if (n == 2) ask_all();

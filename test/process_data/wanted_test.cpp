@@ -1,5 +1,5 @@
-// The machine that was wanted is the machine that runs: what is wrong, unexpected, missing or not configured gets no
-// outputs, and every call says so.
+// Only the expected machine gets outputs. Slaves that are wrong, unexpected, missing or not configured get no outputs,
+// and every call reports them.
 #include "process_data/plant.hpp"
 
 #include "sim/devices.hpp"
@@ -18,7 +18,7 @@ constexpr Pdo kInputs[] = {{0x1A00, kEightIn}};
 constexpr SmPdos kPdos[] = {{0, kOutputs}, {1, kInputs}};
 constexpr SlaveSetup kSetup{.pdos = kPdos};
 
-// A line of three: products 0x100, 0x101, 0x102, each with 8 bits out and 8 bits in and without a mailbox.
+// A line of three slaves: products 0x100, 0x101, 0x102, each with 8 bits out and 8 bits in and without a mailbox.
 class Wanted : public testing::Test, protected Plant {
   protected:
     std::array<std::uint32_t, 3> line{};
@@ -41,11 +41,11 @@ class Wanted : public testing::Test, protected Plant {
         EXPECT_TRUE(expect(*ctx, expected).ok());
         return config_init(*ctx);
     }
-    // Supervises, with outputs set, for a while. Says what every device was told to put out.
+    // Supervises for `count` cycles with outputs set. Returns the outputs that each device applied.
     std::vector<unsigned> drive(int count = 800) {
         EXPECT_TRUE(submit(*ctx, supervision).ok());
         for (int n = 0; n < count; ++n) {
-            for (Slave& slave : ctx->slaves())
+            for (const Slave& slave : ctx->slaves())
                 for (auto& octet : slave.image.outputs.bytes) octet = std::byte{0xA5};
             (void)cycle();
         }
@@ -142,7 +142,7 @@ TEST_F(Wanted, PdosOfKnownSizesKeepAPlaceForADriveThatIsOffAtTheStart) {
     EXPECT_EQ(*cycle(), 9U);
 }
 
-// The dictionary or SII of the slave that comes may say something else than the lists it was given a place by.
+// The dictionary or SII of an arriving slave can differ from the lists that determined its place in the image.
 TEST_F(Wanted, ASlaveThatComesWithOtherSizesThanItsPlaceHasIsNotSaidToHaveRecovered) {
     static constexpr SmPdos kOutputsOnly[] = {{0, kOutputs}};
     const SlaveSetup setup{.pdos = kOutputsOnly};
@@ -181,7 +181,7 @@ TEST_F(Wanted, LoweringTheTargetOfTheSupervisionBringsTheSlavesDownAndUpAgain) {
     run();
     supervision.target = AlState::safeop;
     cycles(300);
-    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.number;
     auto story = events();
     EXPECT_EQ(told(story, "recovered"), 0) << joined(story);
     EXPECT_EQ(told(story, "OP to SAFEOP"), 3) << joined(story);
@@ -258,7 +258,7 @@ TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
     EXPECT_EQ(ctx->slave(3).al.state, AlState::init) << "brought down by the supervision";
     EXPECT_EQ(*cycle(), 6U) << "nobody wants it";
     EXPECT_EQ(what_is_wrong(*ctx).code, Errc::unexpected_slave);
-    // The start-up commands of a held slave were not sent; now they are.
+    // The start-up commands of the held slave were not sent before; now they are sent.
     ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
     ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
 }
@@ -275,7 +275,7 @@ TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
     EXPECT_EQ(cycle().error().slave, 4);
 }
 
-// One that is held is not brought further by anybody.
+// No request brings a held slave to a higher state.
 TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
     const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
     EXPECT_EQ(scan(expected).error().slave, 2);
@@ -294,11 +294,11 @@ TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
     request.wanted = AlState::op;
     ASSERT_TRUE(submit(*ctx, request).ok());
     expect_held(wait(*ctx, request).error());
-    EXPECT_EQ(reconfig_slave(*ctx, 2).ok(), true);
+    EXPECT_EQ(reconfigure_slave(*ctx, 2).ok(), true);
     EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
 }
 
-// The wrong one is taken away and the right one comes.
+// The wrong slave is removed and the right slave is connected.
 TEST_F(Wanted, TheRightSlaveInPlaceOfAHeldOneIsTakenIn) {
     SlaveConfiguration config;
     config.setup = &kSetup;
@@ -326,9 +326,8 @@ TEST_F(Wanted, TargetsAreReachedInBothDirectionsUnderSupervision) {
     run();
     for (const AlState state : {AlState::preop, AlState::op, AlState::init, AlState::safeop, AlState::op}) {
         ASSERT_TRUE(set_target(*ctx, 2, state).ok());
-        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && all_right(*ctx); }))
-            << to_text(state) << "\n"
-            << joined(events());
+        ASSERT_TRUE(until([&] { return ctx->slave(2).al.state == state && all_right(*ctx); })) << to_text(state) << "\n"
+                                                                                               << joined(events());
         cycles(20);
         EXPECT_EQ(ctx->slave(2).al, (AlStatus{state, false, 0}));
         EXPECT_TRUE(in_op(1) && in_op(3)) << "the others stay";
@@ -375,7 +374,7 @@ TEST_F(Wanted, ReachBringsAllSlavesThereWithCyclesBesideIt) {
     EXPECT_TRUE(all_in_op());
     EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
     ASSERT_TRUE(reach(*ctx, AlState::safeop, 5s).ok());
-    ASSERT_TRUE(submit(*ctx, supervision).ok());  // whose target is OP
+    ASSERT_TRUE(submit(*ctx, supervision).ok());  // the target of this request is OP
     ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok()) << "beside a supervision";
     ASSERT_TRUE(reach(*ctx, AlState::init, 5s).ok());
     for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::init);
@@ -442,7 +441,7 @@ TEST_F(Wanted, TheCycleRunsUntilItsWorkHasHadEnough) {
               Errc::invalid_argument);
 }
 
-// The loop that every program wrote by hand did not call poll() then: SAFEOP for ever, and no word of it.
+// Programs with a loop of their own did not call poll() in this case: slaves stayed in SAFEOP, without any report.
 TEST_F(Wanted, WorkThatIsLongerThanThePeriodLetsEverythingElseGoOn) {
     ASSERT_TRUE(scan({}).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -461,7 +460,7 @@ TEST_F(Wanted, WorkThatIsLongerThanThePeriodLetsEverythingElseGoOn) {
     EXPECT_LE(told(story, "the work of a cycle takes longer than its period"), 5) << "once a second";
 }
 
-// ------------------------------------------------------------------ what a lost frame does not say
+// ------------------------------------------------------------------ lost frames
 
 // A NIC that loses the next frames on request.
 class LossyNic final : public Nic {
@@ -500,7 +499,7 @@ TEST_F(LostFramesOf, AReadingOfStatesDoNotMakeSlavesLost) {
     lossy->lose = 100;
     const auto states = readstate(*ctx);
     EXPECT_EQ(states.error().code, Errc::no_frame) << "that is what is known";
-    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.position;
+    for (const Slave& slave : ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::safeop) << slave.number;
     lossy->lose = 0;
     EXPECT_EQ(readstate(*ctx)->state, AlState::safeop);
 }
@@ -510,7 +509,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
         ASSERT_TRUE(config_init(*ctx).ok());
         (void)errors();
         ctx->slave(1).error = {};
-        // All is well for a while, then more frames are lost than are tried again.
+        // The mapping works for some frames; then more frames are lost than there are retries.
         MapRequest request;
         request.image = image;
         ASSERT_TRUE(submit(*ctx, request).ok());
@@ -530,7 +529,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
     }
 }
 
-// A slave that could not be asked while its group was mapped is asked again.
+// A slave that did not answer while its group was mapped is read again.
 TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
     SlaveConfiguration config;
     config.setup = &kSetup;
@@ -546,7 +545,7 @@ TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
     expect_exchanged(3, line[2]);
 }
 
-// ------------------------------------------------------------------ operations beside each other
+// ------------------------------------------------------------------ operations at the same time
 
 TEST_F(Wanted, ASupervisionBesideAScanIsNoHarm) {
     ASSERT_TRUE(scan({}).ok());
@@ -558,7 +557,7 @@ TEST_F(Wanted, ASupervisionBesideAScanIsNoHarm) {
             osal.wait(std::min(next, osal.now() + 1ms), nic->wait_handle());
         }
         SuperviseRequest beside;
-        (void)submit(*ctx, beside);  // may be refused
+        (void)submit(*ctx, beside);  // the request can be refused
         RecoverRequest recover;
         (void)submit(*ctx, recover);
         (void)wait(*ctx, again);

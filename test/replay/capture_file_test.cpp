@@ -1,4 +1,4 @@
-// Recordings of both formats, and files that are none.
+// Recordings in both formats, and files that are no recordings.
 #include "files.hpp"
 #include "wire/datagram.hpp"
 
@@ -21,7 +21,7 @@ struct CaptureFileTest : testing::Test {
     TemporaryFolder folder;
     CaptureFile capture;
 
-    // The problem in words, empty when the file was taken.
+    // The problem as text; empty when the file was accepted.
     std::string load(const std::string& content) {
         const auto loaded = capture.load(folder.write("x.pcap", content));
         EXPECT_EQ(loaded.ok(), capture.problem().empty());
@@ -95,7 +95,7 @@ TEST_F(CaptureFileTest, SaysWhatIsWrongWithAFile) {
 TEST_F(CaptureFileTest, SaysSoWhenThereIsNoFile) {
     EXPECT_FALSE(capture.load(folder.file("none.pcap")).ok());
     EXPECT_NE(capture.problem().find("No such file"), std::string::npos) << capture.problem();
-    EXPECT_FALSE(capture.load(folder.file("")).ok());  // the folder itself
+    EXPECT_FALSE(capture.load(folder.file("")).ok());  // the path of the folder
     EXPECT_FALSE(capture.problem().empty());
 }
 
@@ -110,7 +110,7 @@ TEST_F(CaptureFileTest, EveryCutOfAFileIsRefusedOrShorter) {
     }
 }
 
-// A recorder that was killed: what is whole can be had, by those who say so.
+// The file of a recorder that was killed: its whole packets can be read with CutOff::accept.
 TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedFor) {
     const auto frame = ethercat_frame();
     const auto one = pcap_packet(0, 0, frame);
@@ -124,7 +124,7 @@ TEST_F(CaptureFileTest, AFileCutOffAtItsEndGivesItsWholePacketsWhereThatIsAskedF
     ASSERT_TRUE(capture.load(folder.write("whole.pcap", whole), CaptureFile::CutOff::accept).ok());
     EXPECT_EQ(capture.remark(), "");
     EXPECT_EQ(capture.frames().size(), 2U);
-    // Nothing whole in it: there is nothing to accept.
+    // The file has no whole packet, so it is refused.
     EXPECT_FALSE(capture.load(folder.write("none.pcap", whole.substr(0, 30)), CaptureFile::CutOff::accept).ok());
 }
 

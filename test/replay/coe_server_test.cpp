@@ -1,5 +1,5 @@
-// The CoE server against replies of real devices: a dictionary with their values must give, octet by octet, the replies
-// that they gave to the same requests.
+// The CoE server compared with replies of real devices. With a dictionary of their values, the server must give the
+// same replies to the same requests, octet by octet.
 #include "subdevice/coe_server.hpp"
 #include <places.hpp>
 #include "oshw/pcap/capture_file.hpp"
@@ -19,14 +19,14 @@ using coe::SdoLayout;
 using wire::Command;
 
 struct Dialogue {
-    std::vector<std::byte> request;  // mailbox data, as their headers announce them
+    std::vector<std::byte> request;  // mailbox data, with the length in the mailbox header
     std::vector<std::byte> reply;
 };
 
-// SDO requests that arrived, and what the same device answered next. Only frames on their way back are looked at.
+// SDO requests that arrived, and the next reply of the same device. Only frames on their way back are read.
 std::vector<Dialogue> dialogues_of(const std::string& name) {
     std::vector<Dialogue> found;
-    std::map<std::uint16_t, std::vector<std::byte>> open;  // by station
+    std::map<std::uint16_t, std::vector<std::byte>> open;  // by station address
     CaptureFile capture;
     EXPECT_TRUE(capture.load(std::string(MARGAY_CAPTURES_DIR) + "/" + name).ok()) << capture.problem();
     for (const auto& frame : capture.frames()) {
@@ -54,14 +54,14 @@ std::vector<Dialogue> dialogues_of(const std::string& name) {
     return found;
 }
 
-// Everything that the replies tell, as a dictionary.
+// A dictionary with all values in the replies.
 class Told {
   public:
     explicit Told(const std::vector<Dialogue>& dialogues) {
         std::map<std::uint16_t, std::map<std::uint8_t, std::vector<std::byte>>> values;
         for (const auto& [request, reply] : dialogues) {
             const auto command = std::to_integer<unsigned>(reply[2]);
-            if ((command & 0xE0) != 0x40) continue;  // upload responses; the devices gave no other
+            if ((command & 0xE0) != 0x40) continue;  // upload responses; the devices sent no others
             const bool expedited = (command & 2) != 0;
             const std::vector<std::byte> data(
                 reply.begin() + (expedited ? 6 : 10),
@@ -71,7 +71,7 @@ class Told {
                 object[SdoLayout::subindex::load(reply)] = data;
                 continue;
             }
-            // Complete access: subindex 0 in 16 bits, then so many values of equal size.
+            // Complete access: subindex 0 in 16 bits, then that number of values of equal size.
             const auto count = std::to_integer<std::size_t>(data.at(0));
             EXPECT_EQ((data.size() - 2) % count, 0u);
             const auto size = static_cast<std::ptrdiff_t>((data.size() - 2) / count);

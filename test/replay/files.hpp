@@ -1,5 +1,5 @@
-// Files for the tests of recordings: made octet by octet from the description of the format, not by the
-// library under test.
+// Files for the tests of recordings, written octet by octet from the description of the format, without the library
+// under test.
 #pragma once
 
 #include "oshw/pcap/capture_file.hpp"
@@ -15,7 +15,7 @@ namespace margay {
 
 using Frame = std::vector<std::byte>;
 
-// A folder of this process, removed with everything in it.
+// A folder of this process, removed with its content.
 class TemporaryFolder {
   public:
     TemporaryFolder() : path_(std::filesystem::temp_directory_path() / ("margay-test-" + std::to_string(::getpid()))) {
@@ -51,7 +51,7 @@ inline std::string word32(std::uint32_t value) {
 inline std::string word16(std::uint16_t value) { return word32(value).substr(0, 2); }
 inline std::string octets(Bytes frame) { return {reinterpret_cast<const char*>(frame.data()), frame.size()}; }
 
-// pcap, little-endian. The magic number says what the second field of a time stamp counts.
+// pcap, little-endian. The magic number gives the unit of the second field of a time stamp.
 inline constexpr std::uint32_t kMicroseconds = 0xA1B2C3D4;
 inline constexpr std::uint32_t kNanoseconds = 0xA1B23C4D;
 inline constexpr std::uint32_t kEthernet = 1;

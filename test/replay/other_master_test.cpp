@@ -1,5 +1,6 @@
-// Beside another master: the recording of a segment that ethercrab brought to OP, and the same segment brought to OP by
-// us. What both write to the slaves must be the same, and our cycle must take what the hardware answered to theirs.
+// Comparison with another master: the recording of a segment that ethercrab brought to OP, and the same simulated
+// segment that our master brings to OP. Both must write the same to the slaves, and our cycle must accept the answers
+// of the hardware to ethercrab's cycles.
 #include <places.hpp>
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filter_nic.hpp"
@@ -27,7 +28,7 @@ constexpr unsigned kSlaves = 3;  // EK1100, EL2828, EL2889
 constexpr std::uint16_t kFmmus = wire::reg::kFmmuBase;
 constexpr std::uint16_t kSyncManagers = wire::reg::kSyncManagerBase;
 
-// What a master has written to one slave, as far as it configures the exchange of process data.
+// The configuration of process data that a master wrote to a slave.
 struct Written {
     std::map<std::uint16_t, std::byte> registers;
     std::vector<std::uint16_t> al_controls;
@@ -41,7 +42,7 @@ struct Written {
     }
 };
 
-// A datagram of process data: what was asked, and how the segment counted.
+// A datagram of process data: the request, and the working counter of the answer.
 struct Cycle {
     Command command{};
     std::uint32_t address = 0;
@@ -73,7 +74,7 @@ struct Story {
     static void store(Written& slave, std::uint16_t address, Bytes data) {
         if (address == wire::reg::kAlControl.address && data.size() == 2) {
             const auto control = load_le<std::uint16_t>(data);
-            // Waiting in INIT and acknowledging there are matters of taste.
+            // Requests of INIT are not compared: masters differ in waiting and acknowledging there.
             if ((control & 0x0F) != 1 && (slave.al_controls.empty() || slave.al_controls.back() != control))
                 slave.al_controls.push_back(control);
         }
@@ -82,7 +83,7 @@ struct Story {
     }
 };
 
-// Where each octet of a slave's memory lies in logical address space. One FMMU over two neighbours does what two do.
+// The logical address of each octet of a slave's memory. One FMMU for two adjacent areas is equal to two FMMUs.
 std::map<std::uint16_t, std::uint32_t> mapping_of(const Written& slave) {
     std::map<std::uint16_t, std::uint32_t> found;
     for (std::uint16_t n = 0; n < 4; ++n) {
@@ -97,8 +98,8 @@ std::map<std::uint16_t, std::uint32_t> mapping_of(const Written& slave) {
     return found;
 }
 
-// Tells what comes back of our frames. Once `recording` is set that answers: ethercrab writes outputs by LRW, which
-// counts two for each slave that takes them, where we need no more than LWR, which counts one.
+// Records what returns of our frames. When `recording` is set, the recording answers. ethercrab writes outputs by LRW,
+// which counts two for each slave with outputs. Our master uses LWR there, which counts one.
 class Listener final : public FilterNic {
   public:
     using FilterNic::FilterNic;
@@ -117,7 +118,7 @@ class Listener final : public FilterNic {
         if (recording != nullptr) exchange(into.first(length), Command::LRW, Command::LWR);
         return length;
     }
-    // The command of the only datagram, and its working counter with it.
+    // Changes the command of the only datagram, and its working counter accordingly.
     static void exchange(MutableBytes frame, Command from, Command to) {
         auto& command = frame[wire::kFramePrefixBytes];
         if (command != static_cast<std::byte>(from)) return;
@@ -155,12 +156,12 @@ class BesideEthercrab : public testing::Test {
         ASSERT_FALSE(text.empty()) << sii;
         const auto bytes = std::as_bytes(std::span(text));
         auto device = sim::device_from_sii({bytes.begin(), bytes.end()});
-        if (clock) device.chip.features = 0x00FC;  // the EL2889 of the recordings has its DC unit on
+        if (clock) device.chip.features = 0x00FC;  // the EL2889 of the recordings has its DC unit switched on
         const auto n = static_cast<std::uint32_t>(segment.add(std::move(device).assemble()));
         ASSERT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
     }
 
-    // To OP on the simulated segment of these devices.
+    // Brings the simulated segment of these devices to OP.
     void bring_up() {
         add("ek1100.bin", false);
         add("el2828.bin", false);
@@ -191,7 +192,7 @@ class BesideEthercrab : public testing::Test {
     const std::string captures = MARGAY_CAPTURES_DIR;
 };
 
-// In one group: the same SyncManagers, FMMUs, states, in the same order.
+// In one group: the same SyncManagers, FMMUs and states, in the same order.
 TEST_F(BesideEthercrab, TheSlavesAreConfiguredAlike) {
     bring_up();
     const Story theirs = of_recording(captures + "/replay-dc.pcapng");
@@ -200,7 +201,7 @@ TEST_F(BesideEthercrab, TheSlavesAreConfiguredAlike) {
         SCOPED_TRACE("slave " + std::to_string(n + 1));
         EXPECT_EQ(ours.slaves[n].octets(kSyncManagers, 32), theirs.slaves[n].octets(kSyncManagers, 32));
         EXPECT_EQ(mapping_of(ours.slaves[n]), mapping_of(theirs.slaves[n]));
-        EXPECT_EQ(mapping_of(ours.slaves[n]).size(), n);  // EK1100: nothing, EL2828: an octet, EL2889: two
+        EXPECT_EQ(mapping_of(ours.slaves[n]).size(), n);  // EK1100: no octets, EL2828: one, EL2889: two
         EXPECT_EQ(ours.slaves[n].al_controls.size(), 3u);
         ASSERT_GE(theirs.slaves[n].al_controls.size(), 3u);
         for (unsigned state = 0; state < 3 && state < ours.slaves[n].al_controls.size(); ++state)
@@ -208,7 +209,7 @@ TEST_F(BesideEthercrab, TheSlavesAreConfiguredAlike) {
     }
 }
 
-// Their cycles, recorded on hardware in SAFEOP and OP, answer ours.
+// The answers to ethercrab's cycles, recorded on hardware in SAFEOP and OP, are accepted for our cycles.
 TEST_F(BesideEthercrab, OurCycleTakesWhatTheHardwareAnsweredToTheirs) {
     bring_up();
     const Story theirs = of_recording(captures + "/replay-dc.pcapng");
@@ -225,7 +226,7 @@ TEST_F(BesideEthercrab, OurCycleTakesWhatTheHardwareAnsweredToTheirs) {
     }
     EXPECT_EQ(listener.story.cycles, theirs.cycles);
     EXPECT_EQ(replay.counters().answered, theirs.cycles.size());
-    EXPECT_EQ(cycle(0).error().code, Errc::no_frame);  // it ends there
+    EXPECT_EQ(cycle(0).error().code, Errc::no_frame);  // the recording ends there
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The recorder's file, read octet by octet and by the library.
+// The file of the recorder, read octet by octet and by the library.
 #include "oshw/pcap/recorder.hpp"
 #include "files.hpp"
 #include "osal/virtual/virtual_osal.hpp"

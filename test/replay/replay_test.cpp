@@ -1,4 +1,4 @@
-// Replays against recordings made by hand, and against recordings of real segments, in virtual time.
+// Replays of recordings made by hand and of recordings of real segments, in virtual time.
 #include "oshw/pcap/replay.hpp"
 #include <places.hpp>
 #include "files.hpp"
@@ -21,7 +21,7 @@ using wire::DatagramAddress;
 constexpr MacAddress kMac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
 constexpr StationAddress kStation{0x1001};
 
-// A datagram as a test thinks of it: what is asked, what comes back.
+// A datagram of a test: the request, and the answer.
 struct Exchange {
     Command command = Command::FPRD;
     DatagramAddress address{kStation, 0x0130};
@@ -115,7 +115,7 @@ TEST_F(ReplayTest, AnswersAsLongAfterTheRequestAsRecorded) {
     const auto all = run_dry(nic);
     ASSERT_EQ(all.size(), 1u);
     EXPECT_EQ(all[0].at, Time(10s + 100us));
-    // The index is the one of now; all else is as recorded.
+    // The index is the one of the present request; all other octets are as recorded.
     EXPECT_EQ(all[0].frame, reply({{.answer = 0x0008}}, 77));
     EXPECT_EQ(nic.counters().answered, 1u);
     EXPECT_EQ(nic.problem(), "");
@@ -161,7 +161,7 @@ TEST_F(ReplayTest, WritesKeepTheirData) {
 
 TEST_F(ReplayTest, ALossStaysALossAndTheRetryIsAnswered) {
     record(0us, request({{}}, 1));
-    record_exchange(5000us, {{.answer = 4}}, 1);  // sent again, with the same index
+    record_exchange(5000us, {{.answer = 4}}, 1);  // a retry with the same index
     PcapReplayNic nic(clock);
     load(nic);
     EXPECT_TRUE(ask(nic, request({{}})).empty());
@@ -328,7 +328,8 @@ TEST_F(ReplayTest, StrictKeepsBurstsAsTheyWere) {
     EXPECT_EQ(all[1].data[0], 2);
 }
 
-// Recordings of real segments: the requests, sent at their times, bring the replies at theirs.
+// Recordings of real segments: requests that are sent at the recorded times get the recorded replies at the recorded
+// times.
 struct RecordedSegmentTest : testing::TestWithParam<std::string> {};
 
 TEST_P(RecordedSegmentTest, RequestsAtTheirTimesBringTheRepliesAtTheirs) {
@@ -341,8 +342,8 @@ TEST_P(RecordedSegmentTest, RequestsAtTheirTimesBringTheRepliesAtTheirs) {
     ASSERT_TRUE(nic.load(path).ok()) << nic.problem();
     EXPECT_EQ(nic.counters().malformed, 0u);
 
-    // One recording holds replies to requests of another sender that were not recorded; they have a source of
-    // their own.
+    // One recording contains replies to requests of another sender that were not recorded. They have another source
+    // address.
     const auto sender = [&](const CapturedFrame& frame) {
         const auto source = capture.bytes(frame).subspan(wire::kSourceMacOffset, 6);
         Frame mac(source.begin(), source.end());
@@ -386,8 +387,8 @@ TEST_P(RecordedSegmentTest, RequestsAtTheirTimesBringTheRepliesAtTheirs) {
         ASSERT_EQ(at, Time(frame.at)) << "packet " << frame.number;
         const auto recorded = capture.bytes(frame);
         wire::DatagramReader end(recorded);
-        // Behind the datagrams there is padding, of the one or of the other. The length counts the request's
-        // own.
+        // Behind the datagrams there is padding, of the request or of the recording. Only the length of the request is
+        // compared.
         const auto length = std::min(std::min(end.end(), answer.size()), recorded.size());
         ASSERT_GE(length, wire::kFramePrefixBytes + wire::kDatagramOverheadBytes);
         ASSERT_EQ(std::memcmp(answer.data(), recorded.data(), length), 0) << "packet " << frame.number;

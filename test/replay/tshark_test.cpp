@@ -1,4 +1,4 @@
-// Our reader of datagrams against Wireshark's, on recordings of real segments: both must see the same in
+// Our datagram reader compared with Wireshark's, on recordings of real segments: both must read the same value of
 // every field.
 #include <places.hpp>
 #include "files.hpp"
@@ -15,13 +15,13 @@
 namespace margay {
 namespace {
 
-// One datagram as tshark prints it.
+// A datagram in the output of tshark.
 struct Printed {
     std::size_t at = 0;
-    std::string octets;  // all of it, in hexadecimal digits
+    std::string octets;  // the whole datagram in hexadecimal digits
     std::optional<std::uint64_t> cmd, idx, adp, ado, lad, length, circulating, more, irq, wkc;
     std::size_t data_at = 0;
-    std::string data;  // where tshark prints it as such, and not as registers or mailbox
+    std::string data;  // present when tshark prints the data itself, not as registers or mailbox
 };
 struct PrintedFrame {
     std::uint64_t number = 0;
@@ -120,8 +120,8 @@ void compare(const wire::DatagramView& ours, const Printed& theirs) {
     EXPECT_EQ(ours.header.more ? 1u : 0u, theirs.more);
     EXPECT_EQ(ours.header.irq, theirs.irq);
     EXPECT_EQ(ours.wkc, theirs.wkc);
-    // The data is not always printed as such, behind a mailbox only its rest; the octets of the whole always
-    // are.
+    // tshark does not always print the data, and behind a mailbox it prints only the rest. It always prints the octets
+    // of the whole datagram.
     const auto data_at = ours.offset + wire::kDatagramHeaderBytes;
     if (!theirs.data.empty()) {
         ASSERT_GE(theirs.data_at, data_at);
@@ -175,11 +175,11 @@ TEST_P(TsharkTest, SeesTheSameInEveryField) {
             compare(*datagram, theirs.datagrams[count++]);
         }
         EXPECT_EQ(count, theirs.datagrams.size());
-        // One of the masters announces more octets than its datagrams have; tshark takes them for padding.
+        // One of the masters announces more octets than its datagrams have; tshark reads them as padding.
         std::size_t octets = 0;
         for (const auto& datagram : theirs.datagrams) octets += datagram.octets.size() / 2;
         EXPECT_EQ(reader.fault(), octets == theirs.length ? wire::FrameFault::none : wire::FrameFault::trailing);
-        if (HasFailure()) return;  // the first one says enough
+        if (HasFailure()) return;  // the first difference is sufficient
     }
 }
 

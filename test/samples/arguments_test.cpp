@@ -1,4 +1,4 @@
-// Numbers on the command line, and what compile time depends on.
+// Numbers on the command line, and includes that determine the compile time.
 #include "common/arguments.hpp"
 #include <places.hpp>
 
@@ -21,7 +21,7 @@ TEST(ParseNumber, IsDecimalOrHexadecimalNeverOctal) {
         EXPECT_FALSE(parse_number(wrong)) << wrong;
 }
 
-// Each costs the files that include it seconds of processor time: CLI11 12, the whole of nlohmann-json 3.
+// Each inclusion costs seconds of processor time per file: CLI11 12 s, the whole of nlohmann-json 3 s.
 TEST(CompileTime, ExpensiveHeadersStayInTheFilesThatNeedThem) {
     const auto samples = std::filesystem::path(MARGAY_SOURCE_DIR) / "samples";
     std::size_t with_arguments = 0;

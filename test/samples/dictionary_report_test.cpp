@@ -1,4 +1,4 @@
-// What slaveinfo --sdo prints of a slave's dictionary.
+// The output of slaveinfo --sdo for a slave's dictionary.
 #include "common/dictionary_report.hpp"
 #include "mailbox/mailbox_bus.hpp"
 

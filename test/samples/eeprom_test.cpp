@@ -1,4 +1,4 @@
-// Reading, writing and verifying an EEPROM that fails in every way, and image files.
+// Reading, writing and verifying an EEPROM with many kinds of faults, and image files.
 #include "common/eeprom.hpp"
 
 #include "wire/sii_writer.hpp"
@@ -59,10 +59,10 @@ struct FaultyEeprom final : Eeprom {
         return keep_error;
     }
 
-    std::vector<std::byte> octets;  // its real size: addresses behind it wrap around
+    std::vector<std::byte> octets;  // the real size: addresses beyond it wrap around
     std::vector<std::uint32_t> order;
     std::size_t words_written = 0;
-    std::size_t last_read = 0;  // the octet behind the last one
+    std::size_t last_read = 0;  // the end of the last read
     std::size_t lost_after_words = kNever;
     std::uint32_t refused_word = kNever;
     std::uint32_t forgotten_word = kNever;
@@ -130,7 +130,7 @@ TEST(EepromWrite, ARefusedWordEndsIt) {
     EXPECT_TRUE(sii::is_blank(eeprom.octets));
 }
 
-// Wherever it is lost, what counts as written is what was written, and nothing is called verified.
+// The EEPROM is lost at any word: the words that count as written were written, and nothing is reported as verified.
 TEST(EepromWrite, LostHalfwayAnywhere) {
     FaultyEeprom whole(image(1));
     const auto wanted = image(2000000000);
@@ -150,8 +150,8 @@ TEST(EepromWrite, LostHalfwayAnywhere) {
     }
 }
 
-// Any word is refused: the old content is there again. Or the connection ends there: the old area, the new one, or a
-// checksum that says that it is neither.
+// When any word is refused, the old content is restored. When the connection ends at any word, the area has the old
+// content, the new content, or a wrong checksum.
 TEST(EepromWrite, AnAbortAtAnyWordLeavesARightChecksumOrTheOldContent) {
     const auto old = image(1);
     auto wanted = image(2000000000);
@@ -189,7 +189,7 @@ TEST(EepromWrite, VerifyFindsAWordThatDidNotStick) {
         << report.error;
 }
 
-// A small EEPROM takes all words gladly, and overwrites its beginning with what was meant for behind its end.
+// A small EEPROM accepts all words, and words behind its end overwrite its beginning.
 TEST(EepromWrite, VerifyFindsAnEepromThatWrapsAround) {
     FaultyEeprom eeprom(std::vector<std::byte>(512, std::byte{0xFF}));
     std::vector<std::byte> large(1024);
@@ -258,7 +258,7 @@ TEST(EepromAlias, IsWrittenWithItsChecksum) {
     const auto second = write_alias(eeprom, 1, false);
     EXPECT_EQ(second.before, 0xABCD);
     EXPECT_EQ(second.after, 1);
-    for (const auto word : eeprom.order) EXPECT_TRUE(word == 4 || word == 7) << word;  // nothing else is touched
+    for (const auto word : eeprom.order) EXPECT_TRUE(word == 4 || word == 7) << word;  // no other word is written
 }
 
 TEST(EepromAlias, DoesNotVouchForAnAreaThatIsWrong) {
@@ -290,12 +290,12 @@ TEST(EepromAlias, AChecksumThatIsRefusedGivesTheOldAliasBack) {
     EXPECT_EQ(eeprom.octets, image(1));
 }
 
-// The size word tells 4 MiB: what is described is read, and not one octet more.
+// The size word gives 4 MiB: only the described part is read.
 TEST(EepromReadDescribed, StopsAtTheEndMark) {
     FaultyEeprom eeprom(image(1));
     const auto content = [&] {
         store_le<std::uint16_t>(MutableBytes(eeprom.octets), sii::word::kSize * 2, 0x7FFF);
-        return read_described(eeprom, no_progress());
+        return read_used_part(eeprom, no_progress());
     }();
     EXPECT_EQ(content.error, "");
     ASSERT_GT(content.octets.size(), 130U);
@@ -307,7 +307,7 @@ TEST(EepromReadDescribed, StopsAtTheEndMark) {
     EXPECT_EQ(walker.fault(), sii::Fault::none);
 }
 
-// Categories that lead on and on are not followed behind 64 KiB.
+// Reading the categories stops at 64 KiB, whatever their lengths say.
 TEST(EepromReadDescribed, HasABoundWhateverTheImageSays) {
     for (const auto words : {std::uint16_t{0}, std::uint16_t{1}, std::uint16_t{0x7FFF}, std::uint16_t{0xFFFF}}) {
         FaultyEeprom eeprom(image(1, 256 * 1024));
@@ -317,28 +317,28 @@ TEST(EepromReadDescribed, HasABoundWhateverTheImageSays) {
             store_le<std::uint16_t>(MutableBytes(eeprom.octets), at, 0x0801);
             store_le<std::uint16_t>(MutableBytes(eeprom.octets), at + 2, words);
         }
-        EXPECT_EQ(read_described(eeprom, no_progress()).error, "");
+        EXPECT_EQ(read_used_part(eeprom, no_progress()).error, "");
         EXPECT_LE(eeprom.last_read, sii::kMostContentBytes) << words;
     }
 }
 
 TEST(WhyNotToWrite, OnlyWhatIsGravelyWrong) {
     const auto good = image(1);
-    EXPECT_EQ(why_not_to_write(good), "");
-    EXPECT_EQ(why_not_to_write(Bytes(good).first(600)), "");  // the end of the EEPROM left out
-    EXPECT_NE(why_not_to_write(Bytes(good).first(130)), "");
-    EXPECT_NE(why_not_to_write(Bytes(good).first(601)), "");
-    EXPECT_NE(why_not_to_write({}), "");
-    EXPECT_NE(why_not_to_write(std::vector<std::byte>(1024, std::byte{0xFF})), "");
+    EXPECT_EQ(image_fault(good), "");
+    EXPECT_EQ(image_fault(Bytes(good).first(600)), "");  // without the unused end of the EEPROM
+    EXPECT_NE(image_fault(Bytes(good).first(130)), "");
+    EXPECT_NE(image_fault(Bytes(good).first(601)), "");
+    EXPECT_NE(image_fault({}), "");
+    EXPECT_NE(image_fault(std::vector<std::byte>(1024, std::byte{0xFF})), "");
     auto wrong = good;
     wrong[14] ^= std::byte{1};
-    EXPECT_NE(why_not_to_write(wrong).find("checksum"), std::string::npos);
+    EXPECT_NE(image_fault(wrong).find("checksum"), std::string::npos);
     auto longer = good;
     longer.resize(2048);
-    EXPECT_NE(why_not_to_write(longer).find("size"), std::string::npos);
-    auto odd_mailbox = good;  // a fault, but the vendor's own affair
+    EXPECT_NE(image_fault(longer).find("size"), std::string::npos);
+    auto odd_mailbox = good;  // a fault that the user may write
     odd_mailbox[sii::word::kMailboxProtocols * 2] = std::byte{4};
-    EXPECT_EQ(why_not_to_write(odd_mailbox), "");
+    EXPECT_EQ(image_fault(odd_mailbox), "");
 }
 
 struct ImageFiles : testing::Test {
@@ -380,7 +380,7 @@ TEST_F(ImageFiles, FailWithTheirName) {
     if (std::filesystem::exists("/dev/full")) {
         EXPECT_EQ(save_image("/dev/full", ImageFormat::binary, image(1)),
                   "/dev/full: cannot be written: No space left on device");
-        EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));  // a device is written to, not replaced
+        EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));  // a device file is written, not replaced
     }
 }
 

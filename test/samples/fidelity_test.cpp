@@ -1,6 +1,6 @@
-// What real hardware answered, put to the simulation: the master's half of each recording goes to a segment
-// of the same devices, and every answer is compared. Differences that remain are named here, one by one, with
-// their reason.
+// The simulation compared with recorded hardware. The requests of each recording are sent to a simulated segment of
+// the same devices, and every answer is compared. The remaining differences are listed here one by one with their
+// reason.
 #include "common/fidelity.hpp"
 #include <places.hpp>
 #include "common/capture_slaves.hpp"
@@ -37,7 +37,7 @@ class Fidelity : public ::testing::Test {
         return loaded;
     }
 
-    // The image of the EL1004, which nobody has as a file, out of what two masters read of it.
+    // The image of the EL1004. There is no file of it, so it is rebuilt from what two masters read.
     std::string el1004() {
         std::vector<std::byte> sii;
         for (const auto* recording : {"soem-sdinfo-ek1100-el1004", "twincat-scan-boxes"}) {
@@ -72,7 +72,7 @@ class Fidelity : public ::testing::Test {
     std::filesystem::path folder_;
 };
 
-// EEPROMs at least as quick as the real ones, so that data is there when the recording's master comes for it.
+// EEPROMs at least as fast as the real ones, so that the data are ready when the recorded master reads them.
 const std::string kEk1100 = "[[slave]]\nsii = \"ek1100.bin\"\nsii_read_us = 100\n";
 
 TEST_F(Fidelity, Ek1100Alone) { expect_identical(measure("soem-sdinfo-ek1100-only", kEk1100)); }
@@ -84,8 +84,7 @@ TEST_F(Fidelity, Ek1100AndTwoEl2004) {
     expect_identical(measure("rs-example-sii-el2004", kEk1100 + el2004 + el2004));
 }
 
-// The EL2889 of these two recordings has an ESC with the DC unit on; that it has one at all its SII does not
-// tell.
+// The EL2889 of these two recordings has an ESC with the DC unit switched on, which its SII does not say.
 const std::string kEl28xx =
     "[[slave]]\nsii = \"el2828.bin\"\nsii_read_us = 100\n"
     "[[slave]]\nsii = \"el2889.bin\"\nsii_read_us = 100\nfeatures = 0x00FC\ndc = \"64\"\n";
@@ -95,7 +94,7 @@ TEST_F(Fidelity, Ek1100El2828El2889) { expect_identical(measure("replay-ek1100-e
 TEST_F(Fidelity, DistributedClocks) { expect_identical(measure("replay-dc", kEk1100 + kEl28xx)); }
 
 TEST_F(Fidelity, TwinCatRunning) {
-    // The recording begins when the segment is in PREOP already.
+    // At the beginning of the recording the segment is already in PREOP.
     const std::string preop = "preset = [[0x0120, 0x02, 0x00]]\n";
     expect_identical(measure("twincat-run-ek1100-el1004",
                              kEk1100 + "station = 0x03E9\n" + preop + el1004() + "station = 0x03EA\n" + preop));
@@ -103,15 +102,15 @@ TEST_F(Fidelity, TwinCatRunning) {
 
 TEST_F(Fidelity, TwinCatScanning) { expect_identical(measure("twincat-scan-boxes", kEk1100 + el1004())); }
 
-// Devices with a processor: their mailboxes answer as the hardware's did, with objects of the simulation's own, which
-// are not compared. A millisecond until the program looks at an event, as it takes theirs: an AL control that comes
-// before is lost, and the mailbox is full when the master looks again.
+// Devices with a processor. Their mailboxes answer with objects of the simulation, which are not compared. The
+// simulated program reacts to an event after a millisecond, as the real ones do. Thus an AL control write before that
+// is lost, and the mailbox is full when the master reads it.
 struct FidelityOfProcessors : Fidelity {
     FidelityReport measure_rebuilt(const std::string& recording) {
         const auto slaves = slaves_of(capture(recording));
         EXPECT_FALSE(slaves.empty());
         for (const auto& slave : slaves) {
-            std::ofstream out(folder_ / ("slave" + std::to_string(slave.position + 1) + ".bin"), std::ios::binary);
+            std::ofstream out(folder_ / ("slave" + std::to_string(slave.number + 1) + ".bin"), std::ios::binary);
             out.write(reinterpret_cast<const char*>(slave.sii.data()), static_cast<std::streamsize>(slave.sii.size()));
         }
         std::string text = describe_segment(slaves, recording);
@@ -121,7 +120,7 @@ struct FidelityOfProcessors : Fidelity {
         EXPECT_TRUE(segment) << segment.error();
         return segment ? measure_fidelity(capture(recording), *segment) : FidelityReport{};
     }
-    // Nothing differs but what is named, and no more often than said.
+    // Only the listed differences occur, and not more often than listed.
     static void expect_only(const FidelityReport& report, const std::map<std::string, std::size_t>& reasons) {
         for (const auto& [kind, entry] : report.kinds) {
             const auto known = reasons.find(kind);
@@ -131,8 +130,8 @@ struct FidelityOfProcessors : Fidelity {
     }
 };
 
-// What a recording says of a clock: the width by the features, and whether it is on by its answers. The EL2828's and
-// the EL1004's features promise a clock of 64 bits (0x01FC), and nothing answers at 0x0918.
+// The clock in a recording: the features give its width, the answers show whether it is on. The features of the EL2828
+// and the EL1004 announce a clock of 64 bits (0x01FC), but 0x0918 does not answer.
 TEST_F(FidelityOfProcessors, TheClockIsRebuiltAsTheRecordingShowsIt) {
     const std::map<std::string, std::vector<std::string>> clocks{
         {"replay-dc", {"64", "receive_times", "64"}},
@@ -147,7 +146,7 @@ TEST_F(FidelityOfProcessors, TheClockIsRebuiltAsTheRecordingShowsIt) {
             found.push_back(text.substr(at + 7, text.find('"', at + 7) - at - 7));
         EXPECT_EQ(found, expected) << recording << "\n" << text;
     }
-    // With it, each register of a clock answers and is silent as the hardware's.
+    // With these settings, each clock register answers or does not answer as the one of the hardware.
     for (const auto* recording : {"soem-sdinfo-ek1100-el1004", "replay-dc"}) {
         const auto report = measure_rebuilt(recording);
         for (const auto& [kind, entry] : report.kinds) {
@@ -158,7 +157,7 @@ TEST_F(FidelityOfProcessors, TheClockIsRebuiltAsTheRecordingShowsIt) {
     }
 }
 
-// 0x0008 of the drive says 32 bits: the upper half of its times is zero, whatever the time is.
+// 0x0008 of the drive says 32 bits: the upper half of its times is always zero.
 TEST_F(FidelityOfProcessors, TheFeaturesChooseTheWidthOfTheClock) {
     for (const auto& [features, wide] : {std::pair{0x0184, false}, std::pair{0x018C, true}}) {
         auto segment = parse_segment("[[slave]]\nsii = \"ek1100.bin\"\nclock_start_ns = 5000000000\nfeatures = " +
@@ -173,7 +172,7 @@ TEST_F(FidelityOfProcessors, TheFeaturesChooseTheWidthOfTheClock) {
     }
 }
 
-// test/sim SyncManagerTest.AMailboxThatIsBeingWritten… shows the same values in the same order.
+// test/sim SyncManagerTest.AMailboxThatIsBeingWritten… expects the same values in the same order.
 TEST_F(Fidelity, AMailboxInWritingShowsBit7) {
     std::string states;
     for (const auto* recording : {"soem-single-lan9252", "soem-sdinfo-akd"})
@@ -188,7 +187,7 @@ TEST_F(Fidelity, AMailboxInWritingShowsBit7) {
     for (const auto* wrong : {"80 00", "80 02", "09 80", "00 80"}) EXPECT_EQ(states.find(wrong), states.npos) << wrong;
 }
 
-// Recorded by TwinCAT of chips with an E-bus: 0xC7.
+// Recorded by TwinCAT from chips with an E-bus: 0xC7.
 TEST_F(Fidelity, DlControlAfterPowerUp) {
     std::size_t seen = 0;
     for (const auto& exchange : capture("twincat-scan-boxes").exchanges)
@@ -202,7 +201,7 @@ TEST_F(Fidelity, DlControlAfterPowerUp) {
 
 TEST_F(Fidelity, ARecordingWithoutAnswersHasNothingToCompare) {
     const auto recording = capture("soem-sdinfo-no-slaves");
-    EXPECT_EQ(why_no_slaves(recording), "no slave answers in it");
+    EXPECT_EQ(no_slaves_reason(recording), "no slave answers in it");
     auto segment = parse_segment(kEk1100, "x", kImages);
     ASSERT_TRUE(segment);
     const auto text = to_text(measure_fidelity(recording, *segment));
@@ -210,7 +209,7 @@ TEST_F(Fidelity, ARecordingWithoutAnswersHasNothingToCompare) {
     EXPECT_EQ(text.find("100"), std::string::npos) << text;
 }
 
-// Only broadcasts: slaves are there, and nothing tells what they are.
+// Only broadcasts: they count the slaves, but do not identify them.
 TEST_F(Fidelity, SlavesThatNobodyAddressedAreCounted) {
     auto recording = capture("soem-sdinfo-ek1100-el1004");
     std::erase_if(recording.exchanges, [](const Exchange& exchange) {
@@ -219,12 +218,13 @@ TEST_F(Fidelity, SlavesThatNobodyAddressedAreCounted) {
         return false;
     });
     EXPECT_TRUE(slaves_of(recording).empty());
-    EXPECT_EQ(why_no_slaves(recording).substr(0, 44), "2 slaves answer in it, by the working counte");
+    EXPECT_EQ(no_slaves_reason(recording).substr(0, 44), "2 slaves answer in it, by the working counte");
 }
 
-// The AL status differs while these programs take 2 to 8 ms for a state change, which the simulated ones do at once.
+// The AL status differs: these programs need 2 to 8 ms for a state change, the simulated ones change at once.
 TEST_F(FidelityOfProcessors, Lan9252) {
-    // At its start this one has not read AL control for 7 ms, which is full therefore for a third write as well.
+    // After its start this program does not read AL control for 7 ms. Therefore AL control is full at a third write,
+    // too.
     const auto report = measure_rebuilt("soem-single-lan9252");
     EXPECT_EQ(report.equal_wkc + 1, report.datagrams) << to_text(report);
     expect_only(report, {{"data of BRD AL status (0x0130)", 7},
@@ -235,14 +235,14 @@ TEST_F(FidelityOfProcessors, Lan9252) {
 TEST_F(FidelityOfProcessors, TwoLan9252) {
     const auto report = measure_rebuilt("soem-dual-lan9252");
     EXPECT_EQ(report.equal_wkc, report.datagrams) << to_text(report);
-    // Of two slaves a broadcast does not say whose type it is.
+    // With two slaves, a broadcast read does not show the type of each.
     expect_only(report, {{"data of BRD AL status (0x0130)", 3},
                          {"data of FPRD AL status (0x0130)", 2},
                          {"data of BRD type (0x0000)", 1}});
 }
 
-// This drive refuses SAFEOP by reasons of its own and reads as PREOP with an error in all of the 2997 looks that the
-// master takes in six seconds; from the SII alone there is no reason to refuse.
+// This drive refuses SAFEOP for reasons of its own, and reports PREOP with an error in all of the 2997 reads that the
+// master makes in six seconds. The SII contains no reason for a refusal.
 TEST_F(FidelityOfProcessors, Akd) {
     const auto report = measure_rebuilt("soem-sdinfo-akd");
     EXPECT_EQ(report.equal_wkc, report.datagrams) << to_text(report);

@@ -1,5 +1,4 @@
-// Intel HEX: records written down by hand, every way in which a file can be bad, and binutils' own reader and
-// writer.
+// Intel HEX: records written by hand, every way in which a file can be wrong, and the reader and writer of binutils.
 #include "common/intel_hex.hpp"
 
 #include <gtest/gtest.h>
@@ -19,14 +18,14 @@ std::vector<std::byte> octets_of(const std::string& text) {
     return out;
 }
 
-// The record that everybody's description of the format shows.
+// The record that most descriptions of the format show.
 TEST(IntelHex, ReadsAndWritesARecord) {
     const std::string text = ":0B0010006164647265737320676170A7\n:00000001FF\n";
     const auto read = parse_intel_hex(text);
     ASSERT_EQ(read.error, "");
     ASSERT_EQ(read.octets.size(), 0x1BU);
     for (std::size_t i = 0; i < 0x10; ++i)
-        EXPECT_EQ(read.octets[i], std::byte{0xFF});  // what no record tells is erased
+        EXPECT_EQ(read.octets[i], std::byte{0xFF});  // octets without a record are 0xFF
     EXPECT_EQ(std::vector<std::byte>(read.octets.begin() + 0x10, read.octets.end()), octets_of("address gap"));
     EXPECT_EQ(to_intel_hex(octets_of("address gap")), ":0B0000006164647265737320676170B7\n:00000001FF\n");
 }
@@ -65,13 +64,13 @@ TEST(IntelHex, NamesEveryFault) {
     EXPECT_EQ(error(""), "there is no end record: the file is cut off");
 }
 
-// No line of a good file can be cut, changed or left out without being noticed.
+// Every truncated, changed or missing line of a good file is detected.
 TEST(IntelHex, NoticesEveryDamage) {
     std::vector<std::byte> image(100);
     for (std::size_t i = 0; i < image.size(); ++i) image[i] = static_cast<std::byte>(i * 37);
     const auto text = to_intel_hex(image);
     ASSERT_EQ(parse_intel_hex(text).octets, image);
-    for (std::size_t size = 0; size + 1 < text.size(); ++size)  // the last end of line may be missing
+    for (std::size_t size = 0; size + 1 < text.size(); ++size)  // the last end of line can be missing
         EXPECT_NE(parse_intel_hex(text.substr(0, size)).error, "") << size;
     for (std::size_t at = 0; at < text.size(); ++at) {
         auto changed = text;

@@ -1,5 +1,5 @@
-// The SPI port of the LAN9252 against a model of the chip's host side, written after its data sheet (DS00001909: "SPI
-// read and write", "EtherCAT CSR and process data RAM access"): instructions, busy bits, FIFOs that fill over time,
+// The SPI port of the LAN9252 with a model of the chip's host side, written from its data sheet (DS00001909: "SPI read
+// and write", "EtherCAT CSR and process data RAM access"): instructions, busy bits, FIFOs that fill over time,
 // unaligned ends.
 #include "common/lan9252_spi.hpp"
 
@@ -14,8 +14,8 @@ namespace {
 class Chip final : public SpiBus {
   public:
     std::vector<std::byte> memory = std::vector<std::byte>(0x3000);
-    unsigned busy_for = 0;   // reads of a command register that show busy
-    unsigned not_ready = 0;  // reads until the chip is up
+    unsigned busy_for = 0;   // number of reads of a command register that return busy
+    unsigned not_ready = 0;  // number of reads until the chip is ready
     bool stuck = false;
     unsigned transfers = 0;
     std::vector<unsigned> csr_sizes;
@@ -54,7 +54,7 @@ class Chip final : public SpiBus {
             case 0x300: return csr_data_;
             case 0x304: return busy();
             case 0x30C: {
-                // One double word more with every look, as the fieldbus side lets it in.
+                // Each read of the register shows one more double word, as the chip fills its FIFO over time.
                 shown_ = std::min(shown_ + 1, fifo_.size());
                 return busy() | static_cast<std::uint32_t>(shown_ << 8) | (shown_ != 0 ? 1u : 0u);
             }

@@ -1,4 +1,4 @@
-// What segment_monitor shows, line by line.
+// The lines of segment_monitor.
 #include "common/monitor_view.hpp"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ struct MonitorView : testing::Test {
 
     void SetUp() override {
         for (std::size_t i = 0; i < slaves.size(); ++i) {
-            slaves[i].position = static_cast<std::uint16_t>(i + 1);
+            slaves[i].number = static_cast<std::uint16_t>(i + 1);
             slaves[i].al.state = AlState::op;
         }
         slaves[3].al = {.state = AlState::safeop, .error = true, .code = 0x001B};

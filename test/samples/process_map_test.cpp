@@ -1,5 +1,5 @@
-// What lies where in a process image, and the struct made of it: compiled, and each member looked at with the
-// compiler's own eyes.
+// The layout of a process image, and the struct generated from it: the struct is compiled, and the offset of each
+// member is checked.
 #include "common/process_map.hpp"
 #include "common/process_entries.hpp"
 #include "common/process_struct.hpp"
@@ -28,8 +28,8 @@ struct ProcessMapTest : testing::Test {
     ProcessMapTest() { std::filesystem::create_directories(folder); }
     ~ProcessMapTest() override { std::filesystem::remove_all(folder); }
 
-    // A program that fills one member after the other with ones and compares all octets with what the remark behind the
-    // member says.
+    // A program that sets one member after the other to ones and compares all octets with the comment behind the
+    // member.
     std::string program(const std::string& header, bool outputs) {
         const std::string type = outputs ? "process_outputs" : "process_inputs";
         const std::size_t first = header.find("typedef struct " + type + " ");
@@ -92,7 +92,7 @@ TEST_F(ProcessMapTest, StructHasEveryEntryWhereTheImageHasIt) {
     EXPECT_GE(members, 20) << "the test has seen the members";
 }
 
-// A size word of 0x7FFF says 4 MiB, 187 s of bus time. Reading stops at the end mark.
+// A size word of 0x7FFF means 4 MiB, which would need 187 s of bus time. Reading stops at the end mark.
 TEST_F(ProcessMapTest, AnAbsurdSizeWordIsNotFollowed) {
     for (int n = 0; n < 3; ++n) bus.add(8, 8);
     for (std::uint32_t n = 0; n < 3; ++n)
@@ -125,7 +125,7 @@ TEST_F(ProcessMapTest, NamesComeFromTheSii) {
     compile_and_check(header, "demo");
 }
 
-// PDOs that the application has chosen are named too, wherever the SII knows their objects; gaps have no names.
+// PDOs of the application have names, too, when the SII has their objects; gaps have no names.
 TEST_F(ProcessMapTest, ObjectsAreThoseThatTheDictionaryAssigns) {
     std::ofstream(folder / "odd.toml") << "[[slave]]\ndevice = \"odd_device\"\n";
     auto source = open_source("sim:" + (folder / "odd.toml").string());
@@ -152,7 +152,7 @@ TEST_F(ProcessMapTest, ObjectsAreThoseThatTheDictionaryAssigns) {
     compile_and_check(header, "odd");
 }
 
-// Objects that the SII does not know have the names of the dictionary.
+// Objects that the SII does not have get the names of the dictionary.
 TEST_F(ProcessMapTest, NamesComeFromTheDictionaryWhereTheSiiHasNone) {
     std::ofstream(folder / "odd.toml") << "[[slave]]\ndevice = \"odd_device\"\n";
     auto source = open_source("sim:" + (folder / "odd.toml").string());
@@ -173,7 +173,7 @@ TEST_F(ProcessMapTest, NamesComeFromTheDictionaryWhereTheSiiHasNone) {
     EXPECT_EQ(map.entries[0].data_type, 0x06) << "UNSIGNED16";
 }
 
-// A place of the assignment may hold 0: there is no object 0x0000 to be asked for, and the others are described.
+// An entry of the assignment can be 0: object 0x0000 is not read, and the other PDOs are described.
 TEST_F(ProcessMapTest, PlacesWithoutAPdoArePassedOver) {
     MailboxBus mail;
     auto& slave = mail.add_scripted(64, mailbox_protocol::kCoE, coe_detail::kSdo);
@@ -200,7 +200,7 @@ TEST_F(ProcessMapTest, PlacesWithoutAPdoArePassedOver) {
     EXPECT_EQ(map.entries[0].pdo_place, 2);
 }
 
-// What is printed compiles, and is what config_map() finds.
+// The printed declarations compile, and config_map() finds their entries.
 TEST_F(ProcessMapTest, DeclarationsAreThoseOfHandles) {
     ProcessMap map;
     const auto entry = [&](Direction direction, std::uint16_t index, std::uint32_t bits, std::uint8_t type,
@@ -235,15 +235,15 @@ TEST_F(ProcessMapTest, DeclarationsAreThoseOfHandles) {
     EXPECT_EQ(entries_code({}), "");
 }
 
-// The application may map what the SII does not describe: told, and still in its place.
+// The application maps an object that the SII does not describe: it is reported, and has its place in the map.
 TEST_F(ProcessMapTest, WhatTheSiiDoesNotDescribeIsTold) {
     bus.add(16, 16);
     bus.start();
-    Slave& slave = bus.ctx->slave(1);
+    const Slave& slave = bus.ctx->slave(1);
     slave.config.source = ConfigurationSource::application;
     slave.config.add({0, Direction::outputs, 0x64, 0x1100, 16});
     slave.config.add({1, Direction::inputs, 0x20, 0x2000, 8});
-    (void)config_map(*bus.ctx, image);  // the slave refuses: the map is of what was laid out
+    (void)config_map(*bus.ctx, image);  // the slave refuses the PDOs; the map shows the layout
     ASSERT_TRUE(bus.ctx->group(0).mapped);
     const auto map = read_process_map(*bus.ctx);
     ASSERT_EQ(map.remarks.size(), 1U);

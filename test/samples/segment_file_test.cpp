@@ -1,4 +1,4 @@
-// Segment descriptions: what each key does, and that what is wrong is told with its line.
+// Segment descriptions: the effect of each key, and errors with their line.
 #include "common/segment_file.hpp"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
         {"[[slave]]\ndevice = \"toaster\"\n",
          "plant.toml: line 2: there is no device 'toaster' in the library; there are: coupler"},
         {"[[slave]]\nsii = \"gone.bin\"\n", "plant.toml: line 2: cannot read the SII image '/nowhere/gone.bin'"},
-        // Loops, double ports, missing parents.
+        // Loops, ports used twice, missing parents.
         {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"junction\"\nparent = \"c\"\n[[slave]]\nname = \"c\"\ndevice = "
                     "\"junction\"\nparent = \"b\"\n",
          "plant.toml: line 7: the parent 'c' comes only in line 8: a parent comes before its children, which keeps "
@@ -114,7 +114,7 @@ TEST_F(SegmentFiles, UnreadableSiiIsToldWithItsLine) {
               "plant.toml: line 2: '" + path("folder.bin") + "' is a folder, not an SII image");
 }
 
-// An image that can be read and is worth nothing is a device all the same: as with a blank EEPROM on hardware.
+// An image with useless content also makes a device, like hardware with a blank EEPROM.
 TEST_F(SegmentFiles, BlankAndBrokenImagesAreDevices) {
     write("blank.bin", std::string(2048, '\xFF'));
     write("zero.bin", std::string(2048, '\0'));
@@ -125,7 +125,7 @@ TEST_F(SegmentFiles, BlankAndBrokenImagesAreDevices) {
         parse_segment("[[slave]]\nsii = \"blank.bin\"\n[[slave]]\nsii = \"zero.bin\"\n[[slave]]\nsii = \"noise.bin\"\n",
                       "plant.toml", folder.string());
     ASSERT_TRUE(loaded) << loaded.error();
-    // ESC data sheets: a checksum error leaves "device information not loaded" in 0x0502 bits 11 and 12.
+    // ESC data sheets: a checksum error sets "device information not loaded" in 0x0502 bits 11 and 12.
     EXPECT_EQ(loaded->segment.slave(0).registers().get<std::uint16_t>(0x0502) & 0x1800, 0x1800);
     EXPECT_EQ(loaded->segment.slave(0).registers().get<std::uint16_t>(0x0110) & 1, 0);
 }

@@ -1,4 +1,4 @@
-// The look at a segment before a scan, in virtual time.
+// look_at_segment(), the check before a scan, in virtual time.
 #include "common/segment_look.hpp"
 #include "common/segment_file.hpp"
 #include "osal/virtual/virtual_osal.hpp"
@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// The first frames of a master are lost, and the link may be down for a while.
+// The first frames of the master are lost, and the link can be down for some time.
 struct BadWire final : Nic {
     explicit BadWire(Nic& under, Osal& clock) : nic(under), osal(clock) {}
     SendStatus send(std::span<const std::byte> frame) noexcept override {

@@ -1,5 +1,5 @@
-// The ready-made segments of samples/segments: each is read, brought to OP by the master, and exchanges process data
-// both ways that changes, in virtual time.
+// The ready-made segments of samples/segments: each is loaded, brought to OP by the master, and exchanges changing
+// process data in both directions, in virtual time.
 #include <places.hpp>
 #include "common/segment_console.hpp"
 #include "common/segment_file.hpp"
@@ -30,7 +30,7 @@ std::vector<std::string> ready_made() {
     return names;
 }
 
-// A master on one of them.
+// A master on such a segment.
 class Plant {
   public:
     explicit Plant(const std::string& name) : Plant(load_segment((kFolder / (name + ".toml")).string())) {}
@@ -71,7 +71,7 @@ class Plant {
         }
         return reached;
     }
-    // The device of the master's slave n, from 1; nullptr where there is no process data.
+    // The device of the master's slave n, from 1; nullptr when it has no process data.
     sim::ProcessDataFirmware* device(std::size_t n) { return segment().slave(order().at(n - 1)).process_data(); }
     const std::vector<std::uint32_t>& order() {
         if (order_.empty()) order_ = segment().order();
@@ -92,7 +92,7 @@ class Plant {
     std::vector<std::uint32_t> order_;
 };
 
-// Bits of a part of the image, for comparison with a device's octets.
+// Compares the bits of a part of the image with the octets of a device.
 bool same_bits(const ImagePart& part, Bytes device) {
     const auto bit = [](Bytes bytes, std::size_t n) {
         return (std::to_integer<unsigned>(bytes[n / 8]) >> (n % 8)) & 1;
@@ -102,8 +102,7 @@ bool same_bits(const ImagePart& part, Bytes device) {
     return true;
 }
 
-// What stands in the input buffers of an ESC: for devices whose own measured values are of another form than their
-// inputs.
+// The content of the input buffers of an ESC, for devices whose measured values differ in form from their inputs.
 std::vector<std::byte> input_buffers(const sim::Esc& esc) {
     std::vector<std::byte> all;
     for (unsigned n = 0; n < esc.sync_managers().count(); ++n) {
@@ -117,7 +116,7 @@ std::vector<std::byte> input_buffers(const sim::Esc& esc) {
     return all;
 }
 
-// Brings it to OP and exchanges data that changes, in both directions as far as it has them.
+// Brings the segment to OP and exchanges changing data, in the directions that each slave has.
 void reach_op_and_exchange(Plant& plant) {
     ASSERT_TRUE(plant.good()) << plant.error();
     const auto present = plant.order().size();
@@ -125,8 +124,8 @@ void reach_op_and_exchange(Plant& plant) {
     ASSERT_TRUE(found) << plant.errors();
     ASSERT_EQ(*found, present);
     for (const Slave& slave : plant.ctx.slaves()) {
-        EXPECT_EQ(slave.al, (AlStatus{AlState::preop, false, 0})) << slave.position;
-        EXPECT_NE(slave.name(), "") << slave.position;
+        EXPECT_EQ(slave.al, (AlStatus{AlState::preop, false, 0})) << slave.number;
+        EXPECT_NE(slave.name(), "") << slave.number;
     }
     const auto mapped = config_map(plant.ctx, plant.image);
     ASSERT_TRUE(mapped) << plant.errors();
@@ -153,16 +152,16 @@ void reach_op_and_exchange(Plant& plant) {
         EXPECT_EQ(*wkc, group.expected_wkc);
         std::size_t compared = 0;
         for (const Slave& slave : plant.ctx.slaves()) {
-            auto* device = plant.device(slave.position);
+            auto* device = plant.device(slave.number);
             const ImagePart& outputs = slave.image.outputs;
             const ImagePart& inputs = slave.image.inputs;
             if (outputs.bits + inputs.bits == 0) continue;
-            ASSERT_NE(device, nullptr) << slave.position;
-            EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.position;
+            ASSERT_NE(device, nullptr) << slave.number;
+            EXPECT_TRUE(same_bits(outputs, device->outputs())) << slave.name() << slave.number;
             const bool plain = device->inputs().size() * 8 >= inputs.bits;
-            const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.position - 1u)));
+            const auto buffers = input_buffers(plant.segment().slave(plant.order().at(slave.number - 1u)));
             EXPECT_TRUE(same_bits(inputs, plain ? Bytes(device->inputs()) : Bytes(buffers)))
-                << slave.name() << slave.position;
+                << slave.name() << slave.number;
             compared += outputs.bits + inputs.bits;
         }
         compared_bits = compared;
@@ -185,7 +184,7 @@ TEST_P(ReadyMadeSegments, ReachOpAndExchangeProcessData) {
 INSTANTIATE_TEST_SUITE_P(Each, ReadyMadeSegments, testing::ValuesIn(ready_made()),
                          [](const auto& each) { return each.param; });
 
-// What issue and README promise to be there.
+// The segments that the README files list.
 TEST(SegmentsFolder, HoldsWhatIsPromised) {
     EXPECT_EQ(ready_made(), (std::vector<std::string>{"coupler", "dc_bench", "drives", "hot_connect", "mixed200",
                                                       "servodrives", "tree"}));
@@ -194,7 +193,7 @@ TEST(SegmentsFolder, HoldsWhatIsPromised) {
     EXPECT_EQ(mixed.order().size(), 200u);
 }
 
-// The order of processing, by hand: port 3 first, then 1, then 2 (ETG.1000.4 "Frame processing order").
+// The order of processing, calculated by hand: port 3 first, then 1, then 2 (ETG.1000.4 "Frame processing order").
 TEST(SegmentsFolder, TreeIsProcessedInPortOrder) {
     Plant plant("tree");
     ASSERT_TRUE(plant.good()) << plant.error();
@@ -228,7 +227,7 @@ TEST(SegmentsFolder, ToolsOfTheHotConnectGroupCanBeChanged) {
     EXPECT_EQ(plant.ctx.slave(5).alias, 0x0102);
 }
 
-// Images of real devices, alone and all in a line.
+// Images of real devices, each alone and all in a line.
 TEST(SegmentsFromSii, RealImagesReachOpAndExchangeProcessData) {
     const std::filesystem::path images = MARGAY_SII_DIR;
     if (images.empty()) GTEST_SKIP() << "the folder of SII images is not there";

@@ -1,5 +1,5 @@
-// A whole scan: from the simulation, from its recording, and over a wire that loses, delays, doubles and
-// spoils frames.
+// A complete scan: of the simulation, of its recording, and over a wire that loses, delays, duplicates and damages
+// frames.
 #include "common/slave_report.hpp"
 #include "common/source.hpp"
 #include "oshw/filters/drop_nic.hpp"
@@ -20,7 +20,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// What a program sees of the segment behind a NIC, as text; or the error of the scan.
+// The segment behind a NIC as text, or the error of the scan.
 std::string scan(Nic& nic, Osal& osal) {
     HostContext ctx(Limits{.slaves = 64});
     if (const auto ready = init(ctx, nic, osal); !ready) return sentence(ready.error());
@@ -60,7 +60,7 @@ TEST_F(SessionTest, TwoRunsInVirtualTimeAreTheSameOctetByOctet) {
     (void)scan_source("sim:demo", file("b.pcap"));
     EXPECT_GT(content(file("a.pcap")).size(), 10'000u);
     EXPECT_TRUE(content(file("a.pcap")) == content(file("b.pcap")));
-    // And a replay, recorded, is the recording: what was asked, what was answered, and when.
+    // The recording of a replay is equal to the recording: the same requests, answers and times.
     (void)scan_source("pcap:" + file("a.pcap"), file("c.pcap"));
     EXPECT_TRUE(content(file("a.pcap")) == content(file("c.pcap")));
 }
@@ -74,8 +74,7 @@ TEST_F(SessionTest, AStrictReplayFindsEveryOctetInItsPlace) {
     EXPECT_TRUE(nic.finished()) << nic.problem();
 }
 
-// Losses, replies after their time, doubles: the retries go into the recording, and the replay goes through
-// the same.
+// Lost, late and duplicated replies: the recording contains the retries, and the replay repeats them.
 TEST_F(SessionTest, ARecordingOfABadWireShowsTheSame) {
     const auto clean = scan_source("sim:demo");
     std::uint64_t disturbed = 0;

@@ -1,4 +1,4 @@
-// The dump: all that is in an image can be found in it, and what is wrong with it as well.
+// The dump of an image: it contains everything in the image, and all faults.
 #include "common/sii_text.hpp"
 
 #include "wire/sii_writer.hpp"
@@ -83,7 +83,7 @@ TEST(SiiText, NamesTheFaults) {
         text.find("  word 0x003e: the size word does not tell the size of the image (expected 1000, found 1024)\n"),
         text.npos)
         << text;
-    EXPECT_NE(text.find("Level"), text.npos);  // and shows what can be read
+    EXPECT_NE(text.find("Level"), text.npos);  // and the readable parts are shown
     EXPECT_EQ(sii_text(std::vector<std::byte>(64, std::byte{0xFF})), "the EEPROM is blank (every octet is 0xFF)\n");
     EXPECT_NE(sii_text({}).find("faults\n  word 0x0000: the content ends too early (expected 128, found 0)\n"),
               std::string::npos);

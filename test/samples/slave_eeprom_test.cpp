@@ -1,4 +1,4 @@
-// The EEPROM of a slave on a simulated segment, in virtual time, with what happens to real ones.
+// The EEPROM of a slave on a simulated segment, in virtual time, with faults of real EEPROMs.
 #include "common/slave_eeprom.hpp"
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -40,7 +40,7 @@ struct SlaveEepromTest : testing::Test {
         nic.emplace(segment, osal);
         ASSERT_TRUE(init(ctx, *nic, osal).ok());
         const auto found = config_init(ctx);
-        ASSERT_TRUE(found.ok() || found.error().slave != 0);  // a blank EEPROM is an error of its slave
+        ASSERT_TRUE(found.ok() || found.error().slave != 0);  // a blank EEPROM is an error of this slave
         ASSERT_EQ(ctx.slaves().size(), 2U);
     }
     [[nodiscard]] std::vector<std::byte>& memory(std::uint32_t slave) { return segment.slave(slave).sii().image(); }
@@ -70,7 +70,7 @@ TEST_F(SlaveEepromTest, BlankOneIsWritten) {
     EXPECT_EQ(memory(second), image(3));
 }
 
-// The EEPROM does not acknowledge, whatever is tried.
+// The EEPROM acknowledges no command.
 TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
     build(image(1), std::vector<std::byte>(1024, std::byte{0xFF}));
     SlaveEeprom eeprom(ctx, 2);
@@ -83,8 +83,8 @@ TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
     EXPECT_EQ(report.written, 8U);
 }
 
-// As a recorded EK1100: the EEPROM acknowledges nothing for 3.8 ms behind each word, which is the simulation's default,
-// and here not for 60 ms at one word.
+// As on a recorded EK1100, the EEPROM acknowledges nothing for 3.8 ms after each word, which is the default of the
+// simulation. At one word it needs 60 ms.
 TEST_F(SlaveEepromTest, AWordThatTakesItsTimeIsWaitedFor) {
     build(image(1), image(2));
     SlaveEeprom eeprom(ctx, 2);
@@ -97,7 +97,7 @@ TEST_F(SlaveEepromTest, AWordThatTakesItsTimeIsWaitedFor) {
     EXPECT_TRUE(report.verified);
 }
 
-// The alias is written and its checksum is not acknowledged: the old alias is there again, and is told.
+// The alias is written, but its checksum is not acknowledged: the old alias is restored, and the error says so.
 TEST_F(SlaveEepromTest, AnAliasWhoseChecksumFailsIsTakenBack) {
     build(image(1), image(2));
     SlaveEeprom eeprom(ctx, 2);

@@ -1,4 +1,4 @@
-// SOURCE strings: what they open, and what they say when they cannot.
+// SOURCE strings: the sources that they open, and the errors.
 #include "common/source.hpp"
 #include "wire/datagram.hpp"
 
@@ -25,7 +25,7 @@ struct SourceTest : testing::Test {
         return source.error();
     }
 
-    // A recording of one BRD and its reply, made through the recorder.
+    // The recording of one BRD and its reply, made by the recorder.
     std::string recording() {
         struct Loop final : Nic {
             SendStatus send(std::span<const std::byte>) noexcept override { return SendStatus::sent; }

@@ -1,4 +1,4 @@
-// A master on a simulated segment, in virtual time: what the tests of this folder share.
+// A master on a simulated segment, in virtual time. Used by all tests of this folder.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -24,7 +24,7 @@ class SegmentTest : public testing::Test {
     SimulatedNic wire{segment, osal};
     HostContext ctx{Limits{.slaves = 256}};
 
-    // Plugs a device behind the last one of the line.
+    // Connects a device behind the last device of the line.
     sim::Esc& plug(sim::Device device) {
         const auto number = segment.add(std::move(device).assemble());
         if (number == 0)
@@ -41,7 +41,7 @@ class SegmentTest : public testing::Test {
         segment.power_up(osal.now());
         osal.advance(std::chrono::milliseconds(1));
     }
-    // A master that is told of nothing but the NIC.
+    // Initialises the master on this NIC and scans, without any configuration.
     Result<std::uint16_t> bring_up(Nic& nic) {
         const auto ready = init(ctx, nic, osal);
         return ready ? config_init(ctx) : Result<std::uint16_t>(ready.error());
@@ -54,7 +54,7 @@ class SegmentTest : public testing::Test {
     }
     void expect_all_in(AlState state) {
         for (const Slave& slave : ctx.slaves()) {
-            EXPECT_EQ(slave.al.state, state) << slave.position;
+            EXPECT_EQ(slave.al.state, state) << slave.number;
             EXPECT_EQ(slave.error.code, Errc::none) << words(slave.error);
         }
     }

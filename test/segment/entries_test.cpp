@@ -1,5 +1,5 @@
-// Entries of process data of slaves with a dictionary: found while their PDOs are read, as the application has put them
-// or as the slave has them.
+// Entries of process data of slaves with a dictionary. The master finds them while it reads the PDOs, either the PDOs
+// of the application or those of the slave.
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -22,7 +22,7 @@ TEST_F(EntriesByDictionary, AreFoundAsTheyAreMapped) {
     start();
     for (std::uint16_t n = 1; n <= manners.size(); ++n) {
         std::array<char, 32> name{};
-        EXPECT_EQ(*entry_name(ctx, n, 0x6000, 31, name), "SubIndex 031")
+        EXPECT_EQ(*read_entry_name(ctx, n, 0x6000, 31, name), "SubIndex 031")
             << "by its dictionary, its SII does not have it";
     }
     for (std::uint16_t n = 1; n <= manners.size(); ++n) {
@@ -71,7 +71,7 @@ TEST_F(EntriesByDictionary, FollowTheListsOfTheApplication) {
     ninth.write(0xBEEF);
     cycles(5);
     EXPECT_EQ(back.read(), 0xBEEF);
-    // Beside the cycle, by a request.
+    // The same by a request during cycles.
     EntryRequest request;
     request.address = EntryAddress::object(2, 0x6000, 32);
     ASSERT_TRUE(submit(ctx, request));
@@ -81,7 +81,7 @@ TEST_F(EntriesByDictionary, FollowTheListsOfTheApplication) {
     EXPECT_EQ(request.place.direction, Direction::inputs);
 }
 
-// The slave does not say what its PDOs are: no entry is taken from anywhere else.
+// The slave does not answer the read of its PDOs: no entry is copied from another source.
 TEST_F(EntriesByDictionary, AreNotGuessedWhereTheSlaveDoesNotAnswer) {
     plug_odd({"never_replies"});
     plug_odd({});

@@ -1,5 +1,5 @@
-// A master and devices with the manners of real ones (sim/library/quirks.hpp), in virtual time: what the tests of the
-// field notes share.
+// A master and devices with deviations of real devices (sim/library/quirks.hpp), in virtual time. Used by the tests of
+// the field notes.
 #pragma once
 
 #include "segment/bench.hpp"
@@ -17,7 +17,7 @@ class FieldNotes : public SegmentTest {
     using Names = std::initializer_list<std::string_view>;
     std::vector<std::byte> image = std::vector<std::byte>(4096);
 
-    // A device of the library with these manners, behind the last one.
+    // Connects a library device with these quirks behind the last device.
     sim::Esc& plug_odd(Names manners, std::string_view device = "odd_device") {
         auto made = sim::make_device(device).value();
         for (const auto name : manners) EXPECT_TRUE(sim::add_quirk(made, name)) << name;
@@ -34,8 +34,8 @@ class FieldNotes : public SegmentTest {
         ASSERT_TRUE(ctx.group(0).mapped) << words(bytes.error());
         expect_kept(bytes.error(), AlState::safeop);
     }
-    // Success is said of slaves that all are where they are wanted; an error names one of them, which says what is
-    // wrong with it.
+    // Without an error all slaves are in the requested state. An error names a slave, and this slave has an error of
+    // its own that describes the cause.
     void expect_kept(const Error& error, AlState state) {
         if (error.code != Errc::none) {
             ASSERT_NE(error.slave, 0) << words(error);
@@ -44,7 +44,7 @@ class FieldNotes : public SegmentTest {
         }
         for (const Slave& slave : ctx.slaves()) {
             if (slave.config.group != 0 && state != AlState::preop) continue;
-            EXPECT_EQ(slave.al.state, std::min(state, slave.config.highest)) << slave.position;
+            EXPECT_EQ(slave.al.state, std::min(state, slave.config.highest)) << slave.number;
         }
     }
 
@@ -60,7 +60,7 @@ class FieldNotes : public SegmentTest {
     void cycles(int count) {
         for (int n = 0; n < count; ++n) (void)cycle();
     }
-    // All to a state, with cycles beside; what was reached.
+    // Requests a state of all slaves, with cycles until they reach it. Returns the state that was reached.
     AlStatus to(AlState state, int most = 2000) {
         EXPECT_TRUE(writestate(ctx, 0, state));
         AlStatus now;
@@ -71,13 +71,13 @@ class FieldNotes : public SegmentTest {
         }
         return now;
     }
-    // Mapped, and in OP.
+    // Maps the group and brings the slaves to OP.
     AlStatus to_op() {
         map();
         cycles(5);
         return to(AlState::op);
     }
-    // The odd device gives back its first two words of outputs as inputs, from one cycle to the next.
+    // Whether the odd device exchanges data: it returns its first two output words as inputs in the next cycle.
     bool exchanges(std::size_t n) {
         auto out = ctx.slave(n).image.outputs.bytes;
         const auto in = ctx.slave(n).image.inputs.bytes;
@@ -87,7 +87,7 @@ class FieldNotes : public SegmentTest {
         cycles(5);
         return std::equal(kValue.begin(), kValue.end(), in.begin());
     }
-    // An object, read beside the cycle.
+    // Reads an object during cycles.
     std::uint32_t beside_the_cycle(std::uint16_t slave, std::uint16_t index, std::uint8_t subindex) {
         std::array<std::byte, 4> value{};
         SdoUpload request;

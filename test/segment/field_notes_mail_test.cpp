@@ -1,5 +1,5 @@
-// Slaves with odd mailboxes and dictionaries: the value comes all the same, or an error that names what was wrong, and
-// the next request is not harmed. test/README.md says which note each test is of.
+// Slaves with unusual mailboxes and dictionaries. The master gets the value, or an error that names the fault, and the
+// next request works. test/README.md lists the field note of each test.
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -9,7 +9,7 @@ using namespace std::chrono_literals;
 
 class FieldNotesMail : public FieldNotes {
   protected:
-    // The 1024 octets of 0x2000 as the device has them.
+    // Whether the 1024 octets of 0x2000 are read as the device has them.
     bool reads_block(std::size_t n) {
         std::vector<std::byte> block(1024);
         const auto read = SDOread(ctx, static_cast<std::uint16_t>(n), 0x2000, 0, false, block, 2s);
@@ -31,7 +31,7 @@ class FieldNotesMail : public FieldNotes {
     }
 };
 
-// What does not harm: values, long ones too, complete access, and process data by the dictionary.
+// Deviations without effect: short and long values, complete access, and process data by the dictionary work.
 TEST_F(FieldNotesMail, TheValueComesWhateverComesBeforeIt) {
     const std::string_view manners[] = {"old_mail",        "counter_zero",
                                         "replies_twice",   "emergency_first",
@@ -45,7 +45,7 @@ TEST_F(FieldNotesMail, TheValueComesWhateverComesBeforeIt) {
     start();
     for (std::size_t n = 1; n <= std::size(manners); ++n) {
         SCOPED_TRACE(manners[n - 1]);
-        for (int round = 0; round < 9; ++round) {  // more than counters have values
+        for (int round = 0; round < 9; ++round) {  // more rounds than a counter has values
             const auto value = product(n);
             ASSERT_TRUE(value) << words(value.error());
             ASSERT_EQ(*value, kProduct);
@@ -87,7 +87,7 @@ TEST_F(FieldNotesMail, WhatIsWrongIsNamedInBoundedTime) {
         EXPECT_NE(words(error).find(c.says), std::string::npos) << words(error);
         EXPECT_LE(osal.now() - before, 600ms) << c.manner;
     }
-    // Those that only fail at long values still give short ones.
+    // Devices that fail only at long values return short values.
     for (const std::size_t n : {6U, 7U, 8U}) EXPECT_EQ(*product(n), kProduct) << cases[n - 1].manner;
     EXPECT_TRUE(reads_block(std::size(cases) + 1));
 }
@@ -108,8 +108,8 @@ TEST_F(FieldNotesMail, TheDictionarysPdosCountAndTheSiisWhereItHasNone) {
     EXPECT_TRUE(exchanges(3));
 }
 
-// A slave that cannot be asked is no slave without process data: its SII does not stand in for the answer. One that
-// refuses to tell is known by its SII.
+// A slave that does not answer is not a slave without process data: the SII does not replace the missing answer. For a
+// slave that refuses the read, the SII is used.
 TEST_F(FieldNotesMail, ASlaveThatDoesNotAnswerIsNoSlaveWithoutProcessData) {
     plug_odd({"never_replies"});
     plug_odd({"empty_replies"});
@@ -129,7 +129,7 @@ TEST_F(FieldNotesMail, ASlaveThatDoesNotAnswerIsNoSlaveWithoutProcessData) {
     EXPECT_EQ(ctx.slave(3).al.state, AlState::safeop) << told(3);
     EXPECT_EQ(ctx.slave(4).config.source, ConfigurationSource::coe) << told(4);
     EXPECT_EQ(ctx.slave(4).al.state, AlState::safeop) << told(4);
-    // Nor does the supervision bring it to OP without process data.
+    // The supervision does not bring it to OP without process data, either.
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx, supervision));
     cycles(500);
@@ -138,7 +138,8 @@ TEST_F(FieldNotesMail, ASlaveThatDoesNotAnswerIsNoSlaveWithoutProcessData) {
     EXPECT_EQ(ctx.slave(4).al.state, AlState::op) << told(4);
 }
 
-// Ten entries into a PDO of which the device takes eight: the ninth is refused, by its index and subindex, in words.
+// Ten entries for a PDO of a device that accepts eight: the device refuses the ninth entry, and the error text names
+// its index and subindex.
 TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     plug_odd({"few_mapping_entries", "refuses_complete_access"});
     start();
@@ -157,7 +158,7 @@ TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, 0x1600, 8), 0x70000810U);
 }
 
-// In INIT nothing takes mail: that is told, and is over with PREOP.
+// In INIT the mailbox is not enabled: requests get this error until the slave is in PREOP.
 TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
     plug_odd({});
     start();
@@ -173,7 +174,7 @@ TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
     EXPECT_EQ(*product(1), kProduct);
 }
 
-// An entry of index 0 is a gap: it takes its bits in the image.
+// An entry with index 0 is a gap, which occupies bits in the image.
 TEST_F(FieldNotesMail, GapsOfAMappingTakeTheirBits) {
     plug_odd({});
     start();
@@ -196,7 +197,7 @@ TEST_F(FieldNotesMail, GapsOfAMappingTakeTheirBits) {
     EXPECT_EQ(ctx.slave(1).image.inputs.bytes[2], std::byte{0x22}) << "the second word, behind the gap";
 }
 
-// An ESC without LRW says so, or the application does.
+// The features of the ESC say that it has no LRW, or the application says it.
 TEST_F(FieldNotesMail, AnEscWithoutLrwIsExchangedByLrdAndLwr) {
     plug_odd({});
     plug_odd({"no_lrw"});
@@ -206,7 +207,8 @@ TEST_F(FieldNotesMail, AnEscWithoutLrwIsExchangedByLrdAndLwr) {
     EXPECT_EQ(*cycle(), 4U);
     EXPECT_TRUE(exchanges(1));
     EXPECT_TRUE(exchanges(2));
-    // One that cannot, but does not say it: LRW falls short, and with the flag it is well.
+    // An ESC without LRW that does not say so: the working counter of LRW is too low. With the flag in the features it
+    // is right.
     segment.slave(1).registers().set<std::uint16_t>(wire::reg::kFeatures.address, 0x00FC);
     ASSERT_TRUE(config_init(ctx));
     map();

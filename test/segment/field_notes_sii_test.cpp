@@ -1,5 +1,5 @@
-// Slaves whose EEPROM is not as it should be: what the master makes of them. test/README.md says which note each test
-// is of.
+// Slaves with a wrong EEPROM, and the reaction of the master. test/README.md lists the field note of each test.
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 #include "segment/field_notes.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A device behind a processor that has process data and no mailbox, of an SII made for the test.
+// A device with a processor and process data, without a mailbox; the test makes its SII.
 sim::Device plain_device(std::span<const SmInfo> sync_managers, std::span<const wire::sii::PdoDescription> rx,
                          std::span<const wire::sii::PdoDescription> tx) {
     const std::array fmmus{FmmuUse::outputs, FmmuUse::inputs};
@@ -29,20 +29,20 @@ sim::Device plain_device(std::span<const SmInfo> sync_managers, std::span<const 
 
 class FieldNotesSii : public FieldNotes {};
 
-// Whatever is wrong with one, it is told, and its neighbours work.
+// Every fault of an image is reported, and the neighbouring slaves work.
 TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     struct Case {
         std::string_view manner;
-        Errc told;  // of the bring-up
+        Errc told;  // by the bring-up
         bool reaches_op;
     };
     const Case cases[] = {
         {"sii_blank", Errc::sii_blank, false},
-        {"sii_bad_checksum", Errc::sii_checksum, false},  // its PDI does not work: nobody answers an AL control
+        {"sii_bad_checksum", Errc::sii_checksum, false},  // its PDI does not work: no program answers AL control
         {"sii_no_mailbox_sizes", Errc::sii_format, false},
         {"sii_no_pdos", Errc::none, true},
         {"sii_null_strings", Errc::none, true},
-        {"sii_endless", Errc::none, true},  // behind all that the scan needs
+        {"sii_endless", Errc::none, true},  // the fault is behind all data that the scan needs
         {"sii_no_watchdog_trigger", Errc::none, true},
         {"sii_sync_managers_off", Errc::none, true},
         {"sii_4_bytes", Errc::none, true},
@@ -62,7 +62,8 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     }
     map();
     cycles(5);
-    // The one without a PDI does not take it: its AL control is full, as nobody has read the last one.
+    // The slave without a PDI does not accept AL control: the register is still full, because no program read the last
+    // request.
     const auto written = writestate(ctx, 0, AlState::op);
     ASSERT_FALSE(written);
     EXPECT_EQ(written.error().code, Errc::working_counter) << words(written.error());
@@ -76,11 +77,12 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     }
 }
 
-// The length of a SyncManager is its PDOs'; what has one is switched on, whatever the SII's enable octet says.
+// The PDOs give the length of a SyncManager. A SyncManager with a length is enabled, whatever the enable octet of the
+// SII says.
 TEST_F(FieldNotesSii, ASyncManagerThatGetsItsLengthFromPdosIsEnabled) {
     const std::array rx_entries{wire::sii::PdoEntryDescription{.index = 0x7000, .subindex = 1, .bit_length = 32}};
     const std::array tx_entries{wire::sii::PdoEntryDescription{.index = 0x6000, .subindex = 1, .bit_length = 16},
-                                wire::sii::PdoEntryDescription{.bit_length = 8}};  // a gap, and it counts
+                                wire::sii::PdoEntryDescription{.bit_length = 8}};  // a gap, which counts, too
     const std::array rx{wire::sii::PdoDescription{.index = 0x1600, .sync_manager = 0, .entries = rx_entries}};
     const std::array tx{wire::sii::PdoDescription{.index = 0x1A00, .sync_manager = 1, .entries = tx_entries}};
     const std::array sms{SmInfo{0x1000, 0, 0x64, 0, SmType::outputs}, SmInfo{0x1400, 0, 0x20, 0, SmType::inputs}};
@@ -102,8 +104,8 @@ TEST_F(FieldNotesSii, WithoutPdosTheSyncManagersLengthCounts) {
     EXPECT_EQ(*cycle(), 3U);
 }
 
-// The SII leaves the watchdog trigger out of the outputs' control octet. A watchdog that the application asks for bites
-// all the same.
+// In the SII, the control octet of the outputs has no watchdog trigger. When the application requests a watchdog, the
+// master sets the trigger, and the watchdog works.
 TEST_F(FieldNotesSii, AWatchdogThatIsAskedForIsFedThoughTheSiiForgotIt) {
     plug_odd({"sii_no_watchdog_trigger"});
     plug_odd({"sii_no_watchdog_trigger"});
@@ -119,19 +121,20 @@ TEST_F(FieldNotesSii, AWatchdogThatIsAskedForIsFedThoughTheSiiForgotIt) {
     EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::safeop, true, 0x001B}));
 }
 
-// A slave that refuses to go without a watchdog (0x001F), and whose SII forgot to say so.
+// A slave that refuses to operate without a watchdog (0x001F), and whose SII does not set the trigger.
 TEST(FieldNotesWatchdog, ASlaveThatInsistsOnAWatchdogGetsOne) {
     MailboxBus bus;
     bus.add_stack().application.description_value.outputs.watchdog_required = true;
     bus.start();
-    bus.ctx->slave(1).sync_managers[2].control = 0x24;
+    facts(bus.ctx->slave(1)).sync_managers[2].control = 0x24;
     std::vector<std::byte> image(64);
     ASSERT_TRUE(config_map(*bus.ctx, image));
     EXPECT_EQ(bus.ctx->slave(1).al, (AlStatus{AlState::safeop, false, 0})) << bus.words(bus.ctx->slave(1).error);
     EXPECT_EQ(bus.segment.slave(0).registers().get<std::uint8_t>(0x0814), 0x64);
 }
 
-// A size that no frame carries does not reach the wire: which mailbox, how large and how large at most is told.
+// A mailbox size that no frame can carry is not sent. The error names the mailbox, its size and the largest possible
+// size.
 TEST_F(FieldNotesSii, AMailboxThatNoFrameCarriesIsToldAndNotUsed) {
     struct Case {
         std::uint32_t word;
@@ -151,7 +154,7 @@ TEST_F(FieldNotesSii, AMailboxThatNoFrameCarriesIsToldAndNotUsed) {
     plug_odd({});
     for (const auto& c : cases) {
         auto device = sim::make_device("odd_device").value();
-        if (c.word < 0x18)  // there is no boot mailbox: a whole one
+        if (c.word < 0x18)  // the device has no boot mailbox: write a complete one
             for (const auto& [word, value] : {std::pair{0x14, 0x1000}, {0x15, 0x80}, {0x16, 0x1080}, {0x17, 0x80}})
                 store_le(MutableBytes(device.sii), static_cast<std::size_t>(word) * 2,
                          static_cast<std::uint16_t>(value));
@@ -173,7 +176,7 @@ TEST_F(FieldNotesSii, AMailboxThatNoFrameCarriesIsToldAndNotUsed) {
     }
 }
 
-// The same of the SyncManager category: its lengths of mailboxes are not used, and a wrong one is told.
+// The same for the SyncManager category: its mailbox lengths are not used, and a wrong length is reported.
 TEST_F(FieldNotesSii, AMailboxSyncManagerThatNoFrameCarriesIsToldAndHasNoLength) {
     auto device = sim::make_device("odd_device").value();
     wire::sii::CategoryWalker walker(device.sii);
@@ -190,7 +193,7 @@ TEST_F(FieldNotesSii, AMailboxSyncManagerThatNoFrameCarriesIsToldAndHasNoLength)
     EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
 }
 
-// The size word tells 4 MiB and no category ends: what is read has a bound, for the mapping too.
+// The size word gives 4 MiB and the categories have no end: reading has a limit, for the mapping, too.
 TEST_F(FieldNotesSii, ASizeWordOf4MiBIsNotFollowed) {
     auto device = sim::make_device("analog_in_4").value();
     device.sii.resize(1024 * 1024);
@@ -211,8 +214,8 @@ TEST_F(FieldNotesSii, ASizeWordOf4MiBIsNotFollowed) {
     EXPECT_LT(osal.now() - before, 8s);
 }
 
-// Recorded on an EK1100: a word is stored for 3.8 ms, of which the interface is busy for 0.3 ms only. Alias and
-// checksum are written one behind the other.
+// Recorded on an EK1100: storing a word needs 3.8 ms, but the interface is busy for only 0.3 ms of it. Alias and
+// checksum are written in sequence.
 TEST_F(FieldNotesSii, AnEepromThatAcknowledgesNothingWhileItStoresIsWritten) {
     plug_odd({});
     start();
@@ -221,12 +224,12 @@ TEST_F(FieldNotesSii, AnEepromThatAcknowledgesNothingWhileItStoresIsWritten) {
     std::copy_n(memory.begin(), area.size(), area.begin());
     area[8] = std::byte{0x34};
     area[14] = static_cast<std::byte>(wire::sii::checksum(area));
-    const auto written = eeprom_write(ctx, 1, 0, area);
+    const auto written = write_sii(ctx, 1, 0, area);
     ASSERT_TRUE(written) << words(written.error());
     EXPECT_TRUE(std::equal(area.begin(), area.end(), memory.begin()));
 }
 
-// The power goes after any number of words of an area: old, new, or a checksum that says that it is neither.
+// Power fails after any number of words of the area: the content is the old one, the new one, or has a wrong checksum.
 TEST_F(FieldNotesSii, AnAbortOfAnyWordOfTheAreaIsSafe) {
     plug_odd({});
     start();
@@ -252,7 +255,7 @@ TEST_F(FieldNotesSii, AnAbortOfAnyWordOfTheAreaIsSafe) {
             last = present;
         }
         const bool done = !request.busy();
-        request.cancel();  // and the power is off
+        request.cancel();  // and power off
         const std::vector<std::byte> left(memory.begin(), memory.begin() + 16);
         EXPECT_TRUE(left == old || left == wanted || !wire::sii::checksum_right(left)) << words_before;
         if (done || words_before > 10) break;
@@ -260,14 +263,14 @@ TEST_F(FieldNotesSii, AnAbortOfAnyWordOfTheAreaIsSafe) {
     EXPECT_EQ(std::vector<std::byte>(memory.begin(), memory.begin() + 16), wanted);
 }
 
-// Ten milliseconds a word, and two commands in a row that the EEPROM does not acknowledge.
+// Ten milliseconds per word, and two commands in sequence that the EEPROM does not acknowledge.
 TEST_F(FieldNotesSii, ASlowEepromIsWrittenWordByWordAndReadBack) {
     plug_odd({"sii_slow", "sii_nacks"});
     start();
     std::array<std::byte, 32> text{};
     for (std::size_t i = 0; i < text.size(); ++i) text[i] = static_cast<std::byte>(0xA0 + i);
     const Time before = osal.now();
-    const auto written = eeprom_write(ctx, 1, 0x30, text);
+    const auto written = write_sii(ctx, 1, 0x30, text);
     ASSERT_TRUE(written) << words(written.error());
     EXPECT_GE(osal.now() - before, 16 * 13ms) << "written and read, each word by itself";
     EXPECT_TRUE(std::equal(text.begin(), text.end(), segment.slave(0).sii().image().begin() + 0x60));

@@ -1,6 +1,7 @@
-// What real slaves and their users do to a master while slaves are brought up, changed in state and lost.
-// test/README.md says which note each test is of.
+// Real slaves and their users: bring-up, state changes and lost slaves. test/README.md lists the field note of each
+// test.
 #include "segment/field_notes.hpp"
+#include "facts.hpp"
 
 #include "wire/fmmu.hpp"
 #include "wire/sync_manager.hpp"
@@ -17,19 +18,19 @@ TEST_F(FieldNotes, OpNeedsProcessDataFromSafeopOn) {
     plug_odd({});
     start();
     map();
-    // Nobody cycles: the slave waits for outputs, and says so.
+    // Without cycles, the slave waits for outputs and reports it.
     ASSERT_TRUE(writestate(ctx, 1, AlState::op));
     const auto refused = statecheck(ctx, 1, AlState::op, 2s);
     ASSERT_TRUE(refused);
     EXPECT_EQ(refused->state, AlState::safeop);
     EXPECT_TRUE(refused->error);
     EXPECT_NE(refused->code, 0);
-    // With cycles from SAFEOP on it comes, and stays.
+    // With cycles since SAFEOP the slave reaches OP and stays in OP.
     cycles(5);
     EXPECT_EQ(to(AlState::op), (AlStatus{AlState::op, false, 0}));
     for (int n = 0; n < 1000; ++n) ASSERT_TRUE(cycle());
     EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));
-    // They stop: the watchdog of the outputs has its own code.
+    // The cycles stop: the watchdog of the outputs has its own AL status code.
     osal.advance(500ms);
     EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::safeop, true, 0x001B}));
 }
@@ -66,8 +67,8 @@ TEST_F(FieldNotes, AcknowledgeWithoutAnErrorIsHarmless) {
     start();
     map();
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
-    // The request of a master that thinks of an error that has gone already.
-    ctx.slave(1).al.error = true;
+    // A request with acknowledge, for an error that the slave no longer has.
+    facts(ctx.slave(1)).al.error = true;
     ASSERT_TRUE(writestate(ctx, 1, AlState::op));
     cycles(10);
     EXPECT_EQ(*readstate(ctx), (AlStatus{AlState::op, false, 0}));
@@ -83,7 +84,7 @@ TEST_F(FieldNotes, AnErrorThatOnlyInitClearsIsLeftByInit) {
     ASSERT_TRUE(submit(ctx, supervision));
     cycles(5);
     segment.set_cable({1, 0}, false);
-    cycles(300);  // longer than its watchdog
+    cycles(300);  // longer than its watchdog time
     segment.set_cable({1, 0}, true);
     bool right = false;
     for (int n = 0; n < 3000 && !right; ++n) right = cycle().ok() && ctx.slave(2).al == AlStatus{AlState::op, false, 0};
@@ -109,7 +110,7 @@ TEST_F(FieldNotes, SlowAndReluctantSlavesReachOp) {
 
 // ------------------------------------------------------------------ bring-up
 
-// A master that ends in the middle of everything, and another one on the same segment, without power having been off.
+// A master stops during operation, and another master takes over the segment without power off.
 TEST_F(FieldNotes, AnotherMasterTakesOverARunningSegment) {
     plug_odd({});
     plug_odd({"old_mail"});
@@ -118,7 +119,7 @@ TEST_F(FieldNotes, AnotherMasterTakesOverARunningSegment) {
     ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0}));
     segment.slave(0).registers().set<std::uint8_t>(reg::kSyncActivation.address, 3);
     {
-        // The reply to a question of the first master stays in the mailbox.
+        // A reply to a request of the first master stays in the mailbox.
         std::array<std::byte, 4> into{};
         SdoUpload left;
         left.slave = 1;
@@ -154,15 +155,15 @@ TEST_F(FieldNotes, AnotherMasterTakesOverARunningSegment) {
     }
 }
 
-// The EEPROM is the slave's from PREOP on, however often the master reads it in between.
+// From PREOP on, the EEPROM belongs to the slave, after each read by the master, too.
 TEST_F(FieldNotes, TheEepromIsGivenBackToTheSlave) {
     plug_odd({"needs_eeprom"});
     plug_odd({"needs_eeprom"});
     start();
     expect_all_in(AlState::preop);
     std::array<std::byte, 8> identity{};
-    ASSERT_TRUE(eeprom_read(ctx, 1, 0x08, identity));
-    ASSERT_TRUE(eeprom_write(ctx, 2, 0x20, identity));
+    ASSERT_TRUE(read_sii(ctx, 1, 0x08, identity));
+    ASSERT_TRUE(write_sii(ctx, 2, 0x20, identity));
     for (const AlState state : {AlState::init, AlState::preop}) {
         ASSERT_TRUE(writestate(ctx, 0, state));
         EXPECT_EQ(*statecheck(ctx, 0, state, 1s), (AlStatus{state, false, 0}));
@@ -185,8 +186,8 @@ TEST_F(FieldNotes, BrothersOfOneIdentityMayHaveOtherPdos) {
     EXPECT_TRUE(cycle());
 }
 
-// ETG.1000.4, tables of the logical commands: LRD 1, LWR 1, LRW 1 for reading and 2 for writing, of each slave that
-// takes part.
+// ETG.1000.4, tables of the logical commands: each slave that takes part adds 1 for LRD, 1 for LWR, and for LRW 1 for
+// reading and 2 for writing.
 TEST_F(FieldNotes, WorkingCountersAreCountedBySlaveAndDatagram) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "digital_in_8", "coupler"});
     plug_odd({});
@@ -206,7 +207,7 @@ TEST_F(FieldNotes, WorkingCountersAreCountedBySlaveAndDatagram) {
     EXPECT_EQ(*cycle(), 2U + 3U);
 }
 
-// One group every millisecond, the other one every fourth.
+// One group has a cycle every millisecond, the other group every fourth millisecond.
 TEST_F(FieldNotes, GroupsRunAtRatesOfTheirOwn) {
     plug_odd({});
     plug_odd({});
@@ -239,7 +240,8 @@ TEST_F(FieldNotes, GroupsRunAtRatesOfTheirOwn) {
 
 // ------------------------------------------------------------------ hot connect
 
-// A hook asks for a mapping by SDO; after a loss of power it is asked for again, beside the cycle of the others.
+// A hook writes a mapping by SDO. After a loss of power the hook is called again, during the cycles of the other
+// slaves.
 TEST_F(FieldNotes, TheWholeStartUpIsReplayedForASlaveThatWasWithoutPower) {
     plug_odd({});
     plug_odd({});

@@ -1,5 +1,5 @@
-// PDOs as the application wants them, written into slaves of the whole stack; what cannot be is told, and the others go
-// on.
+// PDOs of the application are written to slaves with the complete stack. A list that the slave refuses is reported,
+// and the other slaves continue.
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -25,12 +25,12 @@ class PdoConfiguration : public FieldNotes {
             if (config.sms[n].number == sync_manager) return config.sms[n].bits;
         return 0xFFFF'FFFF;
     }
-    // Maps one odd device with these lists: what went wrong with it, "" when nothing did. Another one beside it is
-    // never harmed.
+    // Maps an odd device with these lists. Returns its error text, "" when there is none. A second device is never
+    // affected.
     std::string wrong_with(std::span<const SmPdos> lists) {
         const SlaveSetup setup{.pdos = lists};
         ctx.slave(1).config.setup = &setup;
-        ctx.slave(1).error = {};
+        EXPECT_TRUE(clear_error(ctx, 1));
         map();
         EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::safeop, false, 0}));
         EXPECT_EQ(ctx.slave(1).al.state, ctx.slave(1).error.code == Errc::none ? AlState::safeop : AlState::preop)
@@ -66,7 +66,7 @@ TEST_F(PdoConfiguration, AssignmentAndMappingBecomeWhatTheApplicationWants) {
         EXPECT_EQ(beside_the_cycle(static_cast<std::uint16_t>(n), 0x1C13, 1), 0x1A01U);
         EXPECT_EQ(beside_the_cycle(static_cast<std::uint16_t>(n), 0x1C13, 2), 0x1A00U);
     }
-    // Word 9 goes out first, and comes back as word 9 of the inputs: the fifth of 0x1A01.
+    // Word 9 is the first output, and the device returns it as word 9 of the inputs, the fifth entry of 0x1A01.
     ctx.slave(1).image.outputs.bytes[0] = std::byte{0xA5};
     cycles(5);
     EXPECT_EQ(ctx.slave(1).image.inputs.bytes[8], std::byte{0xA5});
@@ -104,7 +104,7 @@ TEST_F(PdoConfiguration, ReplayedForASlaveThatComesBack) {
     EXPECT_EQ(beside_the_cycle(1, 0x1601, 0), 8U);
 }
 
-// PDOs that the slave does not let anybody change are no failure while they are as wanted.
+// PDOs that cannot be changed are no error when they are already equal to the requested PDOs.
 TEST_F(PdoConfiguration, FixedPdosAreToleratedAsTheyAre) {
     plug("digital_io_16");
     plug("digital_io_16");
@@ -160,14 +160,14 @@ TEST_F(PdoConfiguration, ACapOnEntriesNamesTheFirstThatIsTooMuch) {
         std::string::npos)
         << told(3);
     EXPECT_EQ(ctx.slave(3).al.state, AlState::preop);
-    // Fewer are taken, and all is well again.
+    // A shorter list is accepted, and the error is cleared.
     static constexpr Pdo kShort[] = {{0x1600, std::span(kTen).first<8>()}};
     static constexpr SmPdos kShortLists[] = {{2, kShort}};
     EXPECT_EQ(wrong_with(kShortLists), "");
     EXPECT_EQ(bits(1, 2), 128U);
 }
 
-// A slave without such objects: what it has can be told all the same, and is not written then.
+// A slave without assignment objects: the application may still describe its PDOs, which are then not written.
 TEST_F(PdoConfiguration, SizesFollowFromTheListsWhereTheDictionaryCannotBeRead) {
     plug_odd({"no_assignment"});
     plug_odd({});
@@ -202,8 +202,8 @@ TEST_F(PdoConfiguration, NothingIsAssignedWhereTheListIsEmpty) {
     EXPECT_EQ(ctx.slave(1).image.inputs.bits, 64U);
 }
 
-// Lists that cannot be: told before anything is written, in words; the other slave goes on, and so does this one with a
-// right list.
+// Impossible lists are reported before anything is written, with a text. The other slave continues, and a right list
+// works for this slave.
 TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
     plug_odd({});
     plug_odd({});

@@ -1,4 +1,4 @@
-// Registers by the public API: what they bring, beside a cycle too, and what is refused.
+// Registers by the public API: values, access during cycles, and refused accesses.
 #include "segment/bench.hpp"
 
 namespace margay {

@@ -1,4 +1,5 @@
-// config_init() on simulated segments: what it finds, how it fares on a bad wire, and what it says of bad slaves.
+// config_init() on simulated segments: the slaves that it finds, its behaviour on a bad line, and its errors for
+// faulty slaves.
 #include "oshw/filters/corrupt_nic.hpp"
 #include "oshw/filters/drop_nic.hpp"
 #include "oshw/filters/duplicate_nic.hpp"
@@ -14,9 +15,9 @@ using namespace std::chrono_literals;
 
 class Scan : public SegmentTest {
   protected:
-    // The image of a library device, to be spoiled.
+    // The image of a library device, for the test to modify.
     static std::vector<std::byte> image_of(std::string_view name) { return sim::make_device(name)->sii; }
-    // The same device with a processor behind the PDI, so that it has a state machine of its own.
+    // The same device with a processor at the PDI, and therefore with a state machine.
     static sim::Device with_processor(std::string_view name) {
         auto image = image_of(name);
         store_le<std::uint16_t>(image, 0, 0x0005);
@@ -51,8 +52,8 @@ TEST_F(Scan, FindsWhatIsThere) {
     EXPECT_EQ(ctx.slave(2).identity.vendor, sim::kVendorId);
     EXPECT_EQ(ctx.slave(2).station_address.value, 0x1002);
     EXPECT_EQ(ctx.slave(3).parent, 2);
-    EXPECT_EQ(ctx.slave(5).position, 0) << "there is no fifth";
-    EXPECT_EQ(ctx.slave(0).position, 0);
+    EXPECT_EQ(ctx.slave(5).number, 0) << "there is no fifth";
+    EXPECT_EQ(ctx.slave(0).number, 0);
     EXPECT_FALSE(ctx.errors().take());
 }
 
@@ -62,7 +63,7 @@ TEST_F(Scan, SecondScanOfARunningSegmentStartsFromNothing) {
     plug("digital_out_8");
     switch_on();
     ASSERT_TRUE(bring_up());
-    // A master before us left mappings, a station address that we use for another slave, and an error behind.
+    // An earlier master left mappings, a station address that this scan assigns to another slave, and an error.
     segment.slave(2).registers().set<std::uint16_t>(wire::reg::kStationAddress.address, 0x1001);
     segment.slave(1).registers().set<std::uint8_t>(wire::reg::kFmmuBase + 12, 1);
     StateRequest wrong;
@@ -108,7 +109,7 @@ TEST_F(Scan, AcknowledgeIsNeverSentToASlaveThatMirrors) {
     EXPECT_EQ(segment.slave(0).registers().get<std::uint16_t>(wire::reg::kAlStatus.address), 0x0002);
 }
 
-// SII images that are wrong: each gets an error that names slave, place and cause, and the slave stays on the list.
+// Wrong SII images: each gives an error with slave, place and cause, and the slave stays in the list.
 
 TEST_F(Scan, BlankSii) {
     bring_up_with(std::vector<std::byte>(512, std::byte{0xFF}));
@@ -127,7 +128,7 @@ TEST_F(Scan, WrongChecksumIsReportedAndNotFatal) {
 
 TEST_F(Scan, CategoryPastTheEnd) {
     auto image = image_of("digital_in_8");
-    image[0x82] = std::byte{0xFF};  // the first category's length
+    image[0x82] = std::byte{0xFF};  // the length of the first category
     image[0x83] = std::byte{0x7F};
     bring_up_with(image);
     EXPECT_EQ(ctx.slave(2).error.code, Errc::sii_truncated);
@@ -183,7 +184,7 @@ TEST_F(Scan, SurvivesAnyImage) {
     for (const Slave& slave : ctx.slaves()) EXPECT_LE(slave.name().size(), Slave::kNameBytes);
 }
 
-// A bad wire: the scan comes through, and tells of what it could not.
+// A bad line: the scan succeeds, or reports what failed.
 
 TEST_F(Scan, OneFrameInTenLost) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "analog_in_4", "analog_out_2"});
@@ -208,7 +209,8 @@ TEST_F(Scan, DuplicatesAndDamagedFramesAreNeverTakenForOthers) {
     plug_line({"coupler", "digital_in_8", "digital_out_8", "analog_in_4"});
     switch_on();
     DuplicateNic twice(wire, {.seed = 5, .received = Rate::percent(30)});
-    // Only what the headers protect may be hit: data that is changed without a FCS to tell it nobody can notice.
+    // Only octets that a header check protects are damaged: a master cannot detect data that were changed behind the
+    // FCS.
     CorruptNic damages(twice, {.seed = 6, .received = Rate::percent(10), .max_flips = 4, .cut = Rate::always()});
     const auto found = bring_up(damages);
     ASSERT_TRUE(found) << words(found.error());
@@ -218,7 +220,7 @@ TEST_F(Scan, DuplicatesAndDamagedFramesAreNeverTakenForOthers) {
     EXPECT_GT(ctx.statistics().malformed, 0U);
 }
 
-// Somebody plugs or unplugs a cable after the n-th frame of the scan.
+// A cable is connected or disconnected after the n-th frame of the scan.
 class PluggingNic final : public FilterNic {
   public:
     PluggingNic(Nic& nic, sim::Segment& segment, sim::PortRef end, int after)
@@ -287,7 +289,7 @@ TEST_F(Scan, ManyTasksOrOne) {
     EXPECT_EQ(narrow.slave(5).al.state, AlState::preop);
 }
 
-// What one slave's bring-up takes of the arena; context_bytes() counts on it.
+// The arena memory that the bring-up of a slave needs; context_bytes() relies on it.
 TEST_F(Scan, MemoryOfATask) {
     for (int i = 0; i < 64; ++i) plug(i == 0 ? "coupler" : "digital_in_8");
     switch_on();
@@ -326,13 +328,13 @@ TEST_F(Scan, EepromIsWrittenAndReadThroughThePublicFunctions) {
     switch_on();
     ASSERT_TRUE(bring_up());
     const std::array<std::byte, 4> text{std::byte{'a'}, std::byte{'b'}, std::byte{'c'}, std::byte{'d'}};
-    ASSERT_TRUE(eeprom_write(ctx, 2, 0x20, text));
+    ASSERT_TRUE(write_sii(ctx, 2, 0x20, text));
     std::array<std::byte, 8> back{};
-    ASSERT_TRUE(eeprom_read(ctx, 2, 0x1F, back));
+    ASSERT_TRUE(read_sii(ctx, 2, 0x1F, back));
     EXPECT_TRUE(std::equal(text.begin(), text.end(), back.begin() + 2));
     std::array<std::byte, 3> odd{};
-    EXPECT_EQ(eeprom_read(ctx, 2, 0, odd).error().code, Errc::invalid_argument);
-    EXPECT_EQ(eeprom_read(ctx, 3, 0, back).error().code, Errc::unknown_slave);
+    EXPECT_EQ(read_sii(ctx, 2, 0, odd).error().code, Errc::invalid_argument);
+    EXPECT_EQ(read_sii(ctx, 3, 0, back).error().code, Errc::unknown_slave);
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
-// A master and a drive of the servodrive profile, end to end: parameters, telegrams, procedure commands beside the
-// cycle.
+// A master and a drive with the servodrive profile: parameters, telegrams, and procedure commands during cycles.
 #include "segment/bench.hpp"
 
 namespace margay {
@@ -67,7 +66,7 @@ TEST_F(SoeDrives, ParametersAndTextsOfBothAxes) {
     EXPECT_EQ(attribute->bytes, 2);
     EXPECT_EQ(attribute->decimals, 1);
     EXPECT_EQ(SoEread<std::uint16_t>(ctx, 2, 2, Idn::standard(15)).error().detail, 0x800AU);
-    // Everything that there is, by the list of all; with all its elements, in as many fragments as it takes.
+    // All parameters, from the list of all IDNs, with all their elements, in as many fragments as necessary.
     std::array<std::byte, 256> list{};
     const auto all = SoEread(ctx, 2, 1, Idn::standard(17), soe_element::kValue, list);
     ASSERT_TRUE(all.ok());
@@ -87,9 +86,9 @@ TEST_F(SoeDrives, ProcessDataFollowsTheTelegram) {
     to_op();
     EXPECT_EQ(ctx.slave(2).config.source, ConfigurationSource::soe);
     EXPECT_EQ(bits(), std::pair(96U, 160U));
-    EXPECT_EQ(load_le<std::uint16_t>(ctx.slave(2).image.inputs.bytes), 0x8000);  // power is there, no torque
+    EXPECT_EQ(load_le<std::uint16_t>(ctx.slave(2).image.inputs.bytes), 0x8000);  // power on, no torque
 
-    osal.advance(100ms);  // no cycle any more
+    osal.advance(100ms);  // the cycles stop
     ASSERT_TRUE(writestate(ctx, 0, AlState::preop).ok());
     ASSERT_EQ(statecheck(ctx, 0, AlState::preop, 1s)->state, AlState::preop);
     ASSERT_TRUE(SoEwrite(ctx, 2, 0, Idn::standard(15), std::uint16_t{5}).ok());
@@ -129,10 +128,10 @@ TEST_F(SoeDrives, HomesAndMovesBesideTheCycle) {
     telegram.idn = Idn::standard(148);
     telegram.elements = soe_element::kName;
     telegram.data = name;
-    run(telegram);  // meanwhile
+    run(telegram);  // during the command
     EXPECT_TRUE(homing.busy());
     for (int n = 0; homing.busy() && n < 5000; ++n) {
-        store_le(out, 2, position());  // where it is now is where it shall stay
+        store_le(out, 2, position());  // the target is the present position
         cycle();
     }
     EXPECT_EQ(homing.state(), RequestState::success) << words(homing.error());

@@ -1,5 +1,6 @@
-// Commands and hooks on the way from state to state, up and down, the first time and every time after; what fails is
-// named in words.
+// Start-up commands and hooks at all state transitions, up and down, the first time and each later time. Errors have
+// texts that name what failed.
+#include "facts.hpp"
 #include "segment/field_notes.hpp"
 
 namespace margay {
@@ -20,13 +21,13 @@ class Startup : public FieldNotes {
     std::uint8_t ram(std::uint32_t number, unsigned n) {
         return std::to_integer<std::uint8_t>(segment.slave(number).peek(0x0F80, 32)[n]);
     }
-    // With cycles beside.
+    // Changes the state with cycles.
     void go(AlState state) { ASSERT_EQ(to(state), (AlStatus{state, false, 0})) << told(1); }
-    // What goes wrong when slave 1 is mapped with these commands; slave 2 is never harmed.
+    // Maps slave 1 with these commands and returns its error text. Slave 2 is never affected.
     std::string wrong_with(std::span<const StartupCommand> commands) {
         const SlaveSetup setup{.startup = commands};
         ctx.slave(1).config.setup = &setup;
-        ctx.slave(1).error = {};
+        EXPECT_TRUE(clear_error(ctx, 1));
         map();
         EXPECT_EQ(ctx.slave(2).al, (AlStatus{AlState::safeop, false, 0}));
         EXPECT_EQ(ctx.slave(1).al.state, ctx.slave(1).error.code == Errc::none ? AlState::safeop : AlState::preop);
@@ -164,7 +165,7 @@ TEST_F(Startup, ARegisterIsLookedAtUntilItIsRightOrTheTimeIsOver) {
     EXPECT_NE(wrong_with(never), "");
     EXPECT_GE(osal.now() - before, 20ms);
     EXPECT_LE(osal.now() - before, 60ms);
-    // Right after a while: the hook of the other slave's transition makes it so.
+    // The register becomes right later: a hook of the other slave's transition writes it.
     ctx.slave(2).hooks.user = &segment;
     ctx.slave(2).hooks.transition = [](HookedSlave, Transition, Moment moment, void* user) -> Result<> {
         auto& all = *static_cast<sim::Segment*>(user);
@@ -254,20 +255,20 @@ TEST_F(Startup, AHookThatFailsKeepsTheSlaveOnItsWayUpAndNotOnItsWayDown) {
     EXPECT_EQ(ctx.slave(1).error.code, Errc::unsupported);
     EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
     record.fail_at = "before SO";
-    ctx.slave(1).error = {};
+    EXPECT_TRUE(clear_error(ctx, 1));
     map();
     cycles(5);
     EXPECT_FALSE(writestate(ctx, 1, AlState::op));
     EXPECT_EQ(statecheck(ctx, 1, AlState::op, 10ms)->state, AlState::safeop);
     record.fail_at = "before SP";
-    ctx.slave(1).error = {};
+    EXPECT_TRUE(clear_error(ctx, 1));
     EXPECT_TRUE(writestate(ctx, 1, AlState::preop));
     EXPECT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);
     EXPECT_EQ(ctx.slave(1).error.code, Errc::unsupported) << "told";
 }
 
-// The older hook chooses PDOs, which only PREOP allows: so it finds its slave there also when the group is mapped
-// again.
+// The hook before the mapping chooses PDOs, which is possible only in PREOP. Therefore the slave is in PREOP again
+// when the group is mapped again.
 TEST_F(Startup, TheHookBeforeMappingFindsItsSlaveInPreop) {
     plug_odd({});
     start();
@@ -362,7 +363,7 @@ TEST_F(Startup, AMailboxOrCompleteAccessIsLeftAloneWhereTheApplicationSaysSo) {
 
 class SourcesDiffer : public Startup {
   protected:
-    // The odd device with another type of a SyncManager in its SII.
+    // The odd device with another SyncManager type in its SII.
     void plug_with_type(unsigned sync_manager, SmType type) {
         auto made = sim::make_device("odd_device").value();
         for (std::size_t at = 0x80; at + 4 <= made.sii.size();) {
@@ -393,7 +394,7 @@ TEST_F(SourcesDiffer, BetweenDictionaryAndSiiIsToldInBitsAndHarmsNobody) {
     EXPECT_EQ(errors(), std::vector<std::string>());
 }
 
-// Two warnings for each slave are more than the ring of warnings holds: what goes wrong is told all the same.
+// Two warnings for each slave overflow the ring of warnings. Errors are still reported.
 TEST_F(SourcesDiffer, WarningsTakeNoRoomOfErrors) {
     constexpr std::size_t kSlaves = 40;
     for (std::size_t n = 0; n < kSlaves; ++n) plug_odd({"coe_disagrees"});
@@ -455,8 +456,8 @@ TEST_F(SourcesDiffer, AnApplicationThatChoosesByAHookIsNotTold) {
     EXPECT_EQ(warnings(), std::vector<std::string>());
 }
 
-// Parameters by SoE: at IP, so that the mapping sees the telegram, at the other transitions, and again after a loss of
-// power.
+// SoE parameters: written at IP, so that the mapping uses the new telegram, at the other transitions, and again after
+// a loss of power.
 TEST_F(Startup, ParametersOfDrivesDecideOnTheirTelegramsAndAreReplayed) {
     plug("soe_drive");
     static constexpr std::array kList{std::byte{4},  std::byte{0}, std::byte{4},  std::byte{0},
@@ -512,7 +513,7 @@ TEST_F(Startup, WhatADriveRefusesIsNamed) {
               "cannot be executed at this time)");
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 8, Idn::product(1), std::uint32_t{9})),
               "slave 1: command at PS (no. 1, P-0-0001, drive 8): argument out of range");
-    ctx.slave(1).mailbox.protocols = 0;
+    facts(ctx.slave(1)).mailbox.protocols = 0;
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 0, Idn::product(1), std::uint32_t{9})),
               "slave 1: command at PS (no. 1, P-0-0001, drive 0): not supported by the slave");
 }

@@ -1,5 +1,4 @@
-// find_topology() against trees whose DL status is written down by hand: ESC register 0x0110, ETG.1000.4 "DL
-// status".
+// find_topology() with trees whose DL status is written by hand: ESC register 0x0110, ETG.1000.4 "DL status".
 #include "network/topology.hpp"
 
 #include "wire/esc.hpp"
@@ -12,7 +11,7 @@
 namespace margay {
 namespace {
 
-// DL status with these ports open (link, communication, loop not closed) and the others closed.
+// DL status with these ports open (link, communication, loop open) and the other ports closed.
 std::uint16_t open_ports(std::initializer_list<unsigned> ports) {
     std::uint16_t status = 0x5500;  // all loops closed
     for (const unsigned p : ports) {
@@ -34,7 +33,7 @@ std::vector<RingPlace> segment(std::initializer_list<std::initializer_list<unsig
 }
 
 TEST(Topology, DlStatusOfTheTablesOfTheEsc) {
-    EXPECT_EQ(open_ports({0, 1}), 0x5A30);  // as the EK1100 of the captures with one terminal reads
+    EXPECT_EQ(open_ports({0, 1}), 0x5A30);  // the value of the EK1100 with one terminal in the recordings
 }
 
 TEST(Topology, LineHangsOneAtAnother) {
@@ -49,7 +48,7 @@ TEST(Topology, LineHangsOneAtAnother) {
 }
 
 TEST(Topology, FramesLeaveByPort3Before1Before2) {
-    // A junction with a slave at each port, and one more behind the first.
+    // A junction with a slave at each port, and one more slave behind the first of them.
     auto slaves = segment({{0, 1, 2, 3}, {0, 1}, {0}, {0}, {0}});
     ASSERT_TRUE(find_topology(slaves));
     EXPECT_EQ(slaves[1].parent_port, 3);

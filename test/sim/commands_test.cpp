@@ -1,4 +1,4 @@
-// All commands: addressing, working counter, what comes back. ETG.1000.4 tables "Command", "Working counter increment".
+// All commands: addressing, working counter, returned data. ETG.1000.4 tables "Command", "Working counter increment".
 #include "rig.hpp"
 
 namespace margay::sim::test {
@@ -57,7 +57,7 @@ TEST_F(CommandsTest, ByStation) {
     EXPECT_EQ(both.wkc, 3);
     EXPECT_EQ(both.data, bytes({1}));
     EXPECT_EQ(values(), bytes({8, 2, 7}));
-    // Two slaves with one address answer both: the second overwrites what the first read.
+    // Two slaves with the same address both answer: the second overwrites the data of the first.
     (void)rig.put<std::uint16_t>(1, 0x0010, 0x1001);
     const auto twice = rig.send(Command::FPRD, {StationAddress{0x1001}, 0x1000}, bytes({0}));
     EXPECT_EQ(twice.wkc, 2);
@@ -122,20 +122,20 @@ TEST_F(CommandsTest, ADatagramWithoutData) {
     EXPECT_EQ(rig.send(Command::LRW, wire::DatagramAddress(LogicalAddress{0}), {}).wkc, 0);
 }
 
-// An access over registers of several kinds does what each of them does.
+// An access to registers of several kinds has the effect of an access to each of them.
 TEST_F(CommandsTest, AnAccessAcrossRegisters) {
-    // 0x0120 AL control to 0x0135 AL status code: control is written, the others are not.
+    // 0x0120 AL control to 0x0135 AL status code: AL control is written, the other registers are read-only.
     auto data = std::vector<std::byte>(0x16);
     data[0] = std::byte{0x02};
     data[0x10] = std::byte{0x55};
     EXPECT_EQ(rig.write(0, 0x0120, data).wkc, 1);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0120), 2);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0130), 2) << "device emulation, not 0x55";
-    // SII control and address in one, starting inside of the unit before.
+    // SII control and address in one access that begins in the register before them.
     EXPECT_EQ(rig.write(0, 0x0500, bytes({0, 0, 0, 1, 8, 0, 0, 0})).wkc, 1);
     rig.pass(10ms);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0508), 0xA008);
-    // From the last FMMUs' reserved space into nothing.
+    // From the reserved octets of the last FMMU into addresses without registers.
     EXPECT_EQ(rig.read(0, 0x05F0, 32).wkc, 1);
 }
 
@@ -158,7 +158,7 @@ struct FramesTest : CommandsTest {
     }
 };
 
-// ETG.1000.4: the processing unit sets bit 1 of the first source octet; group addresses as SOEM's included.
+// ETG.1000.4: the processing unit sets bit 1 of the first source octet, also in group addresses like SOEM's.
 TEST_F(FramesTest, SourceMacIsMarked) {
     for (const unsigned first : {0x00u, 0x01u, 0x10u, 0xCAu}) {
         auto raw = frame();
@@ -180,7 +180,7 @@ TEST_F(FramesTest, PaddedAndUnpadded) {
     EXPECT_EQ(padded[16 + 1], std::byte{7}) << "the index is the master's business";
 }
 
-// ESC data sheets, "EtherCAT frame": with a VLAN tag, and within UDP/IP at port 0x88A4.
+// ESC data sheets, "EtherCAT frame": with a VLAN tag, and in UDP/IP at port 0x88A4.
 TEST_F(FramesTest, VlanAndUdp) {
     auto raw = frame();
     raw.insert(raw.begin() + 12, {std::byte{0x81}, std::byte{0}, std::byte{0}, std::byte{5}});
@@ -202,20 +202,20 @@ TEST_F(FramesTest, VlanAndUdp) {
     EXPECT_EQ(load_le<std::uint16_t>(raw, 14 + 26), 0) << "the UDP checksum would be wrong now";
 }
 
-// A datagram that goes round is destroyed when it comes to a closed port 0 for the second time (ETG.1000.4 "Circulating
-// frames"): a master whose cable is pulled while a frame is on its way.
+// A circulating datagram is destroyed when it arrives at a closed port 0 for the second time (ETG.1000.4 "Circulating
+// frames"). This happens when the master's cable is pulled while a frame is on the wire.
 TEST(CirculatingFrames, AreDestroyedTheSecondTime) {
     Rig rig;
     for (int i = 0; i < 3; ++i) rig.add(et1100(), sii_image(kEmulationWithDc));
     EXPECT_TRUE(rig.segment.connect_master({2, 1}, 1));  // the far end
     rig.on();
-    // The cable of the first master port is pulled: a frame from the other one turns at the closed port 0.
+    // The cable of the first master port is pulled: a frame from the second port turns at the closed port 0.
     rig.segment.set_cable({0, 0}, false);
     auto reply = rig.frame({{Command::BRD, {std::uint16_t{0}, 0x0000}, bytes({0})}}, 1).at(0);
     EXPECT_TRUE(reply.returned);
     EXPECT_EQ(reply.wkc, 3);
     EXPECT_TRUE(reply.header.circulating) << "marked by the slave whose port 0 is closed";
-    // The same frame once more, as if it had gone round.
+    // The same frame again, as if it had circulated.
     std::array<std::byte, 60> raw{};
     wire::FrameBuilder builder(raw, {0, 1, 1, 1, 1, 1});
     (void)builder.append(Command::BRD, 0, {std::uint16_t{0}, 0x0000}, 1);
@@ -227,7 +227,7 @@ TEST(CirculatingFrames, AreDestroyedTheSecondTime) {
 
 TEST_F(FramesTest, NonsenseIsCountedAndSurvived) {
     auto raw = frame();
-    raw[16 + 6] = std::byte{0xFF};  // a length beyond the frame
+    raw[16 + 6] = std::byte{0xFF};  // a length beyond the end of the frame
     raw[16 + 7] = std::byte{0x07};
     EXPECT_TRUE(send_raw(raw).returned);
     EXPECT_EQ(rig.slave(0).peek(0x030C, 1), bytes({1}));
@@ -237,7 +237,7 @@ TEST_F(FramesTest, NonsenseIsCountedAndSurvived) {
         (void)send_raw(cut);
     }
     auto other = frame();
-    other[15] = std::byte{0x40};  // type 4: not datagrams
+    other[15] = std::byte{0x40};  // type 4: no datagrams
     other[14] = std::byte{0x0B};
     EXPECT_EQ(wkc(other), 0);
     (void)send_raw(other);

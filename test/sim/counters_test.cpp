@@ -17,7 +17,7 @@ struct ErrorCounters : testing::Test {
         rig.add(et1200(), sii_image(kDigitalIo));
         rig.on();
     }
-    // Registers as they stand, without a frame.
+    // The present value of a register, read without a frame.
     unsigned peek(std::uint32_t n, std::uint16_t address) {
         return std::to_integer<unsigned>(rig.slave(n).peek(address, 1)[0]);
     }
@@ -27,8 +27,8 @@ struct ErrorCounters : testing::Test {
     }
 };
 
-// The port that a damaged frame comes in at counts it as invalid (0x0300 + 2 n), those it passes later as forwarded
-// (0x0308 + n), each processing unit at 0x030C.
+// The port where a damaged frame arrives counts it as invalid (0x0300 + 2 n), later ports count it as forwarded
+// (0x0308 + n), and each processing unit counts it at 0x030C.
 TEST_F(ErrorCounters, DamageIsCountedAtThePortItCameInAt) {
     damage_at({1, 0});
     EXPECT_EQ(peek(0, 0x0300), 0u) << "before the damage";
@@ -42,7 +42,7 @@ TEST_F(ErrorCounters, DamageIsCountedAtThePortItCameInAt) {
     EXPECT_EQ(peek(1, 0x0309), 1u) << "on the way back, at port 1";
     EXPECT_EQ(peek(0, 0x0309), 1u);
 
-    // On the way back it is seen at the far port, and processed by nobody any more.
+    // A frame damaged on the way back is counted at the far port, and no processing unit counts it.
     damage_at({0, 1});
     EXPECT_EQ(peek(0, 0x0302), 1u);
     EXPECT_EQ(peek(0, 0x0309), 1u);
@@ -57,7 +57,8 @@ TEST_F(ErrorCounters, DamagedFramesDoNothingBehindTheDamage) {
     EXPECT_EQ(peek(1, 0x0F80), 0u);
 }
 
-// "Cleared if one of the RX error counters 0x0300–0x030B is written", the others each by a write of their own.
+// "Cleared if one of the RX error counters 0x0300–0x030B is written"; each of the other counters is cleared by a write
+// to it.
 TEST_F(ErrorCounters, AreClearedByAWrite) {
     damage_at({1, 0});
     rig.segment.set_cable({2, 0}, false);
@@ -71,7 +72,7 @@ TEST_F(ErrorCounters, AreClearedByAWrite) {
     EXPECT_EQ(peek(1, 0x0311), 1u);
     EXPECT_EQ(rig.put<std::uint8_t>(1, 0x0313, 0), 1);
     EXPECT_EQ(peek(1, 0x0311), 0u);
-    // What masters send at start: BWR 0x0300 n8 or n20.
+    // Writes of masters at their start: BWR 0x0300 of 8 or 20 octets.
     damage_at({1, 0});
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0300}, std::vector<std::byte>(20)).wkc, 2);
     EXPECT_EQ(rig.slave(1).peek(0x0300, 20), std::vector<std::byte>(20));
@@ -84,7 +85,7 @@ TEST_F(ErrorCounters, StopAt255) {
     EXPECT_EQ(peek(1, 0x030C), 255u);
 }
 
-// Table "Lost link counter (0x0310:0x0313)": at both ends of a cable that breaks, and of a neighbour without power.
+// Table "Lost link counter (0x0310:0x0313)": counted at both ends of a broken cable, and when a neighbour loses power.
 TEST_F(ErrorCounters, LostLinks) {
     rig.segment.set_cable({1, 0}, false);
     EXPECT_EQ(peek(0, 0x0311), 1u);
@@ -98,20 +99,21 @@ TEST_F(ErrorCounters, LostLinks) {
     EXPECT_EQ(peek(2, 0x0310), 0u) << "fresh";
 }
 
-// --- Watchdogs: 0x0400 times 40 ns plus 80 ns is the unit of 0x0410 and 0x0420 ---
+// --- Watchdogs: (0x0400 + 2) times 40 ns is the unit of 0x0410 and 0x0420 ---
 
 struct WatchdogTest : testing::Test {
     Rig rig;
     void SetUp() override {
         rig.add_with_processor(et1100());
         rig.on();
-        EXPECT_EQ(rig.write(0, 0x0810, bytes({0x00, 0x11, 2, 0, 0x64, 0, 1, 0})).wkc, 1);  // outputs that feed it
+        // outputs that trigger the watchdog
+        EXPECT_EQ(rig.write(0, 0x0810, bytes({0x00, 0x11, 2, 0, 0x64, 0, 1, 0})).wkc, 1);
     }
     std::uint16_t status() { return rig.get<std::uint16_t>(0, 0x0440); }
     void feed() { EXPECT_EQ(rig.put<std::uint16_t>(0, 0x1100, 0x1234), 1); }
 };
 
-// Tables "Watchdog divider (0x0400:0x0401)", "Watchdog time process data (0x0420:0x0421)": 100 µs, 1000 of them.
+// Tables "Watchdog divider (0x0400:0x0401)", "Watchdog time process data (0x0420:0x0421)": 1000 times 100 µs.
 TEST_F(WatchdogTest, ProcessDataRunsOutAfterItsTime) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0400), 0x09C2);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0420), 0x03E8);
@@ -164,7 +166,7 @@ TEST_F(WatchdogTest, OnlyChannelsWithTheTriggerBitFeedIt) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0442), 0);
 }
 
-// Counters 0x0442 and 0x0443 are cleared if one of them is written.
+// A write to 0x0442 or 0x0443 clears both counters.
 TEST_F(WatchdogTest, CountersAreCleared) {
     feed();
     rig.pass(200ms);
@@ -173,7 +175,7 @@ TEST_F(WatchdogTest, CountersAreCleared) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0442), 0);
 }
 
-// Table "Watchdog time PDI (0x0410:0x0411)": a processor that hangs; DL status bit 1 is 0 then.
+// Table "Watchdog time PDI (0x0410:0x0411)": a processor that hangs clears DL status bit 1.
 TEST_F(WatchdogTest, HangingProcessorIsNoticed) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0110) & 2, 2);
     rig.slave(0).halt_firmware(rig.now);
@@ -185,7 +187,7 @@ TEST_F(WatchdogTest, HangingProcessorIsNoticed) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0443), 1);
 }
 
-// Digital I/O without a processor: the chip itself takes the outputs back.
+// Digital I/O without a processor: the chip resets the outputs.
 TEST(WatchdogDigital, OutputsFallWhenItRunsOut) {
     Rig rig;
     rig.add(et1200(), sii_image(kDigitalIo));

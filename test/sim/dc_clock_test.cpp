@@ -38,7 +38,8 @@ TEST(LocalTime, RunsWithTheDriftOfItsOscillator) {
     EXPECT_EQ(at(1, 5s), 5'001'000'000u);
 }
 
-// Tables "Receive time port 0 (0x0900)" …: a write latches when the frame's first bit came in at each port.
+// Tables "Receive time port 0 (0x0900)" …: a write latches the time when the first bit of the frame arrived at each
+// port.
 TEST(ReceiveTimes, AreLatchedByAWriteOnly) {
     Rig rig;
     for (int i = 0; i < 2; ++i) rig.add(clocked(0), sii_image(kEmulationWithDc));
@@ -53,8 +54,8 @@ TEST(ReceiveTimes, AreLatchedByAWriteOnly) {
     EXPECT_NE(rig.get<std::uint64_t>(0, 0x0900), latched) << "one octet is enough";
 }
 
-// The delay between two slaves is half of what the frame was away behind the first, less what it was away behind the
-// second.
+// The delay between two slaves is half of the difference of two times: the time from leaving the first slave until the
+// return to it, and the same time for the second slave.
 TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     Rig rig;
     for (int i = 0; i < 3; ++i) rig.segment.add(std::make_unique<Esc>(clocked(0), sii_image(kEmulationWithDc)));
@@ -69,8 +70,8 @@ TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     const auto& chip = rig.slave(0).description();
     const Duration port = chip.ports[0].delay;
     const auto ns = [](Duration d) { return static_cast<std::uint32_t>(d.count()); };
-    // In, processed, out, over the cable; at the end of the line in, processed, past the closed port 1 and out; on the
-    // way back in, forwarded, out.
+    // Receive, process, send, cable delay; at the end of the line receive, process, pass the closed port 1, send; on
+    // the way back receive, forward, send.
     const auto there = [&](Duration cable) { return 2 * port + chip.processing_delay + cable; };
     const Duration turn = 2 * port + chip.processing_delay + chip.forwarding_delay;
     const Duration back = 2 * port + chip.forwarding_delay;
@@ -79,7 +80,7 @@ TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     EXPECT_EQ(rig.get<std::uint32_t>(2, 0x0904), 0u) << "nobody behind it: the port keeps what it had";
 }
 
-// Every clock has its own time: what one latches has nothing to do with the other's.
+// Every clock has its own time: the latched times of two slaves are not related.
 TEST(ReceiveTimes, AreInTheSlavesOwnTime) {
     Rig rig;
     rig.add(clocked(0, 0xFFFFFF00), sii_image(kEmulationWithDc));
@@ -94,7 +95,7 @@ TEST(ReceiveTimes, AreInTheSlavesOwnTime) {
     EXPECT_EQ(rig.get<std::uint64_t>(1, 0x0918) >> 32, 5'001'000'000u >> 32);
 }
 
-// A segment entered by port 1: 0x0918 is the moment at the port it came in.
+// A segment connected at port 1: 0x0918 is the time of arrival at this port.
 TEST(ReceiveTimes, ByAnotherEntryPort) {
     Rig rig;
     rig.segment.add(std::make_unique<Esc>(clocked(0), sii_image(kEmulationWithDc)));
@@ -103,7 +104,7 @@ TEST(ReceiveTimes, ByAnotherEntryPort) {
     EXPECT_TRUE(rig.segment.connect({0, 0}, {1, 0}));
     rig.on();
     (void)rig.send(Command::BWR, {std::uint16_t{0}, 0x0900}, bytes({0, 0, 0, 0}));
-    // In at port 1, to the neighbour by port 0, back in at port 0 and processed there.
+    // The frame enters at port 1, goes to the neighbour through port 0, returns at port 0 and is processed there.
     EXPECT_GT(rig.get<std::uint32_t>(1, 0x0900), rig.get<std::uint32_t>(1, 0x0904));
     EXPECT_EQ(rig.segment.order(), (std::vector<std::uint32_t>{1, 0}));
 }
@@ -119,8 +120,8 @@ TEST(SystemTime, IsLocalTimePlusOffset) {
     const auto there = static_cast<std::uint64_t>((50ns + chip.ports[0].delay).count());
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0910), local + 0x1'0000'0000 + there) << "when the frame was processed";
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0920), 0x1'0000'0000u);
-    // The delay is taken off for the master, who reads what the reference clock had when the frame passed it; the PDI
-    // sees the copy as it is.
+    // A read by the master subtracts the delay, so that it returns the time of the reference clock when the frame
+    // passed that clock. The PDI reads the copy without this subtraction.
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x0928, 300), 1);
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0910), local + 0x1'0000'0000 + there - 300);
     EXPECT_EQ(rig.pdi_get<std::uint64_t>(0, 0x0910), rig.slave(0).clock().local(rig.slave(0).now()) + 0x1'0000'0000);
@@ -140,7 +141,7 @@ TEST(DcUnit, IsThereAsFarAsTheChipHasIt) {
     Rig rig;
     rig.add(clocked(0, 0, DcUnit::none), sii_image(kEmulationWithDc));
     rig.add(clocked(0, 0, DcUnit::receive_times), sii_image(kEmulationWithDc));
-    auto enabled = et1200();  // its DC unit is switched on by 0x0141
+    auto enabled = et1200();  // register 0x0141 enables its DC unit
     rig.add(enabled, sii_image(kDigitalIo));
     rig.add(enabled, sii_image(kEmulationWithDc));
     rig.on();
@@ -166,7 +167,7 @@ struct ControlLoop : testing::Test {
         rig.on();
         for (std::uint16_t n = 0; n < 3; ++n)
             (void)rig.put<std::uint16_t>(n, 0x0010, static_cast<std::uint16_t>(0x1001 + n));
-        // Delays as the master would have measured them, by the model's own times.
+        // Delays as a master would have measured them, calculated from the times of the model.
         for (std::uint16_t n = 1; n < 3; ++n)
             (void)rig.put<std::uint32_t>(n, 0x0928, static_cast<std::uint32_t>(n * kHop.count()));
     }
@@ -192,21 +193,21 @@ TEST_F(ControlLoop, BringsTheClocksTogetherAndHoldsThem) {
         EXPECT_LT(std::abs(apart(n)), 20) << n;
     }
     EXPECT_EQ(difference(0), 0) << "the reference is not compared with itself: nobody writes to it";
-    // 0x0932, two's complement: a fast clock is slowed down, a slow one pushed.
+    // 0x0932 is in two's complement: negative for a fast clock, which is slowed down, positive for a slow clock.
     EXPECT_LT(static_cast<std::int16_t>(rig.get<std::uint16_t>(1, 0x0932)), -1000);
     EXPECT_GT(static_cast<std::int16_t>(rig.get<std::uint16_t>(2, 0x0932)), 1000);
-    // Other weather.
+    // The drift changes, as by temperature.
     rig.slave(1).set_drift(60'000, rig.now);
     drift_frames(3000);
     EXPECT_LT(std::abs(difference(1)), 20);
-    // Without the frames they part again, by what the loop has not learnt.
+    // Without the frames the clocks diverge, by the part of the drift that the loop has not compensated.
     rig.pass(1s);
     EXPECT_LT(std::abs(apart(1)), 2'000) << "the rate is held";
 }
 
-// Table "System time difference (0x092C:0x092F)": bit 31 where the local copy is smaller than what was received.
+// Table "System time difference (0x092C:0x092F)": bit 31 is set when the local copy is smaller than the received time.
 TEST_F(ControlLoop, DifferenceIsSignAndMagnitude) {
-    EXPECT_EQ(rig.put<std::uint8_t>(1, 0x0934, 0), 1);  // no mean: the last difference itself
+    EXPECT_EQ(rig.put<std::uint8_t>(1, 0x0934, 0), 1);  // no averaging: the last difference
     EXPECT_EQ(rig.put<std::uint8_t>(2, 0x0934, 0), 1);
     rig.pass(50ms);
     const auto fast = apart(1);
@@ -220,7 +221,7 @@ TEST_F(ControlLoop, DifferenceIsSignAndMagnitude) {
     EXPECT_GT(raw_slow & 0x7FFFFFFF, 3'000u);
 }
 
-// Table "System time difference filter depth (0x0934)": the mean of 2^n; a write starts it over.
+// Table "System time difference filter depth (0x0934)": the mean of 2^n differences; a write restarts the filter.
 TEST_F(ControlLoop, FilterDepth) {
     rig.pass(100ms);
     drift_frames(1);
@@ -229,7 +230,7 @@ TEST_F(ControlLoop, FilterDepth) {
     EXPECT_GT(first, 500);
     EXPECT_EQ(rig.put<std::uint8_t>(1, 0x0934, 4), 1);
     EXPECT_EQ(difference(1), 0);
-    // Table "Speed counter start (0x0930:0x0931)": resets the difference, the counter difference and the loop.
+    // Table "Speed counter start (0x0930:0x0931)": a write resets the difference, the counter difference and the loop.
     drift_frames(10);
     EXPECT_NE(rig.get<std::uint16_t>(1, 0x0932), 0);
     EXPECT_EQ(rig.get<std::uint16_t>(1, 0x0930), 0x1000);
@@ -240,7 +241,7 @@ TEST_F(ControlLoop, FilterDepth) {
     EXPECT_EQ(rig.put<std::uint32_t>(1, 0x092C, 1), 0);
 }
 
-// 0x0932 stays within ± (start − 0x7F): the loop cannot bend a clock without limit.
+// 0x0932 stays within ± (start − 0x7F): the loop changes the speed of a clock only within this limit.
 TEST_F(ControlLoop, SpeedCounterHasItsLimits) {
     EXPECT_EQ(rig.put<std::uint16_t>(1, 0x0930, 0x0100), 1);
     EXPECT_EQ(rig.put<std::uint64_t>(1, 0x0920, 1'000'000'000), 1);  // a second ahead
@@ -248,7 +249,7 @@ TEST_F(ControlLoop, SpeedCounterHasItsLimits) {
     EXPECT_EQ(static_cast<std::int16_t>(rig.get<std::uint16_t>(1, 0x0932)), -(0x0100 - 0x7F));
 }
 
-// Several masters write the time by FPWR or BWR from outside: every clock that is written follows.
+// Other masters write the time by FPWR or BWR: every clock that is written follows it.
 TEST_F(ControlLoop, FollowsWhateverIsWritten) {
     rig.pass(10ms);
     const auto before = rig.slave(0).clock().copy(rig.now);
@@ -256,7 +257,7 @@ TEST_F(ControlLoop, FollowsWhateverIsWritten) {
     store_le<std::uint64_t>(time, 0, before + 5'000'000);
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0910}, time).wkc, 3);
     for (std::uint16_t n = 0; n < 3; ++n) EXPECT_LT(difference(n), 0) << "behind what came";
-    // Not stored: the register shows the copy.
+    // The written value is not stored: the register shows the local copy.
     EXPECT_NEAR(static_cast<double>(rig.get<std::uint32_t>(0, 0x0910)), static_cast<double>(before + 3'000'000),
                 2'500'000.0);
 }

@@ -1,5 +1,5 @@
-// Data link registers: what the ESC says of itself, addresses, write protection, DL control and status, reset.
-// ETG.1000.4 section "DL attributes"; ET1100 data sheet section II, "ESC information" to "Data link layer".
+// Data link registers: ESC information, addresses, write protection, DL control and status, reset. ETG.1000.4 section
+// "DL attributes"; ET1100 data sheet section II, "ESC information" to "Data link layer".
 #include "rig.hpp"
 
 namespace margay::sim::test {
@@ -20,7 +20,8 @@ TEST(DlInformation, TellsWhatTheChipIs) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0007), 0xFC3B) << "a word at an odd address, as TwinCAT reads it";
 }
 
-// Recorded: 0x0102 is C7 on chips with E-bus (samples/Fidelity.DlControlAfterPowerUp), 07 on an IP core.
+// Recorded: after power-up 0x0102 is C7 on chips with E-bus (samples/Fidelity.DlControlAfterPowerUp), 07 on an IP
+// core.
 TEST(DlInformation, DlControlAfterPowerUpDependsOnTheChip) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -45,7 +46,7 @@ TEST(StationAddress, IsTheMastersAndTheAliasThePdis) {
     rig.pdi_put<std::uint16_t>(0, 0x0012, 0x0099);
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0010), 0x1001) << "read only for the PDI";
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0012), 0x0099);
-    // 0x0100 bit 24: the alias is used for all configured address commands too.
+    // 0x0100 bit 24: the alias is also used for all commands with configured addressing.
     const auto by = [&](std::uint16_t address) {
         return rig.send(Command::FPRD, {StationAddress{address}, 0x0000}, bytes({0})).wkc;
     };
@@ -100,7 +101,7 @@ TEST(WriteProtection, OfTheWholeEscCoversItsMemory) {
               1);
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x1000), 0x66);
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x1000, 0x77), 0);
-    // A SyncManager's buffer is part of it, by its address and by an FMMU.
+    // The write protection covers buffers of SyncManagers, accessed by address and by an FMMU.
     (void)rig.frame(
         {{Command::APWR, {RingPosition{0}, 0x0030}, bytes({0})},
          {Command::APWR, {RingPosition{0}, 0x0800}, bytes({0x00, 0x11, 2, 0, 0x24, 0, 1, 0})},
@@ -115,7 +116,8 @@ TEST(WriteProtection, OfTheWholeEscCoversItsMemory) {
         1);
 }
 
-// ET1100 data sheet II, table "Register ESC Reset ECAT (0x0040)": R, E, S in consecutive frames; reading shows how far.
+// ET1100 data sheet II, table "Register ESC Reset ECAT (0x0040)": R, E, S in consecutive frames; a read shows the
+// progress.
 TEST(Reset, NeedsThreeLettersInOrder) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc, 0x0077));
@@ -139,8 +141,8 @@ TEST(Reset, NeedsThreeLettersInOrder) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0110), 0x5A31);
 }
 
-// ETG.1000.4 table "DL control": loop control of port 0 in bits 8 and 9, and so on; "DL status": link in bits 4 to 7,
-// loop and communication in two bits a port from bit 8.
+// ETG.1000.4 table "DL control": loop control of port 0 in bits 8 and 9, of the next ports in the next bits. Table "DL
+// status": link in bits 4 to 7; loop and communication in two bits per port from bit 8.
 TEST(DlControl, LoopsAreAutomaticOpenOrClosed) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -155,12 +157,12 @@ TEST(DlControl, LoopsAreAutomaticOpenOrClosed) {
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0101, 0x00), 1);  // automatic again
     EXPECT_EQ(count(), 2);
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0101, 0x20),
-              1);  // port 2 open, without a link: frames leave and never come back
+              1);  // port 2 open without a link: frames that leave do not return
     rig.segment.advance(rig.now);
     EXPECT_FALSE(rig.send(Command::BRD, {std::uint16_t{0}, 0x0000}, bytes({0})).returned);
 }
 
-// "Auto close": opens with the link only when the master writes the loop control again.
+// "Auto close": the port opens at link-up only when the master writes the loop control again.
 TEST(DlControl, AutoCloseStaysClosedUntilWritten) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -194,7 +196,7 @@ TEST(DlControl, TemporaryLoopsLastASecond) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0100), 0x0001);
 }
 
-// ETG.1000.4 table "DL control" bit 0: frames that are not EtherCAT pass, or are destroyed.
+// ETG.1000.4 table "DL control" bit 0: frames that are not EtherCAT are forwarded or destroyed.
 TEST(DlControl, ForwardingRule) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -213,7 +215,7 @@ TEST(DlControl, ForwardingRule) {
     EXPECT_EQ(frame[6], std::byte{0x10}) << "not processed, so its source address is left alone";
 }
 
-// ET1100 data sheet II, table "Physical Read/Write Offset (0x0108:0x0109)": of FPRW and APRW only.
+// ET1100 data sheet II, table "Physical Read/Write Offset (0x0108:0x0109)": for FPRW and APRW only.
 TEST(PhysicalReadWriteOffset, MovesTheWriteOfAReadWrite) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -227,7 +229,8 @@ TEST(PhysicalReadWriteOffset, MovesTheWriteOfAReadWrite) {
     EXPECT_EQ(rig.read(0, 0x1010, 2).data, bytes({7, 8}));
 }
 
-// ESC data sheets, "Shadow buffer for register write operations": taken over at the end of a frame without errors.
+// ESC data sheets, "Shadow buffer for register write operations": written values become effective at the end of a
+// frame without errors.
 TEST(ShadowBuffer, DamagedFramesWriteNoRegister) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -237,7 +240,7 @@ TEST(ShadowBuffer, DamagedFramesWriteNoRegister) {
     auto data = builder.append(Command::APWR, 0, {RingPosition{0}, 0x0010}, 2);
     store_le<std::uint16_t>(data, 0, 0x1001);
     const auto size = builder.finish().size();
-    // "More datagrams follow" and none does: the structure is wrong.
+    // "More datagrams follow" is set, but none follows: the structure is wrong.
     raw[14 + 2 + 7] |= std::byte{0x80};
     rig.now += 100us;
     (void)rig.segment.process(MutableBytes(raw).first(size), rig.now);
@@ -245,7 +248,7 @@ TEST(ShadowBuffer, DamagedFramesWriteNoRegister) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x030C), 1) << "counted as a frame that the processing unit could not take";
 }
 
-// User RAM, ET1100 data sheet II, table "User RAM (0x0F80:0x0FFF)": no shadow buffer, both sides.
+// User RAM, ET1100 data sheet II, table "User RAM (0x0F80:0x0FFF)": no shadow buffer, accessible from both sides.
 TEST(UserRam, IsPlainMemory) {
     Rig rig;
     rig.add_with_processor(et1100());
@@ -257,7 +260,8 @@ TEST(UserRam, IsPlainMemory) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0FFF), 0x99);
 }
 
-// An access over the end of what there is: what exists is read, the rest is left as it came; it counts.
+// An access beyond the last address: existing octets are read, the others stay unchanged; the working counter
+// increments.
 TEST(Access, OverTheEndOfRegistersAndMemory) {
     Rig rig;
     auto chip = et1200();  // 1 KiB: 0x1000 to 0x13FF
@@ -275,7 +279,7 @@ TEST(Access, OverTheEndOfRegistersAndMemory) {
     EXPECT_EQ(rig.read(0, 0xFFFE, 4).wkc, 0) << "nothing there, and no wrap to 0x0000";
 }
 
-// masters-on-the-wire: writes longer than the implemented FMMUs or SyncManagers still count.
+// masters-on-the-wire: writes longer than the implemented FMMUs or SyncManagers increment the working counter, too.
 TEST(Access, LongerThanTheImplementedArraysCounts) {
     Rig rig;
     rig.add(et1200(), sii_image(kDigitalIo));  // 3 FMMUs, 4 SyncManagers

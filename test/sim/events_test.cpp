@@ -63,7 +63,7 @@ TEST_F(Processor, AlStatusRaisesTheEcatEvent) {
     EXPECT_EQ(ecat_events() & 0x0008, 0);
 }
 
-// Table "ECAT event mask (0x0200:0x0201)": request AND mask go into the datagrams' IRQ field.
+// Table "ECAT event mask (0x0200:0x0201)": the IRQ field of datagrams contains request AND mask.
 TEST_F(Processor, MaskedEcatEventsAreInTheIrqField) {
     rig.pdi_put<std::uint16_t>(0, 0x0130, 0x0002);
     EXPECT_EQ(rig.read(0, 0x0000, 1).header.irq, 0) << "the mask is 0 after power-up";
@@ -73,15 +73,14 @@ TEST_F(Processor, MaskedEcatEventsAreInTheIrqField) {
     EXPECT_EQ(rig.read(0, 0x0000, 1).header.irq, 0);
 }
 
-// All slaves' events are ORed.
+// The events of all slaves are ORed.
 TEST(EcatEvents, OfAllSlavesAreOred) {
     Rig rig;
     for (int i = 0; i < 3; ++i) rig.add_with_processor(et1100());
     rig.on();
     rig.pass(1ms);
     EXPECT_EQ(rig.send(Command::BWR, {std::uint16_t{0}, 0x0200}, bytes({0x0F, 0x00})).wkc, 3);
-    (void)rig.send(Command::BRD, {std::uint16_t{0}, 0x0110},
-                   bytes({0, 0}));  // clears the DL status events of switching on
+    (void)rig.send(Command::BRD, {std::uint16_t{0}, 0x0110}, bytes({0, 0}));  // clears the DL status events of power-up
     EXPECT_EQ(rig.read(0, 0x0000, 1).header.irq, 0);
     rig.pdi_put<std::uint16_t>(2, 0x0130, 0x0002);
     rig.segment.set_cable({2, 0}, false);
@@ -104,7 +103,7 @@ TEST(EcatEvents, LinkChangeRaisesTheDlStatusEvent) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0210) & 4, 0);
 }
 
-// Bits 4 to 11: SyncManager 0 to 7, where its control octet lets it (bit 4: interrupt in ECAT).
+// Bits 4 to 11: SyncManager 0 to 7, if enabled in its control octet (bit 4: interrupt in ECAT).
 TEST_F(Processor, SyncManagersRaiseEcatEvents) {
     set_sm(1, 0x1100, 4,
            wire::sm_control::kModeMailbox | wire::sm_control::kEcatReads | wire::sm_control::kEcatInterrupt);
@@ -115,12 +114,12 @@ TEST_F(Processor, SyncManagersRaiseEcatEvents) {
     EXPECT_EQ(ecat_events() & 0x0FF0, 0);
 }
 
-// Table "AL event request" bits 8 to 23: SyncManager 0 to 15, where its control octet lets it (bit 5: interrupt in
+// Table "AL event request" bits 8 to 23: SyncManager 0 to 15, if enabled in its control octet (bit 5: interrupt in
 // PDI).
 TEST_F(Processor, SyncManagersRaiseAlEvents) {
     set_sm(0, 0x1000, 4,
            wire::sm_control::kModeMailbox | wire::sm_control::kEcatWrites | wire::sm_control::kPdiInterrupt);
-    set_sm(2, 0x1200, 4, wire::sm_control::kModeBuffered | wire::sm_control::kEcatWrites);  // without
+    set_sm(2, 0x1200, 4, wire::sm_control::kModeBuffered | wire::sm_control::kEcatWrites);  // without interrupt
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x1000, 7), 1);
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x1200, 7), 1);
     EXPECT_EQ(al_events() & 0x00FFFF00, 0x00000100u);
@@ -143,7 +142,7 @@ TEST_F(Processor, ActivationRaisesAnAlEvent) {
     EXPECT_EQ(al_events() & 0x10, 0u);
 }
 
-// Table "AL event mask (0x0204:0x0207)": the PDI's, reset value 0x00FFFF0F.
+// Table "AL event mask (0x0204:0x0207)": writable by the PDI only, reset value 0x00FFFF0F.
 TEST_F(Processor, AlEventMaskIsThePdis) {
     EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0204), 0x00FFFF0Fu);
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x0204, 0), 0);
@@ -153,7 +152,7 @@ TEST_F(Processor, AlEventMaskIsThePdis) {
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0210, 0), 0);
 }
 
-// Table "PDI control (0x0140)", "ESC configuration (0x0141)", "PDI configuration": from the SII, read only.
+// Table "PDI control (0x0140)", "ESC configuration (0x0141)", "PDI configuration": loaded from the SII, read only.
 TEST(Pdi, IsConfiguredByTheSii) {
     auto image = sii_image(kProcessor);
     store_le<std::uint16_t>(image, 2, 0x3412);
@@ -170,7 +169,8 @@ TEST(Pdi, IsConfiguredByTheSii) {
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0140, 0), 0);
 }
 
-// masters-on-the-wire: a slave with device emulation mirrors every write, the acknowledge bit included.
+// masters-on-the-wire: a slave with device emulation copies every write to AL control, including the acknowledge bit,
+// to AL status.
 TEST(Pdi, DeviceEmulationMirrorsTheAcknowledgeBit) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));

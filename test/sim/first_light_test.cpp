@@ -1,4 +1,5 @@
-// A line of ESCs: counted, addressed, their EEPROM read, their state followed, through the NIC as well.
+// A line of ESCs, also through the NIC: they are counted and addressed, and the master reads their EEPROM and their
+// state.
 #include "rig.hpp"
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -25,7 +26,7 @@ TEST_F(Line, BroadcastReadCountsSlavesAndOrsTheirData) {
     EXPECT_TRUE(reply.returned);
     EXPECT_EQ(reply.wkc, 3);
     EXPECT_EQ(reply.header.address.adp(), 3);
-    EXPECT_EQ(reply.as<std::uint8_t>(), 0x11 | 0x12);  // as the EK1100 and EL terminals of the captures
+    EXPECT_EQ(reply.as<std::uint8_t>(), 0x11 | 0x12);  // types of the EK1100 and the EL terminals in the recordings
     EXPECT_EQ(reply.source, std::byte{0x02});          // the first ESC marks the frame
 }
 
@@ -43,7 +44,7 @@ TEST_F(Line, SiiIsBusyForItsTimeAndThenHasEightOctets) {
     rig.step = 50us;
     EXPECT_EQ(rig.write(1, 0x0502, bytes({0x00, 0x01, 0x08, 0, 0, 0})).wkc, 1);
     EXPECT_EQ(rig.get<std::uint16_t>(1, 0x0502),
-              0x8140);  // busy, 8 octets, reading: as the EK1100 of replay-dc
+              0x8140);  // busy, 8 octets, reading: as recorded for the EK1100 in replay-dc
     int looks = 1;
     while ((rig.get<std::uint16_t>(1, 0x0502) & 0x8000) != 0) ++looks;
     EXPECT_EQ(looks, 5);  // at 50, 100 … 250 µs of 300

@@ -58,7 +58,7 @@ TEST_F(FmmuTest, ReadsAndWritesItsWindowOnly) {
     EXPECT_EQ(memory(0x1000, 6), bytes({2, 3, 4, 5, 0x55, 0x66}));
 }
 
-// LRW: what is read goes out where what is written came in.
+// LRW: the read data are returned in the place of the written data.
 TEST_F(FmmuTest, LrwExchangesAtTheSameAddress) {
     fill(0x1000, {0x11, 0x22, 0x33, 0x44});
     set(0, kWrite);
@@ -70,7 +70,7 @@ TEST_F(FmmuTest, LrwExchangesAtTheSameAddress) {
     EXPECT_EQ(memory(0x1000, 4), bytes({1, 2, 3, 4})) << "written is what the master sent";
 }
 
-// Bits: logical bit 6 to bit 1 of the next octet, at bit 3 of the memory.
+// Bits: from logical bit 6 to bit 1 of the next octet, at bit 3 of the memory.
 TEST_F(FmmuTest, BitsAreMappedBothWays) {
     fill(0x1000, {0b01011000, 0});
     set(0, {{0x10000}, 2, 6, 1, 0x1000, 3, true, false, true});
@@ -78,7 +78,7 @@ TEST_F(FmmuTest, BitsAreMappedBothWays) {
         << "four bits 1, 1, 0, 1; the others are left alone";
     fill(0x1000, {0b00101000, 0});
     EXPECT_EQ(logical(Command::LRD, 0x10000, bytes({0, 0})).data, bytes({0b01000000, 0b00000001}));
-    // Digital outputs can be written by bits.
+    // Digital outputs are writable bit by bit.
     set(0, {{0x10000}, 2, 6, 1, 0x0F00, 3, false, true, true});
     fill(0x0F00, {0xFF});
     EXPECT_EQ(logical(Command::LWR, 0x10000, bytes({0b01000000, 0b00000001})).wkc, 1);
@@ -87,12 +87,12 @@ TEST_F(FmmuTest, BitsAreMappedBothWays) {
 
 TEST_F(FmmuTest, ASingleBit) {
     set(0, {{0x09000000}, 1, 5, 5, 0x0805, 3, true, false, true});
-    // masters-on-the-wire: libethercat maps bit 3 of SM status so and reads it by LRD.
+    // masters-on-the-wire: libethercat maps bit 3 of the SyncManager status in this way and reads it by LRD.
     EXPECT_EQ(logical(Command::LRD, 0x09000000, bytes({0xFF})).data, bytes({0b11011111}));
     EXPECT_EQ(logical(Command::LRD, 0x09000000, bytes({0x00})).data, bytes({0}));
 }
 
-// 0x0008 bit 0: chips whose FMMUs know octets only.
+// 0x0008 bit 0: chips whose FMMUs map whole octets only.
 TEST_F(FmmuTest, ChipsWithoutBitOperationMapOctets) {
     Rig other;
     auto chip = et1100();
@@ -119,7 +119,7 @@ TEST_F(FmmuTest, TheLowerNumberWinsAnOctet) {
     EXPECT_EQ(logical(Command::LWR, 0x10000, bytes({9, 8, 7, 6, 5, 4})).wkc, 1);
     EXPECT_EQ(memory(0x1000, 3), bytes({8, 7, 1}));
     EXPECT_EQ(memory(0x1100, 6), bytes({9, 2, 2, 6, 5, 4})) << "nothing of it where the other is in charge";
-    // By bits, the whole octet counts.
+    // With bits, too, the whole octet belongs to the lower number.
     set(0, {{0x10000}, 1, 0, 3, 0x1000, 0, true, false, true});
     set(1, {{0x10000}, 1, 4, 7, 0x1100, 0, true, false, true});
     fill(0x1000, {0xFF});
@@ -139,9 +139,9 @@ TEST_F(FmmuTest, OnlyActiveOnesMap) {
 TEST_F(FmmuTest, NonsenseMapsNothing) {
     set(0, {{0x10000}, 0, 0, 7, 0x1000, 0, true, true, true});          // no length
     set(1, {{0x20000}, 1, 7, 0, 0x1000, 0, true, true, true});          // ends before it starts
-    set(2, {{0x30000}, 4, 0, 7, 0xFFFE, 0, true, true, true});          // memory that is not there
-    set(3, {{0x40000}, 4, 0, 7, 0x2FFE, 0, true, true, true});          // over the end of what is there
-    set(4, {{0xFFFFFFFE}, 0xFFFF, 0, 7, 0x1000, 0, true, true, true});  // over the end of the logical space
+    set(2, {{0x30000}, 4, 0, 7, 0xFFFE, 0, true, true, true});          // memory that does not exist
+    set(3, {{0x40000}, 4, 0, 7, 0x2FFE, 0, true, true, true});          // beyond the end of the memory
+    set(4, {{0xFFFFFFFE}, 0xFFFF, 0, 7, 0x1000, 0, true, true, true});  // beyond the end of the logical address space
     EXPECT_EQ(logical(Command::LRW, 0x10000, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(logical(Command::LRW, 0x20000, bytes({0, 0})).wkc, 0);
     EXPECT_EQ(logical(Command::LRW, 0x30000, bytes({0, 0, 0, 0})).wkc, 0);
@@ -151,7 +151,7 @@ TEST_F(FmmuTest, NonsenseMapsNothing) {
     EXPECT_EQ(memory(0x1000, 2), bytes({5, 6}));
 }
 
-// 0x0008 bit 9: no LRW (as TI's); bit 10: no BRW, APRW, FPRW.
+// 0x0008 bit 9: no LRW (as TI's chips); bit 10: no BRW, APRW, FPRW.
 TEST_F(FmmuTest, ChipsWithoutLrw) {
     Rig other;
     auto chip = et1100();
@@ -170,7 +170,7 @@ TEST_F(FmmuTest, ChipsWithoutLrw) {
     EXPECT_EQ(other.send(Command::BRW, {std::uint16_t{0}, 0x1000}, bytes({2})).wkc, 0);
 }
 
-// Several slaves fill one datagram, bits of one octet from two of them.
+// Several slaves fill one datagram; two of them share an octet.
 TEST(FmmuLine, SlavesShareAnOctet) {
     Rig rig;
     for (int i = 0; i < 2; ++i) rig.add(et1200(), sii_image(kDigitalIo));

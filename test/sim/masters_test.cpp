@@ -1,6 +1,6 @@
-// How other masters talk, row by row of the notes on masters on the wire: each column of that table brings a segment
-// from nothing to process data with its own frames, start-up writes, SII and mailbox access, and expects what ESCs
-// answer.
+// The frames of other masters, from the table in the notes "masters on the wire". For each column of that table, the
+// test brings a segment from power-up to process data with the frames, start-up writes, SII access and mailbox access
+// of that master, and checks the answers of the ESCs.
 #include "rig.hpp"
 
 #include "wire/fmmu.hpp"
@@ -20,7 +20,7 @@ struct Master {
     bool padded;
     std::array<std::uint8_t, 6> mac;
     std::uint16_t first_station;
-    unsigned indices;  // how many values of the datagram index it uses
+    unsigned indices;  // number of values of the datagram index that the master uses
     bool broadcasts_by_index_0;
     Sii sii;
     Mail mail;
@@ -71,7 +71,7 @@ class MastersOnTheWire : public testing::TestWithParam<Master> {
         rig.on();
     }
 
-    // One frame as this master makes it; checks what is true of every answer.
+    // Sends one frame as this master builds it, and checks properties that every answer must have.
     std::vector<Reply> frame(const std::vector<Rig::Request>& requests) {
         const auto& m = GetParam();
         std::vector<std::byte> raw(1518);
@@ -156,7 +156,7 @@ TEST_P(MastersOnTheWire, StartUpBursts) {
     for (const std::size_t n : {8u, 20u}) EXPECT_EQ(broadcast(0x0300, std::vector<std::byte>(n)), 3) << n;
     for (const std::size_t n : {48u, 128u, 256u}) EXPECT_EQ(broadcast(0x0600, std::vector<std::byte>(n)), 3) << n;
     for (const std::size_t n : {32u, 64u, 128u}) EXPECT_EQ(broadcast(0x0800, std::vector<std::byte>(n)), 3) << n;
-    // The terminal's DC unit is switched off.
+    // The DC unit of the terminal is switched off.
     EXPECT_EQ(broadcast(0x0981, bytes({0})), 2);
     EXPECT_EQ(broadcast(0x0910, std::vector<std::byte>(32)), 2);
     EXPECT_EQ(broadcast(0x0930, bytes({0x00, 0x10})), 2);
@@ -273,10 +273,10 @@ TEST_P(MastersOnTheWire, MailboxCheck) {
     EXPECT_EQ(send(Command::FPWR, at(kMailSlave, 0x1000), std::vector<std::byte>(0x80)).wkc, 0) << "full";
 }
 
-// Row: process data. The processor's slave has two octets each way, the lamps one octet of outputs.
+// Row: process data. The slave with the processor has two octets each way, the lamps have one octet of outputs.
 TEST_P(MastersOnTheWire, ProcessData) {
     assign_stations();
-    // SyncManager control 0x64 and 0x24: with the watchdog bit forced, or as the SII has it.
+    // SyncManager control 0x64 and 0x24: with the watchdog bit set by the master, or as in the SII.
     const unsigned control = GetParam().padded ? 0x24 : 0x64;
     EXPECT_EQ(send(Command::FPWR, at(kMailSlave, 0x0810),
                    bytes({0x00, 0x11, 2, 0, control, 0, 1, 0, 0x80, 0x11, 2, 0, 0x20, 0, 1, 0}))
@@ -305,7 +305,7 @@ TEST_P(MastersOnTheWire, ProcessData) {
             EXPECT_EQ(logical(Command::LWR, 0x10000, bytes({1, 2, 3})).wkc, 2) << "… and LWR";
             break;
         }
-        case Data::per_domain: {  // a domain of outputs only, one of inputs only, one of both
+        case Data::per_domain: {  // a domain of outputs only, a domain of inputs only, a domain of both
             set_fmmu(kMailSlave, 0, {{0x0000}, 2, 0, 7, 0x1100, 0, false, true, true});
             set_fmmu(kMailSlave, 1, {{0x0002}, 2, 0, 7, 0x1180, 0, true, false, true});
             set_fmmu(kLamps, 0, {{0x0100}, 1, 0, 7, 0x0F00, 0, false, true, true});
@@ -349,7 +349,7 @@ TEST_P(MastersOnTheWire, ProcessData) {
 INSTANTIATE_TEST_SUITE_P(Each, MastersOnTheWire, testing::ValuesIn(kMasters),
                          [](const auto& master) { return std::string(master.param.name); });
 
-// TwinCAT sends several frames back to back and expects them in order: what the first writes, the second reads.
+// TwinCAT sends several frames in sequence and expects them in order: the second reads what the first writes.
 TEST(TwinCat, FramesBackToBack) {
     Rig rig;
     rig.add(et1100(), sii_image(kEmulationWithDc));

@@ -1,5 +1,5 @@
 // MII management. ETG.1000.4 "MII management interface"; ET1100 data sheet II, tables "MII management control/status
-// (0x0510:0x0511)" … "PHY port status (0x0518:0x051B)"; what is in a PHY: IEEE 802.3 clause 22.
+// (0x0510:0x0511)" … "PHY port status (0x0518:0x051B)"; registers of a PHY: IEEE 802.3 clause 22.
 #include "rig.hpp"
 
 namespace margay::sim::test {

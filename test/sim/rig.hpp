@@ -1,4 +1,4 @@
-// What the tests of the simulation share: devices from bytes, and datagrams sent one at a time.
+// Helpers for the tests of the simulation: devices from SII octets, and datagrams that are sent one by one.
 #pragma once
 
 #include "sim/segment.hpp"
@@ -22,7 +22,7 @@ inline std::vector<std::byte> bytes(std::initializer_list<unsigned> values) {
     return out;
 }
 
-// A configuration area with the given PDI control word, and words counting up behind it.
+// A configuration area with the given PDI control word, followed by words that count up.
 inline std::vector<std::byte> sii_image(std::uint16_t pdi_control, std::uint16_t alias = 0, std::size_t size = 512) {
     std::vector<std::byte> image(size);
     for (std::size_t i = 16; i + 2 <= size; i += 2)
@@ -37,7 +37,7 @@ inline constexpr std::uint16_t kEmulationWithDc = 0x0D00;  // PDI none, device e
 inline constexpr std::uint16_t kDigitalIo = 0x0104;        // PDI digital I/O, device emulation
 inline constexpr std::uint16_t kProcessor = 0x0005;        // PDI SPI: a processor must answer
 
-// A processor that does nothing on its own: the test is the program.
+// Firmware without actions: the test acts as the program.
 class IdleFirmware final : public Firmware {
   public:
     void start(subdevice::EscAccess&, Time) override { ++starts; }
@@ -63,7 +63,7 @@ struct Reply {
     }
 };
 
-// A line of slaves and a master that sends one datagram a frame. Time moves by `step` from frame to frame.
+// A line of slaves and a master that sends one datagram per frame. Time advances by `step` from frame to frame.
 class Rig {
   public:
     Segment segment;
@@ -79,7 +79,7 @@ class Rig {
         }
         return n;
     }
-    // An ESC whose processor is the test.
+    // An ESC with a processor whose program is the test.
     std::uint32_t add_with_processor(const EscDescription& description,
                                      std::vector<std::byte> sii = sii_image(kProcessor)) {
         const auto n = add(description, std::move(sii));
@@ -94,7 +94,7 @@ class Rig {
         wire::DatagramAddress address;
         std::vector<std::byte> data;
     };
-    // All of one frame.
+    // Sends all requests in one frame.
     std::vector<Reply> frame(const std::vector<Request>& requests, unsigned master_port = 0) {
         std::array<std::byte, wire::kMaxFrameBytes> buffer{};
         wire::FrameBuilder builder(buffer, {0x00, 1, 1, 1, 1, 1});
@@ -116,7 +116,7 @@ class Rig {
     Reply send(Command command, wire::DatagramAddress address, std::vector<std::byte> data) {
         return frame({{command, address, std::move(data)}}).at(0);
     }
-    // By ring position.
+    // Addressed by ring position.
     Reply read(std::uint16_t position, std::uint16_t ado, std::size_t length) {
         return send(Command::APRD, {RingPosition{position}, ado}, std::vector<std::byte>(length));
     }
@@ -129,7 +129,7 @@ class Rig {
         store_le<T>(data, 0, value);
         return write(position, ado, std::move(data)).wkc;
     }
-    // From the slave's side.
+    // Accessed from the PDI side.
     template <class T>
     T pdi_get(std::uint32_t n, std::uint16_t address) {
         std::array<std::byte, sizeof(T)> raw{};

@@ -1,4 +1,4 @@
-// The objects of devices of which only the SII is known.
+// The object dictionary of a device that is known only by its SII.
 #include "sim/sii_dictionary.hpp"
 #include <places.hpp>
 #include "sim/sii_mailbox.hpp"
@@ -50,7 +50,8 @@ TEST(SiiDictionary, SaysOfAMadeUpDeviceWhatItsSiiSays) {
     EXPECT_EQ(status->entry(0)->access, subdevice::od::kReadOnly | subdevice::od::kTxMappable);
 }
 
-// The defaults of the AKD's SII: PDOs 0x1701 and 0x1B01. (The drive of the capture had been told otherwise.)
+// The defaults in the SII of the AKD: PDOs 0x1701 and 0x1B01. (A master had configured other PDOs in the recorded
+// drive.)
 TEST(SiiDictionary, TakesADrivesDefaultsFromItsSii) {
     if (!wire::sii::have_images()) GTEST_SKIP() << "MARGAY_SII_DIR is not set";
     const Objects objects(wire::sii::image_of("akd.bin"));
@@ -62,7 +63,7 @@ TEST(SiiDictionary, TakesADrivesDefaultsFromItsSii) {
     EXPECT_EQ(objects.list(0x1B01), (List{2, 0x60630020, 0x60410010}));
 }
 
-// Objects that reach past their memory, or stand twice, would be found by every master.
+// No object extends beyond its memory or exists twice, because every master would find it.
 TEST(SiiDictionary, IsWellFormedWhateverTheSiiSays) {
     const auto whole = wire::sii::MadeUpDevice{}.image();
     std::mt19937 random(11);

@@ -43,7 +43,7 @@ TEST_F(SiiUnitTest, ReadsFourOctetsWhereTheChipDoes) {
     EXPECT_EQ(rig.get<std::uint64_t>(0, 0x0508), 0x00000000A011A010u);
 }
 
-// masters-on-the-wire: IgH writes 4 octets and fetches status, address and data in one read of 10.
+// masters-on-the-wire: IgH writes 4 octets and reads status, address and data in one read of 10 octets.
 TEST_F(SiiUnitTest, StatusAddressAndDataInOneRead) {
     power(ip_core());
     EXPECT_EQ(rig.write(0, 0x0502, bytes({0x80, 0x01, 0x12, 0x00})).wkc, 1);
@@ -72,8 +72,8 @@ TEST_F(SiiUnitTest, IsLockedWhileBusy) {
     EXPECT_EQ(rig.get<std::uint32_t>(0, 0x0504), 0x10u);
 }
 
-// Recorded on an EK1100: not busy any more 0.3 ms after a write command, and each command until 3.8 ms is not
-// acknowledged.
+// Recorded on an EK1100: the interface is busy until 0.3 ms after a write command, and no command is acknowledged
+// until 3.8 ms.
 TEST_F(SiiUnitTest, AcknowledgesNothingWhileTheEepromStoresAWord) {
     power(et1100());
     command(1, 2, 0x40, 0xBEEF);
@@ -148,7 +148,7 @@ TEST_F(SiiUnitTest, WrongChecksumLeavesTheConfigurationAlone) {
     command(0, 1, 0x00);
     EXPECT_EQ(result(), 0x1840) << "it can be read all the same";
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0508), kProcessor);
-    // Repaired, and reloaded: command 4.
+    // Corrected and reloaded: command 4.
     command(1, 2, 0x07, wire::sii::checksum(rig.slave(0).sii().image()));
     rig.pass(10ms);
     command(0, 4, 0);
@@ -156,8 +156,8 @@ TEST_F(SiiUnitTest, WrongChecksumLeavesTheConfigurationAlone) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0140), kProcessor);
 }
 
-// ESC data sheets, DL status bit 0: without a loaded EEPROM the PDI does not work. No program runs, nobody answers an
-// AL control, and nothing is emulated; registers and memory work.
+// ESC data sheets, DL status bit 0: the PDI does not work without a loaded EEPROM. No program executes, AL control
+// gets no answer, and there is no emulation. Registers and memory work.
 TEST_F(SiiUnitTest, WithAWrongChecksumThePdiDoesNotWorkAndTheAlStatusStays) {
     for (const std::uint16_t pdi : {kProcessor, kEmulationWithDc}) {
         Rig own;
@@ -173,7 +173,7 @@ TEST_F(SiiUnitTest, WithAWrongChecksumThePdiDoesNotWorkAndTheAlStatusStays) {
         EXPECT_EQ(program.steps, 0U);
         EXPECT_EQ(own.put<std::uint16_t>(0, 0x1000, 0xBEEF), 1);
         EXPECT_EQ(own.get<std::uint16_t>(0, 0x1000), 0xBEEF);
-        // Repaired and reloaded: the program starts.
+        // Corrected and reloaded: the program starts.
         own.slave(0).sii().image()[14] ^= std::byte{1};
         EXPECT_EQ(own.put<std::uint16_t>(0, 0x0502, 0x0400), 1);
         own.pass(10ms);
@@ -183,7 +183,7 @@ TEST_F(SiiUnitTest, WithAWrongChecksumThePdiDoesNotWorkAndTheAlStatusStays) {
     }
 }
 
-// A reload loads all of the area but the alias, which is taken at power-up only.
+// A reload loads the whole area except the alias, which is loaded at power-up only.
 TEST_F(SiiUnitTest, ReloadTakesAllButTheAlias) {
     power(et1100(), sii_image(kProcessor, 0x0077));
     auto changed = sii_image(0x0C05, 0x0099);
@@ -197,7 +197,8 @@ TEST_F(SiiUnitTest, ReloadTakesAllButTheAlias) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0012), 0x0099);
 }
 
-// 0x0500 bit 0 offers the interface to the PDI, which takes it with 0x0501 bit 0; bit 1 takes it back by force.
+// 0x0500 bit 0 offers the interface to the PDI. The PDI takes it with 0x0501 bit 0. With 0x0500 bit 1 the master gets
+// it back by force.
 TEST_F(SiiUnitTest, BelongsToOneSideAtATime) {
     power(et1100());
     rig.pdi_put<std::uint8_t>(0, 0x0501, 1);
@@ -224,7 +225,7 @@ TEST_F(SiiUnitTest, BelongsToOneSideAtATime) {
     EXPECT_EQ(rig.get<std::uint16_t>(0, 0x0508), 0xA020);
 }
 
-// masters-on-the-wire: KickCAT asks all slaves at once.
+// masters-on-the-wire: KickCAT reads the EEPROM of all slaves at once.
 TEST(SiiBroadcast, AllSlavesReadAtOnce) {
     Rig rig;
     for (int i = 0; i < 3; ++i) rig.add(et1100(), sii_image(kEmulationWithDc));
@@ -236,8 +237,8 @@ TEST(SiiBroadcast, AllSlavesReadAtOnce) {
     for (std::uint16_t n = 0; n < 3; ++n) EXPECT_EQ(rig.get<std::uint16_t>(n, 0x0508), 0xA008);
 }
 
-// EEPROM emulation, ESC data sheets I, "EEPROM emulation": the command waits for the PDI (AL event bit 5), which
-// answers with data and by writing the command back to 0x0502.
+// EEPROM emulation, ESC data sheets I, "EEPROM emulation": the command waits for the PDI (AL event bit 5). The PDI
+// writes the data, then writes the command back to 0x0502.
 struct Emulation : SiiUnitTest {
     void SetUp() override {
         auto chip = ip_core();

@@ -64,10 +64,10 @@ TEST_F(SyncManagerTest, MailboxTowardsTheMaster) {
     EXPECT_EQ(wkc_of_read(0x1100, 4), 0);
 }
 
-// "Only the last byte triggers": a buffer is opened by its first octet and handed over by its last one, in as many
-// accesses as it takes.
-// Recorded on a LAN9252 (samples/Fidelity.AMailboxInWritingShowsBit7 reads the recording): 0x02 when the master has
-// fetched the last reply, 0x80 while the program writes the next one, 0x09 when it is there.
+// "Only the last byte triggers": an access to the first octet opens a buffer, an access to the last octet completes
+// it, in any number of accesses. Recorded on a LAN9252 (samples/Fidelity.AMailboxInWritingShowsBit7 reads the
+// recording): 0x02 when the master has read the last reply, 0x80 while the program writes the next reply, 0x09 when it
+// is complete.
 TEST_F(SyncManagerTest, AMailboxThatIsBeingWrittenShowsItsBufferInUse) {
     EXPECT_EQ(set(1, 0x1100, 4, kMailboxIn), 1);
     EXPECT_EQ(state(1), 0x00);
@@ -100,14 +100,14 @@ TEST_F(SyncManagerTest, PartialAccessesHandOverWithTheLastOctet) {
     EXPECT_EQ(rig.write(0, 0x1007, bytes({8})).wkc, 1) << "octets may be left out";
     EXPECT_EQ(state(0) & status::kMailboxFull, status::kMailboxFull);
     EXPECT_EQ(pdi_read(0x1000, 8), bytes({1, 2, 3, 4, 5, 6, 0, 8}));
-    // First and last octet are enough.
+    // Accesses to the first and the last octet are sufficient.
     EXPECT_EQ(rig.frame({{Command::APWR, {RingPosition{0}, 0x1000}, bytes({1})},
                          {Command::APWR, {RingPosition{0}, 0x1007}, bytes({2})}})
                   .at(1)
                   .wkc,
               1);
     EXPECT_EQ(state(0) & status::kMailboxFull, status::kMailboxFull);
-    // The PDI's side too.
+    // The same for the PDI.
     (void)pdi_read(0x1000, 1);
     EXPECT_EQ(state(0) & status::kMailboxFull, status::kMailboxFull);
     (void)pdi_read(0x1007, 1);
@@ -134,13 +134,13 @@ TEST_F(SyncManagerTest, DamagedFramesHandNothingOver) {
     wire::FrameBuilder builder(raw, {0, 1, 1, 1, 1, 1});
     (void)builder.append(Command::APRD, 0, {RingPosition{0}, 0x1100}, 2);
     const auto size = builder.finish().size();
-    raw[14 + 2 + 7] |= std::byte{0x80};  // one more datagram that is not there
+    raw[14 + 2 + 7] |= std::byte{0x80};  // the header announces another datagram, which is missing
     rig.now += 100us;
     (void)rig.segment.process(MutableBytes(raw).first(size), rig.now);
     EXPECT_EQ(rig.read(0, 0x1100, 2).data, bytes({1, 2})) << "still there";
 }
 
-// Activate bit 1 and PDI control bit 1: repeat request and acknowledge, mirrored by hand of the slave's program.
+// Activate bit 1 and PDI control bit 1: repeat request and acknowledge. The slave's program copies the bit.
 TEST_F(SyncManagerTest, RepeatRequestAndAcknowledge) {
     EXPECT_EQ(set(1, 0x1100, 2, kMailboxIn), 1);
     pdi_write(0x1100, bytes({1, 2}));
@@ -176,13 +176,13 @@ TEST_F(SyncManagerTest, AWriterNeverWaitsAndAReaderNeverSeesHalf) {
     EXPECT_EQ(set(2, 0x1200, 4, kOutputs), 1);
     for (unsigned i = 1; i <= 10; ++i) EXPECT_EQ(rig.write(0, 0x1200, bytes({i, i, i, i})).wkc, 1);
     EXPECT_EQ(pdi_read(0x1200, 4), bytes({10, 10, 10, 10}));
-    // The PDI reads half, the master writes twice meanwhile, the PDI reads on.
+    // The PDI reads half of the buffer, the master writes twice, then the PDI reads the other half.
     EXPECT_EQ(pdi_read(0x1200, 2), bytes({10, 10}));
     EXPECT_EQ(state(2) & status::kReadBufferInUse, status::kReadBufferInUse);
     for (unsigned i = 11; i <= 12; ++i) EXPECT_EQ(rig.write(0, 0x1200, bytes({i, i, i, i})).wkc, 1);
     EXPECT_EQ(pdi_read(0x1202, 2), bytes({10, 10}));
     EXPECT_EQ(pdi_read(0x1200, 4), bytes({12, 12, 12, 12}));
-    // The master writes half.
+    // The master writes half of the buffer.
     EXPECT_EQ(rig.write(0, 0x1200, bytes({13, 13})).wkc, 1);
     EXPECT_EQ(state(2) & status::kWriteBufferInUse, status::kWriteBufferInUse);
     EXPECT_EQ(pdi_read(0x1200, 4), bytes({12, 12, 12, 12}));
@@ -190,7 +190,7 @@ TEST_F(SyncManagerTest, AWriterNeverWaitsAndAReaderNeverSeesHalf) {
     EXPECT_EQ(pdi_read(0x1200, 4), bytes({13, 13, 13, 13}));
 }
 
-// The buffers lie one behind the other: the memory behind the first is not for anybody else.
+// The three buffers are adjacent: the memory behind the first buffer cannot be accessed by other means.
 TEST_F(SyncManagerTest, TheThreeBuffersLieOneBehindTheOther) {
     EXPECT_EQ(set(3, 0x1100, 2, kInputs), 1);
     for (unsigned i = 1; i <= 3; ++i) pdi_write(0x1100, bytes({i, i}));
@@ -202,7 +202,7 @@ TEST_F(SyncManagerTest, TheThreeBuffersLieOneBehindTheOther) {
     EXPECT_NE(values[0] + values[1], 0u) << "more than one of them was used";
 }
 
-// Interrupt bits of the status octet: written, cleared when it is read from; read, cleared when it is written to.
+// Interrupt bits of the status octet: the write bit is cleared by a read, the read bit is cleared by a write.
 TEST_F(SyncManagerTest, InterruptBits) {
     EXPECT_EQ(set(3, 0x1100, 2, kInputs), 1);
     EXPECT_EQ(state(3) & 3, 0);
@@ -239,7 +239,7 @@ TEST_F(SyncManagerTest, SwitchingOffAndOnEmptiesIt) {
     EXPECT_EQ(rig.put<std::uint32_t>(0, 0x1000, 3), 1);
 }
 
-// PDI control bit 0: the slave locks its SyncManager; nobody gets in until it lets go.
+// PDI control bit 0: the slave locks its SyncManager; no access succeeds until it unlocks the SyncManager.
 TEST_F(SyncManagerTest, ThePdiMayLockIt) {
     EXPECT_EQ(set(2, 0x1200, 4, kOutputs), 1);
     rig.pdi_put<std::uint8_t>(0, 0x0817, 1);
@@ -255,7 +255,7 @@ TEST_F(SyncManagerTest, ALengthOfZeroIsOff) {
     EXPECT_EQ(rig.get<std::uint32_t>(0, 0x1200), 1u);
 }
 
-// Where two are configured over the same memory, the lower number is in charge.
+// When two SyncManagers cover the same memory, the lower number controls it.
 TEST_F(SyncManagerTest, OverlapsBelongToTheLowerNumber) {
     EXPECT_EQ(set(1, 0x1000, 8, kMailboxOut), 1);
     EXPECT_EQ(set(0, 0x1004, 8, kMailboxOut), 1);
@@ -274,7 +274,7 @@ TEST_F(SyncManagerTest, BehindTheMemoryThereIsNothing) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0000), 0x11) << "the others still answer";
 }
 
-// masters-on-the-wire: IgH reads all of SM1 to see whether its mailbox is full; libethercat maps the bit by an FMMU.
+// masters-on-the-wire: IgH reads all of SM1 to check whether its mailbox is full; libethercat maps the bit by an FMMU.
 TEST_F(SyncManagerTest, MailboxStatusAsMastersLookAtIt) {
     EXPECT_EQ(set(1, 0x1100, 2, kMailboxIn), 1);
     EXPECT_EQ(rig.read(0, 0x0808, 8).data, bytes({0x00, 0x11, 2, 0, kMailboxIn, 0x00, 1, 0}));

@@ -58,7 +58,7 @@ TEST_F(SyncUnitTest, RaisesTheAlEvent) {
     EXPECT_EQ(events() & 0x0C, 0x04u);
 }
 
-// field-notes: a start time in the past never fires on 64 bits.
+// field-notes: on 64 bits, a start time in the past never fires.
 TEST_F(SyncUnitTest, AStartTimeInThePastNeverComes) {
     rig.pass(10ms);
     start(0, 1'000'000, 0, 0x03);
@@ -79,7 +79,7 @@ TEST_F(SyncUnitTest, SingleShot) {
     EXPECT_EQ(pulses(0), 1u);
 }
 
-// Acknowledge mode: pulse length 0, the signal holds until the PDI reads its status.
+// Acknowledge mode: with pulse length 0 the signal stays active until the PDI reads its status.
 struct Acknowledged : SyncUnitTest {
     Acknowledged() { pulse_length = 0; }
 };
@@ -92,7 +92,7 @@ TEST_F(Acknowledged, HoldsUntilRead) {
     EXPECT_EQ(rig.pdi_get<std::uint8_t>(0, 0x098E), 0);
 }
 
-// SYNC1 follows SYNC0 by its cycle time (0x09A4).
+// SYNC1 follows SYNC0 after the SYNC1 cycle time (0x09A4).
 TEST_F(SyncUnitTest, Sync1FollowsSync0) {
     start(copy() + 1'000'000, 1'000'000, 300'000, 0x07);
     rig.pass(1200us);
@@ -113,7 +113,8 @@ TEST_F(SyncUnitTest, Sync1WithCycleTimeZeroComesWithSync0) {
     EXPECT_EQ(pulses(1), 5u);
 }
 
-// A SYNC1 cycle time of n SYNC0 cycles: SYNC1 comes every n + 1 of them (SOEM's manual, dcsync01: "true cycle time").
+// A SYNC1 cycle time of n SYNC0 cycles: SYNC1 occurs every n + 1 SYNC0 cycles (SOEM's manual, dcsync01: "true cycle
+// time").
 TEST_F(SyncUnitTest, Sync1MayBeSlowerThanSync0) {
     start(copy() + 1'000'000, 1'000'000, 3'000'000, 0x07);
     rig.pass(41ms);
@@ -121,14 +122,14 @@ TEST_F(SyncUnitTest, Sync1MayBeSlowerThanSync0) {
     EXPECT_EQ(pulses(1), 10u);
 }
 
-// A hostile cycle time does not stop the simulation.
+// A very short cycle time does not stop the simulation.
 TEST_F(SyncUnitTest, PulsesOfANanosecondAreCountedInBundles) {
     start(copy() + 1'000'000, 1, 0, 0x03);
     rig.pass(11ms);
     EXPECT_NEAR(static_cast<double>(pulses(0)), 10'000'000.0, 100'000.0);
 }
 
-// The clock is set years ahead while SYNC runs: the pulses in between are lost, the raster stays.
+// The clock is set years ahead while SYNC is active: the pulses in between are lost, the later ones stay in phase.
 TEST_F(SyncUnitTest, AJumpOfTheClockIsNotCaughtUp) {
     start(copy() + 1'000'000, 100'000, 0, 0x03);
     rig.pass(5ms);
@@ -144,7 +145,7 @@ TEST_F(SyncUnitTest, AJumpOfTheClockIsNotCaughtUp) {
     EXPECT_LE(next, copy() + 100'000);
 }
 
-// SYNC is in system time: offset and control loop move it.
+// SYNC uses the system time: the offset and the control loop move it.
 TEST_F(SyncUnitTest, FollowsTheSystemTime) {
     EXPECT_EQ(rig.put<std::uint64_t>(0, 0x0920, 1'000'000'000'000), 1);
     start(copy() + 2'000'000, 1'000'000, 0, 0x03);
@@ -158,7 +159,7 @@ TEST_F(SyncUnitTest, FollowsTheSystemTime) {
     EXPECT_NEAR(static_cast<double>(pulses(0)), 10'011.0, 2.0);
 }
 
-// 0x0980 bit 0: SYNC is set up by the PDI, the master may not.
+// 0x0980 bit 0: the PDI controls SYNC, and the master cannot.
 TEST_F(SyncUnitTest, MayBelongToThePdi) {
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x0980, 1), 1);
     (void)rig.put<std::uint32_t>(0, 0x09A0, 5);
@@ -175,7 +176,7 @@ TEST_F(SyncUnitTest, MayBelongToThePdi) {
     EXPECT_EQ(rig.get<std::uint8_t>(0, 0x0981), 3) << "now the master's again";
 }
 
-// masters-on-the-wire: what is left of another master goes by BWR 0x0981.
+// masters-on-the-wire: BWR 0x0981 stops the SYNC signals of an earlier master.
 TEST_F(SyncUnitTest, ABroadcastStopsIt) {
     start(copy() + 1'000'000, 1'000'000, 0, 0x03);
     rig.pass(3ms);
@@ -199,7 +200,7 @@ struct LatchTest : SyncUnitTest {
     std::uint8_t status(unsigned input) { return rig.get<std::uint8_t>(0, static_cast<std::uint16_t>(0x09AE + input)); }
 };
 
-// Latch control bits 0 and 1 at 0: continuous, each edge overwrites the one before.
+// Latch control bits 0 and 1 are 0: continuous, each edge overwrites the time of the last edge.
 TEST_F(LatchTest, Continuous) {
     rig.pass(1ms);
     const auto first = copy();
@@ -216,7 +217,7 @@ TEST_F(LatchTest, Continuous) {
     EXPECT_EQ(events() & 2, 0u);
 }
 
-// … at 1: the first edge only, until its time has been read.
+// Bits are 1: only the first edge, until its time has been read.
 TEST_F(LatchTest, SingleEvent) {
     EXPECT_EQ(rig.put<std::uint8_t>(0, 0x09A9, 0x03), 1);  // latch 1, both edges
     rig.pass(1ms);

@@ -1,5 +1,5 @@
-// The segment in physical order: line, tree, star, drop lines, rings; cables that break, slaves that lose power, frames
-// that are lost. Order of processing: ETG.1000.4 "Frame processing order"; port states: table "DL status".
+// The segment in physical order: line, tree, star, drop lines, rings; broken cables, slaves without power, lost
+// frames. Order of processing: ETG.1000.4 "Frame processing order"; port states: table "DL status".
 #include "rig.hpp"
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -35,7 +35,7 @@ struct Topology : testing::Test {
     using Order = std::vector<std::uint32_t>;
 };
 
-// From a port a frame goes on to the next one in the order 0, 3, 1, 2.
+// After a port, a frame goes to the next port in the order 0, 3, 1, 2.
 TEST_F(Topology, StarIsProcessedInPortOrder) {
     for (int i = 0; i < 4; ++i) add();
     EXPECT_TRUE(rig.segment.connect_master({0, 0}));
@@ -54,13 +54,13 @@ TEST_F(Topology, DropLinesAndBranches) {
     for (int i = 0; i < 3; ++i) add();
     connect({1, 3}, {4, 0});  // a drop line of two at the second slave
     connect({4, 1}, {5, 0});
-    connect({2, 2}, {6, 0});  // one more behind the fourth
+    connect({2, 2}, {6, 0});  // one more slave behind the fourth slave
     rig.on();
     EXPECT_EQ(rig.segment.order(), (Order{0, 1, 4, 5, 2, 3, 6}));
     EXPECT_EQ(count().wkc, 7);
     rig.segment.set_cable({4, 0}, false);
     EXPECT_EQ(rig.segment.order(), (Order{0, 1, 2, 3, 6}));
-    rig.segment.set_cable({1, 3}, true);  // healed from its other end
+    rig.segment.set_cable({1, 3}, true);  // reconnected at its other end
     EXPECT_EQ(rig.segment.order(), (Order{0, 1, 4, 5, 2, 3, 6}));
 }
 
@@ -76,7 +76,7 @@ TEST_F(Topology, WhatCannotBePluggedIsRefused) {
     EXPECT_FALSE(rig.segment.connect({1, 1}, {2, 3})) << "that chip has no port 3";
 }
 
-// Slaves that are cabled in a circle without the master in it: a frame comes round and is stopped.
+// Slaves that are connected in a circle without the master: a frame that circulates is stopped.
 TEST_F(Topology, ACircleOfSlavesEndsFrames) {
     add_line(3);
     connect({2, 1}, {0, 2});
@@ -85,7 +85,7 @@ TEST_F(Topology, ACircleOfSlavesEndsFrames) {
     SUCCEED() << "it ends";
 }
 
-// --- Breaks, and their healing ---
+// --- Breaks and reconnections ---
 
 TEST_F(Topology, ABreakAtAnyPlaceShortensTheLine) {
     add_line(5);
@@ -161,7 +161,7 @@ TEST_F(Topology, RingGoesThroughAndBreaksIntoTwoLines) {
         rig.segment.set_cable({n, 0}, true);
         EXPECT_EQ(pass(0), std::tuple(true, 1u, 4));
     }
-    // The second NIC's cable.
+    // The cable of the second NIC.
     rig.segment.set_cable({3, 1}, false);
     EXPECT_EQ(pass(0), std::tuple(true, 0u, 4));
     EXPECT_FALSE(std::get<0>(pass(1)));
@@ -195,7 +195,7 @@ TEST_F(Topology, FramesArriveAtTheOtherNic) {
     EXPECT_EQ(second.link_state(), LinkState::down);
 }
 
-// --- Loss and damage by rate ---
+// --- Loss and damage at a rate ---
 
 TEST_F(Topology, NoiseIsAShareOfFramesAndTheSameForTheSameSeed) {
     add_line(3);
@@ -225,7 +225,7 @@ TEST_F(Topology, ALostFrameHasDoneWhatItDidBefore) {
         EXPECT_EQ(rig.slave(n).peek(0x0300, 14), std::vector<std::byte>(14)) << "nobody counts it";
 }
 
-// A thousand slaves in a line and one at each of the last's ports.
+// A thousand slaves in a line, and a slave at each port of the last one.
 TEST_F(Topology, LongLine) {
     add_line(1000);
     rig.on();

@@ -1,7 +1,7 @@
-// The arena that a master's sequences live in fails at every allocation, once and from then on: nothing hangs, what was
-// asked for ends, and afterwards everything works.
+// The arena holds the sequences of a master. Here it fails at each allocation in turn, once or from then on. No call
+// may hang, every request must end, and afterwards everything must work.
 //
-// Arena::allocate() is wrapped by the linker (CMakeLists.txt), so that the library itself knows nothing of it.
+// The linker wraps Arena::allocate() (storm.cmake), so that the library has no code for this test.
 #include "api/master.hpp"
 #include "storm/rig.hpp"
 
@@ -28,7 +28,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// A phase of a run, what comes before it, and what shall hold behind it. `act` returns false when something hangs.
+// A phase of a run: the preparation, the action, and the check after it. `act` returns false when the action hangs.
 struct Phase {
     void (*before)(Rig& rig);
     bool (*act)(Rig& rig);
@@ -58,7 +58,7 @@ bool ended(const Error& error) { return error.code != Errc::busy; }
 bool bring_up(Rig& rig) { return ended(rig.scan()); }
 bool map(Rig& rig) { return ended(rig.map()); }
 
-// A slave loses its supply, and comes back.
+// A slave loses its power supply and gets it back.
 bool recover(Rig& rig) {
     SuperviseRequest supervision;
     const auto taken = submit(*rig.ctx, supervision);
@@ -101,7 +101,7 @@ bool mail(Rig& rig) {
     return all(upload, whole, download, list, drive);
 }
 
-// Everything works again.
+// Checks that everything works again.
 void expect_works(Rig& rig, std::size_t n) {
     rig.cycling = false;
     ASSERT_EQ(rig.scan().code, Errc::none) << n;

@@ -1,5 +1,5 @@
-// A NIC that takes no frame, from the start or from some moment on: every request ends in bounded time, and everything
-// works once it takes frames again.
+// A NIC that accepts no frame, from the start or from some moment on. Every request must end in bounded time, and
+// everything must work when the NIC accepts frames again.
 #include "storm/rig.hpp"
 
 namespace margay::storm {
@@ -53,7 +53,7 @@ TEST_F(BusyNic, DuringAnSdo) {
     expect_works();
 }
 
-// Every request of a bring-up, with a NIC that becomes busy at each frame of it in turn.
+// All requests of a bring-up, with a NIC that becomes busy at each frame of the bring-up in turn.
 TEST_F(BusyNic, FromEveryFrameOfTheBringUpOn) {
     ASSERT_EQ(scan().code, Errc::none);
     const auto frames = nic.sent();
@@ -69,7 +69,7 @@ TEST_F(BusyNic, FromEveryFrameOfTheBringUpOn) {
     expect_works();
 }
 
-// It does not pass frames half of the time: slow, and nothing is wrong.
+// The NIC refuses frames half of the time. The bring-up is slower, but without errors.
 TEST_F(BusyNic, EverySecondFrameIsOnlyLate) {
     nic.rates = {.busy = Rate::percent(50), .busy_for = 200us};
     EXPECT_EQ(scan().code, Errc::none);

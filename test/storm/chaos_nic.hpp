@@ -1,5 +1,5 @@
-// A NIC that wraps a NIC and does to frames what wires, switches and drivers do to them, at rates that may change while
-// it runs: loses, doubles, delays, reorders and damages them, and is busy.
+// A NIC around another NIC. It disturbs frames as wires, switches and drivers do, at rates that can change during a
+// run: it loses, duplicates, delays, reorders and damages frames, and is busy.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -19,7 +19,7 @@ class ChaosNic final : public FilterNic {
         Rate delay{};
         Duration delay_up_to{};
         Rate flip{};
-        Rate busy{};  // of a frame: it starts a time in which the NIC takes none
+        Rate busy{};  // per frame: the NIC becomes busy for some time
         Duration busy_for{};
     };
     Rates rates;
@@ -64,7 +64,7 @@ class ChaosNic final : public FilterNic {
         if (chance_.happens(rates.delay))
             due += Duration(
                 static_cast<std::int64_t>(chance_.below(static_cast<std::uint64_t>(rates.delay_up_to.count()) + 1)));
-        (void)held_.put(due, frame);  // one more than there is room for is lost
+        (void)held_.put(due, frame);  // the frame is lost when there is no memory for it
     }
 
     Osal& clock_;

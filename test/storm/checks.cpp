@@ -1,5 +1,5 @@
-// What must hold of process data: no input that the slave never had, no output that the application never wrote, and no
-// cycle that is right without all of its slaves.
+// Rules for process data: the image contains no input that the slave never had, a device applies no output that the
+// application never wrote, and no cycle is right when one of its slaves is missing.
 #include "storm/world.hpp"
 
 namespace margay::storm {
@@ -26,13 +26,13 @@ void set_bits(std::span<std::byte> image, const ImagePart& part, const Value& va
     }
 }
 
-// 64 values in turn, other ones for each number.
+// 64 values in rotation, different for each number.
 [[nodiscard]] std::byte pattern(std::uint32_t number, std::uint32_t turn, std::size_t octet) {
     Chance chance(number * 1000003ULL + turn % 64 * 101ULL + octet * 7919ULL);
     return static_cast<std::byte>(chance.next());
 }
 
-// Slaves whose data of a direction lies in one SyncManager: what is in the image is what is in the slave.
+// True when the data of a direction are in one SyncManager. Then the image and the slave have the same octets.
 [[nodiscard]] bool in_one_piece(const SlaveConfiguration& config, Direction direction) {
     unsigned count = 0;
     for (unsigned n = 0; n < config.sm_count; ++n)
@@ -40,7 +40,7 @@ void set_bits(std::span<std::byte> image, const ImagePart& part, const Value& va
     return count == 1;
 }
 
-// Whether the group carries the slave's data, whatever its configuration says since.
+// Whether the image of the group contains the slave's data. The configuration can have changed since the mapping.
 [[nodiscard]] bool carries(const Group& group, const Slave& slave) {
     const auto& bytes = slave.image.inputs.bits != 0 ? slave.image.inputs.bytes : slave.image.outputs.bytes;
     return !bytes.empty() && !group.image.empty() && bytes.data() >= group.image.data() &&
@@ -85,7 +85,7 @@ std::string World::place(std::uint16_t position) {
     return text;
 }
 
-// Devices show new inputs before each cycle, drives what they measure by themselves.
+// Devices show new inputs before each cycle. Drives show their own measurements.
 void World::show_inputs() {
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
         if (!segment_.powered(n) || halted_[n] || plan_.devices[n].name.find("drive") != std::string::npos) continue;
@@ -102,11 +102,11 @@ void World::set_outputs(std::uint8_t group) {
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
-        // Drives are left in peace: what they do with commands is not the subject.
+        // Drives get zeros, because their reaction to commands is not tested here.
         const bool quiet = slave.name().find("rive") != std::string_view::npos;
         Value value((part.bits + 7) / 8);
         for (std::size_t i = 0; i < value.size(); ++i)
-            value[i] = quiet ? std::byte{0} : pattern(1000U + slave.position, counter_, i);
+            value[i] = quiet ? std::byte{0} : pattern(1000U + slave.number, counter_, i);
         set_bits(image, part, value);
     }
 }
@@ -117,13 +117,13 @@ void World::note_outputs(std::uint8_t group) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave) || !in_one_piece(slave.config, Direction::outputs))
             continue;
-        for (const auto n : devices_at(slave.position)) sent_[n][part.bits].insert(bits_of(image, part));
+        for (const auto n : devices_at(slave.number)) sent_[n][part.bits].insert(bits_of(image, part));
     }
 }
 
 void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
     if (hostile_ || !ctx_->group(group).mapped) return;
-    const auto at = [&](const Slave& slave) {  // devices that had the slave's address when the cycle passed
+    const auto at = [&](const Slave& slave) {  // devices that had the slave's station address when the cycle passed
         std::vector<std::uint32_t> found;
         for (std::uint32_t n = 0; n < cycle.station.size(); ++n)
             if (cycle.reachable[n] && cycle.station[n] == slave.station_address.value) found.push_back(n);
@@ -136,8 +136,8 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
         if (!carries(ctx_->group(group), slave)) continue;
         const auto devices = at(slave);
         if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
-            if (devices.empty()) fail("the cycle is right without a slave", place(slave.position));
-            if (slave.position == wrong_) fail("the cycle is right with a wrong slave", place(slave.position));
+            if (devices.empty()) fail("the cycle is right without a slave", place(slave.number));
+            if (slave.number == wrong_) fail("the cycle is right with a wrong slave", place(slave.number));
         }
         if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;
         const Value value = bits_of(image, part);
@@ -146,18 +146,19 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
             if (spy != nullptr && !spy->has_shown(value, part.bits, cycle.sent))
                 fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
                          "an input is delivered as good that the slave did not have",
-                     place(slave.position) + ": " + hex(value) + ", it has shown " +
+                     place(slave.number) + ": " + hex(value) + ", it has shown " +
                          (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
                          ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
-            bool known = devices.empty();  // what it was last, which nobody can be asked about
+            // Without such a device the image has the last input received, which cannot be checked.
+            bool known = devices.empty();
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)
                 known = spies_[n] != nullptr && cycle.station[n] == slave.station_address.value &&
                         spies_[n]->has_ever_shown(value, part.bits);
             bool watched = false;
             for (const auto n : devices) watched = watched || spies_[n] != nullptr;
             if (!known && watched)
-                fail("an input is in the image that the slave never had", place(slave.position) + ": " + hex(value));
+                fail("an input is in the image that the slave never had", place(slave.number) + ": " + hex(value));
         }
     }
 }

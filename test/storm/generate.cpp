@@ -1,4 +1,4 @@
-// A plan from a seed.
+// Generates a plan from a seed.
 #include "storm/operations.hpp"
 #include "storm/plan.hpp"
 
@@ -61,7 +61,7 @@ class Maker {
 
     void devices() {
         const std::uint32_t count = 1 + below(one_in(4) ? 20 : 7);
-        std::vector<std::pair<std::uint32_t, std::uint32_t>> open;  // ports of devices that something may hang at
+        std::vector<std::pair<std::uint32_t, std::uint32_t>> open;  // free ports of devices
         for (std::uint32_t id = 0; id < count; ++id) {
             DevicePlan d;
             d.id = id;
@@ -158,9 +158,9 @@ class Maker {
     void steps() {
         const std::uint32_t count = 5 + below(one_in(3) ? 150 : 40);
         const std::uint32_t pace = any({200, 2'000, 20'000, 100'000});
-        const std::uint32_t faults = any({0, 2, 3, 5});  // one in so many; 0: none
+        const std::uint32_t faults = any({0, 2, 3, 5});  // a fault occurs in one of `faults` steps; 0: never
         if (plan_.settings.calm == 0) {
-            // Mostly it begins with what a program begins with.
+            // Most plans begin as an application does: scan, map, supervise.
             if (!one_in(4)) plan_.steps.push_back({0, Op::submit, {0, *kind_by_name("scan"), 0, 0, 0}});
             if (!one_in(4)) plan_.steps.push_back({any({100'000, 1'000'000, 5'000'000}), Op::map, {0}});
             if (!one_in(3))

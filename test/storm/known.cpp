@@ -1,4 +1,5 @@
-// What the storm finds and is not mended yet: by rule, with the sentence of the issue. To be emptied.
+// Faults that the storm finds and that are not fixed yet: the rule and the sentence of the issue. This list should
+// become empty.
 #include "storm/run.hpp"
 
 #include <algorithm>
@@ -8,8 +9,8 @@ namespace margay::storm {
 namespace {
 
 struct Known {
-    std::string_view rule;    // begins so
-    std::string_view detail;  // and holds this
+    std::string_view rule;    // the beginning of the rule
+    std::string_view detail;  // a part of the detail
     const char* reason;
 };
 

@@ -1,4 +1,4 @@
-// storm: a whole system by seed, in virtual time.
+// storm: random tests of complete systems, generated from seeds, in virtual time.
 #include "storm/run.hpp"
 
 #include <CLI/CLI.hpp>

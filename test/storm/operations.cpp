@@ -13,7 +13,7 @@ struct Of final : Operation {
     R r;
     std::vector<std::byte> data = std::vector<std::byte>(2048);
     std::array<LineErrors, 32> lines{};
-    ~Of() override { r.cancel(); }  // before its buffers go
+    ~Of() override { r.cancel(); }  // before its buffers are destroyed
     Result<> submit(Context& ctx) override { return margay::submit(ctx, r); }
     Request& request() override { return r; }
     void cancel() override { r.cancel(); }
@@ -29,7 +29,7 @@ Of<R>& as(Operation& operation) {
     return static_cast<Of<R>&>(operation);
 }
 
-// Objects that devices of the library have, and some that none has.
+// Objects of devices in the library, and some objects that no device has.
 constexpr std::array<std::uint32_t, 20> kObjects{0x100000, 0x100800, 0x100900, 0x101801, 0x101800, 0x1C0000, 0x1C1200,
                                                  0x1C1300, 0x160000, 0x1A0000, 0x160001, 0x200000, 0x200100, 0x200F00,
                                                  0x600001, 0x700001, 0x604100, 0x10F306, 0x7FFF00, 0x300001};
@@ -62,7 +62,7 @@ constexpr Set kSiiRead = [](Operation& o, std::uint32_t slave, std::uint32_t a, 
 constexpr Set kSiiWrite = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<SiiWriteRequest>(o);
     all.r.slave = position(slave);
-    all.r.word = 0x200 + a % 0x40;  // behind everything that says what the slave is
+    all.r.word = 0x200 + a % 0x40;  // behind the words that identify the slave
     all.r.data = std::span(all.data).first(2 * (b % 6));
 };
 constexpr Set kState = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
@@ -102,7 +102,8 @@ constexpr Set kSdoUpload = [](Operation& o, std::uint32_t slave, std::uint32_t a
 constexpr Set kSdoDownload = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<SdoDownload>(o);
     address_mail(all.r, slave, b);
-    constexpr std::array<std::uint16_t, 4> kWritable{0x2000, 0x2001, 0x7000, 0x3FFF};  // no mapping
+    // objects that are no PDO mappings
+    constexpr std::array<std::uint16_t, 4> kWritable{0x2000, 0x2001, 0x7000, 0x3FFF};
     all.r.index = kWritable[a % kWritable.size()];
     all.r.subindex = static_cast<std::uint8_t>((a >> 4) % 2);
     all.r.data = std::span<const std::byte>(all.data).first(1 + (a >> 5) % 1024);
@@ -156,7 +157,7 @@ constexpr Set kSoeWrite = [](Operation& o, std::uint32_t slave, std::uint32_t a,
 constexpr Set kSoeCommand = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& r = as<SoeCommand>(o).r;
     address_mail(r, slave, b);
-    if (r.timeout == Duration{0}) r.timeout = 3s;  // without one it lasts as long as the drive likes
+    if (r.timeout == Duration{0}) r.timeout = 3s;  // without a timeout the request lasts until the drive ends it
     r.drive = static_cast<std::uint8_t>((a >> 8) % 3);
     r.idn = {static_cast<std::uint16_t>(a % 2 == 0 ? 99 : 148)};
 };
@@ -184,7 +185,7 @@ const std::vector<KindInfo>& kinds() {
         {"read_state", make<ReadStateRequest>, kNothing, false, false, true},
         {"write_state", make<WriteStateRequest>, kWriteState, false, false, false},
         {"state_check", make<StateCheckRequest>, kStateCheck, false, false, true},
-        {"map", make<MapRequest>, kNothing, false, false, false},  // the world gives it its image
+        {"map", make<MapRequest>, kNothing, false, false, false},  // World sets the image
         {"supervise", make<SuperviseRequest>, kSupervise, false, true, false},
         {"reconfig", make<ReconfigRequest>, kReconfig, false, false, false},
         {"recover", make<RecoverRequest>, kNothing, false, false, false},

@@ -1,4 +1,4 @@
-// Every pair of operations at once, in both orders: beside a supervision and the cycle, and without them.
+// Every pair of operations at the same time, in both orders: with a supervision and cycles, and without them.
 #include "storm/operations.hpp"
 #include "storm/run.hpp"
 

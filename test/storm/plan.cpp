@@ -164,10 +164,10 @@ Plan without_device(const Plan& plan, std::size_t which) {
     Plan smaller = plan;
     const DevicePlan gone = plan.devices[which];
     smaller.devices.erase(smaller.devices.begin() + static_cast<std::ptrdiff_t>(which));
-    bool place = true;  // of the device that is gone, for one child
+    bool place = true;  // the parent's port of the removed device is free for one child
     for (auto& d : smaller.devices) {
         if (d.parent != static_cast<std::int32_t>(gone.id)) continue;
-        d.parent = place ? gone.parent : -2;  // -2: hangs nowhere
+        d.parent = place ? gone.parent : -2;  // -2: removed below
         d.port = gone.port;
         place = false;
     }

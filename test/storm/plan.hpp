@@ -1,5 +1,5 @@
-// What a storm does, as plain data: the devices of a segment, settings, and steps one after the other. A plan is made
-// from a seed, written as text, read again, and made smaller.
+// A storm plan as plain data: the devices of a segment, settings, and steps in sequence. A plan can be generated from
+// a seed, written as text, read from text, and reduced.
 #pragma once
 
 #include <array>
@@ -12,47 +12,47 @@
 namespace margay::storm {
 
 struct DevicePlan {
-    std::uint32_t id = 0;  // steps name the device by it; it stays when other devices are taken out
-    std::string name;      // of the device library
+    std::uint32_t id = 0;  // used by steps to name the device; it does not change when other devices are removed
+    std::string name;      // name in the device library
     std::vector<std::string> quirks;
-    std::int32_t parent = -1;  // id of the device whose port leads here; -1: the master
-    std::uint32_t port = 0;    // of the parent
+    std::int32_t parent = -1;  // id of the device to which this device is connected; -1: the master
+    std::uint32_t port = 0;    // port of the parent
 };
 
-// Who does a step: the world may act while the owner waits in a blocking call, and so may other threads.
+// Who performs a step. Steps of the world and of other threads can occur while the owner waits in a blocking call.
 enum class Actor : std::uint8_t { world, other, owner };
 
 enum class Op : std::uint8_t {
-    // The segment.
-    cut,           // device: the cable that leads to it is interrupted
+    // Steps of the segment.
+    cut,           // device: breaks the cable to this device
     mend,          // device
     power_off,     // device
     power_on,      // device
     noise,         // lost, corrupted: frames per million, on the wire
-    eeprom_nacks,  // device, count: its EEPROM does not acknowledge so many commands
-    eeprom_word,   // device, word, value: somebody else writes its EEPROM
+    eeprom_nacks,  // device, count: the EEPROM does not acknowledge this many commands
+    eeprom_word,   // device, word, value: another master writes the EEPROM
     halt,          // device: its processor stops until the power is switched
-    quirk,         // device, number of a quirk of the firmware: a manner is switched on while it runs
-    replug,        // device: pulled out, and put in again without a break
-    // The NIC, in frames per million.
-    drop,       // on the way out, on the way back
-    duplicate,  // on the way out, on the way back
-    delay,      // rate, microseconds: frames on the way back come later and out of order
-    flip,       // bits of frames on the way back are turned over, which no FCS has seen
-    busy,       // rate, microseconds: the NIC takes no frame for so long
-    // Other threads.
+    quirk,         // device, number of a quirk: the firmware gets the quirk while it runs
+    replug,        // device: unplugs and replugs it without a pause
+    // Steps of the NIC; rates in frames per million.
+    drop,       // rate of outgoing frames, rate of incoming frames
+    duplicate,  // rate of outgoing frames, rate of incoming frames
+    delay,      // rate, microseconds: incoming frames arrive later and out of order
+    flip,       // rate: bits of incoming frames are inverted, not detected by the FCS
+    busy,       // rate, microseconds: the NIC accepts no frame during this time
+    // Steps of other threads.
     submit_other,  // slot, kind, slave, a, b
     ask_cancel,    // slot
-    // The owner.
+    // Steps of the owner.
     submit,       // slot, kind, slave, a, b
     cancel,       // slot
     destroy,      // slot
-    cycles,       // 0 or 1: whether cycles run
-    map,          // group: config_map(), which waits
-    late,         // microseconds by which the owner is late with each poll()
-    watch,        // microseconds: watch_mailboxes()
-    configure,    // slave, what, value: a field of its configuration
-    write_state,  // slave, state: the blocking call
+    cycles,       // 0 or 1: whether cycles are sent
+    map,          // group: calls config_map(), which blocks
+    late,         // microseconds by which each poll() of the owner is late
+    watch,        // microseconds: argument of watch_mailboxes()
+    configure,    // slave, what, value: sets a field of the slave's configuration
+    write_state,  // slave, state: calls writestate(), which blocks
     count_of_ops,
 };
 
@@ -66,38 +66,38 @@ struct OpInfo {
     std::string_view name;
     std::uint8_t args;
     Actor actor;
-    bool names_device;  // args[0] is the id of one
+    bool names_device;  // args[0] is the id of a device
 };
 [[nodiscard]] const OpInfo& info(Op op);
 
-// Numbers that hold for the whole run.
+// Settings for the whole run.
 struct Settings {
     std::uint32_t calm = 0;         // 1: the segment is in OP and supervised when the steps begin, and again at the end
     std::uint32_t cycle_us = 1000;  // interval of the cycle
-    std::uint32_t groups = 1;       // slaves take turns in them
-    std::uint32_t bits = 0;         // 1: packing by bits
-    std::uint32_t overlapped = 0;   // inputs and outputs at the same logical address
-    std::uint32_t group_lrd_lwr = 0;  // no LRW in any group
-    std::uint32_t slave_lrd_lwr = 0;  // every so many slaves blocks LRW; 0: none
-    std::uint32_t in_flight = 1;      // cycles on their way
+    std::uint32_t groups = 1;       // number of groups; slaves are assigned to them in rotation
+    std::uint32_t bits = 0;         // 1: packed bits
+    std::uint32_t overlapped = 0;   // inputs and outputs have the same logical addresses
+    std::uint32_t group_lrd_lwr = 0;  // no group uses LRW
+    std::uint32_t slave_lrd_lwr = 0;  // every n-th slave has no LRW; 0: none
+    std::uint32_t in_flight = 1;      // number of cycles in flight
     std::uint32_t acyclic_bytes = 1498;
     std::uint32_t reserve_bytes = 0;
-    std::uint32_t al_status = 0;       // a BRD of AL status with each cycle
-    std::uint32_t mailbox_status = 0;  // every so many slaves maps its mailbox status; 0: none
-    std::uint32_t watchdog_us = 0;     // of process data; 0: the slave's own
-    std::uint32_t tasks = 0;           // Limits
+    std::uint32_t al_status = 0;       // a BRD of the AL status in each cycle
+    std::uint32_t mailbox_status = 0;  // every n-th slave maps its mailbox status; 0: none
+    std::uint32_t watchdog_us = 0;     // watchdog of process data; 0: the value of the slave
+    std::uint32_t tasks = 0;           // Limits::tasks
     std::uint32_t frames = 64;
     std::uint32_t process_frames = 8;
-    std::uint32_t expect = 0;  // 1: the slaves that are there, 2: with a wrong one, 3: with a missing one
+    std::uint32_t expect = 0;  // 1: the slaves of the segment, 2: with a wrong slave, 3: with a missing slave
     std::uint32_t hooks =
-        0;  // 1: transition hooks that are busy at first, 2: that fail now and then, 3: that read objects
-    std::uint32_t startup = 0;    // 1: a list of commands for every slave
-    std::uint32_t callback = 0;   // 1: events have a callback
-    std::uint32_t wire_time = 0;  // frames take their time on the wire
+        0;  // 1: transition hooks that are busy at first, 2: hooks that sometimes fail, 3: hooks that read objects
+    std::uint32_t startup = 0;    // 1: each slave has a list of start-up commands
+    std::uint32_t callback = 0;   // 1: a callback receives events
+    std::uint32_t wire_time = 0;  // frames need time on the wire
     std::uint32_t round_trip_us = 100;
     std::uint32_t supervise_target = 8;
-    std::uint32_t line_ms = 0;     // error counters are read this often
-    std::uint32_t close_busy = 0;  // 1: the context goes away while requests are busy
+    std::uint32_t line_ms = 0;     // interval for reading the error counters
+    std::uint32_t close_busy = 0;  // 1: the context is destroyed while requests are busy
 };
 struct SettingInfo {
     std::string_view name;
@@ -108,16 +108,17 @@ struct SettingInfo {
 struct Plan {
     std::uint64_t seed = 0;
     Settings settings;
-    std::vector<DevicePlan> devices;  // a parent stands before its children
+    std::vector<DevicePlan> devices;  // a parent is listed before its children
     std::vector<Step> steps;
 };
 
 [[nodiscard]] Plan make_plan(std::uint64_t seed);
 [[nodiscard]] std::string to_text(const Plan& plan);
-// Nothing when the text is no plan; `why` says which line is wrong.
+// Returns nothing when the text is not a plan; `why` then names the wrong line.
 [[nodiscard]] std::optional<Plan> parse_plan(std::string_view text, std::string& why);
 
-// Takes a device out: its children hang at its parent where a port is free, and steps that name it go.
+// Removes a device. Its first child is connected to the port of the removed device at the parent. The other children
+// and all devices behind them are removed, too. Steps that name a removed device are removed.
 [[nodiscard]] Plan without_device(const Plan& plan, std::size_t which);
 
 }  // namespace margay::storm

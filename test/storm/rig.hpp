@@ -1,4 +1,5 @@
-// A line of library devices and its master in virtual time, driven by requests: nothing in it can wait for ever.
+// A line of library devices with a master in virtual time. All calls are requests with a time limit, so that no test
+// waits for ever.
 #pragma once
 
 #include "osal/virtual/virtual_osal.hpp"
@@ -39,8 +40,8 @@ struct Rig {
         ctx.emplace(limits);
         ASSERT_TRUE(init(*ctx, nic, osal));
     }
-    // Polls as poll() asks for it, with a cycle each millisecond while `cycling`. False: the time is over, or poll()
-    // goes on without letting time pass.
+    // Calls poll() at the times that poll() returns, with a cycle each millisecond while `cycling`, until `holds` is
+    // true. Returns false when the time is over, or when poll() loops without letting time pass.
     template <class Holds>
     bool until(Holds holds, Duration most) {
         using namespace std::chrono_literals;
@@ -67,7 +68,7 @@ struct Rig {
     bool ends(Request& request, Duration most) {
         return until([&] { return !request.busy(); }, most);
     }
-    // Submits, and waits until the request has ended. What it ended with; Errc::busy when it never did.
+    // Submits a request and waits until it ends. Returns its error; Errc::busy when it did not end.
     template <class R>
     Error run(R& request, Duration most) {
         const auto taken = submit(*ctx, request);

@@ -30,7 +30,7 @@ void on_crash(int number) {
     std::raise(number);
 }
 
-// In the child. What it says goes to `out`: seconds, rule and detail, a line each.
+// The child process. It writes seconds, rule and detail to `out`, one per line.
 [[noreturn]] void child(const Plan& plan, int out, unsigned cpu_seconds) {
     ::dup2(out, STDERR_FILENO);
     const rlimit cpu{cpu_seconds, cpu_seconds + 1};
@@ -63,7 +63,7 @@ std::string read_all(int from) {
     return all;
 }
 
-// Functions and lines of a crash's frames in this program, by addr2line where there is one; from src/ only.
+// Functions and lines of the stack frames of a crash, from src/ only. Uses addr2line if it is installed.
 std::string in_words(const std::string& output) {
     std::array<char, 512> self{};
     if (::readlink("/proc/self/exe", self.data(), self.size() - 1) <= 0) return "";
@@ -85,7 +85,7 @@ std::string in_words(const std::string& output) {
     return text;
 }
 
-// The first thing that a crash says: an assertion, a sanitizer's headline.
+// The first message of a crash: an assertion, or the headline of a sanitizer.
 std::string headline(const std::string& output) {
     for (const char* const mark : {"Assertion", "ERROR: AddressSanitizer:", "runtime error:", "ERROR: LeakSanitizer"}) {
         const auto at = output.find(mark);
@@ -134,7 +134,7 @@ Verdict execute(const Plan& plan, unsigned cpu_seconds) {
     return verdict;
 }
 
-// ------------------------------------------------------------------ smaller
+// ------------------------------------------------------------------ reducing a plan
 
 namespace {
 
@@ -170,7 +170,7 @@ class Shrinker {
                 const auto end = std::min(at + part, candidate.steps.size());
                 const auto first = candidate.steps.begin() + static_cast<std::ptrdiff_t>(at);
                 const auto last = candidate.steps.begin() + static_cast<std::ptrdiff_t>(end);
-                std::uint32_t after = 0;  // what follows keeps its time
+                std::uint32_t after = 0;  // keeps the time of the next step
                 for (auto step = first; step != last; ++step) after += step->after_us;
                 if (end < candidate.steps.size()) last->after_us += after;
                 candidate.steps.erase(first, last);

@@ -1,5 +1,5 @@
-// Runs a plan in a process of its own, so that a crash or an endless loop is a result like any other, and makes plans
-// that fail smaller.
+// Executes a plan in a separate process, so that a crash or an endless loop is also a result, and reduces plans that
+// fail.
 #pragma once
 
 #include "storm/plan.hpp"
@@ -7,19 +7,19 @@
 namespace margay::storm {
 
 struct Verdict {
-    std::string rule;    // empty: everything held
-    std::string detail;  // or what a crash has left on its error output
+    std::string rule;    // empty: no rule was broken
+    std::string detail;  // details, or the error output of a crash
     double simulated_seconds = 0;
     [[nodiscard]] bool good() const { return rule.empty(); }
 };
 
-// `cpu_seconds` is all the time it has.
+// `cpu_seconds` limits the CPU time of the process.
 [[nodiscard]] Verdict execute(const Plan& plan, unsigned cpu_seconds = 60);
 
-// A smaller plan that breaks the same rule; `most` runs are tried.
+// Finds a smaller plan that breaks the same rule, in at most `most` runs.
 [[nodiscard]] Plan shrink(const Plan& plan, const std::string& rule, unsigned most = 400);
 
-// Rules that are known to be broken, with the sentence of the issue that says so; nullptr: it is not known.
+// The sentence of the issue about a known failure; nullptr when the failure is not known.
 [[nodiscard]] const char* known_reason(const Verdict& verdict);
 
 }  // namespace margay::storm

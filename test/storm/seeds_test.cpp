@@ -1,4 +1,4 @@
-// The storm's seeds of the suite, and plans that once failed.
+// The seeds of the test suite, and plans that failed once.
 #include "storm/run.hpp"
 
 #include <gtest/gtest.h>
@@ -12,8 +12,8 @@
 namespace margay::storm {
 namespace {
 
-// So many seeds from 1 on: about two minutes on one core. Counted, so that the suite is the same everywhere. Sanitizers
-// take several times as long for a seed.
+// The number of seeds, starting at 1: about two minutes on one core. The number is fixed, so that the suite is the
+// same on all machines. A run under sanitizers lasts several times as long.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr std::uint64_t kSeeds = 80;
 #else
@@ -53,7 +53,7 @@ TEST(Storm, PlansThatOnceFailed) {
         const auto plan = parse_plan(text.str(), why);
         ASSERT_TRUE(plan) << entry.path() << ": " << why;
         ++count;
-        // "# known: …" says that it is not mended yet.
+        // A plan with "# known: …" shows a fault that is not fixed yet.
         const auto verdict = execute(*plan);
         const bool known = text.str().find("# known:") != std::string::npos;
         if (known)
@@ -65,7 +65,7 @@ TEST(Storm, PlansThatOnceFailed) {
     EXPECT_GT(count, 0U);
 }
 
-// The same seed makes the same plan, and its text is the plan.
+// The same seed generates the same plan, and the text form contains the complete plan.
 TEST(Storm, APlanIsTheSameAsItsText) {
     for (std::uint64_t seed = 1; seed < 200; ++seed) {
         const std::string text = to_text(make_plan(seed));
@@ -77,7 +77,7 @@ TEST(Storm, APlanIsTheSameAsItsText) {
     }
 }
 
-// Two runs of a plan take the same virtual time to the nanosecond.
+// Two runs of a plan end at the same nanosecond of virtual time.
 TEST(Storm, ARunIsTheSameEachTime) {
     for (const std::uint64_t seed : {3U, 8U, 21U}) {
         const auto once = execute(make_plan(seed));
@@ -87,8 +87,8 @@ TEST(Storm, ARunIsTheSameEachTime) {
     }
 }
 
-// What the storm is for: a rule that is broken is found, and the plan that breaks it gets smaller. Two devices at one
-// port are such a plan: one of the two is never found.
+// The storm finds a broken rule and reduces the plan. This plan has two devices at one port, so one of them is never
+// found.
 TEST(Storm, APlanThatFailsIsMadeSmaller) {
     Plan plan = make_plan(5);
     plan.steps.resize(6);
@@ -107,7 +107,7 @@ TEST(Storm, APlanThatFailsIsMadeSmaller) {
     EXPECT_EQ(execute(small).rule, verdict.rule);
 }
 
-// What is wrong with a plan is told.
+// A wrong plan is reported.
 TEST(Storm, APlanThatCannotBeIsRefused) {
     std::string why;
     const auto plan = parse_plan("device 0 junction -1 0\nafter 0 quirk 0 7\n", why);

@@ -60,7 +60,7 @@ void Spy::write(std::uint16_t address, Bytes data) noexcept {
 bool Spy::has_shown(const Value& value, std::uint32_t bits, Time from) const {
     for (auto at = shown_.rbegin(); at != shown_.rend(); ++at) {
         if (first_bits(at->value, bits) == value) return true;
-        if (at->at <= from) return false;  // what came before it was over then
+        if (at->at <= from) return false;  // the value before it ended at this time
     }
     return false;
 }

@@ -1,4 +1,5 @@
-// The program of a device, watched: what it lays into its input SyncManager, and what outputs it takes over in OP.
+// Watches the program of a device: records the inputs that it writes to its input SyncManager, and the outputs that it
+// applies in OP.
 #pragma once
 
 #include "sim/process_data.hpp"
@@ -22,16 +23,16 @@ class Spy final : public sim::Firmware, private subdevice::EscAccess {
     bool add_quirk(sim::Quirk quirk, std::vector<std::byte>& sii) override { return inner_->add_quirk(quirk, sii); }
     [[nodiscard]] sim::ProcessDataFirmware* process_data() override { return inner_->process_data(); }
 
-    // Inputs that the program has shown, the last ones with the time. Values are kept whole.
+    // Inputs that the program showed; the latest with their time. Each entry is a complete value.
     struct Shown {
         Time at{};
         Value value;
     };
-    // Whether the inputs have been `value` (its first `bits` bits) at some time from `from` on, or ever.
+    // Whether the first `bits` bits of the inputs were equal to `value` at some time since `from`, or at any time.
     [[nodiscard]] bool has_shown(const Value& value, std::uint32_t bits, Time from) const;
     [[nodiscard]] bool has_ever_shown(const Value& value, std::uint32_t bits) const;
     [[nodiscard]] const std::deque<Shown>& shown() const { return shown_; }
-    // Outputs that it took over in OP since the last call.
+    // Outputs that the program applied in OP since the last call.
     [[nodiscard]] std::vector<Value> take_applied() { return std::exchange(applied_, {}); }
 
   private:

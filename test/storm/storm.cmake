@@ -1,5 +1,5 @@
-# storm: a whole system by seed. Its master is built with the assertions of the standard library, which sanitized builds have
-# everywhere: an index out of range ends the run of a seed in all of them.
+# storm: random tests of complete systems, generated from seeds. The master is built with the assertions of the standard library, so
+# that an index out of range ends the run of a seed. Sanitized builds have these assertions in all targets.
 if(MARGAY_SANITIZE)
   add_library(margay_checked ALIAS margay)
 else()
@@ -34,6 +34,6 @@ if(CLI11_FOUND)
 endif()
 margay_tests(storm ONLY "_test\\.cpp$" TIMEOUT 900 COST 200 LINK margay_storm)
 if(TARGET test_storm)
-  # The linker puts a test's function before Arena::allocate(), which then fails when the test wants it to.
+  # The linker replaces Arena::allocate() by a function of the test, which can report failures.
   target_link_options(test_storm PRIVATE "LINKER:--wrap=_ZN6margay5Arena8allocateEm")
 endif()

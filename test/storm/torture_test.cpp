@@ -1,6 +1,7 @@
-// A tree of twenty slaves for a hundred thousand cycles on a bad line, and every wire and every slave cut at every step
-// of a bring-up and of a recovery. What must hold is that of the storm: no input as good that the slave never had, no
-// output that the application did not write, every request ends, and all slaves come back.
+// A tree of twenty slaves for a hundred thousand cycles on a bad line. Then every wire is broken and every slave
+// switched off, at every step of a bring-up and of a recovery. The rules are those of the storm: no input is delivered
+// as valid that the slave never had, no output is applied that the application did not write, every request ends, and
+// all slaves come back.
 #include "storm/operations.hpp"
 #include "storm/run.hpp"
 
@@ -9,7 +10,7 @@
 namespace margay::storm {
 namespace {
 
-// Junctions with lines at their ports, 20 devices.
+// 20 devices: junctions with lines at their ports.
 Plan tree(std::uint64_t seed) {
     Plan plan;
     plan.seed = seed;
@@ -45,7 +46,8 @@ void expect_good(const Plan& plan, const std::string& what, unsigned cpu_seconds
 void hundred_thousand_cycles(std::uint64_t seed) {
     Plan plan = tree(seed);
     ASSERT_EQ(plan.devices.size(), 20U);
-    // A loss of a tenth, half of it on the way out; a twentieth doubled; a tenth delayed, which reorders.
+    // 10 % of the frames are lost, half of them on the way out; 5 % are duplicated; 10 % are delayed, which changes
+    // their order.
     plan.steps = {{1000, Op::drop, {50'000, 50'000}},
                   {0, Op::duplicate, {25'000, 25'000}},
                   {0, Op::delay, {100'000, 2'000}},
@@ -56,7 +58,7 @@ void hundred_thousand_cycles(std::uint64_t seed) {
 
 TEST(Torture, AHundredThousandCyclesOnABadLine) { hundred_thousand_cycles(1); }
 
-// While everything is in OP each cable is interrupted, each slave loses its supply, and again at moments of the
+// All slaves are in OP. Each cable is broken, each slave loses its power supply, and the same again at moments of the
 // recovery.
 TEST(Torture, EveryWireAndEverySlaveAgainDuringTheRecovery) {
     const Plan base = tree(2);
@@ -74,8 +76,8 @@ TEST(Torture, EveryWireAndEverySlaveAgainDuringTheRecovery) {
             }
 }
 
-// Scan and mapping of a line of five, interrupted at each moment in turn: the moment moves on by a prime number of
-// microseconds, so that it falls on all kinds of them.
+// Scan and mapping of a line of five slaves, interrupted at each moment in turn. The moment advances by a prime number
+// of microseconds, so that it meets different steps.
 TEST(Torture, EveryWireAndEverySlaveAtEveryStepOfTheBringUp) {
     Plan base;
     base.devices = {{0, "coupler", {}, -1, 0},
@@ -88,7 +90,7 @@ TEST(Torture, EveryWireAndEverySlaveAtEveryStepOfTheBringUp) {
             for (std::uint32_t at = 1; at < 400'000; at += 9'973) {
                 Plan plan = base;
                 plan.seed = at;
-                // Whatever comes of the scan, the mapping follows 300 ms later.
+                // The mapping starts 300 ms later, whatever the result of the scan.
                 const Step map{0, Op::map, {0}};
                 plan.steps = {{0, Op::submit, {0, *kind_by_name("scan"), 0, 0, 0}}};
                 const Step off{0, power ? Op::power_off : Op::cut, {device}};

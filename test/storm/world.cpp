@@ -9,7 +9,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-// Nothing that a master does takes longer: all timeouts of a start-up of slaves that never answer, one after the other.
+// The longest call of a master: all timeouts of the start-up of slaves that never answer, in sequence.
 constexpr Duration kLongestCall = 600s;
 constexpr std::uint32_t kMostPollsAtOnce = 2000;
 constexpr std::uint32_t kMostPollsAMillisecond = 5000;
@@ -196,7 +196,7 @@ void World::cycle_group(std::uint8_t group) {
         on_their_way_[group].clear();
         return;
     }
-    // Overlapped cycles: nobody sends while the group is mapped anew.
+    // Overlapped cycles: no thread may send while the group is mapped again.
     if (plan_.settings.in_flight > 1)
         for (const auto& slot : slots_)
             if (slot.operation && slot.operation->request().busy() &&
@@ -227,7 +227,7 @@ void World::receive_group(std::uint8_t group) {
     check_inputs(group, wkc.ok(), cycle);
 }
 
-// ------------------------------------------------------------------ all of it
+// ------------------------------------------------------------------ the complete run
 
 void World::run() {
     if (plan_.settings.calm != 0) bring_up();

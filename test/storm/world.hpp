@@ -1,4 +1,4 @@
-// A plan at work: the segment, the master on it, the time, and what must hold at every moment.
+// Executes a plan: the segment, the master, the time, and the rules that are checked at every moment.
 #pragma once
 
 #include "osal/osal.hpp"
@@ -18,17 +18,17 @@
 
 namespace margay::storm {
 
-// What did not hold. `rule` is the same for all failures of one kind; `detail` is this one's.
+// A broken rule. `rule` is the same text for all failures of a kind; `detail` describes this failure.
 struct Failure {
     std::string rule;
     std::string detail;
 };
-// Called once, when something does not hold; does not return.
+// Called once, when a rule is broken. Does not return.
 using Reporter = std::function<void(const Failure&)>;
 
 class World;
 
-// Virtual time. While somebody waits the world goes on.
+// Virtual time. While the owner waits, the steps of the world continue.
 class StormOsal final : public Osal {
   public:
     explicit StormOsal(World& world) : world_(world) {}
@@ -41,7 +41,7 @@ class StormOsal final : public Osal {
         if (now > now_) now_ = now;
     }
     bool woken = false;
-    std::uintptr_t thread = 1;  // who calls now: 1 is the owner
+    std::uintptr_t thread = 1;  // the thread that calls at present; 1 is the owner
 
   private:
     World& world_;
@@ -55,13 +55,13 @@ class World {
     World(const World&) = delete;
     World& operator=(const World&) = delete;
 
-    // All of the plan. Comes back only when everything holds.
+    // Executes the whole plan. Returns only when no rule is broken.
     void run();
     [[nodiscard]] double simulated_seconds() {
         return std::chrono::duration<double>(osal_.now().time_since_epoch()).count();
     }
 
-    // For StormOsal: time passes until then, or until somebody wakes the owner.
+    // Used by StormOsal: time passes until `until`, or until another thread wakes the owner.
     void pass(Time until);
     void wait_in_call(Time until);
 
@@ -75,13 +75,14 @@ class World {
         Time at{};
         Step step;
     };
-    // A cycle, and who was there when its frames passed. Frames pass the simulated segment when they are sent.
+    // A cycle, and the slaves that were reachable when its frames passed. Frames pass the simulated segment at the
+    // time of sending.
     struct Cycle {
         Time sent{};
         std::vector<bool> reachable;
         std::vector<std::uint16_t> station;
         Errc send_error = Errc::none;
-        bool mapping = false;  // its group, or another one, was being mapped
+        bool mapping = false;  // a group was being mapped during the cycle
     };
     [[nodiscard]] bool mapping() const;
     static constexpr std::size_t kSlots = 24;
@@ -89,7 +90,7 @@ class World {
 
     [[noreturn]] void fail(std::string rule, const std::string& detail);
 
-    // world.cpp: building up, time
+    // world.cpp: construction, time
     void build();
     void start_steps();
     void poll_once();
@@ -146,19 +147,20 @@ class World {
     Chance chance_;
 
     std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
-    std::vector<bool> dirty_;  // it is not what it was
+    std::vector<bool> dirty_;  // by device: a step changed its EEPROM or its quirks
     std::vector<bool> halted_;
-    std::vector<bool> reachable_;  // as of the last look_around()
+    std::vector<bool> reachable_;  // at the last look_around()
     std::vector<std::uint16_t> station_;
-    std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;  // by device: outputs the application had for it
+    // By device: outputs that the application wrote for it.
+    std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;
     std::vector<std::uint32_t> ids_;
-    bool hostile_ = false;  // frames were damaged behind the FCS's back: nothing can be said about data
+    bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
 
     std::vector<std::vector<std::byte>> images_;
     std::vector<std::deque<Cycle>> on_their_way_;
     std::vector<std::uint32_t> baseline_;  // devices that were in OP when the steps began
     std::vector<ExpectedSlave> expected_;
-    std::uint16_t wrong_ = 0;  // the slave that is not what is expected
+    std::uint16_t wrong_ = 0;  // the slave that differs from the expected one
     SlaveConfiguration expected_configuration_;
     SuperviseRequest supervision_;
     std::array<Slot, kSlots> slots_;
@@ -171,11 +173,11 @@ class World {
     Duration late_{};
     std::uint32_t counter_ = 0;
     std::size_t most_slaves_ = 0;
-    std::deque<std::string> story_;  // errors and events told last, in words
+    std::deque<std::string> story_;  // texts of the latest errors and events
     std::uint32_t hook_calls_ = 0;
     std::uint32_t events_called_ = 0;
 
-    const char* call_ = nullptr;  // the blocking call the owner is in
+    const char* call_ = nullptr;  // the blocking call in which the owner waits
     Time call_since_{};
     std::uint32_t calls_waits_ = 0;
     Time polls_since_{};

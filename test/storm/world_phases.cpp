@@ -1,4 +1,4 @@
-// The parts of a run: bringing up, the end of the faults, and what must be as before then.
+// The phases of a run: bring-up, the end of the faults, and the comparison with the beginning.
 #include "api/master.hpp"
 #include "storm/world.hpp"
 #include "wire/esc.hpp"
@@ -55,11 +55,11 @@ void World::configure_all() {
         config.reserve_bytes = static_cast<std::uint16_t>(s.reserve_bytes);
         config.cycles_in_flight = static_cast<std::uint8_t>(s.in_flight);
     }
-    for (Slave& slave : ctx_->slaves()) {
+    for (const Slave& slave : ctx_->slaves()) {
         const bool expected = slave.wanted != nullptr && slave.wanted->config != nullptr;
-        if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.position % s.groups);
-        slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.position % s.slave_lrd_lwr == 0;
-        slave.config.mailbox_status = s.mailbox_status != 0 && slave.position % s.mailbox_status == 0;
+        if (!expected && s.groups > 1) slave.config.group = static_cast<std::uint8_t>(slave.number % s.groups);
+        slave.config.block_lrw = s.slave_lrd_lwr != 0 && slave.number % s.slave_lrd_lwr == 0;
+        slave.config.mailbox_status = s.mailbox_status != 0 && slave.number % s.mailbox_status == 0;
         if (s.watchdog_us != 0) slave.config.process_data_watchdog = SlaveConfiguration::Watchdog(s.watchdog_us);
         if (s.startup != 0) slave.config.setup = &kSetup;
         if (s.hooks == 1 || s.hooks == 2) slave.hooks.transition = Hooks::transition;
@@ -68,17 +68,17 @@ void World::configure_all() {
     }
 }
 
-// By what the first scan has found.
+// Expects the slaves that the first scan found.
 void World::expect_slaves() {
     const auto slaves = ctx_->slaves();
     expected_.clear();
     for (const Slave& slave : slaves)
         expected_.push_back(
-            {.position = slave.position, .vendor = slave.identity.vendor, .product = slave.identity.product});
+            {.position = slave.number, .vendor = slave.identity.vendor, .product = slave.identity.product});
     if (plan_.settings.expect == 2 && !expected_.empty()) {
         auto& one = expected_[plan_.seed % expected_.size()];
         one.product = *one.product + 0x7000'0000;
-        wrong_ = one.position;
+        wrong_ = one.number;
     }
     if (plan_.settings.expect == 3) {
         expected_configuration_ = {};
@@ -99,8 +99,8 @@ void World::expect_slaves() {
     blame("bring-up", found.error());
 }
 
-// An error of config_init() or config_map() is right where it names a slave that has manners, or that is not the wanted
-// one: all else has been done then.
+// An error of config_init() or config_map() is allowed when it names a slave that has quirks or is not the expected
+// slave. In this case all other work was done.
 void World::blame(const char* rule, const Error& error) {
     if (error.code == Errc::none) return;
     std::array<char, 300> text{};
@@ -144,8 +144,9 @@ void World::bring_up() {
             baseline_.push_back(n);
 }
 
-// A device without manners, whose EEPROM nobody has written. The bootloader of the library does not reach SAFEOP: its
-// SII lists its SyncManager 3 as number 2 (known, to be taken out with the mend).
+// A device without quirks whose EEPROM was not changed. The bootloader device of the library is excluded: it does not
+// reach SAFEOP, because its SII lists SyncManager 3 as number 2. This is a known fault; remove the exception with the
+// fix.
 bool World::clean(std::uint32_t device) const {
     const auto& d = plan_.devices[device];
     return !dirty_[device] && d.quirks.empty() && d.name != "bootloader";
@@ -156,7 +157,7 @@ bool World::in_op(std::uint32_t device) {
            (segment_.slave(device).registers().get<std::uint16_t>(wire::reg::kAlStatus.address) & 0x1F) == 8;
 }
 
-// What was in OP when the faults began is again, and its cycle is right.
+// Devices that were in OP when the faults began must be in OP again, and the cycle must be right.
 void World::expect_back() {
     if (supervision_.target != AlState::op || hostile_) return;
     cycling_ = true;
@@ -206,7 +207,7 @@ void World::check_arena() {
              std::to_string(used) + " octets are in use, " + std::to_string(arena_level_) + " were");
 }
 
-// Everything is switched off and on, and must work as if nothing had been.
+// Switches all devices off and on. Everything must work as at the beginning.
 void World::fresh_start() {
     cycling_ = false;
     run_for(10ms);
@@ -232,7 +233,7 @@ void World::fresh_start() {
     for (std::uint8_t g = 0; g < images_.size(); ++g) {
         ctx_->group(g).config = {.start = ctx_->group(g).config.start};
         call_ = "config_map()", call_since_ = osal_.now();
-        for (Slave& slave : ctx_->slaves()) slave.config.group = 0;
+        for (const Slave& slave : ctx_->slaves()) slave.config.group = 0;
         const auto mapped = config_map(*ctx_, images_[g], g);
         call_ = nullptr;
         if (g == 0) blame("a fresh start fails", mapped.error());
@@ -260,7 +261,7 @@ void World::fresh_start() {
     run_for(30ms);
 }
 
-// The context goes away under busy requests: they end.
+// The context is destroyed while requests are busy. The requests must end.
 void World::close_busy() {
     for (std::uint32_t n = 0; n < kSlots; ++n)
         submit_slot({0, Op::submit, {n, n % static_cast<std::uint32_t>(kinds().size()), 1 + n % 3, n * 7, 0}}, true);

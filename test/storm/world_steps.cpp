@@ -1,4 +1,4 @@
-// What each step of a plan does.
+// The effect of each step of a plan.
 #include "storm/world.hpp"
 
 #include "sim/library/quirk.hpp"
@@ -116,9 +116,9 @@ void World::submit_slot(const Step& step, bool by_owner) {
     const KindInfo& of = kinds()[kind];
     if (!by_owner && !of.mail) return;
     const bool busy = slot.operation && slot.operation->request().busy();
-    if (busy && slot.operation->kind() != kind) return;  // somebody else's
+    if (busy && slot.operation->kind() != kind) return;  // another kind of request is busy in this slot
     if (!busy) {
-        if (slot.operation && slot.operation->kind() == kind)  // the same request, used again
+        if (slot.operation && slot.operation->kind() == kind)  // the same request object is used again
             set_operation(*slot.operation, step.args[2], step.args[3], step.args[4]);
         else
             slot.operation = make_operation(kind, step.args[2], step.args[3], step.args[4]);
@@ -139,8 +139,8 @@ void World::submit_slot(const Step& step, bool by_owner) {
 }
 
 void World::configure(std::uint32_t position, std::uint32_t what, std::uint32_t value) {
-    Slave& slave = ctx_->slave(position);
-    if (slave.position == 0) return;
+    const Slave& slave = ctx_->slave(position);
+    if (slave.number == 0) return;
     switch (what % 6) {
         case 0: slave.config.group = static_cast<std::uint8_t>(value % images_.size()); break;
         case 1: slave.config.block_lrw = value % 2 != 0; break;
@@ -163,7 +163,7 @@ void World::map_now(std::uint8_t group) {
     next_cycle_ = std::max(next_cycle_, osal_.now());
 }
 
-// All faults cease.
+// Ends all faults.
 void World::heal() {
     world_steps_.clear();
     owner_steps_.clear();

@@ -1,5 +1,5 @@
-// A device of every kind of object, over PlainEsc, and a master's hand on its mailbox. Everything that
-// travels through the mailbox can be recorded for tshark.
+// A device with every kind of object over PlainEsc, and helpers that act as the master at its mailbox. All mailbox
+// messages can be recorded for tshark.
 #pragma once
 
 #include "subdevice/coe_server.hpp"
@@ -149,7 +149,7 @@ inline constexpr Object kObjects[] = {
     record(0x6000, "Inputs", kInputs),
     record(0x7000, "Outputs", kOutputs),
 };
-#ifndef __SANITIZE_ADDRESS__  // GCC 12 takes no address for a constant under the sanitizers
+#ifndef __SANITIZE_ADDRESS__  // GCC 12 with sanitizers does not accept this address in a constant expression
 static_assert(well_formed(kObjects, Values::bytes));
 #endif
 
@@ -195,16 +195,16 @@ inline MutableBytes vast_memory(const ObjectAccess& access) {
     return MutableBytes(bench.vast).first(access.write ? bench.vast.size() : bench.vast_bytes);
 }
 
-// Mailbox messages of a test, for tshark to look at.
+// Mailbox messages of a test, recorded for tshark.
 struct Recorded {
     bool from_slave = false;
     std::vector<std::byte> octets;
 };
-std::vector<Recorded>& recording();  // of all tests of this program so far
+std::vector<Recorded>& recording();  // all messages of the tests of this program so far
 
 class Bench {
   public:
-    // Mailboxes of these sizes, PREOP.
+    // A device with mailboxes of this size, in PREOP.
     explicit Bench(std::uint16_t mailbox_bytes = 128, std::size_t slots = 4) : send_memory_(256 * slots) {
         mailbox.emplace(esc, MutableBytes(receive_memory_), MutableBytes(send_memory_), protocols_);
         device.emplace(esc, application, process_data, &*mailbox);
@@ -224,17 +224,17 @@ class Bench {
         return esc.al_status();
     }
     Time step() { return device->step(esc.time); }
-    // Until nothing is left to do at this time.
+    // Executes steps until nothing is left to do at this time.
     void settle() {
         for (int i = 0; i < 4; ++i) (void)step();
     }
 
-    // A whole message, as is. False: the mailbox was full.
+    // Writes a complete message without changes. False: the mailbox was full.
     bool put(const std::vector<std::byte>& message) {
         recording().push_back({false, message});
         return hand_.put(message);
     }
-    // Data behind a header of its own counter.
+    // Sends data behind a mailbox header with the next counter.
     bool send(wire::MailboxType type, const std::vector<std::byte>& data) { return put(hand_.message(type, data)); }
     // The message in SM1 with its header; empty when there is none.
     std::vector<std::byte> fetch() {
@@ -245,7 +245,7 @@ class Bench {
         (void)step();
         return message;
     }
-    // The data of the next reply, header checked and cut off.
+    // The data of the next reply. The header is checked and removed.
     std::vector<std::byte> receive(wire::MailboxType type = wire::MailboxType::coe) {
         auto message = fetch();
         if (message.empty()) {
@@ -280,7 +280,7 @@ class Bench {
     MailHand hand_{esc};
 };
 
-// --- SDO from the client's side ---
+// --- SDO as a client ---
 
 inline std::vector<std::byte> sdo_request(int command, int index, int subindex, std::uint32_t tail = 0) {
     std::vector<std::byte> out(wire::coe::kSdoBytes);
@@ -315,8 +315,8 @@ struct Transfer {
 };
 
 Transfer upload(Bench& bench, int index, int subindex = 0, bool complete = false);
-// `segment_bytes`: how much of it goes into the first message and each segment; 0: as much as fits. Expedited
-// up to 4 octets unless `normal`.
+// `first_bytes` is the largest number of octets in the first message; default: as many as fit. Up to 4 octets are sent
+// by an expedited transfer, unless `normal`.
 Transfer download(Bench& bench, int index, int subindex, std::vector<std::byte> data, bool complete = false,
                   bool normal = false, std::size_t first_bytes = SIZE_MAX);
 inline std::vector<std::byte> number(std::uint64_t value, std::size_t bytes) {

@@ -22,7 +22,7 @@ std::vector<std::byte> info_request(int opcode, int index_or_list, int subindex 
     return out;
 }
 
-// All fragments of a response put together, their headers checked.
+// All fragments of a response, joined; their headers are checked.
 struct Information {
     int opcode = 0;
     std::vector<std::byte> data;

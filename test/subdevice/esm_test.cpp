@@ -1,4 +1,4 @@
-// The state machine against the tables of ETG.1000.6 "EtherCAT state machine": every pair of states, every
+// The state machine compared with the tables of ETG.1000.6 "EtherCAT state machine": every pair of states, every
 // check, error indication and acknowledge.
 #include "subdevice/esm.hpp"
 

@@ -1,4 +1,5 @@
-// What users of another slave stack have run into (public issue threads; O#n is the number): each must not happen here.
+// Problems of users of another slave stack, from public issue threads (O#n is the number). None of them may occur
+// here.
 #include "bench_device.hpp"
 
 #include <algorithm>
@@ -8,7 +9,7 @@ namespace {
 
 void to_safeop(Bench& bench) { ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0})); }
 
-// O#122: outputs in SAFEOP are read, which feeds the watchdog and frees the buffer, and not applied.
+// O#122: in SAFEOP, outputs are read, which triggers the watchdog and frees the buffer, but they are not applied.
 TEST(FieldNotes, SafeopReadsOutputsAndDoesNotApplyThem) {
     Bench bench;
     to_safeop(bench);
@@ -20,8 +21,7 @@ TEST(FieldNotes, SafeopReadsOutputsAndDoesNotApplyThem) {
     EXPECT_FALSE(bench.application.last_valid);
 }
 
-// O#115: a subindex that is not there is 0x06090011, an object that is not there 0x06020000, whatever the kind of
-// access.
+// O#115: a missing subindex gives 0x06090011, a missing object 0x06020000, for every kind of access.
 TEST(FieldNotes, AbortCodesAreThoseOfTheStandard) {
     Bench bench;
     EXPECT_EQ(upload(bench, 0x1018, 5).abort, Abort::no_subindex);
@@ -32,7 +32,7 @@ TEST(FieldNotes, AbortCodesAreThoseOfTheStandard) {
     EXPECT_EQ(upload(bench, 0x2005).abort, Abort::write_only);
 }
 
-// O#198: complete access of 0x1018 is one 16-bit subindex 0 and four times 32 bits: 18 octets, not 17 and not 20.
+// O#198: complete access of 0x1018 has subindex 0 in 16 bits and four values of 32 bits: 18 octets, not 17 and not 20.
 TEST(FieldNotes, CompleteAccessHasTheLengthOfTheStandard) {
     Bench bench;
     const auto whole = upload(bench, 0x1018, 0, true);
@@ -42,12 +42,13 @@ TEST(FieldNotes, CompleteAccessHasTheLengthOfTheStandard) {
     EXPECT_EQ(upload(bench, 0x1018, 1, true).data.size(), 16u);
 }
 
-// O#211: the AL event request is read afresh at every step: what came since, of any kind, is served by the next one.
+// O#211: the AL event request is read again at every step, so that the next step handles all events since the last
+// one.
 TEST(FieldNotes, EventsAreReadAfreshAtEveryStep) {
     Bench bench;
     for (int round = 0; round < 20; ++round) {
         ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0)));
-        bench.esc.al_control(round % 2 == 0 ? 4 : 2);  // both at once, between two steps
+        bench.esc.al_control(round % 2 == 0 ? 4 : 2);  // both events at once, between two steps
         (void)bench.step();
         EXPECT_EQ(bench.esc.al_status().state, round % 2 == 0 ? AlState::safeop : AlState::preop);
         const auto reply = bench.receive();
@@ -57,7 +58,7 @@ TEST(FieldNotes, EventsAreReadAfreshAtEveryStep) {
     }
 }
 
-// O#197: an emergency and replies leave in the order in which they came to be, with counters one after the other.
+// O#197: an emergency and replies are sent in the order of their creation, with consecutive counters.
 TEST(FieldNotes, MailLeavesInOrderOfItsCounters) {
     Bench bench;
     std::vector<unsigned> services;

@@ -1,4 +1,4 @@
-// The FoE server: reading, writing, busy with progress, errors with text, and clients that do not keep to it.
+// The FoE server: reading, writing, busy with progress, errors with text, and clients that violate the protocol.
 #include "subdevice/foe_server.hpp"
 
 #include "bench_device.hpp"

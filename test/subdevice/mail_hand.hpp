@@ -1,5 +1,5 @@
-// What the devices share that tests and fuzzing harnesses make with a mailbox over PlainEsc: the master's hand on the
-// mailbox, and an application that reports.
+// Shared parts of the devices that tests and fuzzing harnesses build with a mailbox over PlainEsc: the master's side
+// of the mailbox, and an application that reports emergencies and diagnosis messages.
 #pragma once
 
 #include "subdevice/application.hpp"
@@ -21,7 +21,7 @@ class MailHand {
   public:
     explicit MailHand(PlainEsc& esc) : esc_(esc) {}
 
-    // Both mailboxes on, of this size.
+    // Enables both mailboxes with this size.
     void configure(std::uint16_t mailbox_bytes) {
         bytes_ = mailbox_bytes;
         esc_.configure(0, {0x1000, mailbox_bytes, 0x26, 1});
@@ -29,7 +29,7 @@ class MailHand {
     }
     [[nodiscard]] std::uint16_t bytes() const { return bytes_; }
 
-    // Data behind a mailbox header, with the counter that comes next or with this one; what does not fit is cut off.
+    // Data behind a mailbox header, with the next counter or with the given one. Data that do not fit are cut off.
     [[nodiscard]] std::vector<std::byte> message(wire::MailboxType type, Bytes data,
                                                  std::optional<std::uint8_t> counter = std::nullopt) {
         counter_ = counter ? *counter : wire::next_mailbox_counter(counter_);
@@ -40,12 +40,12 @@ class MailHand {
         std::copy_n(data.begin(), taken, out.begin() + wire::kMailboxHeaderBytes);
         return out;
     }
-    // A whole message as is, cut or filled up with zeros to the mailbox. False: the mailbox is full.
+    // Writes a message, cut or padded with zeros to the size of the mailbox. False: the mailbox is full.
     bool put(std::vector<std::byte> message) {
         message.resize(bytes_);
         return esc_.ecat_write(0x1000, message);
     }
-    // All of the send mailbox; empty: nothing is in it.
+    // The whole send mailbox; empty: there is no message.
     [[nodiscard]] std::vector<std::byte> fetch() {
         std::vector<std::byte> whole(bytes_);
         if (!esc_.ecat_read(0x1100, whole)) whole.clear();
@@ -58,7 +58,8 @@ class MailHand {
     std::uint8_t counter_ = 0;
 };
 
-// With room for so many emergencies at once, in the error history, and in the diagnosis history.
+// The template arguments are the capacities for queued emergencies, for the error history, and for the diagnosis
+// history.
 template <std::uint8_t Queue, std::uint8_t Errors, std::uint8_t Messages>
 class ReportingApplication : public Application {
   public:

@@ -1,4 +1,4 @@
-// The mailbox engine: handshake, counters, repeat, order, errors, and whatever a master may put into it.
+// The mailbox engine: handshake, counters, repeat, order, errors, and any message of a master.
 #include "subdevice/mailbox.hpp"
 
 #include "bench_device.hpp"
@@ -230,14 +230,14 @@ TEST(MailboxEngine, TooLargeForItsMemoryIsRefused) {
               (AlStatus{AlState::init, true, static_cast<std::uint16_t>(AlStatusCode::no_memory)}));
 }
 
-// Any bytes of any length in any state: an answer or silence, never a stuck mailbox.
+// Octets of any content and length in any state: the slave answers or stays silent, and the mailbox is never stuck.
 TEST(MailboxNoise, NeverStuck) {
     std::mt19937 random(4711);
     Bench bench;
     for (int round = 0; round < 20'000; ++round) {
         std::vector<std::byte> noise(random() % 129);
         for (auto& b : noise) b = static_cast<std::byte>(random());
-        if (noise.size() >= 8 && random() % 4 != 0) {  // mostly likely ones
+        if (noise.size() >= 8 && random() % 4 != 0) {  // mostly plausible messages
             wire::store_mailbox_header(
                 noise, {.length = static_cast<std::uint16_t>(random() % 3 ? noise.size() - 6 : random() % 200),
                         .type = static_cast<MailboxType>(random() % 3 ? 3 : random() % 16),

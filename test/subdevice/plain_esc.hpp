@@ -1,6 +1,6 @@
-// An ESC of plain memory with just the behaviour the slave stack's tests stand on: AL events, mailbox
-// handshake, SM locks. The tests play the master through the ecat_… side; the register-accurate model is
-// margay_sim's.
+// An ESC of plain memory with only the behaviour that the tests of the slave stack need: AL events, mailbox handshake,
+// SyncManager locks. The tests act as the master through the ecat_… functions. The register-accurate model is in
+// margay_sim.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -29,7 +29,7 @@ class PlainEsc final : public EscAccess {
         ecat_set<std::uint16_t>(0x0440, 1);
     }
 
-    // Slave's side.
+    // Accesses of the slave.
     void read(std::uint16_t address, MutableBytes into) noexcept override {
         ++accesses;
         for (std::size_t i = 0; i < into.size(); ++i) into[i] = memory_[address + i];
@@ -61,7 +61,7 @@ class PlainEsc final : public EscAccess {
     }
     [[nodiscard]] Time now() noexcept override { return time; }
 
-    // Master's side. False: the datagram's working counter would be 0.
+    // Accesses of the master. False: the working counter of the datagram would be 0.
     bool ecat_write(std::uint16_t address, Bytes data) {
         for (unsigned n = 0; n < 4; ++n) {
             const auto sm = sync_manager(n);
@@ -111,7 +111,7 @@ class PlainEsc final : public EscAccess {
         std::array<std::byte, 8> bytes{};
         wire::store_sync_manager(bytes, sm);
         const auto address = wire::reg::sync_manager(n).address;
-        bytes[7] = memory_[address + 7u];  // the PDI's octet
+        bytes[7] = memory_[address + 7u];  // the octet of the PDI
         (void)ecat_write(address, bytes);
     }
     void al_control(std::uint16_t value) { ecat_set(0x0120, value); }
@@ -130,7 +130,7 @@ class PlainEsc final : public EscAccess {
     }
 
     Time time{};
-    std::uint64_t accesses = 0;  // of the slave's side
+    std::uint64_t accesses = 0;  // accesses of the slave
 
   private:
     static std::uint16_t status_of(unsigned n) {

@@ -1,4 +1,4 @@
-// Process data and the three ways to run: what is read when, what is applied when, and what happens when it
+// Process data and the three run modes: the time when data are read and applied, and the reaction when process data
 // stops.
 #include "bench_device.hpp"
 
@@ -8,7 +8,7 @@ namespace {
 using namespace testing;
 namespace reg = wire::reg;
 
-// Outputs: u8, i16, two bits (the second a gap of the mapping's end); inputs: u16, i32.
+// Outputs: u8, i16, two bits (the second is a gap at the end of the mapping); inputs: u16, i32.
 void put_outputs(Bench& bench, int a, int b, int bits) {
     ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({a, b & 0xFF, b >> 8, bits})));
 }
@@ -176,14 +176,15 @@ TEST(ProcessData, OutputsAreFoundWhereTheMasterLeftTheirEventOff) {
     ASSERT_EQ(bench.request(4).state, AlState::safeop);
     (void)bench.request(8);
     EXPECT_EQ(bench.step(), bench.esc.time + 1ms);
-    bench.esc.ecat_set<std::uint8_t>(0x0815, 1);  // the status octet tells
+    bench.esc.ecat_set<std::uint8_t>(0x0815, 1);  // the status octet contains it
     (void)bench.step();
     EXPECT_EQ(bench.esc.al_status().state, AlState::op);
 }
 
 TEST(ProcessData, MappingsThatDoNotFitAreRefusedWithTheirCode) {
     Bench bench;
-    store_le(MutableBytes(bench.image), Values::rx_first::offset, std::uint32_t{0x50000108});  // behind the rules' back
+    // without the checks of the dictionary
+    store_le(MutableBytes(bench.image), Values::rx_first::offset, std::uint32_t{0x50000108});
     EXPECT_EQ(bench.request(4), refused(AlState::preop, AlStatusCode::invalid_output_mapping));
     bench.dictionary.restore_defaults();
     store_le(MutableBytes(bench.image), Values::tx_first::offset, std::uint32_t{0x60000108});
@@ -252,7 +253,7 @@ TEST_F(DcTest, OutputsThatDoNotKeepUpWithSync0AreASyncError) {
         put_outputs(bench, i, 0, 0);
         (void)bench.step();
         sync();
-        sync();  // one missed now and then is borne
+        sync();  // a single missing event is tolerated
         ASSERT_EQ(bench.esc.al_status().state, AlState::op);
     }
     for (int i = 0; i < 4; ++i) sync();

@@ -1,4 +1,4 @@
-// The CoE server's SDO services: every form of transfer at every boundary, every abort where it belongs.
+// The SDO services of the CoE server: every form of transfer at every boundary, and every abort code.
 #include "bench_device.hpp"
 
 #include <algorithm>

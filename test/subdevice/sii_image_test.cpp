@@ -1,4 +1,4 @@
-// The SII image that a device's description and dictionary make, read back by the parser; EEPROM emulation.
+// The SII image made from a device's description and dictionary, read back by the parser; EEPROM emulation.
 #include "subdevice/sii_image.hpp"
 
 #include "bench_device.hpp"
@@ -89,11 +89,11 @@ TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
     EXPECT_EQ(write_sii(device, {}, bench.dictionary, workspace, small).fault, sii::Fault::no_room);
 }
 
-// --- Emulation: the PDI's side of 0x0502 ---
+// --- Emulation: 0x0502 on the side of the PDI ---
 
 class EepromTest : public SiiImageTest {
   protected:
-    // What the master's command leaves for the PDI to see.
+    // Writes the master's command to the registers, as the PDI sees it.
     std::uint16_t command(std::uint16_t bits, std::uint32_t word, std::uint16_t data = 0) {
         bench.esc.ecat_set<std::uint16_t>(0x0502, bits);
         bench.esc.ecat_set<std::uint32_t>(0x0504, word);

@@ -1,5 +1,5 @@
-// The SoE server: elements, fragments both ways, write protection by state, lists, procedure commands, notifications.
-// The octets are written by hand from ETG.1000.6; tshark reads all of them once more (tshark_test.cpp).
+// The SoE server: elements, fragments in both directions, write protection by state, lists, procedure commands,
+// notifications. The octets are written by hand from ETG.1000.6; tshark decodes all of them, too (tshark_test.cpp).
 #include "subdevice/soe_server.hpp"
 
 #include "bench_device.hpp"
@@ -91,7 +91,7 @@ class SoeServerTest : public ::testing::Test {
         return bench.receive(wire::MailboxType::soe);
     }
     Octets exchange(std::initializer_list<unsigned> data) { return exchange(octets(data)); }
-    // The elements of a parameter as they come, fragment by fragment.
+    // The elements of a parameter, collected from the fragments.
     Octets read(Idn idn, unsigned elements = soe_element::kValue, unsigned drive = 0) {
         Octets all;
         Octets part = exchange({1U | drive << 5, elements, idn.value & 0xFFU, unsigned{idn.value} >> 8});
@@ -165,11 +165,11 @@ TEST_F(SoeServerTest, ReadsEveryElement) {
     EXPECT_EQ(read(limit), octets({0xB8, 0x0B}));
     EXPECT_EQ(read(limit, soe_element::kDataState), octets({0, 0}));
     EXPECT_EQ(read(Idn::standard(51), soe_element::kAttribute),
-              octets({0x01, 0x00, 0x22, 0x74}));  // 4 octets, signed, 4 decimals, never written
+              octets({0x01, 0x00, 0x22, 0x74}));  // 4 octets, signed, 4 decimals, never writable
     EXPECT_EQ(read(Idn::standard(16), soe_element::kAttribute),
-              octets({0x01, 0x00, 0x55, 0x60}));  // list of IDNs, not in SAFEOP and OP
+              octets({0x01, 0x00, 0x55, 0x60}));  // list of IDNs, not writable in SAFEOP and OP
     EXPECT_EQ(read(Idn::standard(148), soe_element::kAttribute), octets({0x01, 0x00, 0x09, 0x00}));
-    // Several come in the order of their bits.
+    // Several elements are sent in the order of their bits.
     EXPECT_EQ(read(limit, 0x70), octets({10, 0, 0x60, 0xEA, 0xB8, 0x0B}));
     EXPECT_EQ(read(Idn::standard(15)), octets({7, 0}));
     EXPECT_EQ(author.reads, 5U);  // values and data states only
@@ -182,7 +182,7 @@ TEST_F(SoeServerTest, ListsHaveAHeadAndComeInFragments) {
                                                30, 0, 51, 0, 91, 0, 148, 0, 150, 0, 0x01, 0x80}));  // two fragments
     EXPECT_EQ(read(Idn::standard(30)), octets({10, 0, 10, 0, 'M', 'a', 'r', 'g', 'a', 'y', ' ', '1', '.', '0'}));
     EXPECT_EQ(read(Idn::product(1)), octets({0, 0, 100, 0}));
-    // Fragments count down, and another request waits for the end of them.
+    // Fragments count down, and another request waits until the last fragment.
     Octets value = octets({100, 0, 0, 0});
     for (unsigned n = 0; n < 100; ++n) value.push_back(static_cast<std::byte>(n));
     for (unsigned at = 0, left = 4; at < value.size(); at += 22, --left) {
@@ -219,7 +219,7 @@ TEST_F(SoeServerTest, WhatIsNotThereIsTold) {
     EXPECT_EQ(error(Idn::standard(16), soe_element::kDefault), SoeError::no_default);
     author.read_error = SoeError::general;
     EXPECT_EQ(error(Idn::standard(51)), SoeError::general);
-    EXPECT_EQ(error(Idn::standard(51), soe_element::kValue, 1), SoeError::none);  // the other drive's
+    EXPECT_EQ(error(Idn::standard(51), soe_element::kValue, 1), SoeError::none);  // the command of the other drive
 }
 
 TEST_F(SoeServerTest, WritesAreCheckedBeforeTheyChangeAnything) {
@@ -232,7 +232,7 @@ TEST_F(SoeServerTest, WritesAreCheckedBeforeTheyChangeAnything) {
     EXPECT_EQ(write(limit, {0xFF, 0xFF}), SoeError::value_too_large);  // 65535, not −1
     EXPECT_EQ(write(limit, {1}), SoeError::value_too_short);
     EXPECT_EQ(write(limit, {1, 2, 3}), SoeError::value_too_long);
-    EXPECT_EQ(write(limit, {0xD2, 0x04}), SoeError::value_settings);  // what the author has against it
+    EXPECT_EQ(write(limit, {0xD2, 0x04}), SoeError::value_settings);  // refused by the application
     EXPECT_EQ(write(offset, {0xFB, 0xFF}), SoeError::none);
     EXPECT_EQ(write(offset, {0xFA, 0xFF}), SoeError::value_too_small);
     EXPECT_EQ(write(offset, {6, 0}), SoeError::value_too_large);
@@ -280,14 +280,14 @@ TEST_F(SoeServerTest, WriteProtectionGoesByState) {
 TEST_F(SoeServerTest, FragmentsThatAreGivenUpOrTooMany) {
     Octets fragment = octets({0x0B, 0x40, 3, 0, 1, 2, 3, 4});
     silent(fragment);
-    EXPECT_EQ(write(Idn::standard(91), {100, 0}), SoeError::none);  // a write of its own
+    EXPECT_EQ(write(Idn::standard(91), {100, 0}), SoeError::none);  // a separate write
     silent(fragment);
     EXPECT_EQ(read(Idn::standard(91)), octets({100, 0}));
     fragment[2] = std::byte{1};
     fragment.resize(26);
-    silent(fragment);  // after the read nothing goes on: it begins anew
+    silent(fragment);  // the read has ended the first write: this fragment starts a new one
     EXPECT_EQ(write(Idn::standard(91), {1}), SoeError::value_too_long);
-    // More than there is room for is taken to its end, and refused.
+    // A value that is too long is received completely, then refused.
     fragment[4] = std::byte{200};
     for (unsigned left = 9; left > 0; --left) {
         fragment[2] = static_cast<std::byte>(left);
@@ -308,7 +308,7 @@ TEST_F(SoeServerTest, CommandsRunUntilTheyAreFinished) {
     EXPECT_EQ(read(homing), octets({3, 0}));
     EXPECT_EQ(write(homing, {3, 0}), SoeError::command_active);
     server.finish_command(0, homing, true);
-    server.finish_command(0, homing, true);  // it is over already
+    server.finish_command(0, homing, true);  // the command has already ended
     bench.settle();
     EXPECT_EQ(bench.receive(wire::MailboxType::soe), octets({0x05, 0x01, 148, 0, 0x03, 0x00}));
     EXPECT_TRUE(bench.fetch().empty());
@@ -342,7 +342,7 @@ TEST_F(SoeServerTest, EmergenciesLeaveAsSlaveInfo) {
         bench.settle();
         EXPECT_EQ(bench.receive(wire::MailboxType::soe), octets({0x26, 0x00, 0, 0, n, 2, 3}));
     }
-    // Those that nobody fetched are gone with the mailbox.
+    // Notifications that the master did not read are deleted with the mailbox.
     EXPECT_TRUE(server.report(1, {}));
     (void)bench.request(1);
     bench.configure(kMailbox);

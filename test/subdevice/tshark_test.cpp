@@ -1,5 +1,6 @@
-// What the slave stack sends in all tests of this program, read by tshark: every message must be a mailbox message to
-// it, with no malformed field and no expert warning. The program runs itself once more, with a file to write them to.
+// All messages that the slave stack sends in the tests of this program, decoded by tshark: tshark must recognise each
+// as a mailbox message without a malformed field or an expert warning. For this the program starts itself again, with
+// a file for the messages.
 #include "bench_device.hpp"
 
 #include "wire/mailbox_pcap.hpp"
@@ -15,9 +16,9 @@ namespace {
 
 constexpr const char* kRecordTo = "MARGAY_MAILBOX_RECORD";
 
-// What tshark cannot read though it is as the standard has it (ETG.1000.6 "SDO information"): it takes the second
-// fragment of a description for a description, and default, minimum and maximum of an entry for its name. Lists it does
-// read.
+// Messages that tshark decodes wrongly although they conform to the standard (ETG.1000.6 "SDO information"): it reads
+// the second fragment of a description as a description, and the default, minimum and maximum of an entry as its name.
+// It reads lists correctly.
 bool beyond_tshark(const std::vector<std::byte>& message, bool& more_to_come) {
     namespace coe = wire::coe;
     const auto data = Bytes(message).subspan(wire::kMailboxHeaderBytes);
@@ -41,7 +42,7 @@ class Recorder final : public ::testing::Environment {
         const char* const path = std::getenv(kRecordTo);
         if (path == nullptr) return;
         testing_tshark::MailboxPcap file(path);
-        // The same message over and over says nothing more.
+        // Equal messages are written only once.
         std::set<std::vector<std::byte>> written;
         bool more_to_come = false;
         for (auto& [from_slave, octets] : recording()) {
@@ -80,7 +81,8 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
         soe += columns[6].empty() ? 0 : 1;
         errors += columns[4].empty() && columns[5].empty() && columns[6].empty() ? 1 : 0;
     }
-    // All kinds have been there: hundreds of SDO and file messages, and mailbox errors, which tshark knows no more of.
+    // All kinds of messages occurred: hundreds of SDO and file messages, and mailbox errors, for which tshark decodes
+    // no more than that.
     EXPECT_GT(coe, 500u);
     EXPECT_GT(foe, 100u);
     EXPECT_GT(soe, 60u);

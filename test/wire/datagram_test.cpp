@@ -1,4 +1,4 @@
-// Frames and datagrams against bytes written down by hand from ETG.1000.4 "EtherCAT frame structure".
+// Frames and datagrams compared with bytes written by hand from ETG.1000.4 "EtherCAT frame structure".
 #include "wire/datagram.hpp"
 
 #include <gtest/gtest.h>
@@ -41,7 +41,7 @@ TEST(FrameBuilder, ChainsDatagramsWithTheMoreBit) {
     const auto second = reader.next();
     ASSERT_TRUE(second);
     EXPECT_FALSE(second->header.more);
-    EXPECT_EQ(second->header.address.adp(), 0xFFFE);  // the third slave: minus two
+    EXPECT_EQ(second->header.address.adp(), 0xFFFE);  // the third slave: −2
     EXPECT_FALSE(reader.next());
     EXPECT_EQ(reader.fault(), FrameFault::none);
 }

@@ -1,4 +1,4 @@
-// Emergency error codes in words: some lines of the table of ETG.1000.6, and that the narrower line counts.
+// Texts of emergency error codes: some lines of the table in ETG.1000.6. The text of the most specific line is used.
 #include "wire/emergency_code.hpp"
 
 #include <gtest/gtest.h>

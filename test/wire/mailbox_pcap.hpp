@@ -1,4 +1,4 @@
-// Mailbox messages as a recording for tshark, and what it says of them.
+// Writes mailbox messages to a recording for tshark and reads the output of tshark.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -26,7 +26,7 @@ class MailboxPcap {
         file_ << number(0xA1B2C3D4, 4) << number(2, 2) << number(4, 2) << number(0, 8) << number(65535, 4)
               << number(1, 4);
     }
-    // The message as a master fetches it, in a frame on its way back.
+    // The message in a frame on its way back, as a master reads it.
     void add(const std::vector<std::byte>& message) {
         std::string frame(6, '\xFF');
         frame += std::string("\x02\x01\x01\x01\x01\x01\x88\xA4", 8);
@@ -43,7 +43,7 @@ class MailboxPcap {
     std::uint32_t count_ = 0;
 };
 
-// What a command prints, line by line; columns are parted by tabs.
+// The output of a command, line by line; tabs separate the columns.
 [[nodiscard]] inline std::vector<std::vector<std::string>> table_of(const std::string& command) {
     std::vector<std::vector<std::string>> lines;
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
@@ -57,11 +57,11 @@ class MailboxPcap {
         else
             lines.back().back() += static_cast<char>(c);
     }
-    lines.pop_back();  // behind the last line's end
+    lines.pop_back();  // behind the end of the last line
     return lines;
 }
 
-// The fields named, of each packet.
+// The given fields of each packet.
 [[nodiscard]] inline std::vector<std::vector<std::string>> fields_of(const std::string& file,
                                                                      std::initializer_list<const char*> fields) {
     std::string command = "tshark -n -r '" + file + "' -T fields -E separator=/t";

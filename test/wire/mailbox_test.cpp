@@ -1,4 +1,4 @@
-// Mailbox header and texts against ETG.1000.4 "Mailbox" and the tables of ETG.1000.6.
+// Mailbox header and texts compared with ETG.1000.4 "Mailbox" and the tables of ETG.1000.6.
 #include "wire/mailbox.hpp"
 
 #include "wire/al_status_code.hpp"

@@ -1,4 +1,4 @@
-// The order in which the words of the configuration area are written.
+// The order of writes to the words of the configuration area.
 #include "wire/sii_area.hpp"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ Area with_checksum(Area area) {
     return area;
 }
 
-// After each write: the old words, the new words, or a checksum that is wrong.
+// After each write the area has the old words, the new words, or a wrong checksum.
 void expect_safe(const Area& old, const Area& wanted) {
     Area area = old;
     const auto plan = plan_area(old, wanted);

@@ -1,5 +1,5 @@
-// The SII as it went over the wire when other masters read real slaves: put together from what tshark prints,
-// read by us, and compared with what those masters then wrote into the slaves' SyncManagers.
+// The SII data that other masters read from real slaves. The test collects them from the output of tshark, reads them
+// with our readers, and compares them with the values that those masters wrote to the SyncManagers of the slaves.
 #include <places.hpp>
 #include "sii_image.hpp"
 #include "wire/sii_category.hpp"
@@ -16,7 +16,7 @@
 namespace margay::wire::sii {
 namespace {
 
-// What tshark prints of replies: one line a frame, one column a field.
+// The output of tshark for replies: one line per frame, one column per field.
 std::vector<std::vector<std::string>> printed(const std::string& capture, const std::string& filter,
                                               const std::vector<std::string>& fields) {
     std::string command = "tshark -n -r '" + (std::filesystem::path(MARGAY_CAPTURES_DIR) / capture).string() +
@@ -39,7 +39,7 @@ std::vector<std::vector<std::string>> printed(const std::string& capture, const 
 
 unsigned number(const std::string& text) { return static_cast<unsigned>(std::stoul(text, nullptr, 0)); }
 
-// The words of one slave's EEPROM that were read; the others are 0xFFFF.
+// The EEPROM words of a slave that were read; other words are 0xFFFF.
 class SeenEeprom {
   public:
     void see(std::uint32_t at, std::uint16_t value) {
@@ -52,7 +52,7 @@ class SeenEeprom {
         for (std::size_t i = at; i < at + count; ++i) EXPECT_TRUE(i < seen_.size() && seen_[i]) << "word " << i;
         return Bytes(image_).subspan(at * 2, count * 2);
     }
-    // Follows the chain as far as its headers were read.
+    // Follows the chain of categories as far as its headers were read.
     [[nodiscard]] std::map<std::uint16_t, CategoryPlace> categories() const {
         std::map<std::uint16_t, CategoryPlace> out;
         CategoryChain chain(0x400);
@@ -84,7 +84,7 @@ std::map<unsigned, SeenEeprom> eeproms_in(const std::string& capture) {
     return out;
 }
 
-// What was written to a slave's SyncManagers, by number.
+// The values written to the SyncManagers of a slave, by number.
 struct WrittenSyncManager {
     unsigned start = 0, length = 0, control = 0, activate = 0;
 };
@@ -119,7 +119,7 @@ class SiiCaptures : public ::testing::Test {
         if (std::system("command -v tshark >/dev/null 2>&1") != 0) GTEST_SKIP() << "tshark is not installed";
     }
 
-    // The SII's SyncManagers against those that the master configured. Lengths of 0 come from the PDOs.
+    // Compares the SyncManagers of the SII with those that the master configured. Lengths of 0 come from the PDOs.
     static void expect_as_written(const std::string& capture, unsigned slave, Bytes content, std::size_t count) {
         const auto written = sync_managers_written(capture, slave);
         ASSERT_EQ(written.size(), count);
@@ -144,7 +144,7 @@ TEST_F(SiiCaptures, Lan9252Board) {
     const auto& eeprom = eeproms.at(0x1001);
     const auto identity = eeprom.words(word::kIdentity, 6);
     EXPECT_EQ(load_le<std::uint32_t>(identity, 0), 9U);       // vendor: Microchip
-    EXPECT_EQ(load_le<std::uint32_t>(identity, 4), 0x9252U);  // as the chip is called
+    EXPECT_EQ(load_le<std::uint32_t>(identity, 4), 0x9252U);  // the number in the name of the chip
     const auto mailbox = eeprom.words(word::kMailbox, 5);
     EXPECT_EQ(load_le<std::uint16_t>(mailbox, 8), mailbox_protocol::kCoE);
 
@@ -185,12 +185,12 @@ TEST_F(SiiCaptures, DigitalInputTerminal) {
     for (const auto& [type, place] : categories) types.push_back(type);
     EXPECT_EQ(types, (std::vector<unsigned>{10, 30, 40, 41, 43, 50}));
     const auto general = parse_general(eeprom.words(categories.at(category::kGeneral).word, 10)).value;
-    EXPECT_EQ(general.ebus_current_ma, 90);  // the catalogue's
+    EXPECT_EQ(general.ebus_current_ma, 90);  // from the catalogue
     EXPECT_EQ(physical_port(general, 0), PhysicalPort::ebus);
     expect_as_written(capture, 0x1002, eeprom.words(categories.at(category::kSyncManager).word, 4), 1);
 
-    // SOEM leaves out the words of an entry that it does not want: index and name. What it does read are the
-    // lengths, and their sum is what it sets up: one octet of inputs.
+    // SOEM does not read the index and name words of an entry. It reads the lengths and configures their sum: one
+    // octet of inputs.
     const auto place = categories.at(category::kTxPdo);
     unsigned bits = 0;
     for (std::uint32_t at = place.word; at < place.word + place.words; at += 8) {
@@ -213,8 +213,8 @@ TEST_F(SiiCaptures, DriveWithVendorSpecificCategories) {
     expect_as_written(capture, 0x1001, eeprom.words(place.word, place.words), 4);
 }
 
-// The images beside the captures are of the same kinds of devices: their categories lie where the masters
-// found them.
+// The images beside the recordings come from the same kinds of devices: their categories are at the words where the
+// masters found them.
 TEST_F(SiiCaptures, HaveTheCategoriesOfTheImages) {
     if (!have_images()) GTEST_SKIP() << "MARGAY_SII_DIR is not set: no images of real devices";
     const auto expect_same = [](const std::string& capture, unsigned slave, const std::string& file,

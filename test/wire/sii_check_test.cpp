@@ -1,4 +1,4 @@
-// The strict check of SII images: a good one, each of the ways in which one can be bad, and anything at all.
+// The strict check of SII images: a good image, each kind of fault, and random images.
 #include "wire/sii_check.hpp"
 
 #include "sii_image.hpp"
@@ -29,14 +29,14 @@ std::vector<Finding> findings_of(Bytes image) {
     return out;
 }
 
-// The made-up device with something broken; the checksum is put right again.
+// The findings after a change of the made-up device. The checksum is corrected.
 std::vector<Finding> findings_after(const std::function<void(std::vector<std::byte>&)>& change) {
     auto image = MadeUpDevice{}.image();
     change(image);
     return findings_of(image);
 }
 
-// The word of a category's content.
+// The first word of a category's content.
 std::uint32_t content_of(Bytes image, std::uint16_t type) {
     CategoryWalker walker(image);
     while (const auto found = walker.next())
@@ -71,7 +71,7 @@ TEST(SiiCheck, Truncated) {
                         {Fault::category_past_end, kNone, general - 2, 0, 0}}));
 }
 
-// Wherever it is cut, this is found, but behind the end mark, where there is only the size to tell.
+// A truncation is found at every place, except behind the end mark, where only the size shows it.
 TEST(SiiCheck, TruncatedAnywhere) {
     const auto image = MadeUpDevice{}.image();
     CategoryWalker walker(image);
@@ -79,7 +79,7 @@ TEST(SiiCheck, TruncatedAnywhere) {
     }
     const std::size_t used = (walker.stopped_at() + 1) * 2;
     for (std::size_t size = 0; size < image.size(); ++size) {
-        const auto copy = std::make_unique<std::byte[]>(size);  // so that ASan sees the end
+        const auto copy = std::make_unique<std::byte[]>(size);  // so that ASan detects an access beyond the end
         std::copy_n(image.begin(), size, copy.get());
         const auto found = findings_of(Bytes(copy.get(), size));
         const auto has = [&](Fault fault) { return std::ranges::count(found, fault, &Finding::fault) == 1; };
@@ -124,7 +124,7 @@ TEST(SiiCheck, Size) {
 }
 
 TEST(SiiCheck, EndlessCategories) {
-    // The end mark is gone, and behind it there are zeros.
+    // The end mark is missing, and zeros follow.
     const auto image = MadeUpDevice{}.image();
     CategoryWalker walker(image);
     while (walker.next()) {
@@ -132,7 +132,7 @@ TEST(SiiCheck, EndlessCategories) {
     const auto end = walker.stopped_at();
     EXPECT_EQ(findings_after([&](auto& i) { std::fill(i.begin() + end * 2, i.end(), std::byte{0}); }),
               (Findings{{Fault::no_end, kNone, end, 0, 0}}));
-    // Categories without content to the end of the EEPROM: type 1, length 0.
+    // Categories without content up to the end of the EEPROM: type 1, length 0.
     EXPECT_EQ(findings_after([&](auto& i) {
                   i.resize(i.size() - (i.size() - end * 2) % kCategoryHeaderBytes);
                   for (std::size_t at = end * 2; at < i.size(); ++at)
@@ -149,7 +149,8 @@ TEST(SiiCheck, OverlappingCategories) {
     const auto strings = content_of(image, category::kStrings);
     EXPECT_EQ(findings_after([&](auto& i) { i[strings * 2] = std::byte{100}; }),
               (Findings{{Fault::string_past_end, category::kStrings, strings, 0, 0}}));
-    // A category that claims a word of the next one: its rest and what follows are both wrong.
+    // A category whose length includes a word of the next category: its last word and the following categories are
+    // wrong.
     const auto managers = content_of(image, category::kSyncManager);
     const auto found = findings_after([&](auto& i) { i[managers * 2 - 2] = std::byte{17}; });
     ASSERT_FALSE(found.empty());
@@ -200,7 +201,7 @@ TEST(SiiCheck, CountsWhatThereIsNoRoomFor) {
     EXPECT_EQ(check_image(std::vector<std::byte>(2048), {}), 3U);
 }
 
-// Damage anywhere is survived; every octet of the image is hit with several values.
+// The check handles any damage; every octet of the image is set to several values.
 TEST(SiiCheck, AnyOctetMayBeAnything) {
     const auto image = MadeUpDevice{}.image(1024);
     std::size_t unharmed = 0;

@@ -1,4 +1,4 @@
-// What the tests of the SII share: images of real devices, and one of a device that we made up.
+// Images for the tests of the SII: images of real devices, and the image of a made-up device.
 #pragma once
 
 #include <places.hpp>
@@ -26,7 +26,7 @@ inline std::string text(Bytes octets) {
 
 inline bool have_images() { return std::string_view(MARGAY_SII_DIR) != ""; }
 
-// Empty when it cannot be read.
+// Empty when the file cannot be read.
 inline std::vector<std::byte> image_of(const std::string& file) {
     std::ifstream in(std::filesystem::path(MARGAY_SII_DIR) / file, std::ios::binary);
     const std::string octets(std::istreambuf_iterator<char>(in), {});

@@ -1,6 +1,5 @@
-// Images read from real devices. What is expected was written down by hand: names, currents, ports and
-// objects are those that the vendors' catalogues, manuals and device descriptions tell, addresses were looked
-// up in a dump.
+// Images read from real devices. The expected values were written by hand: names, currents, ports and objects come
+// from the vendors' catalogues, manuals and device descriptions, addresses from a dump.
 #include <places.hpp>
 #include "sii_image.hpp"
 #include "wire/sii_check.hpp"
@@ -45,8 +44,8 @@ std::vector<ExpectedPdo> digital_outputs(unsigned channels) {
     return out;
 }
 
-// The EL2262's channels: a cycle counter, an output that may be one bit or an oversampled octet, and gaps of
-// one to seven bits.
+// The channels of the EL2262: a cycle counter, an output of one bit or of an oversampled octet, and gaps of one to
+// seven bits.
 std::vector<ExpectedPdo> oversampled_outputs() {
     return {{0x1700, 0, {0x78000110}}, {0x1600, 0, {0x70000101}}, {0x1800, 0, {0x72000108}}, {0x1710, 0, {1}},
             {0x1711, 0, {2}},          {0x1712, 0, {3}},          {0x1713, 0, {4}},          {0x1714, 0, {5}},
@@ -162,7 +161,7 @@ void expect_sync_managers(Bytes image, const std::vector<SmInfo>& expected) {
     }
 }
 
-// What is unused only fills up a word.
+// Without the unused entry that fills a word.
 std::vector<FmmuUse> fmmus_of(Bytes image) {
     std::vector<FmmuUse> out;
     FmmuUses uses(find_category(image, category::kFmmu).value_or(Bytes{}));
@@ -258,7 +257,7 @@ TEST_F(SiiImages, DriveHasMailboxesObjectsAndModes) {
                                  {0x1C00, 1024, 0x22, 1, SmType::mailbox_in},
                                  {0x1100, 0, 0x24, 1, SmType::outputs},
                                  {0x1140, 0, 0x20, 1, SmType::inputs}});
-    // The vendor's own categories: order number and version.
+    // The vendor-specific categories: order number and version.
     const auto order_number = find_category(image, 0x0800);
     ASSERT_TRUE(order_number);
     EXPECT_TRUE(text(*order_number).starts_with("AKD-P00606-NBCC-E000"));

@@ -1,5 +1,5 @@
-// The SII's fixed part, its chain of categories and the readers of their contents, against bytes written down
-// by hand.
+// The fixed part of the SII, its chain of categories and the readers of the categories, compared with bytes written by
+// hand.
 #include "sii_image.hpp"
 #include "wire/sii_category.hpp"
 
@@ -12,7 +12,7 @@
 namespace margay::wire::sii {
 namespace {
 
-// The configuration areas of devices that anybody can read out; the CRC is the vendor's.
+// Configuration areas of real devices, with the vendor's checksum.
 TEST(SiiChecksum, IsThatOfPublishedImages) {
     EXPECT_EQ(checksum(bytes({0x09, 0, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0})), 0x10);
     EXPECT_EQ(checksum(bytes({0x00, 0x0D, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0})), 0x46);
@@ -33,7 +33,7 @@ TEST(SiiFixedPart, EveryWordIsWhereTheStandardHasIt) {
     std::vector<std::byte> image(kFixedBytes);
     for (std::size_t i = 0; i < 0x40; ++i) store_le(image, 2 * i, static_cast<std::uint16_t>(0x0100 + i));
     const auto fixed = load_fixed_part(image);
-    EXPECT_EQ(fixed.fault, Fault::checksum);  // reported, and everything is there all the same
+    EXPECT_EQ(fixed.fault, Fault::checksum);  // reported, and all values are read
     const auto& c = fixed.value.configuration;
     EXPECT_EQ(c.pdi_control, 0x0100);
     EXPECT_EQ(c.pdi_configuration, 0x0101);
@@ -84,7 +84,7 @@ TEST(SiiMailbox, NamesWhatCannotBeUsed) {
     const auto fault = [](MailboxInfo mailbox) { return mailbox_fault(mailbox); };
     EXPECT_EQ(fault({}), Fault::none);
     EXPECT_EQ(fault({0x1000, 128, 0x1080, 128, 4}), Fault::none);
-    EXPECT_EQ(fault({0x1080, 128, 0x1000, 128, 4}), Fault::none);  // the other way round
+    EXPECT_EQ(fault({0x1080, 128, 0x1000, 128, 4}), Fault::none);  // the other order
     EXPECT_EQ(fault({0, 0, 0, 0, 4}), Fault::mailbox_without_size);
     EXPECT_EQ(fault({0x1000, 0, 0x1080, 128, 4}), Fault::mailbox_one_sided);
     EXPECT_EQ(fault({0x1000, 128, 0x1080, 0, 0}), Fault::mailbox_one_sided);
@@ -93,7 +93,7 @@ TEST(SiiMailbox, NamesWhatCannotBeUsed) {
     EXPECT_EQ(fault({0x0F80, 128, 0x1080, 128, 4}), Fault::mailbox_outside);  // the registers
     EXPECT_EQ(fault({0x1000, 128, 0xFFC0, 0x40, 4}), Fault::none);
     EXPECT_EQ(fault({0x1000, 128, 0xFFC0, 0x41, 4}), Fault::mailbox_outside);
-    EXPECT_EQ(fault({0x1000, 1486, 0x2000, 1486, 4}), Fault::none);  // what one datagram carries
+    EXPECT_EQ(fault({0x1000, 1486, 0x2000, 1486, 4}), Fault::none);  // the most that one datagram can carry
     EXPECT_EQ(fault({0x1000, 1487, 0x2000, 128, 4}), Fault::mailbox_too_large);
     EXPECT_EQ(fault({0x1000, 128, 0x2000, 1487, 4}), Fault::mailbox_too_large);
     EXPECT_EQ(fault({0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF, 0xFFFF}), Fault::mailbox_too_large);  // a blank EEPROM
@@ -101,7 +101,7 @@ TEST(SiiMailbox, NamesWhatCannotBeUsed) {
     EXPECT_EQ(fault({0x1000, 128, 0x1000, 128, 4}), Fault::mailbox_overlap);
 }
 
-// An image of zeros with these octets from the first category on.
+// An image of zeros with these octets as its categories.
 std::vector<std::byte> with_categories(const std::vector<std::byte>& octets) {
     std::vector<std::byte> image(kFixedBytes + octets.size());
     std::copy(octets.begin(), octets.end(), image.begin() + kFixedBytes);
@@ -118,7 +118,7 @@ Walk walk(const std::vector<std::byte>& image) {
     CategoryWalker walker(image);
     Walk out;
     while (const auto found = walker.next()) out.types.push_back(found->place.type);
-    EXPECT_FALSE(walker.next());  // at its end it stays there
+    EXPECT_FALSE(walker.next());  // at the end the walker stays at the end
     out.fault = walker.fault();
     out.stopped_at = walker.stopped_at();
     return out;
@@ -151,7 +151,7 @@ TEST(SiiCategories, EndMarkAsTheLastWordNeedsNoLength) {
 TEST(SiiCategories, WithoutEndMark) {
     EXPECT_EQ(walk(with_categories({})), (Walk{{}, Fault::no_end, 0x40}));
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 1, 0, 0, 0}))), (Walk{{10}, Fault::no_end, 0x43}));
-    EXPECT_EQ(walk(std::vector<std::byte>(2048)), (Walk{{}, Fault::no_end, 0x40}));  // zeros are not walked through
+    EXPECT_EQ(walk(std::vector<std::byte>(2048)), (Walk{{}, Fault::no_end, 0x40}));  // zeros are no categories
     EXPECT_EQ(walk({}), (Walk{{}, Fault::no_end, 0x40}));
     EXPECT_EQ(walk(std::vector<std::byte>(50)), (Walk{{}, Fault::no_end, 0x40}));
 }
@@ -160,10 +160,11 @@ TEST(SiiCategories, LongerThanTheEeprom) {
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 2, 0, 1, 1}))), (Walk{{}, Fault::category_past_end, 0x40}));
     EXPECT_EQ(walk(with_categories(bytes({10, 0, 0, 0, 30, 0, 0xFF, 0xFF, 0, 0}))),
               (Walk{{10}, Fault::category_past_end, 0x42}));
-    EXPECT_EQ(walk(with_categories(bytes({10, 0}))), (Walk{{}, Fault::category_past_end, 0x40}));  // not even a length
+    // without a length word
+    EXPECT_EQ(walk(with_categories(bytes({10, 0}))), (Walk{{}, Fault::category_past_end, 0x40}));
 }
 
-// The chain for reading over the wire needs no more than the headers, and ends whatever they say.
+// The chain for reading over the wire needs only the headers, and always ends.
 TEST(SiiCategories, ChainOfHeadersAlwaysEnds) {
     std::mt19937 random(1);
     for (int round = 0; round < 2000; ++round) {
@@ -183,7 +184,7 @@ TEST(SiiCategories, ChainOfHeadersAlwaysEnds) {
             ASSERT_LE(place->word + place->words, 0x400U);
         }
         ASSERT_FALSE(chain.more());
-        ASSERT_NE(chain.fault(), Fault::none);  // no end mark came
+        ASSERT_NE(chain.fault(), Fault::none);  // the end mark is missing
         ASSERT_LE(steps, (0x400 - 0x40) / 2);
     }
 }
@@ -210,7 +211,7 @@ TEST(SiiStrings, ByNumber) {
     EXPECT_TRUE(string(strings, 2).ok());
     EXPECT_EQ(text(string(strings, 2).value), "");
     EXPECT_EQ(text(string(strings, 3).value), "c");
-    EXPECT_TRUE(string(strings, 0).ok());  // none, which is no fault
+    EXPECT_TRUE(string(strings, 0).ok());  // number 0 means no string, which is no fault
     EXPECT_TRUE(string({}, 0).ok());
     EXPECT_EQ(string(strings, 4).fault, Fault::string_missing);
     EXPECT_EQ(string({}, 1).fault, Fault::string_missing);
@@ -221,7 +222,7 @@ TEST(SiiStrings, PastTheEnd) {
     EXPECT_EQ(string(bytes({1, 2, 'a'}), 1).fault, Fault::string_past_end);
     EXPECT_EQ(string(bytes({2, 1, 'a'}), 2).fault, Fault::string_past_end);
     EXPECT_EQ(string(bytes({2, 200, 'a', 0}), 2).fault, Fault::string_past_end);
-    EXPECT_TRUE(string(bytes({2, 1, 'a', 200}), 1).ok());  // the one before it is good
+    EXPECT_TRUE(string(bytes({2, 1, 'a', 200}), 1).ok());  // the string before it is good
     EXPECT_EQ(string(bytes({0xFF, 0xFF, 0xFF, 0xFF}), 1).fault, Fault::string_past_end);
 }
 
@@ -233,15 +234,15 @@ std::string utf8(std::vector<std::byte> octets, std::size_t room = 100) {
 TEST(SiiStrings, AsUtf8) {
     EXPECT_EQ(utf8(bytes({'A', 'b'})), "Ab");
     EXPECT_EQ(utf8(bytes({'1', 0xB5, 's'})), "1\u00B5s");        // ISO 8859-1
-    EXPECT_EQ(utf8(bytes({'1', 0xC2, 0xB5, 's'})), "1\u00B5s");  // UTF-8 stays
+    EXPECT_EQ(utf8(bytes({'1', 0xC2, 0xB5, 's'})), "1\u00B5s");  // UTF-8 is not changed
     EXPECT_EQ(utf8(bytes({0xE2, 0x82, 0xAC})), "\u20AC");
     EXPECT_EQ(utf8(bytes({0xF0, 0x9F, 0x98, 0x80})), "\U0001F600");
-    EXPECT_EQ(utf8(bytes({0xC3})), "\u00C3");                       // cut UTF-8 is ISO 8859-1
+    EXPECT_EQ(utf8(bytes({0xC3})), "\u00C3");                       // truncated UTF-8 is read as ISO 8859-1
     EXPECT_EQ(utf8(bytes({0xC0, 0x80})), "\u00C0?");                // an overlong zero
     EXPECT_EQ(utf8(bytes({0xED, 0xA0, 0x80})), "\u00ED\u00A0?");    // a surrogate
     EXPECT_EQ(utf8(bytes({0xF4, 0x90, 0x80, 0x80})), "\u00F4???");  // above U+10FFFF
-    EXPECT_EQ(utf8(bytes({'a', 0x1B, '[', 0x7F, '\n'})), "a?[??");  // nothing that moves a terminal's cursor
-    EXPECT_EQ(utf8(bytes({0xC2, 0x9B, 'a'})), "?a");                // a control character of UTF-8
+    EXPECT_EQ(utf8(bytes({'a', 0x1B, '[', 0x7F, '\n'})), "a?[??");  // nothing that moves the cursor of a terminal
+    EXPECT_EQ(utf8(bytes({0xC2, 0x9B, 'a'})), "?a");                // a control character in UTF-8
     EXPECT_EQ(utf8(bytes({'a', ' ', ' ', 0, 0})), "a");
     EXPECT_EQ(utf8({}), "");
 }
@@ -280,7 +281,7 @@ TEST(SiiGeneral, ShorterThanItShouldBe) {
     for (std::size_t size = 0; size < 32; ++size) {
         const auto general = parse_general(Bytes(content).first(size));
         EXPECT_EQ(general.fault, Fault::truncated) << size;
-        EXPECT_EQ(general.value.ebus_current_ma, size >= 14 ? 0x1111 : 0) << size;  // never half a value
+        EXPECT_EQ(general.value.ebus_current_ma, size >= 14 ? 0x1111 : 0) << size;  // never half of a value
         EXPECT_EQ(general.value.name, size >= 4 ? 0x11 : 0) << size;
     }
 }

@@ -1,5 +1,4 @@
-// The writer of SII images: what it writes, octet by octet where the standard says so, and that the readers
-// read it.
+// The writer of SII images: compared octet by octet with the standard, and read back by the readers.
 #include "sii_image.hpp"
 #include "wire/sii_check.hpp"
 
@@ -28,12 +27,10 @@ TEST(SiiWriter, WritesTheSmallestDeviceOctetByOctet) {
     const auto fixed = bytes({0x04, 0x01, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x39, 0,  //
                               0x47, 0x4D, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0,    0});
 
-    // devices.
-
     EXPECT_EQ(std::vector<std::byte>(eeprom.begin(), eeprom.begin() + 32), fixed);
     for (std::size_t i = 32; i < 0x7C; ++i) EXPECT_EQ(eeprom[i], std::byte{0}) << i;
     const auto rest = bytes({0x01, 0x00, 0x01, 0x00,                // 2 KiBit, version 1
-                             10,   0,    2,    0,    1, 1, 'A', 0,  // one string, filled up
+                             10,   0,    2,    0,    1, 1, 'A', 0,  // one string, padded
                              30,   0,    16,   0,    0, 0, 0,   1, 0, 0, 0, 0, 0, 0, 0, 0, 100, 0,
                              0,    0,    0x33, 0,    0, 0, 0,   0, 0, 0, 0, 0, 0, 0, 0, 0, 0,   0,  //
                              0xFF, 0xFF});
@@ -73,7 +70,7 @@ TEST(SiiWriter, WhatItWritesIsReadBack) {
     EXPECT_EQ(general.value.image, 0);
 
     FmmuUses fmmus(find_category(image, category::kFmmu).value_or(Bytes{}));
-    ASSERT_EQ(fmmus.count(), 4U);  // three, and one to fill the word
+    ASSERT_EQ(fmmus.count(), 4U);  // three entries, and one that fills the word
     EXPECT_EQ(fmmus.next(), FmmuUse::outputs);
     EXPECT_EQ(fmmus.next(), FmmuUse::inputs);
     EXPECT_EQ(fmmus.next(), FmmuUse::mailbox_status);
@@ -118,7 +115,7 @@ TEST(SiiWriter, PdosAndOperationModesAreReadBack) {
     EXPECT_FALSE(second->assigned());
     EXPECT_EQ(second->entry_count, 0);
     EXPECT_EQ(second->synchronization, 1);
-    EXPECT_EQ(second->name, first->name);  // equal texts are one string
+    EXPECT_EQ(second->name, first->name);  // equal texts are stored once
     EXPECT_FALSE(inputs.next());
     EXPECT_EQ(inputs.fault(), Fault::none);
 
@@ -141,8 +138,8 @@ TEST(SiiWriter, WritesNothingThatTheCheckComplainsAbout) {
     EXPECT_EQ(check_image(MadeUpDevice{}.image(1024), findings), 0U) << to_text(findings[0].fault);
 }
 
-// Every size that is too small is refused, the first that is enough is taken, and nothing behind the EEPROM
-// is touched.
+// Every size that is too small is refused, the first sufficient size is accepted, and nothing behind the EEPROM is
+// written.
 TEST(SiiWriter, RefusesWhatDoesNotFit) {
     const MadeUpDevice device;
     std::vector<std::byte> large(2048);

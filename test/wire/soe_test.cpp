@@ -1,5 +1,5 @@
-// SoE headers, IDNs, attributes and texts against ETG.1000.6 "Servo drive profile over EtherCAT", and the header
-// against tshark.
+// SoE headers, IDNs, attributes and texts compared with ETG.1000.6 "Servo drive profile over EtherCAT", and the header
+// compared with tshark.
 #include "wire/soe.hpp"
 
 #include "wire/mailbox_pcap.hpp"
@@ -28,7 +28,7 @@ TEST(SoeHeader, BitsLieWhereTheStandardPutsThem) {
                          .number = 0x0102});
     const std::array<int, 4> fragment{0xAB, 0x42, 0x02, 0x01};
     for (std::size_t i = 0; i < bytes.size(); ++i) EXPECT_EQ(std::to_integer<int>(bytes[i]), fragment[i]) << i;
-    // An error to a read of S-0-0047, drive 0.
+    // The error reply to a read of S-0-0047 of drive 0.
     store_header(bytes, {.opcode = Opcode::read_response,
                          .error = true,
                          .elements = soe_element::kValue,
@@ -80,8 +80,8 @@ TEST(SoeHeader, EveryHeaderComesBackAsItWasStoredAndAsTsharkReadsIt) {
         EXPECT_EQ(value(seen[n][9]), h.elements == soe_element::kValue ? 1U : 0U) << n;
         EXPECT_EQ(value(seen[n][10]), h.elements == soe_element::kDataState ? 1U : 0U) << n;
         EXPECT_EQ(seen[n][8], "") << n;
-        if (h.error && h.incomplete) continue;                           // no such message
-        if (h.opcode == Opcode::slave_info) continue;                    // tshark shows no more of it
+        if (h.error && h.incomplete) continue;                           // no such message exists
+        if (h.opcode == Opcode::slave_info) continue;                    // tshark does not decode more of this message
         EXPECT_EQ(value(seen[n][h.incomplete ? 6 : 5]), h.number) << n;  // fragments left, or the IDN
         if (h.error) {
             EXPECT_NE(seen[n][7].find("Error 7005"), std::string::npos) << seen[n][7];

@@ -1,5 +1,5 @@
-// An intrusive doubly linked list. A node that is destroyed or put elsewhere leaves its list by itself, so
-// whoever owns the node decides how long it lives.
+// An intrusive doubly linked list. A node that is destroyed or inserted into another list removes itself from its list,
+// so the owner of a node can destroy it at any time.
 #pragma once
 
 namespace margay {
@@ -32,7 +32,7 @@ class List {
     [[nodiscard]] bool empty() const { return !head_.linked(); }
     [[nodiscard]] T* front() { return empty() ? nullptr : static_cast<T*>(head_.next_); }
     [[nodiscard]] T* back() { return empty() ? nullptr : static_cast<T*>(head_.previous_); }
-    // The neighbours of `node`, nullptr past the ends.
+    // The neighbours of `node`; nullptr at the ends of the list.
     [[nodiscard]] T* after(T& node) {
         ListNode* next = static_cast<ListNode&>(node).next_;
         return next == &head_ ? nullptr : static_cast<T*>(next);
@@ -49,7 +49,7 @@ class List {
         if (node != nullptr) node->unlink();
         return node;
     }
-    // Moves all nodes of `other`, in their order, to the end of this list.
+    // Moves all nodes of `other` to the end of this list, in the same order.
     void take_back(List& other) {
         while (T* node = other.pop_front()) push_back(*node);
     }

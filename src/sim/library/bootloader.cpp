@@ -89,7 +89,7 @@ std::vector<std::byte> Bootloader::make_image(std::uint16_t major, std::uint16_t
     return image;
 }
 
-FoeAnswer Bootloader::judge(Bytes image) {
+FoeAnswer Bootloader::check_image(Bytes image) {
     if (image.size() < ImageLayout::bytes || ImageLayout::magic::load(image) != ImageLayout::kMagic)
         return FoeAnswer::error(FoeError::no_file_header, "this is no firmware image");
     if (ImageLayout::checksum::load(image) != crc32(image.subspan(ImageLayout::product::offset)))
@@ -105,7 +105,7 @@ void Bootloader::start(const Surroundings& around, Time now) {
     image_ = around.dictionary->image();
     started_ = now;
     restart_ = false;
-    valid_ = judge(flash_).goes();
+    valid_ = check_image(flash_).goes();
     text_ = {};
     if (!valid_) return;
     auto at = text_.begin();
@@ -182,7 +182,7 @@ FoeAnswer Bootloader::finish_write(std::size_t, Time now) {
     if (!finishing_) busy_until_ = now + kCheckAndStore;
     finishing_ = true;
     if (now < busy_until_) return busy(now, kCheckAndStore, "checking");
-    if (const auto verdict = judge(flash_); !verdict.goes()) return verdict;
+    if (const auto verdict = check_image(flash_); !verdict.goes()) return verdict;
     valid_ = loaded_ = true;
     return FoeAnswer::go();
 }

@@ -25,7 +25,7 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     [[nodiscard]] static std::vector<std::byte> make_image(std::uint16_t major, std::uint16_t minor,
                                                            std::size_t code_bytes);
     // Checks an image. Returns go(), or the error.
-    [[nodiscard]] static subdevice::FoeAnswer judge(Bytes image);
+    [[nodiscard]] static subdevice::FoeAnswer check_image(Bytes image);
 
     Bootloader();
     [[nodiscard]] const subdevice::DeviceDescription& description() const override;

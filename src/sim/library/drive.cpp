@@ -97,7 +97,7 @@ double Drive::within_limits(double user) {
 // ------------------------------------------------------------------ motor simulation
 
 Time Drive::advance(Time now) {
-    world();
+    apply_environment();
     // A motor without power that does not move needs no simulation steps for the past.
     if (!states_.powered() && motor_.at_rest()) {
         time_ = now;
@@ -113,7 +113,7 @@ Time Drive::advance(Time now) {
     return kNever;
 }
 
-void Drive::world() {
+void Drive::apply_environment() {
     const auto outside = load_le<std::int16_t>(measured_);
     motor_.set_load(static_cast<double>(Values::load::load(image_)) + outside);
     motor_.set_jammed(Values::jammed::load(image_) != 0);
@@ -216,7 +216,7 @@ void Drive::fault(std::uint16_t code, bool controlled, Time now) {
 
 void Drive::cycle(Time now, bool) {
     advance(now);
-    obey(now);
+    execute_control_word(now);
     show();
 }
 
@@ -226,7 +226,7 @@ void Drive::safe_outputs(Time now) {
     last_control_ = 0;
 }
 
-void Drive::obey(Time now) {
+void Drive::execute_control_word(Time now) {
     const auto code =
         static_cast<std::uint16_t>(Values::raise_error::load(image_) | load_le<std::uint16_t>(measured_, 2));
     if (code != 0 && !error_requested_) fault(code, controllable(code), now);

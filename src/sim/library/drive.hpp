@@ -22,14 +22,14 @@ class Drive final : public Model {
   private:
     enum class Mode : std::int8_t { none = 0, pp = 1, hm = 6, csp = 8, csv = 9, cst = 10 };
 
-    void world();
+    void apply_environment();
     void one_step();
     void operate();
     void ramp_to(double speed, double change);
     void ramp_down();
     void watch(Time now);
     void fault(std::uint16_t code, bool controlled, Time now);
-    void obey(Time now);
+    void execute_control_word(Time now);
     void enter_operation();
     void take_mode();
     void take_set_point(unsigned control, unsigned edges);

@@ -66,7 +66,7 @@ std::optional<MailboxErrorCode> OddMail::receive(const wire::MailboxMessage& mes
 std::optional<MailboxErrorCode> OddMail::forward(const wire::MailboxMessage& message, Time now) {
     const auto data = message.data;
     if (type_ == MailboxType::coe && is_sdo(data, coe::Service::sdo_request) &&
-        answer_myself(data, message.header.address))
+        answer_for_quirk(data, message.header.address))
         return std::nullopt;
     return inner_.receive(message, *this, now);
 }
@@ -85,7 +85,7 @@ Time OddMail::step(subdevice::Outbox& out, Time now) {
 
 // ------------------------------------------------------------------ requests
 
-bool OddMail::answer_myself(Bytes request, std::uint16_t address) {
+bool OddMail::answer_for_quirk(Bytes request, std::uint16_t address) {
     const auto command = command_of(request);
     const auto specifier = sdo::specifier(command);
     if (specifier == coe::request::kUploadSegment) return serve_segment(command, address);

@@ -36,7 +36,7 @@ class OddMail final : public subdevice::MailboxServer, private subdevice::Outbox
     void commit(wire::MailboxType type, std::size_t bytes, std::uint16_t address) override;
 
     std::optional<wire::MailboxErrorCode> forward(const wire::MailboxMessage& message, Time now);
-    bool answer_myself(Bytes request, std::uint16_t address);
+    bool answer_for_quirk(Bytes request, std::uint16_t address);
     bool serve_segment(std::uint8_t command, std::uint16_t address);
     void refuse(Bytes request, wire::coe::Abort why, std::uint16_t address);
     void spoil(MutableBytes data, std::size_t& bytes);

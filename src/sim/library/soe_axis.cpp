@@ -126,7 +126,7 @@ void SoeAxis::start(Time now) {
     power_ = Power::off;
     time_ = now;
     operational_ = halted_ = was_on_ = false;
-    say("ready");
+    set_diagnostic_message("ready");
     show();
 }
 
@@ -173,7 +173,7 @@ void SoeAxis::take(Bytes mdt) {
         std::ranges::copy(mdt.subspan(at, p->attribute.bytes), image_.begin() + p->offset);
         at += p->attribute.bytes;
     }
-    obey(load_le<std::uint16_t>(mdt));
+    execute_control_word(load_le<std::uint16_t>(mdt));
 }
 
 void SoeAxis::give(MutableBytes to) {
@@ -218,7 +218,7 @@ SoeError SoeAxis::before_write(const SoeAccess& access, Bytes value) {
 SoeError SoeAxis::start_command(const SoeAccess& access) {
     if (access.parameter.idn == kReset) {
         Values::diagnosis::store(image_, 0);
-        say("ready");
+        set_diagnostic_message("ready");
         server_.finish_command(number_, kReset, true);
         return SoeError::none;
     }
@@ -226,7 +226,7 @@ SoeError SoeAxis::start_command(const SoeAccess& access) {
     const auto speed = static_cast<double>(Values::homing_speed::load(image_));
     homing_.begin({.method = 34, .fast = speed, .slow = speed});
     motor_.release();
-    say("homing");
+    set_diagnostic_message("homing");
     return SoeError::none;
 }
 
@@ -234,12 +234,12 @@ void SoeAxis::stop_command(const SoeAccess& access) {
     if (access.parameter.idn != kHoming) return;
     homing_.stop();
     interpolation_.begin(motor_.position());
-    say("homing interrupted");
+    set_diagnostic_message("homing interrupted");
 }
 
 // ------------------------------------------------------------------ the motor
 
-void SoeAxis::obey(unsigned control) {
+void SoeAxis::execute_control_word(unsigned control) {
     Values::control::store(image_, static_cast<std::uint16_t>(control));
     const bool on = (control & kDriveOn) != 0 && (control & kDriveEnable) != 0;
     const bool healthy = Values::diagnosis::load(image_) == 0;
@@ -247,7 +247,7 @@ void SoeAxis::obey(unsigned control) {
         power_ = Power::on;
         motor_.release();
         interpolation_.begin(motor_.position());
-        say("torque on");
+        set_diagnostic_message("torque on");
     }
     if (!on && power_ == Power::on) power_ = (control & kDriveEnable) != 0 ? Power::stopping : Power::off;
     was_on_ = on;
@@ -307,7 +307,7 @@ void SoeAxis::home() {
     if (attained) zero_ = homing_.home();
     homing_.reset();
     interpolation_.begin(motor_.position());
-    say(attained ? "homed" : "homing failed");
+    set_diagnostic_message(attained ? "homed" : "homing failed");
     server_.finish_command(number_, kHoming, attained);
 }
 
@@ -325,13 +325,13 @@ void SoeAxis::fault(std::uint16_t diagnosis, std::string_view text) {
         homing_.reset();
         server_.finish_command(number_, kHoming, false);
     }
-    say(text);
+    set_diagnostic_message(text);
     std::array<std::byte, 2> code{};
     store_le(code, 0, diagnosis);
     (void)server_.report(number_, code);  // a lost report does no harm: the class 1 diagnostic contains the same error
 }
 
-void SoeAxis::say(std::string_view text) {
+void SoeAxis::set_diagnostic_message(std::string_view text) {
     const auto list = MutableBytes(image_).subspan(Values::message, 64);
     wire::soe::ListLayout::current_bytes::store(list, static_cast<std::uint16_t>(text.size()));
     std::ranges::transform(text, list.begin() + 4, [](char c) { return static_cast<std::byte>(c); });

@@ -46,13 +46,13 @@ class SoeAxis final : public subdevice::SoeApplication {
 
     [[nodiscard]] Bytes cyclic(bool mdt, std::array<std::byte, 4>& fixed) const;
     [[nodiscard]] const subdevice::SoeParameter* cyclic_parameter(Bytes idns, std::size_t n) const;
-    void obey(unsigned control);
+    void execute_control_word(unsigned control);
     void one_step();
     void run();
     void home();
     void watch();
     void fault(std::uint16_t diagnosis, std::string_view text);
-    void say(std::string_view text);
+    void set_diagnostic_message(std::string_view text);
     void show();
 
     std::uint8_t number_;

@@ -1,6 +1,5 @@
-// The far end of a cable for measuring: a veth pair in a network namespace of this process's own, and behind it
-// something that gives each EtherCAT frame back as a segment would, marked as passed and with the working counter that
-// is told.
+// The far end of a cable for measurements: a veth pair in a network namespace of this process. The far end returns
+// each EtherCAT frame as a segment would: with the mark of an ESC and with the given working counter.
 #pragma once
 
 #include <cstddef>
@@ -10,10 +9,11 @@
 
 namespace margay::bench {
 
-// Where the near end is. The interface "far" is the other one.
+// The interface of the near end. The other interface is "far".
 inline constexpr const char* kNear = "near";
 
-// Moves this process into a new network namespace with the pair in it. False, and why, where that is not allowed.
+// Moves this process to a new network namespace with the veth pair. Returns false and the reason when this is not
+// permitted.
 [[nodiscard]] bool make_cable(std::string& why);
 
 class FarEnd {
@@ -22,21 +22,21 @@ class FarEnd {
     FarEnd(const FarEnd&) = delete;
     FarEnd& operator=(const FarEnd&) = delete;
     virtual ~FarEnd() = default;
-    // In words.
+    // A description for the output.
     [[nodiscard]] virtual std::string name() const = 0;
 };
 
-// The working counter, 16 bits at `wkc_at` in frames of `frame_bytes`.
+// The working counter to write: 16 bits at `wkc_at` in frames of `frame_bytes`.
 struct Answer {
     std::size_t frame_bytes = 0;
     std::size_t wkc_at = 0;
     std::uint16_t wkc = 0;
 };
 
-// An XDP program: it runs in the sender's own system call and takes no second core. nullptr, and why, where it cannot
-// be had.
+// An XDP program. It is executed in the sender's system call and needs no second core. nullptr and the reason when it
+// is not available.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_xdp(const Answer& answer, std::string& why);
-// A thread with a socket. nullptr, and why.
+// A thread with a socket. nullptr and the reason after an error.
 [[nodiscard]] std::unique_ptr<FarEnd> echo_by_thread(const Answer& answer, std::string& why);
 
 }  // namespace margay::bench

@@ -1,4 +1,5 @@
-// A master whose slaves are mapped and exchange process data: simulated until then, on another NIC from then on.
+// A master with mapped slaves that exchange process data. The slaves are simulated during bring-up; then another NIC
+// replaces them.
 #pragma once
 
 #include "osal/linux/linux_osal.hpp"
@@ -17,11 +18,11 @@
 
 namespace margay::bench {
 
-// The cable, which can be plugged over.
+// The cable, which can be switched to another NIC.
 class SwitchNic final : public Nic {
   public:
     Nic* to = nullptr;
-    std::vector<std::byte> last;  // frame, as long as it is wanted
+    std::vector<std::byte> last;  // the last frame that was sent while keep_last is set
     bool keep_last = false;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
@@ -33,7 +34,7 @@ class SwitchNic final : public Nic {
     int wait_handle() const noexcept override { return to->wait_handle(); }
 };
 
-// Virtual time first, the system's from `live` on.
+// Virtual time at first, the time of the system after `live` is set.
 class SwitchOsal final : public Osal {
   public:
     SwitchOsal() : Osal(ThreadIdentity::thread_pointer) {}
@@ -55,7 +56,7 @@ struct MappedBus {
     std::unique_ptr<HostContext> ctx;
     std::array<std::byte, 16384> image{};
 
-    // So many slaves alike, in SAFEOP, where everybody takes part already.
+    // Builds a number of equal slaves in SAFEOP, where all of them exchange process data already.
     [[nodiscard]] bool build(std::uint32_t slaves, std::uint32_t output_bytes, std::uint32_t input_bytes) {
         for (std::uint32_t n = 0; n < slaves; ++n) {
             auto device = sim::device_from_sii(io_image(output_bytes * 8, input_bytes * 8));
@@ -75,7 +76,7 @@ struct MappedBus {
         return true;
     }
 
-    // From now on frames go there, in real time.
+    // From this call on, frames go to `other`, in real time.
     void plug_over(Nic& other) {
         nic.to = &other;
         osal.live = true;

@@ -40,10 +40,10 @@ bpf_insn store(int size, std::uint8_t to, std::uint8_t from, std::size_t offset)
     return op(BPF_STX | BPF_MEM | size, to, from, static_cast<int>(offset), 0);
 }
 
-// Frames that are too short or no EtherCAT pass on, to nobody.
+// Frames that are too short or are not EtherCAT are passed on; no socket receives them.
 std::array<bpf_insn, 16> program(const Answer& answer) {
     constexpr int kEtherCatInWireOrder = 0xA488;
-    constexpr int kPass = 11;  // from the comparison at 4; and 9 from that at 6
+    constexpr int kPass = 11;  // relative to the comparison at 4; 9 relative to the comparison at 6
     return {
         load(BPF_W, r2, r1, offsetof(xdp_md, data)),
         load(BPF_W, r3, r1, offsetof(xdp_md, data_end)),
@@ -94,7 +94,7 @@ std::unique_ptr<FarEnd> echo_by_xdp(const Answer& answer, std::string& why) {
         return nullptr;
     }
     const auto far = static_cast<int>(if_nametoindex("far"));
-    // The generic way: the frame is an skb already, and no NAPI of the near end is asked for.
+    // Generic mode: the frame is already an skb, and the near end needs no NAPI.
     if (const int error = bpf_xdp_attach(far, loaded, XDP_FLAGS_SKB_MODE, nullptr); error != 0) {
         why = std::string("the XDP program cannot be attached: ") + std::strerror(-error);
         ::close(loaded);

@@ -1,0 +1,211 @@
+// Mistakes that new users make, and the error, warning or event that names each of them.
+#include "process_data/plant.hpp"
+
+#include <type_traits>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A line of two slaves with 8 bits of outputs and of inputs each, without mailboxes.
+class Mistakes : public testing::Test, protected Plant {
+  protected:
+    std::vector<std::byte> second_image = std::vector<std::byte>(64);
+
+    void SetUp() override {
+        ASSERT_TRUE(segment.connect_master({make({.product = 0x100}), 0}));
+        ASSERT_TRUE(segment.connect({0, 1}, {make({.product = 0x101}), 0}));
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(segment, osal);
+        limits.groups = 2;
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+    }
+    static std::string words(const Error& error) {
+        std::array<char, 400> buffer{};
+        return std::string(describe(error, buffer));
+    }
+    std::vector<std::string> all(ErrorLog& log) {
+        std::vector<std::string> texts;
+        while (const auto error = log.take()) texts.push_back(words(*error));
+        return texts;
+    }
+};
+
+// The facts of a slave are read-only, its wishes and the octets of its image are not.
+static_assert(std::is_same_v<decltype(std::declval<Context&>().slave(1)), const Slave&>);
+static_assert(!std::is_assignable_v<decltype((std::declval<const Slave&>().al)), AlStatus>);
+static_assert(std::is_assignable_v<decltype((std::declval<const Slave&>().config)), SlaveConfiguration>);
+static_assert(std::is_assignable_v<decltype((std::declval<const Slave&>().hooks)), SlaveHooks>);
+
+TEST_F(Mistakes, WishesWrittenBeforeTheScanAreWarnedOf) {
+    ctx->slave(1).config.group = 1;
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(all(ctx->warnings()),
+              std::vector<std::string>{"counting slaves: config and hooks that were written before config_init() are "
+                                       "gone: write them after it, or use expect()"});
+    EXPECT_EQ(ctx->slave(1).config.group, 0);
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_TRUE(all(ctx->warnings()).empty()) << "reported once";
+}
+
+TEST_F(Mistakes, TheTargetOfOneSlaveIsTakenBackByNone) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::none).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
+    EXPECT_EQ(set_target(*ctx, 0, AlState::none).error().code, Errc::invalid_argument) << "all slaves have a target";
+}
+
+TEST_F(Mistakes, OneImageForTwoGroupsIsRefused) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ctx->slave(2).config.group = 1;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(
+        words(config_map(*ctx, image, 1).error()),
+        "mapping process data: the image overlaps that of another group: give each group octets of its own (group "
+        "0)");
+    EXPECT_TRUE(config_map(*ctx, std::span(image).subspan(2), 1).ok()) << "the octets behind those that are used";
+    EXPECT_TRUE(config_map(*ctx, second_image, 1).ok());
+    EXPECT_TRUE(config_map(*ctx, second_image, 1).ok()) << "the same group again";
+}
+
+TEST_F(Mistakes, ACycleWithinACycleIsRefused) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    Error inner_cycle;
+    Error inner_reach;
+    const auto nothing = [](const CycleInfo&) { return false; };
+    ASSERT_TRUE(run_cycle(*ctx, {}, [&](const CycleInfo&) {
+                    inner_cycle = run_cycle(*ctx, {}, nothing).error();
+                    inner_reach = reach(*ctx, AlState::op, 1s).error();
+                    return false;
+                }).ok());
+    EXPECT_EQ(inner_cycle.code, Errc::in_callback);
+    EXPECT_EQ(inner_reach.code, Errc::in_callback);
+    EXPECT_TRUE(run_cycle(*ctx, {}, nothing).ok()) << "afterwards it is allowed again";
+}
+
+TEST_F(Mistakes, ValuesOutOfRangeAreRefused) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ReadStateRequest look;
+    look.priority = 4;
+    EXPECT_EQ(submit(*ctx, look).error().code, Errc::invalid_argument);
+    look.priority = 3;
+    look.timeout = -1ms;
+    EXPECT_EQ(submit(*ctx, look).error().code, Errc::invalid_argument);
+    EXPECT_EQ(look.state(), RequestState::unused);
+    look.timeout = 0ms;
+    EXPECT_TRUE(submit(*ctx, look).ok());
+    const auto nothing = [](const CycleInfo&) { return false; };
+    EXPECT_EQ(run_cycle(*ctx, {.period = 0ms}, nothing).error().code, Errc::invalid_argument);
+    EXPECT_EQ(run_cycle(*ctx, {.reply_timeout = -1ms}, nothing).error().code, Errc::invalid_argument);
+    EXPECT_EQ(reach(*ctx, AlState::op, 1s, {.period = -1ms}).error().code, Errc::invalid_argument);
+    EXPECT_EQ(watch_mailboxes(*ctx, -1ms).error().code, Errc::invalid_argument);
+}
+
+TEST_F(Mistakes, AnOwnerThatExchangesAndNeverPollsIsNamed) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    const auto exchange = [&](int cycles) {
+        for (int n = 0; n < cycles; ++n) {
+            (void)send_processdata(*ctx);
+            (void)receive_processdata(*ctx, 1ms);
+            osal.advance(1ms);
+        }
+    };
+    exchange(500);
+    EXPECT_NE(what_is_wrong(*ctx).code, Errc::not_polled) << "not for long enough";
+    exchange(700);
+    EXPECT_EQ(words(what_is_wrong(*ctx)),
+              "exchanging process data: the thread that owns the context does not call poll()");
+    (void)poll(*ctx, osal.now());
+    EXPECT_NE(what_is_wrong(*ctx).code, Errc::not_polled);
+}
+
+TEST_F(Mistakes, ASupervisionThatGoesOutOfScopeIsReported) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(told(events(), "supervision"), 0) << "reach() supervises for itself";
+    {
+        SuperviseRequest forgotten;
+        ASSERT_TRUE(submit(*ctx, forgotten).ok());
+        cycles(20);
+        EXPECT_EQ(told(events(), "supervision"), 0);
+    }
+    EXPECT_EQ(events(), std::vector<std::string>{"the supervision has ended: lost slaves are not brought back"});
+}
+
+TEST_F(Mistakes, ErrorsOfTheSegmentAreInTheLogToo) {
+    segment.disconnect({0, 0});
+    const auto found = config_init(*ctx);
+    ASSERT_FALSE(found.ok());
+    EXPECT_EQ(all(ctx->errors()), std::vector<std::string>{words(found.error())});
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    ASSERT_TRUE(config_init(*ctx).ok());
+    const auto mapped = config_map(*ctx, std::span(image).first(3));
+    EXPECT_EQ(words(mapped.error()),
+              "mapping process data: the process image is larger than the buffer (needed 4, there is room for 3)")
+        << "no slave is named: the buffer is too small for all of them";
+    EXPECT_EQ(all(ctx->errors()), std::vector<std::string>{words(mapped.error())});
+}
+
+TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
+    static constexpr PdoEntry kNoBits[] = {{0x7000, 1, 8}, {0x7000, 2, 0}};
+    static constexpr PdoEntry kEight[] = {{0x7000, 1, 8}};
+    static constexpr Pdo kEmptyEntry[] = {{0x1600, kNoBits}};
+    static constexpr Pdo kObject[] = {{0x6000, kEight}};
+    static constexpr Pdo kTwice[] = {{0x1600, kEight}, {0x1600, kEight}};
+    static constexpr Pdo kOnce[] = {{0x1600, kEight}};
+    static constexpr SmPdos kLists[][2] = {
+        {{0, kEmptyEntry}, {1, {}}}, {{0, kObject}, {1, {}}}, {{0, kTwice}, {1, {}}}, {{0, kOnce}, {0, kOnce}}};
+    static constexpr SlaveSetup kSetups[] = {
+        {.pdos = kLists[0]}, {.pdos = kLists[1]}, {.pdos = kLists[2]}, {.pdos = kLists[3]}};
+    static constexpr std::string_view kSaid[] = {
+        "slave 1: configuring PDOs of 0x1600:2: no slave can have this list of PDOs (an entry has 0 bits)",
+        "slave 1: configuring PDOs of 0x6000:0: no slave can have this list of PDOs (PDOs are 0x1600 to 0x17FF and "
+        "0x1A00 to 0x1BFF)",
+        "slave 1: configuring PDOs of 0x1600:0: no slave can have this list of PDOs (the PDO is listed twice)",
+        "slave 1: configuring PDOs of SyncManager 0: no slave can have this list of PDOs (two lists name this "
+        "SyncManager)"};
+    for (std::size_t n = 0; n < std::size(kSetups); ++n) {
+        ASSERT_TRUE(config_init(*ctx).ok());
+        ctx->slave(1).config.setup = &kSetups[n];
+        EXPECT_EQ(words(config_map(*ctx, image).error()), kSaid[n]);
+    }
+}
+
+TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
+    const ExpectedSlave unknown[] = {{.position = 1}, {.product = 0x101}};
+    EXPECT_EQ(words(expect(*ctx, unknown).error()),
+              "comparing with what is expected: argument out of range (entry 2 of the list: without position, alias or "
+              "device id, in a place that is taken, or apart from its hot connect group)");
+}
+
+TEST_F(Mistakes, AnEntryOfASlaveThatDoesNotExistIsNamed) {
+    Output<std::uint8_t> lamp{9, 0x7000, 1};
+    EntryHandle* const entries[] = {&lamp};
+    ctx->group(0).config.entries = entries;
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(words(config_map(*ctx, image).error()),
+              "slave 9: mapping process data of 0x7000:1: there is no such slave (there are 2)");
+}
+
+TEST_F(Mistakes, ASlaveOnItsWayIsNotSaidToHaveTimedOut) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(words(what_is_wrong(*ctx)),
+              "slave 1: requesting a state: the slave is not in the state that is wanted (wanted OP, is in SAFEOP)");
+}
+
+}  // namespace
+}  // namespace margay
