@@ -41,6 +41,7 @@ class MailboxChannel::PumpGuard {
     ~PumpGuard() {
         channel_.pump_.release();
         channel_.dozing_ = false;
+        channel_.parked_ = false;  // the watch goes on as long as a channel is parked
         channel_.doze_.unlink();
     }
 
