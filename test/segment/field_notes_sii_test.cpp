@@ -65,7 +65,7 @@ TEST_F(FieldNotesSii, OddImagesAreToldAndDoNotSpoilTheNeighbours) {
     // The one without a PDI does not take it: its AL control is full, as nobody has read the last one.
     const auto written = writestate(ctx, 0, AlState::op);
     ASSERT_FALSE(written);
-    EXPECT_EQ(written.error().code, Errc::working_counter) << words(written.error());
+    EXPECT_EQ(written.error().code, Errc::timeout) << words(written.error());
     cycles(800);
     (void)readstate(ctx);
     for (std::size_t n = 1; n <= last; ++n) {
