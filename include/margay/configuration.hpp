@@ -80,10 +80,10 @@ struct SlaveConfiguration {
     ConfigurationSource source = ConfigurationSource::none;  // of `sms`
 
     std::uint8_t group = 0;
-    bool block_lrw : 1 = false;           // this slave cannot do LRW: its group exchanges by LRD and LWR
-    bool mailbox_status : 1 = false;      // a bit of the image says whether the slave's mailbox has something to read
-    bool optional : 1 = false;            // may be missing: its group is right without it
-    bool no_mailbox : 1 = false;          // its mailbox is left alone. To be set before it leaves INIT, by expect()
+    bool block_lrw : 1 = false;       // this slave cannot do LRW: its group exchanges by LRD and LWR
+    bool mailbox_status : 1 = false;  // a bit of the image, in a datagram of its own, says whether the slave has mail
+    bool optional : 1 = false;        // may be missing: its group is right without it
+    bool no_mailbox : 1 = false;      // its mailbox is left alone. To be set before it leaves INIT, by expect()
     bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex
     bool fixed_pdos : 1 = false;          // the PDOs of `setup` tell what the slave has, nothing of them is written
     // The highest state that it is brought to: PREOP (no process data), SAFEOP or OP.

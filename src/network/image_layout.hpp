@@ -2,8 +2,9 @@
 // addresses, its FMMUs and its SyncManagers. Pure functions of the slave table; no bus.
 //
 // The image is the outputs of all slaves followed by the inputs of all slaves, each in the order of the ring, and
-// behind them the mailbox status bits. Its logical addresses follow the image; overlapped, outputs and inputs begin at
-// the same logical address, slave by slave, and both halves of the image are as long as the longer of the two needs.
+// behind them, from an octet of their own on, the mailbox status bits. Its logical addresses follow the image;
+// overlapped, outputs and inputs begin at the same logical address, slave by slave, and both halves of the image are as
+// long as the longer of the two needs.
 #pragma once
 
 #include "wire/fmmu.hpp"
@@ -23,7 +24,8 @@ struct ImageLayout {
     Packing packing = Packing::bytes;
     bool overlapped = false;
     std::uint32_t output_bytes = 0;
-    std::uint32_t input_bytes = 0;  // mailbox status bits included
+    std::uint32_t input_bytes = 0;   // mailbox status bits included
+    std::uint32_t status_bytes = 0;  // of them, the last ones: mailbox status bits
 
     [[nodiscard]] std::uint32_t image_bytes() const { return output_bytes + input_bytes; }
     // Octets of logical address space.

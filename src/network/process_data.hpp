@@ -54,8 +54,8 @@ struct ProcessTables {
     std::span<DatagramPlan> plans;
     std::span<DatagramPlan> scratch;  // as many
 
-    // LWR and LRD may share a frame.
-    [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 2 * frames; }
+    // LWR, LRD and the LRD of the mailbox status may share a frame.
+    [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 3 * frames; }
 };
 
 // Takes the group's frames away from it. Those in flight are given up.
