@@ -21,14 +21,24 @@ namespace sii = wire::sii;
 // Nobody else has it: slaves of ours begin one above.
 StationAddress guest_address(const Network& network) { return network.station_address(0); }
 
-bool is_lost(const Slave& slave) { return slave.al.state == AlState::none && !slave.recovering; }
+// A slave that has its own address in the ring is not lost: the look at all slaves welcomes it back.
+bool is_lost(const Slave& slave) {
+    return slave.al.state == AlState::none && !slave.recovering && (slave.ring == 0 || !slave.seen);
+}
 
+bool is_the_wanted_one(const Slave& slave, const Slave& guest) {
+    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
+}
+
+// The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
+// come back too: then it is this slave again, and held as before.
 bool fits(const Slave& slave, const Slave& guest) {
     const bool same = slave.identity.vendor == guest.identity.vendor &&
                       slave.identity.product == guest.identity.product &&
                       slave.identity.revision == guest.identity.revision;
+    if (slave.seen && slave.other && same && slave.alias == guest.alias) return true;
     if (slave.seen && !slave.other && !same) return false;
-    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
+    return is_the_wanted_one(slave, guest);
 }
 
 bool anywhere(const Network& network, const Slave& slave) {
@@ -72,14 +82,16 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
     co_return Result<>();
 }
 
-// Those that answer, by their addresses; of two with the same one the first. Nobody else is known yet.
+// Slaves that have an address of ours; of two with the same address the first one. Nobody else is known yet. A slave
+// that was lost and has its address belongs to welcome_back(), which may be at it right now; an address that no slave
+// has had since the scan is that of an earlier master.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     for (Slave& slave : network.slaves()) slave.ring = 0;
     for (RingPlace& place : network.seen_ring()) {
         if (place.address < first || place.address >= first + network.count) continue;
         Slave& slave = network.slave(place.address - first + 1);
-        if (slave.ring != 0 || is_lost(slave)) continue;
+        if (slave.ring != 0 || (is_lost(slave) && !slave.seen)) continue;
         slave.ring = 1;
         place.slave = slave.position;
     }
@@ -255,6 +267,22 @@ Verdict who_is(Network& network, std::uint16_t n) {
     return verdict;
 }
 
+// A ring that moves while it is read shows a slave twice, or in a place that the slave has left; and a slave may be
+// welcomed back while the guest is asked. The guest is that slave if nobody answers at the address of the slave.
+Task<Result<Verdict>> identify_guest(Network& network, std::uint16_t n) {
+    const Verdict verdict = who_is(network, n);
+    if (verdict.slave != nullptr) co_return verdict;
+    for (Slave& slave : network.slaves()) {
+        const bool may_be = slave.al.state == AlState::none || network.ring[n].address == slave.station_address.value;
+        if (slave.ring == 0 || !slave.seen || !may_be || !fits(slave, network.guest)) continue;
+        auto there = co_await read_al_status(network.station(slave));
+        if (there) continue;
+        if (!says_gone(there.error())) co_return there.error();
+        co_return Verdict{&slave, nullptr};
+    }
+    co_return verdict;
+}
+
 // ------------------------------------------------------------------ what becomes of it
 
 Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
@@ -266,12 +294,13 @@ Task<Result<>> admit(Network& network, std::uint16_t n, Slave& slave) {
     if (n >= network.ring_count) co_return kOvertaken;
     network.ring[n].slave = slave.position;
     store_topology(network.seen_ring(), network.slaves());
+    if (slave.al.state != AlState::none || slave.recovering) co_return Result<>();  // nobody has missed the slave
     network.tell({.kind = EventKind::found, .slave = slave.position, .before = slave.al, .now = now});
     slave.al = now;
     slave.attempts = 0;
     slave.told_missing = false;
     slave.settled = AlState::none;
-    if (slave.other) {  // the slave that was held here is gone, and nothing of it counts
+    if (slave.other && is_the_wanted_one(slave, network.guest)) {  // nothing of the slave that was held here counts
         slave.seen = false;
         slave.other = false;
         slave.held = false;
@@ -349,17 +378,19 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Sea
     if (!named) co_return named.error();
     auto asked = co_await ask_guest(network);
     if (searching.overtaken()) co_return kOvertaken;
-    if (!asked) {
+    Result<Verdict> verdict;
+    if (asked) verdict = co_await identify_guest(network, n);
+    if (searching.overtaken()) co_return kOvertaken;
+    if (!asked || !verdict) {
         auto undone = co_await rename(network, guest_address(network), network.ring[n].address);
         (void)undone;  // it is gone, or it is asked again
-        co_return asked.error();
+        co_return asked ? verdict.error() : asked.error();
     }
-    const Verdict verdict = who_is(network, n);
-    if (verdict.slave == nullptr) {
-        auto dismissed = co_await dismiss(network, n, verdict.instead_of);
+    if (verdict->slave == nullptr) {
+        auto dismissed = co_await dismiss(network, n, verdict->instead_of);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
-    auto admitted = co_await admit(network, n, *verdict.slave);
+    auto admitted = co_await admit(network, n, *verdict->slave);
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
