@@ -85,6 +85,33 @@ std::string World::place(std::uint16_t position) {
     return text;
 }
 
+// Who was there when the frames of a cycle passed.
+std::string World::there(const Cycle& cycle) const {
+    std::string text =
+        ", sent at " + std::to_string(std::chrono::duration<double>(cycle.sent.time_since_epoch()).count());
+    for (std::uint32_t n = 0; n < cycle.station.size(); ++n)
+        text += "; device " + std::to_string(ids_[n]) + (cycle.reachable[n] ? " at " : " away, at ") +
+                std::to_string(cycle.station[n]);
+    return text;
+}
+
+// The working counters of the last cycle of a group, and what the master knows of the slaves of the group.
+std::string World::counted(std::uint8_t number) {
+    const Group& group = ctx_->group(number);
+    std::string text = ", group " + std::to_string(number);
+    for (const DatagramStatus& d : group.datagrams)
+        text += ": expected " + std::to_string(d.expected) + ", got " + std::to_string(d.got) + ", accepted " +
+                std::to_string(d.accepted) + ", full " + std::to_string(d.full);
+    for (const Slave& slave : ctx_->slaves()) {
+        if (slave.config.group != number) continue;
+        text += "; slave " + std::to_string(slave.position) + " " + std::string(to_text(slave.al.state));
+        if (slave.takes_part) text += ", takes part";
+        if (slave.counted) text += ", counted";
+        if (slave.unplaced) text += ", unplaced";
+    }
+    return text + story();
+}
+
 // Devices show new inputs before each cycle, drives what they measure by themselves.
 void World::show_inputs() {
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
@@ -132,11 +159,13 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
     const auto image = ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.inputs;
-        const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional);
+        const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional) &&
+                            slave.config.highest >= AlState::safeop;
         if (!carries(ctx_->group(group), slave)) continue;
         const auto devices = at(slave);
         if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
-            if (devices.empty()) fail("the cycle is right without a slave", place(slave.position));
+            if (devices.empty())
+                fail("the cycle is right without a slave", place(slave.position) + there(cycle) + counted(group));
             if (slave.position == wrong_) fail("the cycle is right with a wrong slave", place(slave.position));
         }
         if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;

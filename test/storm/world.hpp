@@ -135,6 +135,8 @@ class World {
     [[nodiscard]] std::vector<std::uint32_t> devices_at(std::uint16_t position);
     void look_around();
     [[nodiscard]] std::string place(std::uint16_t position);
+    [[nodiscard]] std::string counted(std::uint8_t number);
+    [[nodiscard]] std::string there(const Cycle& cycle) const;
 
     Plan plan_;
     Reporter reporter_;

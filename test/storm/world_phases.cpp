@@ -144,11 +144,10 @@ void World::bring_up() {
             baseline_.push_back(n);
 }
 
-// A device without manners, whose EEPROM nobody has written. The bootloader of the library does not reach SAFEOP: its
-// SII lists its SyncManager 3 as number 2 (known, to be taken out with the mend).
+// A device without manners, whose EEPROM nobody has written.
 bool World::clean(std::uint32_t device) const {
     const auto& d = plan_.devices[device];
-    return !dirty_[device] && d.quirks.empty() && d.name != "bootloader";
+    return !dirty_[device] && d.quirks.empty();
 }
 
 bool World::in_op(std::uint32_t device) {
