@@ -125,7 +125,8 @@ void World::show_inputs() {
 }
 
 void World::set_outputs(std::uint8_t group) {
-    const auto image = ctx_->group(group).image;
+    SharedImage* const shared = ctx_->group(group).config.shared;
+    const auto image = shared != nullptr ? shared->outputs() : ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
@@ -135,6 +136,28 @@ void World::set_outputs(std::uint8_t group) {
         for (std::size_t i = 0; i < value.size(); ++i)
             value[i] = quiet ? std::byte{0} : pattern(1000U + slave.position, counter_, i);
         set_bits(image, part, value);
+    }
+    if (shared != nullptr) shared->publish_outputs();
+}
+
+// A thread that uses the shared image has the inputs of the last cycle that was whole, and no others.
+void World::check_shared(std::uint8_t group) {
+    const Group& of = ctx_->group(group);
+    if (of.config.shared == nullptr || !of.mapped || !of.config.shared->refresh_inputs()) return;
+    if (!std::ranges::equal(of.config.shared->inputs(), of.image.subspan(of.output_bytes)))
+        fail("the shared image has other inputs than the image", "group " + std::to_string(group));
+}
+
+void World::check_copies(std::uint8_t group) {
+    if (!ctx_->group(group).mapped) return;
+    const auto image = ctx_->group(group).image;
+    for (const SlaveToSlave& copy : ctx_->group(group).config.copies) {
+        const auto part = [&](const ImagePart& of, std::uint32_t bit) {
+            return bits_of(image, {.offset_bits = of.offset_bits + bit, .bits = copy.bits, .bytes = {}});
+        };
+        if (part(ctx_->slave(copy.from_slave).image.inputs, copy.from_bit) !=
+            part(ctx_->slave(copy.to_slave).image.outputs, copy.to_bit))
+            fail("a copy between slaves is not what was received", place(copy.to_slave));
     }
 }
 
