@@ -30,6 +30,9 @@ void hold_back(Network& network);
 // it, and PREOP or INIT while it is held.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave);
 
+// The slave has no place in the image because nobody could ask it what it exchanges, which may be nothing.
+[[nodiscard]] bool is_to_be_asked(const Network& network, const Slave& slave);
+
 // The working counter shall count the slave whether it takes part or not.
 [[nodiscard]] bool is_wanted_in_exchange(const Network& network, const Slave& slave);
 

@@ -91,7 +91,8 @@ struct Settings {
     // 1: the slaves that are there, 2: with a wrong one, 3: with a missing one, 4: some are switched off at first, and
     // places are kept for them by the PDOs of their setup, 5: a hot connect group
     std::uint32_t expect = 0;
-    // 1: transition hooks that are busy at first, 2: that fail now and then, 3: that read objects, 4: that cancel requests
+    // 1: transition hooks that are busy at first, 2: that fail now and then, 3: that read objects, 4: that cancel
+    // requests
     std::uint32_t hooks = 0;
     std::uint32_t startup = 0;    // 1: a list of commands for every slave
     std::uint32_t callback = 0;   // 1: events have a callback, 2: that cancels requests, 3: and the supervision

@@ -70,11 +70,11 @@ void World::build() {
         segment_, osal_,
         SimulatedNic::Options{.round_trip = std::chrono::microseconds(s.round_trip_us), .wire_time = s.wire_time != 0});
     nic_ = std::make_unique<ChaosNic>(*wire_, osal_, plan_.seed);
-    ctx_ = std::make_unique<HostContext>(Limits{.slaves = static_cast<std::uint16_t>(count + 4),
-                                                .tasks = static_cast<std::uint16_t>(s.tasks),
-                                                .frames = static_cast<std::uint16_t>(s.frames),
-                                                .groups = static_cast<std::uint16_t>(s.groups),
-                                                .process_frames = static_cast<std::uint16_t>(s.process_frames)});
+    ctx_ = std::make_unique<RoomyContext>(Limits{.slaves = static_cast<std::uint16_t>(count + 4),
+                                                 .tasks = static_cast<std::uint16_t>(s.tasks),
+                                                 .frames = static_cast<std::uint16_t>(s.frames),
+                                                 .groups = static_cast<std::uint16_t>(s.groups),
+                                                 .process_frames = static_cast<std::uint16_t>(s.process_frames)});
     if (const auto ready = init(*ctx_, *nic_, osal_); !ready) fail("init", "refused");
     arena_level_ = master_of(*ctx_)->network.arena().used_bytes();
     shared_memory_.assign(s.groups, std::vector<std::byte>(SharedImage::memory_bytes(kImageBytes, 0)));

@@ -7,9 +7,9 @@
 #include "storm/chaos_nic.hpp"
 #include "storm/operations.hpp"
 #include "storm/plan.hpp"
+#include "storm/roomy_context.hpp"
 #include "storm/spy.hpp"
 
-#include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 #include <margay/shared_image.hpp>
 
@@ -157,7 +157,7 @@ class World {
     sim::Segment segment_;
     std::unique_ptr<SimulatedNic> wire_;
     std::unique_ptr<ChaosNic> nic_;
-    std::unique_ptr<HostContext> ctx_;
+    std::unique_ptr<RoomyContext> ctx_;
     Chance chance_;
 
     std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
@@ -180,11 +180,11 @@ class World {
         SlaveSetup setup;
         SlaveConfiguration config;
     };
-    std::map<std::uint32_t, KeptPlace> kept_;  // by device
-    std::vector<std::uint32_t> away_;          // devices that are not there when the segment is brought up
+    std::map<std::uint32_t, KeptPlace> kept_;   // by device
+    std::vector<std::uint32_t> away_;           // devices that are not there when the segment is brought up
     std::vector<std::uint32_t> segment_order_;  // of the ring, when all were there
-    std::vector<std::uint32_t> group_;         // devices of the hot connect group, the head first
-    std::vector<SlaveToSlave> copies_;         // of all groups
+    std::vector<std::uint32_t> group_;          // devices of the hot connect group, the head first
+    std::vector<SlaveToSlave> copies_;          // of all groups
     std::vector<std::vector<std::byte>> shared_memory_;
     std::vector<std::unique_ptr<SharedImage>> shared_;
     std::vector<ExpectedSlave> expected_;

@@ -1,5 +1,5 @@
-// What a plan expects of its segment: wrong slaves, missing ones, slaves that are switched off at first, and a hot connect
-// group.
+// What a plan expects of its segment: wrong slaves, missing ones, slaves that are switched off at first, and a hot
+// connect group.
 #include "storm/world.hpp"
 #include "wire/sii.hpp"
 
@@ -46,8 +46,10 @@ void World::choose_away() {
     }
     const auto order = segment_.order();
     for (std::size_t n = order.size(); n-- > 1 && away_.size() < 1 + plan_.seed % 2;)
-        if (clean(order[n])) away_.push_back(order[n]);
-        else break;
+        if (clean(order[n]))
+            away_.push_back(order[n]);
+        else
+            break;
 }
 
 // Of the devices that are away, or may go as a group: what they exchange, as the PDOs of their setup tell it.
@@ -58,7 +60,9 @@ void World::keep_places() {
         const auto devices = devices_at(slave.position);
         if (devices.empty()) continue;
         const auto device = devices.front();
-        const auto is = [&](const std::vector<std::uint32_t>& list) { return std::ranges::find(list, device) != list.end(); };
+        const auto is = [&](const std::vector<std::uint32_t>& list) {
+            return std::ranges::find(list, device) != list.end();
+        };
         if (!is(away_) && !is(group_)) continue;
         KeptPlace& kept = kept_[device];
         const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
@@ -101,8 +105,7 @@ void World::come_back() {
     for (const auto n : away_) {
         const Op op = plan_.settings.expect == 5 ? Op::mend : Op::power_on;
         const Due due{at, {0, op, {ids_[n]}}};
-        const auto place =
-            std::ranges::find_if(world_steps_, [at](const Due& other) { return other.at > at; });
+        const auto place = std::ranges::find_if(world_steps_, [at](const Due& other) { return other.at > at; });
         world_steps_.insert(place, due);
         at += std::chrono::milliseconds(7);
     }

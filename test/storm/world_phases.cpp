@@ -150,8 +150,8 @@ void World::copy_between_slaves() {
             if (copy.to_slave == 0 && slave.image.outputs.bits != 0) copy.to_slave = slave.position;
         }
         if (copy.from_slave == 0 || copy.to_slave == 0) continue;
-        copy.bits = std::min<std::uint32_t>({ctx_->slave(copy.from_slave).image.inputs.bits,
-                                             ctx_->slave(copy.to_slave).image.outputs.bits, 12});
+        copy.bits = std::min<std::uint32_t>(
+            {ctx_->slave(copy.from_slave).image.inputs.bits, ctx_->slave(copy.to_slave).image.outputs.bits, 12});
         ctx_->group(g).config.copies = Borrowed<SlaveToSlave>(&copy, 1);
         map_now(g);
         if (!ctx_->group(g).mapped) fail("bring-up", "a group with a copy between slaves is not mapped" + story());
