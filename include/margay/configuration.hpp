@@ -80,8 +80,9 @@ struct SlaveConfiguration {
     ConfigurationSource source = ConfigurationSource::none;  // the source of `sms`
 
     std::uint8_t group = 0;
-    bool block_lrw : 1 = false;           // this slave does not support LRW: its group uses LRD and LWR
-    bool mailbox_status : 1 = false;      // a bit of the image says whether the slave's mailbox has a message to read
+    bool block_lrw : 1 = false;  // this slave does not support LRW: its group uses LRD and LWR
+    // A bit of the image, in a datagram of its own, says whether the slave's mailbox has a message to read.
+    bool mailbox_status : 1 = false;
     bool optional : 1 = false;            // the slave may be missing: its absence does not make a cycle wrong
     bool no_mailbox : 1 = false;          // its mailbox is not used. Set this before the slave leaves INIT, by expect()
     bool no_complete_access : 1 = false;  // CoE objects are always read and written subindex by subindex

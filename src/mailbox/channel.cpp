@@ -42,6 +42,7 @@ class MailboxChannel::PumpGuard {
     ~PumpGuard() {
         channel_.pump_.release();
         channel_.dozing_ = false;
+        channel_.watched_by_mailboxes_ = false;  // the watch goes on as long as a channel is parked
         channel_.doze_.unlink();
     }
 

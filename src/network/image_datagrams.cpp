@@ -18,21 +18,24 @@ struct Range {
 };
 
 struct Ranges {
-    std::array<Range, 2> at{};
+    std::array<Range, 3> at{};
     std::size_t count = 0;
 };
 
+// An ESC counts a datagram once for all that is read (ETG.1000.4 "Working counter"). The mailbox status can always be
+// read, so it has a datagram of its own: in the datagram of the inputs it would count for inputs that were not read.
 Ranges choose_ranges(const ImageLayout& layout, bool block_lrw) {
     const std::uint32_t inputs_begin = layout.overlapped ? 0 : layout.output_bytes;
-    const Range outputs{Command::LWR, 0, layout.output_bytes};
-    const Range inputs{Command::LRD, inputs_begin, inputs_begin + layout.input_bytes};
+    const std::uint32_t status_begin = layout.logical_bytes() - layout.status_bytes;
+    const std::uint32_t inputs = layout.input_bytes - layout.status_bytes;
     Ranges s;
-    if (layout.output_bytes > 0 && layout.input_bytes > 0 && !block_lrw) {
-        s.at[s.count++] = {Command::LRW, 0, layout.logical_bytes()};
-        return s;
+    if (layout.output_bytes > 0 && inputs > 0 && !block_lrw) {
+        s.at[s.count++] = {Command::LRW, 0, status_begin};
+    } else {
+        if (layout.output_bytes > 0) s.at[s.count++] = {Command::LWR, 0, layout.output_bytes};
+        if (inputs > 0) s.at[s.count++] = {Command::LRD, inputs_begin, inputs_begin + inputs};
     }
-    if (layout.output_bytes > 0) s.at[s.count++] = outputs;
-    if (layout.input_bytes > 0) s.at[s.count++] = inputs;
+    if (layout.status_bytes > 0) s.at[s.count++] = {Command::LRD, status_begin, layout.logical_bytes()};
     return s;
 }
 

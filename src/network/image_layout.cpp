@@ -145,19 +145,26 @@ ImagePart part(const Extent& extent, std::span<std::byte> image) {
             image.subspan(first, end - first)};
 }
 
-// Measures the two halves of the image in bits, by a first pass over the slaves.
-Layer::Place measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
+// The two halves of the image in bits, measured by a first pass over the slaves.
+struct Halves {
+    Extent outputs;
+    Extent inputs;
+    std::uint64_t status_bits = 0;  // the last bits of the inputs: mailbox status
+};
+Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
     Layer layer(wanted, 0, 0);
     for (Slave& slave : slaves)
         if (slave.config.group == group) (void)layer.place(slave);
     const std::uint64_t outputs = up_to_octet(layer.outputs_end());
+    const std::uint64_t inputs = up_to_octet(layer.inputs_end());
     for (Slave& slave : slaves)
         if (slave.config.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
-    return {{0, outputs}, {outputs, outputs + up_to_octet(layer.inputs_end())}};
+    const std::uint64_t with_status = up_to_octet(layer.inputs_end());
+    return {{0, outputs}, {outputs, outputs + with_status}, with_status - inputs};
 }
 
 Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
-                   std::span<std::byte> image, const Layer::Place& halves) {
+                   std::span<std::byte> image, const Halves& halves) {
     const std::uint64_t room = std::min<std::uint64_t>(std::uint64_t{image.size()} * 8, kMostImageBits);
     const auto too_large = [&] {
         Error error{.code = Errc::image_too_large, .step = Step::map_process_data};
@@ -282,7 +289,8 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
                        .packing = wanted.packing,
                        .overlapped = wanted.overlapped,
                        .output_bytes = static_cast<std::uint32_t>(halves.outputs.end / 8),
-                       .input_bytes = static_cast<std::uint32_t>((halves.inputs.end - halves.inputs.begin) / 8)};
+                       .input_bytes = static_cast<std::uint32_t>((halves.inputs.end - halves.inputs.begin) / 8),
+                       .status_bytes = static_cast<std::uint32_t>(halves.status_bits / 8)};
 }
 
 Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {

@@ -1,9 +1,10 @@
 // The layout of a group's process data: computes from the process data of each slave its place in the image, its
 // logical addresses, its FMMUs and its SyncManagers. Pure functions of the slave table; no bus access.
 //
-// The image consists of the outputs of all slaves, then the inputs of all slaves, each in the order of the ring, then
-// the mailbox status bits. The logical addresses follow the image. In an overlapped layout outputs and inputs start at
-// the same logical address, slave by slave, and both halves of the image have the length of the longer one.
+// The image consists of the outputs of all slaves, then the inputs of all slaves, each in the order of the ring, then,
+// from a new octet on, the mailbox status bits. The logical addresses follow the image. In an overlapped layout outputs
+// and inputs start at the same logical address, slave by slave, and both halves of the image have the length of the
+// longer one.
 #pragma once
 
 #include "wire/fmmu.hpp"
@@ -23,7 +24,8 @@ struct ImageLayout {
     Packing packing = Packing::bytes;
     bool overlapped = false;
     std::uint32_t output_bytes = 0;
-    std::uint32_t input_bytes = 0;  // mailbox status bits included
+    std::uint32_t input_bytes = 0;   // mailbox status bits included
+    std::uint32_t status_bytes = 0;  // of them, the last ones: mailbox status bits
 
     [[nodiscard]] std::uint32_t image_bytes() const { return output_bytes + input_bytes; }
     // Octets of logical address space.

@@ -56,8 +56,8 @@ struct ProcessTables {
     std::span<DatagramPlan> plans;
     std::span<DatagramPlan> scratch;  // same size as `plans`
 
-    // LWR and LRD may share a frame.
-    [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 2 * frames; }
+    // LWR, LRD and the LRD of the mailbox status may share a frame.
+    [[nodiscard]] static constexpr std::size_t datagrams_for(std::size_t frames) { return 3 * frames; }
 };
 
 // Removes the frames of the group. Frames in flight are given up.

@@ -193,7 +193,9 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     note_state(network, slave, *seen);
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
-    if (to == AlState::init || (to == AlState::preop && process)) co_return co_await lower(network, slave, to);
+    const bool to_be_asked = is_to_be_asked(network, slave);
+    if (to == AlState::init || (to == AlState::preop && process && !to_be_asked))
+        co_return co_await lower(network, slave, to);
     bool configured = is_configured(slave);
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
@@ -203,14 +205,15 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
         auto changed = co_await change(network, slave, to);
         configured = changed.ok();
     }
-    if (configured) co_return Result<>();
+    if (configured && !to_be_asked) co_return Result<>();
     // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
     const bool waits = slave.al.state == AlState::preop && !slave.al.error &&
                        network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
                        to >= AlState::safeop;
+    const bool asks = to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error;
     Result<> again;
-    if (waits) again = co_await back_to_safeop(network, slave);
-    if (!waits || !again) again = co_await reconfigure(network, slave);
+    if (waits || asks) again = co_await back_to_safeop(network, slave);
+    if (!asks && (!waits || !again)) again = co_await reconfigure(network, slave);
     if (!again || goal(network, slave) != AlState::op) co_return again;
     auto op = co_await change(network, slave, AlState::op);
     co_return op ? Result<>() : Result<>(op.error());

@@ -21,16 +21,24 @@ namespace sii = wire::sii;
 // No other slave has this address: the station addresses of the slaves start one above it.
 StationAddress newcomer_address(const Network& network) { return network.station_address(0); }
 
+// A slave that has its own address in the ring is not lost: the supervision reads its state and readmits it.
 bool is_lost(const Network& network, const Slave& slave) {
-    return slave.al.state == AlState::none && !network.marks(slave).in_use;
+    return slave.al.state == AlState::none && !network.marks(slave).in_use && (slave.ring_position == 0 || !slave.seen);
 }
 
+bool is_the_wanted_one(const Slave& slave, const Slave& guest) {
+    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
+}
+
+// The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
+// come back too: then it is this slave again, and held as before.
 bool fits(const Slave& slave, const Slave& guest) {
     const bool same = slave.identity.vendor == guest.identity.vendor &&
                       slave.identity.product == guest.identity.product &&
                       slave.identity.revision == guest.identity.revision;
+    if (slave.seen && slave.other && same && slave.alias == guest.alias) return true;
     if (slave.seen && !slave.other && !same) return false;
-    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
+    return is_the_wanted_one(slave, guest);
 }
 
 bool anywhere(const Network& network, const Slave& slave) {
@@ -75,14 +83,16 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
 }
 
 // Assigns the places of the ring to the slaves that answer, by their station addresses; of two places with the same
-// address the first one counts. The other places are not assigned yet.
+// address the first one counts. The other places are not assigned yet. A slave that was lost and has its address
+// belongs to readmit_slave(), which may be working on it; an address that no slave has had since the scan comes from an
+// earlier master.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     for (Slave& slave : network.slaves()) slave.ring_position = 0;
     for (RingPlace& place : network.seen_ring()) {
         if (place.address < first || place.address >= first + network.count) continue;
         Slave& slave = network.slave(place.address - first + 1);
-        if (slave.ring_position != 0 || is_lost(network, slave)) continue;
+        if (slave.ring_position != 0 || (is_lost(network, slave) && !slave.seen)) continue;
         slave.ring_position = 1;
         place.slave = slave.number;
     }
@@ -261,6 +271,22 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
     return verdict;
 }
 
+// A ring that changes while it is read shows a slave twice, or in a place that the slave has left; and a slave may be
+// readmitted while the newcomer is read. The newcomer is that slave if no slave answers at the address of the slave.
+Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n) {
+    const Verdict verdict = identify_newcomer(network, n);
+    if (verdict.slave != nullptr) co_return verdict;
+    for (Slave& slave : network.slaves()) {
+        const bool may_be = slave.al.state == AlState::none || network.ring[n].address == slave.station_address.value;
+        if (slave.ring_position == 0 || !slave.seen || !may_be || !fits(slave, network.guest)) continue;
+        auto there = co_await read_al_status(network.station(slave));
+        if (there) continue;
+        if (!does_not_answer(there.error())) co_return there.error();
+        co_return Verdict{&slave, nullptr};
+    }
+    co_return verdict;
+}
+
 // ------------------------------------------------------------------ result of the identification
 
 Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& slave) {
@@ -272,12 +298,15 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     if (n >= network.ring_count) co_return kOvertaken;
     network.ring[n].slave = slave.number;
     store_topology(network.seen_ring(), network.slaves());
+    // The slave was never reported lost.
+    if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Result<>();
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     network.marks(slave).missing_reported = false;
     network.marks(slave).settled = AlState::none;
-    if (slave.other) {  // the held slave is gone: delete what was read from it
+    // The held slave is gone: delete what was read from it.
+    if (slave.other && is_the_wanted_one(slave, network.guest)) {
         slave.seen = false;
         slave.other = false;
         slave.held = false;
@@ -355,17 +384,19 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Sea
     if (!named) co_return named.error();
     auto asked = co_await read_newcomer(network);
     if (searching.overtaken()) co_return kOvertaken;
-    if (!asked) {
+    Result<Verdict> verdict;
+    if (asked) verdict = co_await verify_newcomer(network, n);
+    if (searching.overtaken()) co_return kOvertaken;
+    if (!asked || !verdict) {
         auto undone = co_await rename(network, newcomer_address(network), network.ring[n].address);
         (void)undone;  // the newcomer is gone, or it is read again in the next search
-        co_return asked.error();
+        co_return asked ? verdict.error() : asked.error();
     }
-    const Verdict verdict = identify_newcomer(network, n);
-    if (verdict.slave == nullptr) {
-        auto dismissed = co_await mark_stranger(network, n, verdict.instead_of);
+    if (verdict->slave == nullptr) {
+        auto dismissed = co_await mark_stranger(network, n, verdict->instead_of);
         co_return dismissed ? Result<bool>(false) : Result<bool>(dismissed.error());
     }
-    auto admitted = co_await assign_slave_address(network, n, *verdict.slave);
+    auto admitted = co_await assign_slave_address(network, n, *verdict->slave);
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 

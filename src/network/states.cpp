@@ -12,6 +12,9 @@ namespace {
 
 constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
+// Of a caller that does not wait for the state: the outputs of the other slaves may rest meanwhile, and their watchdogs
+// bite after 100 ms.
+constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
 Task<Result<>> read_state(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none && !slave.seen)
@@ -37,6 +40,8 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written =
         co_await write<std::uint16_t>(network.station(slave), wire::reg::kAlControl, request, Step::request_state);
+    if (does_not_answer(written.error()))
+        written = co_await request_again(network.station(slave), request, Step::request_state, kControlStaysFull);
     if (!written) network.note(slave, written.error());
     co_return written;
 }

@@ -85,7 +85,7 @@ Task<Result<>> check_fmmus(Network& network, Slave& slave) {
 bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || left_alone(network, slave)) return false;
     const AlState to = goal(network, slave);
-    if (slave.al.error || slave.al.state != to) return true;
+    if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 

@@ -95,6 +95,11 @@ AlState goal(const Network& network, const Slave& slave) {
     return is_mapped(network, slave) && has_place(slave) ? wanted : AlState::preop;
 }
 
+bool is_to_be_asked(const Network& network, const Slave& slave) {
+    return slave.unplaced && (slave.pdos_failed || !slave.seen) && !slave.held && is_mapped(network, slave) &&
+           wanted_state(network, slave) >= AlState::safeop;
+}
+
 bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;

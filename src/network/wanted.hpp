@@ -30,6 +30,9 @@ void update_held(Network& network);
 // place for it, and PREOP or INIT while it is held.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave);
 
+// The slave has no place in the image because nobody could read what it exchanges, which may be nothing.
+[[nodiscard]] bool is_to_be_asked(const Network& network, const Slave& slave);
+
 // Whether the expected working counter includes the slave, even if it does not take part.
 [[nodiscard]] bool is_wanted_in_exchange(const Network& network, const Slave& slave);
 

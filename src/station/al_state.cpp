@@ -10,6 +10,7 @@ namespace reg = wire::reg;
 constexpr Duration kFirstPause = std::chrono::microseconds(200);
 constexpr Duration kOldErrorStands = std::chrono::milliseconds(200);
 constexpr Duration kLongestPause = std::chrono::milliseconds(5);
+constexpr Duration kControlStaysFull = std::chrono::milliseconds(200);  // a slow processor has read it by then
 
 constexpr std::uint16_t code_offset = reg::kAlStatusCode.address - reg::kAlStatus.address;
 
@@ -35,6 +36,24 @@ Task<Result<AlStatus>> read_al_status(Station station) {
                              (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
 }
 
+Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience) {
+    const Time give_up = later(station.engine.now(), patience);
+    Duration pause = kFirstPause;
+    for (;;) {
+        auto status = co_await read_al_status(station);
+        if (!status) co_return status.error();
+        co_await station.engine.sleep_for(pause);
+        pause = std::min(pause * 2, kLongestPause);
+        auto written = co_await write<std::uint16_t>(station, reg::kAlControl, request, step);
+        if (written || !does_not_answer(written.error())) co_return written;
+        if (station.engine.now() < give_up) continue;
+        Error error = station.error(Errc::timeout, step);
+        error.expected = request & wire::al::kStateMask;
+        error.actual = static_cast<std::uint32_t>(status->state);
+        co_return error;
+    }
+}
+
 Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation, Duration timeout) {
     auto before = co_await read_al_status(station);
     if (!before) co_return before;
@@ -48,6 +67,8 @@ Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, Al
     const auto request =
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));
     auto written = co_await write<std::uint16_t>(station, reg::kAlControl, request, Step::request_state);
+    if (does_not_answer(written.error()))
+        written = co_await request_again(station, request, Step::request_state, std::min(timeout, kControlStaysFull));
     if (!written) co_return written.error();
     const Time give_up_old = station.engine.now() + kOldErrorStands;
     Duration pause = kFirstPause;

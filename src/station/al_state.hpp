@@ -17,6 +17,13 @@ inline void take_al_status(AlStatus& known, const Result<AlStatus>& seen) {
     if (does_not_answer(seen.error())) known = AlStatus{};
 }
 
+// Writes AL control again after a write that no slave took (working counter 0). An ESC takes no request as long as the
+// slave's processor has not read the request before (ETG.1000.4 "AL control"); a processor that is slow, or a frame
+// that was lost behind the slave and sent again, makes a slave that is there refuse a request. Errors: working_counter
+// when the slave does not answer at all; timeout when its processor does not read the request before within `patience`
+// (expected: the requested state, actual: the present one).
+[[nodiscard]] Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience);
+
 // Requests `state` and waits until the slave has reached it, the slave refuses, or `timeout` is over. An error
 // indication from before is acknowledged with the request, unless the slave mirrors AL control (`device_emulation`).
 // Errors: Errc::al_status with the AL status code in detail and the state reached in actual; Errc::timeout with the

@@ -1,5 +1,6 @@
 #include "station/device_id.hpp"
 
+#include "station/al_state.hpp"
 #include "station/sii_access.hpp"
 
 namespace margay {
@@ -48,6 +49,7 @@ Task<Result<std::uint16_t>> from_al_status(Station station) {
     const unsigned acknowledge = (*status & wire::al::kErrorIndication) != 0 ? wire::al::kErrorAcknowledge : 0U;
     const auto request = static_cast<std::uint16_t>(state | wire::al::kDeviceIdentification | acknowledge);
     auto asked = co_await write<std::uint16_t>(station, reg::kAlControl, request, kStep);
+    if (does_not_answer(asked.error())) asked = co_await request_again(station, request, kStep, kPatience);
     if (!asked) co_return asked.error();
     auto id = co_await await_id(station);
     auto ended = co_await write<std::uint16_t>(station, reg::kAlControl, state, kStep);

@@ -99,6 +99,23 @@ SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool 
             outputs ? SmType::outputs : SmType::inputs};
 }
 
+// The SyncManager category: the place of an entry is the number of its SyncManager. Those between that the device does
+// not use are of type unused.
+class SyncManagerTable {
+  public:
+    [[nodiscard]] bool set(std::uint8_t number, const SmInfo& info) {
+        if (number >= all_.size() || all_[number].type != SmType::unused) return false;
+        all_[number] = info;
+        count_ = std::max<std::size_t>(count_, number + 1U);
+        return true;
+    }
+    [[nodiscard]] std::span<const SmInfo> entries() const { return std::span(all_).first(count_); }
+
+  private:
+    std::array<SmInfo, 16> all_{};
+    std::size_t count_ = 0;
+};
+
 }  // namespace
 
 std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary& dictionary) {
@@ -144,21 +161,21 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
     if (device.mailbox.present()) fmmus[fmmu_count++] = FmmuUse::mailbox_status;
     d.fmmus = std::span(fmmus).first(fmmu_count);
 
-    std::array<SmInfo, 4> managers{};
-    std::size_t manager_count = 0;
+    SyncManagerTable managers;
     if (device.mailbox.present()) {
-        managers[manager_count++] = {device.mailbox.receive.start, device.mailbox.receive.size_bytes, 0x26, 1,
-                                     SmType::mailbox_out};
-        managers[manager_count++] = {device.mailbox.send.start, device.mailbox.send.size_bytes, 0x22, 1,
-                                     SmType::mailbox_in};
+        const MailboxPair& pair = device.mailbox;
+        (void)managers.set(0, {pair.receive.start, pair.receive.size_bytes, 0x26, 1, SmType::mailbox_out});
+        (void)managers.set(1, {pair.send.start, pair.send.size_bytes, 0x22, 1, SmType::mailbox_in});
     }
-    if (device.outputs.present())
-        managers[manager_count++] =
-            process_data_info(device.outputs, mapped_bytes(dictionary, kOutputAssignment, device.outputs), true);
-    if (device.inputs.present())
-        managers[manager_count++] =
-            process_data_info(device.inputs, mapped_bytes(dictionary, kInputAssignment, device.inputs), false);
-    d.sync_managers = std::span(managers).first(manager_count);
+    for (const bool outputs : {true, false}) {
+        const ProcessDataArea& area = outputs ? device.outputs : device.inputs;
+        const std::uint16_t assignment = outputs ? kOutputAssignment : kInputAssignment;
+        if (area.present() &&
+            !managers.set(area.sync_manager,
+                          process_data_info(area, mapped_bytes(dictionary, assignment, area), outputs)))
+            return {0, Fault::no_room};
+    }
+    d.sync_managers = managers.entries();
 
     PdoCollector collector(dictionary, pdos, entries);
     if (!collector.collect(0x1600, kOutputAssignment, device.outputs.sync_manager, d.rx_pdos) ||

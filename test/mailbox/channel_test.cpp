@@ -1,5 +1,6 @@
 // The mailbox channel with a mailbox for which the test writes every octet. ETG.1000.4 "Mailbox" (header, counter,
 // repeat), ETG.1000.6 table "Mailbox error reply". The behaviour of real slaves comes from the field notes (mailbox).
+#include "api/master.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -384,6 +385,32 @@ TEST_F(ChannelTest, MailboxesThatAreTooSmallOrNotThereAreTold) {
     const auto eoe_only = SDOread<std::uint16_t>(*bus.ctx, 2, 0x2000, 0);
     EXPECT_EQ(eoe_only.error().code, Errc::unsupported);
     EXPECT_EQ(bus.words(eoe_only.error()), "slave 2: SDO upload of 0x2000:0: not supported by the slave");
+}
+
+// Channels that have looked in vain leave the looking to the watch over all slaves. The watch ends with the last of
+// them: nothing is in the arena, and nothing on the wire.
+TEST(ChannelWatch, EndsWhenNobodyWaitsAnyMore) {
+    MailboxBus bus;
+    for (int n = 0; n < 4; ++n) bus.add_scripted(64).on_mail = [](const Mail&) {};
+    bus.start();
+    const Arena& arena = master_of(*bus.ctx)->network.arena();
+    bus.idle(1s);
+    const std::size_t before = arena.used_bytes();
+    std::array<std::uint32_t, 4> values{};
+    std::array<SdoUpload, 4> requests;
+    for (std::uint16_t n = 0; n < 4; ++n) {
+        requests[n].slave = static_cast<std::uint16_t>(n + 1);
+        requests[n].index = 0x2000;
+        requests[n].data = std::as_writable_bytes(std::span(&values[n], 1));
+        requests[n].timeout = 50ms;
+        ASSERT_TRUE(submit(*bus.ctx, requests[n]).ok());
+    }
+    for (SdoUpload& request : requests) bus.run(request);
+    bus.idle(1s);
+    EXPECT_EQ(arena.used_bytes(), before);
+    const auto sent = bus.nic->sent;
+    bus.idle(1s);
+    EXPECT_EQ(bus.nic->sent, sent);
 }
 
 TEST(ChannelRouting, MailFromSlaveToSlaveIsHandedOn) {

@@ -81,6 +81,35 @@ TEST_F(HotConnectTest, APlaceIsKeptForWhomIsMissingInTheMiddle) {
     EXPECT_EQ(ctx->slave(3).parent, 1);
 }
 
+// Slave 2 is not what is wanted there, but of the kind of slave 3. Both lose their supply, and slave 2 alone comes
+// back: it is slave 2 again, which is held, and not slave 3.
+TEST_F(HotConnectTest, AnOtherSlaveThatIsBackIsHeldAgainInItsOwnPlace) {
+    const auto third = make({.product = 0x101});
+    pull(line[2]);
+    ASSERT_TRUE(segment.connect({line[1], 1}, {third, 0}));
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x1FF), at(3, 0x101)};
+    (void)bring_up(expected);
+    (void)config_map(*ctx, image);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return in_op(1) && in_op(3); })) << joined(events());
+    EXPECT_TRUE(ctx->slave(2).held);
+    power(third, false);
+    power(line[1], false);
+    cycles(50);
+    (void)events();
+    power(line[1], true);
+    ASSERT_TRUE(until([&] { return ctx->slave(2).al.state != AlState::none; })) << joined(events());
+    cycles(2000);
+    EXPECT_TRUE(ctx->slave(2).held);
+    EXPECT_LE(ctx->slave(2).al.state, AlState::preop);
+    EXPECT_EQ(ctx->slave(3).al.state, AlState::none);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 3"), 0) << joined(story);
+    power(third, true);
+    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
+    EXPECT_TRUE(ctx->slave(2).held);
+}
+
 TEST_F(HotConnectTest, WhoeverComesAtTheEndOfTheLineIsTakenIn) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true), at(5, 0x104)};
     EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: an expected slave is missing"}));

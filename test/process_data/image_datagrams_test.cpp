@@ -97,6 +97,29 @@ TEST_F(ImageDatagramsTest, SlavesStayWholeWhereThatCostsNoFrame) {
     EXPECT_EQ(got[1].expected_wkc, 1);
 }
 
+// An ESC increments the working counter of a datagram once for all octets that it reads into it, and its mailbox status
+// can be read in any state: in the datagram of the inputs the increment would also stand for inputs that were not read.
+TEST_F(ImageDatagramsTest, TheMailboxStatusHasADatagramOfItsOwn) {
+    for (const bool overlapped : {false, true}) {
+        for (const bool block_lrw : {false, true}) {
+            slaves = {io_slave(1, 16, 16), io_slave(2, 0, 16)};
+            slaves[1].mailbox = {.out_start = 0x1800, .out_bytes = 64, .in_start = 0x1880, .in_bytes = 64};
+            slaves[1].config.mailbox_status = true;
+            wanted.overlapped = overlapped;
+            wanted.block_lrw = block_lrw;
+            const auto got = plan();
+            ASSERT_EQ(got.size(), block_lrw ? 3U : 2U);
+            EXPECT_EQ(got.back().command, wire::Command::LRD);
+            EXPECT_EQ(got.back().bytes, 1);
+            EXPECT_EQ(got.back().expected_wkc, 1);
+            EXPECT_EQ(got.back().image_input, slaves[1].image.mailbox_status_bit / 8);
+            unsigned others = 0;
+            for (std::size_t n = 0; n + 1 < got.size(); ++n) others += got[n].expected_wkc;
+            EXPECT_EQ(others, block_lrw ? 3U : 4U);
+        }
+    }
+}
+
 // Three slaves of 990 octets have 2970 octets, and two frames hold 2972.
 TEST_F(ImageDatagramsTest, ASlaveIsCutWhereThatSavesAFrame) {
     slaves = {io_slave(1, 0, 990 * 8), io_slave(2, 0, 990 * 8), io_slave(3, 0, 990 * 8)};

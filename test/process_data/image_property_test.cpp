@@ -159,10 +159,16 @@ void check(Case& c, std::mt19937& random) {
         frame_bytes[d.frame] += d.bytes + 12U;
     }
     for (const auto& [frame, bytes] : frame_bytes) EXPECT_LE(bytes + (frame == 0 ? c.wanted.reserve_bytes : 0U), 1498U);
+    const std::uint32_t status_begin =
+        layout->status_bytes == 0 ? 0xFFFF'FFFF : c.wanted.start.value + layout->logical_bytes() - layout->status_bytes;
     // No more frames than the data would need if a slave could be divided anywhere.
     if (!datagrams.empty()) {
-        const std::size_t overheads =
-            (datagrams.back().command != datagrams.front().command ? 24U : 12U) + c.wanted.reserve_bytes;
+        std::size_t overheads = c.wanted.reserve_bytes;
+        for (std::size_t n = 0; n < datagrams.size(); ++n) {
+            const bool begins_a_range = n == 0 || datagrams[n].command != datagrams[n - 1].command ||
+                                        datagrams[n].address.value == status_begin;
+            overheads += begins_a_range ? 12U : 0U;
+        }
         std::size_t octets = 0;
         for (const DatagramPlan& d : datagrams) octets += d.bytes;
         std::size_t frames = 1;

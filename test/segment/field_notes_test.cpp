@@ -50,6 +50,32 @@ TEST_F(FieldNotes, StatecheckOfOneRefreshesAll) {
     EXPECT_EQ(readstate(ctx)->state, AlState::none);
 }
 
+// An ESC takes no request as long as the processor has not read the request before, and answers with a working counter
+// of 0 meanwhile. The slave is not gone.
+TEST_F(FieldNotes, AProcessorThatReadsAlControlLateIsWaitedFor) {
+    plug_odd({"slow_firmware"});
+    start();
+    ASSERT_TRUE(writestate(ctx, 1, AlState::init));
+    ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
+    // INIT is there at once and PREOP is requested while the request for INIT has not been read.
+    const auto again = reconfig_slave(ctx, 1);
+    EXPECT_TRUE(again.ok()) << words(again.error());
+    EXPECT_EQ(ctx.slave(1).al, (AlStatus{AlState::preop, false, 0}));
+    ASSERT_TRUE(writestate(ctx, 1, AlState::init));
+    const auto at_once = writestate(ctx, 1, AlState::preop);
+    EXPECT_TRUE(at_once.ok()) << words(at_once.error());
+    // A processor that reads nothing any more is told as such, in bounded time.
+    segment.slave(0).halt_firmware(osal.now());
+    osal.advance(20ms);
+    (void)writestate(ctx, 1, AlState::init);
+    const auto begin = osal.now();
+    const auto never = writestate(ctx, 1, AlState::preop);
+    EXPECT_EQ(never.error().code, Errc::timeout) << words(never.error());
+    EXPECT_EQ(never.error().expected, static_cast<std::uint32_t>(AlState::preop));
+    EXPECT_LT(osal.now() - begin, 50ms);
+    EXPECT_NE(ctx.slave(1).al.state, AlState::none);
+}
+
 TEST_F(FieldNotes, TheErrorBitIsSeenAndNotWaitedAway) {
     plug_odd({});
     start();

@@ -85,6 +85,33 @@ std::string World::place(std::uint16_t position) {
     return text;
 }
 
+// The slaves that were reachable when the frames of a cycle passed.
+std::string World::there(const Cycle& cycle) const {
+    std::string text =
+        ", sent at " + std::to_string(std::chrono::duration<double>(cycle.sent.time_since_epoch()).count());
+    for (std::uint32_t n = 0; n < cycle.station.size(); ++n)
+        text += "; device " + std::to_string(ids_[n]) + (cycle.reachable[n] ? " at " : " away, at ") +
+                std::to_string(cycle.station[n]);
+    return text;
+}
+
+// The working counters of the last cycle of a group, and what the master knows of the slaves of the group.
+std::string World::counted(std::uint8_t number) {
+    const Group& group = ctx_->group(number);
+    std::string text = ", group " + std::to_string(number);
+    for (const DatagramStatus& d : group.datagrams)
+        text += ": expected " + std::to_string(d.expected) + ", got " + std::to_string(d.got) + ", accepted " +
+                std::to_string(d.accepted) + ", full " + std::to_string(d.full);
+    for (const Slave& slave : ctx_->slaves()) {
+        if (slave.config.group != number) continue;
+        text += "; slave " + std::to_string(slave.number) + " " + std::string(to_text(slave.al.state));
+        if (slave.takes_part) text += ", takes part";
+        if (slave.counted) text += ", counted";
+        if (slave.unplaced) text += ", unplaced";
+    }
+    return text + story();
+}
+
 // Devices show new inputs before each cycle. Drives show their own measurements.
 void World::show_inputs() {
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
@@ -98,7 +125,8 @@ void World::show_inputs() {
 }
 
 void World::set_outputs(std::uint8_t group) {
-    const auto image = ctx_->group(group).image;
+    SharedImage* const shared = ctx_->group(group).config.shared;
+    const auto image = shared != nullptr ? shared->outputs() : ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
         if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
@@ -108,6 +136,28 @@ void World::set_outputs(std::uint8_t group) {
         for (std::size_t i = 0; i < value.size(); ++i)
             value[i] = quiet ? std::byte{0} : pattern(1000U + slave.number, counter_, i);
         set_bits(image, part, value);
+    }
+    if (shared != nullptr) shared->publish_outputs();
+}
+
+// A thread that uses the shared image has the inputs of the last cycle that was whole, and no others.
+void World::check_shared(std::uint8_t group) {
+    const Group& of = ctx_->group(group);
+    if (of.config.shared == nullptr || !of.mapped || !of.config.shared->refresh_inputs()) return;
+    if (!std::ranges::equal(of.config.shared->inputs(), of.image.subspan(of.output_bytes)))
+        fail("the shared image has other inputs than the image", "group " + std::to_string(group));
+}
+
+void World::check_copies(std::uint8_t group) {
+    if (!ctx_->group(group).mapped) return;
+    const auto image = ctx_->group(group).image;
+    for (const SlaveToSlave& copy : ctx_->group(group).config.copies) {
+        const auto part = [&](const ImagePart& of, std::uint32_t bit) {
+            return bits_of(image, {.offset_bits = of.offset_bits + bit, .bits = copy.bits, .bytes = {}});
+        };
+        if (part(ctx_->slave(copy.from_slave).image.inputs, copy.from_bit) !=
+            part(ctx_->slave(copy.to_slave).image.outputs, copy.to_bit))
+            fail("a copy between slaves is not what was received", place(copy.to_slave));
     }
 }
 
@@ -132,11 +182,13 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
     const auto image = ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.inputs;
-        const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional);
+        const bool wanted = !slave.config.optional && (slave.wanted == nullptr || !slave.wanted->optional) &&
+                            slave.config.highest >= AlState::safeop;
         if (!carries(ctx_->group(group), slave)) continue;
         const auto devices = at(slave);
         if (right && wanted && part.bits + slave.image.outputs.bits != 0) {
-            if (devices.empty()) fail("the cycle is right without a slave", place(slave.number));
+            if (devices.empty())
+                fail("the cycle is right without a slave", place(slave.number) + there(cycle) + counted(group));
             if (slave.number == wrong_) fail("the cycle is right with a wrong slave", place(slave.number));
         }
         if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;

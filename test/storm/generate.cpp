@@ -20,6 +20,7 @@ class Maker {
         settings();
         devices();
         steps();
+        more_settings();
         return std::move(plan_);
     }
 
@@ -57,6 +58,17 @@ class Maker {
         s.supervise_target = one_in(8) ? 4 : 8;
         s.line_ms = one_in(3) ? 10 + below(500) : 0;
         s.close_busy = one_in(4) ? 1 : 0;
+    }
+
+    // From a chance of their own: what came before them stays as it was for a seed.
+    void more_settings() {
+        Chance chance(plan_.seed * 2654435761ULL + 1);
+        Settings& s = plan_.settings;
+        if (s.callback != 0) s.callback = 1 + static_cast<std::uint32_t>(chance.below(3));
+        if (s.hooks != 0 && chance.below(4) == 0) s.hooks = 4;
+        s.shared = chance.below(4) == 0 ? 1 : 0;
+        s.copies = s.calm != 0 && chance.below(3) == 0 ? 1 : 0;
+        if (s.calm != 0 && chance.below(3) == 0) s.expect = 4 + static_cast<std::uint32_t>(chance.below(2));
     }
 
     void devices() {

@@ -100,6 +100,8 @@ const std::vector<SettingInfo>& setting_infos() {
         {"hooks", &Settings::hooks},
         {"startup", &Settings::startup},
         {"callback", &Settings::callback},
+        {"copies", &Settings::copies},
+        {"shared", &Settings::shared},
         {"wire_time", &Settings::wire_time},
         {"round_trip_us", &Settings::round_trip_us},
         {"supervise_target", &Settings::supervise_target},

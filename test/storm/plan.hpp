@@ -88,11 +88,16 @@ struct Settings {
     std::uint32_t tasks = 0;           // Limits::tasks
     std::uint32_t frames = 64;
     std::uint32_t process_frames = 8;
-    std::uint32_t expect = 0;  // 1: the slaves of the segment, 2: with a wrong slave, 3: with a missing slave
-    std::uint32_t hooks =
-        0;  // 1: transition hooks that are busy at first, 2: hooks that sometimes fail, 3: hooks that read objects
+    // 1: the slaves of the segment, 2: with a wrong slave, 3: with a missing slave, 4: some slaves are switched off at
+    // first, and the PDOs of their setup keep their places, 5: a hot connect group
+    std::uint32_t expect = 0;
+    // Transition hooks: 1: that are busy at first, 2: that sometimes fail, 3: that read objects, 4: that cancel
+    // requests
+    std::uint32_t hooks = 0;
     std::uint32_t startup = 0;    // 1: each slave has a list of start-up commands
-    std::uint32_t callback = 0;   // 1: a callback receives events
+    std::uint32_t callback = 0;   // 1: a callback receives events, 2: it also cancels requests, 3: and the supervision
+    std::uint32_t copies = 0;     // 1: inputs of one slave become outputs of another one
+    std::uint32_t shared = 0;     // 1: groups have a shared image
     std::uint32_t wire_time = 0;  // frames need time on the wire
     std::uint32_t round_trip_us = 100;
     std::uint32_t supervise_target = 8;

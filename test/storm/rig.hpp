@@ -6,8 +6,8 @@
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
 #include "storm/chaos_nic.hpp"
+#include "storm/roomy_context.hpp"
 
-#include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ struct Rig {
     sim::Segment segment;
     SimulatedNic wire{segment, osal};
     ChaosNic nic{wire, osal, 1};
-    std::optional<HostContext> ctx;
+    std::optional<RoomyContext> ctx;
     std::vector<std::byte> image = std::vector<std::byte>(1024);
     bool cycling = false;
     Time next_cycle{};

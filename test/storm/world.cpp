@@ -64,22 +64,35 @@ void World::build() {
     const Settings& s = plan_.settings;
     images_.assign(s.groups, std::vector<std::byte>(kImageBytes));
     on_their_way_.resize(s.groups);
+    choose_group();
     segment_.power_up(osal_.now());
     wire_ = std::make_unique<SimulatedNic>(
         segment_, osal_,
         SimulatedNic::Options{.round_trip = std::chrono::microseconds(s.round_trip_us), .wire_time = s.wire_time != 0});
     nic_ = std::make_unique<ChaosNic>(*wire_, osal_, plan_.seed);
-    ctx_ = std::make_unique<HostContext>(Limits{.slaves = static_cast<std::uint16_t>(count + 4),
-                                                .tasks = static_cast<std::uint16_t>(s.tasks),
-                                                .frames = static_cast<std::uint16_t>(s.frames),
-                                                .groups = static_cast<std::uint16_t>(s.groups),
-                                                .process_frames = static_cast<std::uint16_t>(s.process_frames)});
+    ctx_ = std::make_unique<RoomyContext>(Limits{.slaves = static_cast<std::uint16_t>(count + 4),
+                                                 .tasks = static_cast<std::uint16_t>(s.tasks),
+                                                 .frames = static_cast<std::uint16_t>(s.frames),
+                                                 .groups = static_cast<std::uint16_t>(s.groups),
+                                                 .process_frames = static_cast<std::uint16_t>(s.process_frames)});
     if (const auto ready = init(*ctx_, *nic_, osal_); !ready) fail("init", "refused");
     arena_level_ = master_of(*ctx_)->network.arena().used_bytes();
-    if (s.callback != 0) {
-        ctx_->events().callback = [](const Event&, void* user) { ++*static_cast<std::uint32_t*>(user); };
-        ctx_->events().user = &events_called_;
-    }
+    shared_memory_.assign(s.groups, std::vector<std::byte>(SharedImage::memory_bytes(kImageBytes, 0)));
+    for (auto& memory : shared_memory_) shared_.push_back(std::make_unique<SharedImage>(memory));
+    if (s.callback == 0) return;
+    ctx_->events().callback = [](const Event&, void* user) {
+        World& world = *static_cast<World*>(user);
+        ++world.events_called_;
+        if (world.plan_.settings.callback >= 2) world.meddle(world.events_called_);
+    };
+    ctx_->events().user = this;
+}
+
+// In a callback or a hook of the library.
+void World::meddle(std::uint32_t number) {
+    if (!meddling_) return;
+    if (auto& slot = slots_[number * 7 % kSlots]; slot.operation) slot.operation->cancel();
+    if (plan_.settings.callback == 3 && number % 5 == 2) supervision_.cancel();
 }
 
 // ------------------------------------------------------------------ time
@@ -141,6 +154,7 @@ bool World::run_until(Time end, const std::function<bool()>& holds) {
         }
         if (cycling_ && osal_.now() >= next_cycle_) do_cycle();
         poll_once();
+        if (supervising_ && !supervision_.busy()) (void)submit(*ctx_, supervision_);
         drain_told();
         check_outputs();
         if (holds()) return true;
@@ -203,8 +217,9 @@ void World::cycle_group(std::uint8_t group) {
                 (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
                 return;
     set_outputs(group);
-    note_outputs(group);
     const auto sent = send_processdata(*ctx_, group);
+    note_outputs(group);
+    check_copies(group);
     if (sent || sent.error().code != Errc::busy)
         on_their_way_[group].push_back({osal_.now(), reachable_, station_, sent.error().code, mapping()});
     if (on_their_way_[group].size() >= std::max<std::size_t>(ctx_->group(group).config.cycles_in_flight, 1))
@@ -225,6 +240,7 @@ void World::receive_group(std::uint8_t group) {
     if (osal_.now() > cycle.sent + patience + 20ms && plan_.settings.in_flight == 1)
         fail("receive_processdata() waits too long", "");
     check_inputs(group, wkc.ok(), cycle);
+    check_shared(group);
 }
 
 // ------------------------------------------------------------------ the complete run
@@ -232,6 +248,7 @@ void World::receive_group(std::uint8_t group) {
 void World::run() {
     if (plan_.settings.calm != 0) bring_up();
     start_steps();
+    come_back();
     if (plan_.settings.calm == 0) {
         next_cycle_ = osal_.now();
         cycling_ = true;

@@ -7,10 +7,11 @@
 #include "storm/chaos_nic.hpp"
 #include "storm/operations.hpp"
 #include "storm/plan.hpp"
+#include "storm/roomy_context.hpp"
 #include "storm/spy.hpp"
 
-#include <margay/host_context.hpp>
 #include <margay/margay.hpp>
+#include <margay/shared_image.hpp>
 
 #include <deque>
 #include <functional>
@@ -104,6 +105,7 @@ class World {
     void drain_told();
     void keep(std::string_view told);
     [[nodiscard]] std::string story() const;
+    void meddle(std::uint32_t number);
 
     // world_steps.cpp
     void do_step(const Step& step);
@@ -114,11 +116,20 @@ class World {
     void heal();
     [[nodiscard]] std::optional<std::uint32_t> number_of(std::uint32_t id) const;
 
+    // world_expect.cpp
+    void choose_group();
+    void choose_away();
+    void keep_places();
+    void expect_slaves();
+    [[nodiscard]] std::vector<std::uint32_t> group_behind(std::uint32_t head) const;
+    void switch_away();
+    void come_back();
+
     // world_phases.cpp
     void bring_up();
     void blame(const char* rule, const Error& error);
-    void expect_slaves();
     void configure_all();
+    void copy_between_slaves();
     void expect_back();
     void finish_requests();
     void check_arena();
@@ -136,6 +147,10 @@ class World {
     [[nodiscard]] std::vector<std::uint32_t> devices_at(std::uint16_t position);
     void look_around();
     [[nodiscard]] std::string place(std::uint16_t position);
+    [[nodiscard]] std::string counted(std::uint8_t number);
+    [[nodiscard]] std::string there(const Cycle& cycle) const;
+    void check_shared(std::uint8_t group);
+    void check_copies(std::uint8_t group);
 
     Plan plan_;
     Reporter reporter_;
@@ -143,7 +158,7 @@ class World {
     sim::Segment segment_;
     std::unique_ptr<SimulatedNic> wire_;
     std::unique_ptr<ChaosNic> nic_;
-    std::unique_ptr<HostContext> ctx_;
+    std::unique_ptr<RoomyContext> ctx_;
     Chance chance_;
 
     std::vector<Spy*> spies_;  // by number in the segment; nullptr: the device has no program
@@ -159,6 +174,21 @@ class World {
     std::vector<std::vector<std::byte>> images_;
     std::vector<std::deque<Cycle>> on_their_way_;
     std::vector<std::uint32_t> baseline_;  // devices that were in OP when the steps began
+    // What is known of the process data of a slave before it is there.
+    struct KeptPlace {
+        std::vector<PdoEntry> entries;
+        std::vector<Pdo> pdos;
+        std::vector<SmPdos> sms;
+        SlaveSetup setup;
+        SlaveConfiguration config;
+    };
+    std::map<std::uint32_t, KeptPlace> kept_;   // by device
+    std::vector<std::uint32_t> away_;           // devices that are not there when the segment is brought up
+    std::vector<std::uint32_t> segment_order_;  // of the ring, when all were there
+    std::vector<std::uint32_t> group_;          // devices of the hot connect group, the head first
+    std::vector<SlaveToSlave> copies_;          // of all groups
+    std::vector<std::vector<std::byte>> shared_memory_;
+    std::vector<std::unique_ptr<SharedImage>> shared_;
     std::vector<ExpectedSlave> expected_;
     std::uint16_t wrong_ = 0;  // the slave that differs from the expected one
     SlaveConfiguration expected_configuration_;
@@ -169,6 +199,8 @@ class World {
     std::deque<Due> owner_steps_;
     bool cycling_ = false;
     bool in_step_ = false;
+    bool supervising_ = false;  // the supervision is submitted again when it has ended
+    bool meddling_ = true;      // callbacks and hooks cancel requests
     Time next_cycle_{};
     Duration late_{};
     std::uint32_t counter_ = 0;

@@ -87,6 +87,9 @@ void World::world_step(const Step& step) {
                 std::vector<std::byte> sii = segment_.slave(device).sii().image();
                 (void)spies_[device]->add_quirk(static_cast<sim::Quirk>(a[1]), sii);
                 dirty_[device] = true;
+                // A head whose SII was written anew has no alias: nobody knows its group.
+                if (!group_.empty() && device == group_.front())
+                    for (const auto member : group_) dirty_[member] = true;
             }
             break;
         case Op::replug:
@@ -167,6 +170,7 @@ void World::map_now(std::uint8_t group) {
 void World::heal() {
     world_steps_.clear();
     owner_steps_.clear();
+    meddling_ = false;
     nic_->settle();
     segment_.set_noise({});
     late_ = Duration{0};

@@ -79,6 +79,20 @@ TEST_F(SiiImageTest, CategoriesSayWhatTheDictionarySays) {
     EXPECT_FALSE(rx.next());
 }
 
+// The place of an entry in the category is the number of its SyncManager, whatever the device leaves out.
+TEST_F(SiiImageTest, UnusedSyncManagersHaveEntriesOfTheirOwn) {
+    DeviceDescription inputs_only = bench.application.description();
+    inputs_only.outputs = {};
+    ASSERT_TRUE(write_sii(inputs_only, {}, bench.dictionary, workspace, image).ok());
+    std::vector<SmType> types;
+    sii::SyncManagers managers(category(sii::category::kSyncManager));
+    while (const auto manager = managers.next()) types.push_back(manager->type);
+    EXPECT_EQ(types, (std::vector{SmType::mailbox_out, SmType::mailbox_in, SmType::unused, SmType::inputs}));
+    // Two uses of one SyncManager are no device.
+    inputs_only.inputs.sync_manager = 1;
+    EXPECT_FALSE(write_sii(inputs_only, {}, bench.dictionary, workspace, image).ok());
+}
+
 TEST_F(SiiImageTest, TooLittleRoomIsToldNotWritten) {
     SiiWorkspace<2, 16> few_pdos;
     SiiWorkspace<4, 3> few_entries;
