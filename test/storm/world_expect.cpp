@@ -142,7 +142,7 @@ void World::expect_slaves() {
     if (plan_.settings.expect == 2 && !expected_.empty()) {
         auto& one = expected_[plan_.seed % expected_.size()];
         one.product = *one.product + 0x7000'0000;
-        wrong_ = one.number;
+        wrong_ = one.position;
     }
     if (plan_.settings.expect == 3) {
         expected_configuration_ = {};
