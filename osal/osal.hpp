@@ -29,7 +29,7 @@ class Osal {
     // A number of the calling thread: the same number for the same thread, never 0 where there are several threads.
     // Compared in each cycle, thus inline: where the compiler can read the thread pointer of the processor, a port says
     // so by `thread_pointer` in its constructor; every other port answers by calling_thread().
-    [[nodiscard]] std::uintptr_t this_thread() noexcept {
+    [[nodiscard]] std::uintptr_t thread_number() noexcept {
 #if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
         if (identity_ == ThreadIdentity::thread_pointer)
             return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
@@ -49,7 +49,7 @@ class Osal {
     virtual void wake_sleepers(const void* word) noexcept { static_cast<void>(word); }
 
   protected:
-    // How this_thread() tells threads apart. `thread_pointer` has an effect only on Linux with x86-64 or AArch64.
+    // How thread_number() tells threads apart. `thread_pointer` has an effect only on Linux with x86-64 or AArch64.
     enum class ThreadIdentity : std::uint8_t { calling_thread, thread_pointer };
     explicit Osal(ThreadIdentity identity = ThreadIdentity::calling_thread) noexcept : identity_(identity) {}
     ~Osal() = default;

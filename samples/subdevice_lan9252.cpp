@@ -130,7 +130,7 @@ class Firmware final : public FoeStore {
     FoeAnswer finish_write(std::size_t bytes, Time) override {
         return board::flash_check(bytes) ? FoeAnswer::go() : FoeAnswer::error(FoeError::wrong_checksum);
     }
-    void report_failure() override {}
+    void give_up() override {}
 };
 
 class Spi final : public samples::SpiBus {

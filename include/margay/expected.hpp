@@ -23,9 +23,9 @@ namespace margay {
 //    order of the list.
 // 3. The last numbers belong to unexpected slaves, in the order of the ring.
 //
-// An expected slave that is missing has its number too: its Slave has AL state NONE, ring position 0, and its configuration. If
-// the configuration describes its process data, config_map() reserves its part of the image. When the slave appears,
-// the supervision starts it up. slave(n).ring_position is its place in the ring.
+// An expected slave that is missing has its number too: its Slave has AL state NONE, ring position 0, and its
+// configuration. If the configuration describes its process data, config_map() reserves its part of the image. When the
+// slave appears, the supervision starts it up. slave(n).ring_position is its place in the ring.
 struct ExpectedSlave {
     // The first slave of the line is 1; 0: the slave is identified by alias or device id, or by its group.
     std::uint16_t position = 0;

@@ -13,7 +13,7 @@ namespace margay {
 
 struct Master {
     template <class... Args>
-    Master(Osal& system, Args&&... args) : osal(system), owner(system.this_thread()), network(args...) {}
+    Master(Osal& system, Args&&... args) : osal(system), owner(system.thread_number()), network(args...) {}
 
     Osal& osal;
     std::atomic<std::uintptr_t> owner;
@@ -25,7 +25,7 @@ struct Master {
     RequestQueue queue;
     Network network;  // declared after `queue`, so that its requests end before the queue is destroyed
 
-    [[nodiscard]] bool owned_by_caller() const { return owner.load(std::memory_order_relaxed) == osal.this_thread(); }
+    [[nodiscard]] bool owned_by_caller() const { return owner.load(std::memory_order_relaxed) == osal.thread_number(); }
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
 

@@ -86,7 +86,7 @@ Result<> allow_waiting(Context& ctx, bool allowed) {
 Result<> take_ownership(Context& ctx) {
     Master* master = master_of(ctx);
     if (master == nullptr) return Error{.code = Errc::wrong_state};
-    master->owner.store(master->osal.this_thread(), std::memory_order_relaxed);
+    master->owner.store(master->osal.thread_number(), std::memory_order_relaxed);
     return Result<>();
 }
 

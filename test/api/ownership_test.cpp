@@ -21,11 +21,11 @@ class CountingOsal final : public Osal {
     bool jump = false;                      // a thread that sleeps advances the time at once
     Time now() noexcept override { return real_.now() + Duration(skipped.load()); }
     void wait(Time until, int handle) noexcept override {
-        if (this_thread() != owner_) ++waits_of_others;
+        if (thread_number() != owner_) ++waits_of_others;
         real_.wait(until == kNever ? kNever : until - Duration(skipped.load()), handle);
     }
     void wake() noexcept override { real_.wake(); }
-    std::uintptr_t calling_thread() noexcept override { return real_.this_thread(); }
+    std::uintptr_t calling_thread() noexcept override { return real_.thread_number(); }
     void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override {
         ++sleeps;
         if (jump && until != kNever) {
@@ -41,7 +41,7 @@ class CountingOsal final : public Osal {
 
   private:
     LinuxOsal real_;
-    std::uintptr_t owner_ = real_.this_thread();
+    std::uintptr_t owner_ = real_.thread_number();
 };
 
 class Ownership : public testing::Test {
