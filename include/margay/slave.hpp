@@ -216,6 +216,6 @@ struct Slave {
     [[nodiscard]] std::string_view name() const { return {name_text.data(), name_bytes}; }
     std::array<char, kNameBytes> name_text{};
 };
-static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 536);  // so that many slaves fit into a small memory
+static_assert(sizeof(void*) != 8 || sizeof(Slave) <= 528);  // so that many slaves fit into a small memory
 
 }  // namespace margay

@@ -34,7 +34,7 @@ class Supervised {
     Supervised& operator=(const Supervised&) = delete;
     ~Supervised() {
         network_.supervised = false;
-        if (!network_.reaching) network_.report({.kind = EventKind::unsupervised});
+        network_.supervision_ended = !network_.reaching;
     }
 
   private:

@@ -5,6 +5,7 @@
 #include <margay/margay.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -106,6 +107,7 @@ Time poll(Context& ctx, Time now) {
     master->in_poll = true;
     master->polled = now;
     network.engine.set_now(now);
+    if (std::exchange(network.supervision_ended, false)) network.report({.kind = EventKind::unsupervised});
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);

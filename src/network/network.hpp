@@ -68,9 +68,10 @@ struct Network {
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;
-    bool segment_in_use = false;  // a request that needs the whole segment is executing
-    bool reaching = false;        // reach() has started the supervision itself
-    Crew requests;                // requests in execution; the last member, so that it is destroyed first
+    bool supervision_ended = false;  // not reported yet: the next poll() does
+    bool segment_in_use = false;     // a request that needs the whole segment is executing
+    bool reaching = false;           // reach() has started the supervision itself
+    Crew requests;                   // requests in execution; the last member, so that it is destroyed first
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }

@@ -1,4 +1,5 @@
 // Process data by SoE parameters, with slaves whose parameters the test sets.
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 #include "wire/soe.hpp"
 
@@ -183,7 +184,7 @@ TEST_F(SoePdo, CoeComesFirst) {
     MailboxBus both;
     both.add_stack(128);
     both.start();
-    both.ctx->slave(1).mailbox.protocols |= mailbox_protocol::kSoE;
+    facts(both.ctx->slave(1)).mailbox.protocols |= mailbox_protocol::kSoE;
     ASSERT_TRUE(config_map(*both.ctx, image).ok());
     EXPECT_EQ(both.ctx->slave(1).config.source, ConfigurationSource::coe);
 }

@@ -1,5 +1,6 @@
 // The SoE client with a slave for which the test writes every reply; octets by hand from ETG.1000.6.
 #include "wire/soe.hpp"
+#include "facts.hpp"
 #include "mailbox/mailbox_bus.hpp"
 
 namespace margay {
@@ -228,7 +229,7 @@ TEST_F(SoeTest, WhatIsWrongWithARequestIsItsError) {
     };
     EXPECT_EQ(code(2, 0), Errc::unknown_slave);
     EXPECT_EQ(code(1, 8), Errc::invalid_argument);
-    bus.ctx->slave(1).mailbox.protocols = mailbox_protocol::kCoE;
+    facts(bus.ctx->slave(1)).mailbox.protocols = mailbox_protocol::kCoE;
     EXPECT_EQ(code(1, 0), Errc::unsupported);
     EXPECT_TRUE(slave.received.empty());
 }

@@ -258,7 +258,7 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
                                    "this entry",
                                    "slave 1: mapping process data of 0x1c12:3, entry 1: no PDO that the slave "
                                    "exchanges has this entry",
-                                   "slave 7: mapping process data: there is no such slave (there are 1)"}));
+                                   "slave 7: mapping process data of 0x7000:1: there is no such slave (there are 1)"}));
     EXPECT_TRUE(enable.mapped());
     EXPECT_FALSE(missing.mapped());
     // Everything else was mapped, and a handle that is not mapped changes nothing.

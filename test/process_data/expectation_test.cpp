@@ -217,6 +217,7 @@ TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
     const auto scanned = config_init(ctx());
     EXPECT_EQ(scanned.error().code, Errc::capacity);
     EXPECT_EQ(scanned.error().expected, 1000U);
+    EXPECT_EQ(ctx().errors().take(), scanned.error());
     EXPECT_EQ(scan({}), Words()) << "usable afterwards";
 }
 

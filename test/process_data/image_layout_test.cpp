@@ -201,7 +201,7 @@ TEST_F(ImageLayoutTest, ImageLargerThanTheBuffer) {
     const auto layout = lay();
     ASSERT_FALSE(layout.ok());
     EXPECT_EQ(words(layout.error()),
-              "slave 2: mapping process data: the process image is larger than the buffer (needed 202, there is room "
+              "mapping process data: the process image is larger than the buffer (needed 202, there is room "
               "for 201)");
     for (const Slave& slave : slaves)
         EXPECT_TRUE(slave.image.outputs.bytes.empty() && slave.image.inputs.bytes.empty());

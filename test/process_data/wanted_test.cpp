@@ -508,7 +508,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
     for (unsigned sent = 0; sent < 40; ++sent) {
         ASSERT_TRUE(config_init(*ctx).ok());
         (void)errors();
-        ctx->slave(1).error = {};
+        ASSERT_TRUE(clear_error(*ctx, 1).ok());
         // The mapping works for some frames; then more frames are lost than there are retries.
         MapRequest request;
         request.image = image;

@@ -110,7 +110,7 @@ struct FidelityOfProcessors : Fidelity {
         const auto slaves = slaves_of(capture(recording));
         EXPECT_FALSE(slaves.empty());
         for (const auto& slave : slaves) {
-            std::ofstream out(folder_ / ("slave" + std::to_string(slave.number + 1) + ".bin"), std::ios::binary);
+            std::ofstream out(folder_ / ("slave" + std::to_string(slave.position + 1) + ".bin"), std::ios::binary);
             out.write(reinterpret_cast<const char*>(slave.sii.data()), static_cast<std::streamsize>(slave.sii.size()));
         }
         std::string text = describe_segment(slaves, recording);

@@ -58,7 +58,7 @@ TEST_F(FieldNotes, AProcessorThatReadsAlControlLateIsWaitedFor) {
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
     ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
     // INIT is there at once and PREOP is requested while the request for INIT has not been read.
-    const auto again = reconfig_slave(ctx, 1);
+    const auto again = reconfigure_slave(ctx, 1);
     EXPECT_TRUE(again.ok()) << words(again.error());
     EXPECT_EQ(ctx.slave(1).al, (AlStatus{AlState::preop, false, 0}));
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
