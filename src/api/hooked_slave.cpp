@@ -63,14 +63,10 @@ Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
     co_return done;
 }
 
-bool fits(std::uint16_t address, std::size_t bytes) {
-    return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
-}
-
 // Data of a datagram: the destination of a read, or the source of a write.
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
-    if (!fits(address, data.size()))
+    if (!is_register_range(address, data.size()))
         co_return Error{.code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = address};
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);

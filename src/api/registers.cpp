@@ -13,9 +13,7 @@ Error check_registers(Network& network, const R& r, Step step) {
     Error refused = check_slave(network, r.slave, step);
     refused.index = r.address;
     if (refused.code != Errc::none) return refused;
-    const bool fits =
-        !r.data.empty() && r.data.size() <= wire::kMaxDatagramData && r.address + r.data.size() <= 0x10000;
-    if (fits) return {};
+    if (is_register_range(r.address, r.data.size())) return {};
     return {.code = Errc::invalid_argument, .step = step, .slave = r.slave, .index = r.address};
 }
 

@@ -46,6 +46,11 @@ struct Station {
     return error.code == Errc::working_counter && error.actual == 0;
 }
 
+// Whether one datagram can access these octets of the register space.
+[[nodiscard]] constexpr bool is_register_range(std::uint16_t address, std::size_t bytes) {
+    return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
+}
+
 template <class T>
 class ReadRegister : public DatagramWait {
   public:
