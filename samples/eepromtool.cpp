@@ -77,9 +77,10 @@ EepromContent read_all(Eeprom& eeprom, const Options& options) {
     ProgressLine line;
     const bool absurd = size.octets > wire::sii::kMostContentBytes;
     if (options.size == 0 && eeprom.known_size() == 0 && absurd) {
-        print_note(
-            fmt::format("note: {} tells {} octets (word 0x003e); it is read up to its end mark, --size {} reads all",
-                        eeprom.name(), size.octets, size.octets));
+        print_note(fmt::format(
+            "note: word 0x003e of {} gives {} octets; only the part up to the end mark is read, use --size {} to "
+            "read all",
+            eeprom.name(), size.octets, size.octets));
         return read_used_part(eeprom, line.progress());
     }
     if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
@@ -116,7 +117,7 @@ std::string image_size_fault(Eeprom& eeprom, Bytes image, const Options& options
     const auto size = options.size != 0 ? EepromSize{options.size} : eeprom_size(eeprom);
     if (size.error.empty() && image.size() > size.octets)
         return fmt::format("{} is not written: it has {} octets, the EEPROM of {} has {}{}", options.file, image.size(),
-                           eeprom.name(), size.octets, eeprom.known_size() != 0 ? "" : "; --size says otherwise");
+                           eeprom.name(), size.octets, eeprom.known_size() != 0 ? "" : "; use --size if this is wrong");
     return {};
 }
 
@@ -191,7 +192,7 @@ int run(const Options& options) {
     if (options.size % 2 != 0) return fail("--size: an EEPROM has a whole number of words", exit_code::kUsage);
     stop_at_signals();  // Ctrl-C stops the work between two words
     if (options.source.source.starts_with(kFileSource)) return run_on_file(options);
-    if (options.position == 0) return fail("say the POSITION of the slave; 1 is the first", exit_code::kUsage);
+    if (options.position == 0) return fail("POSITION of the slave is missing; 1 is the first slave", exit_code::kUsage);
     return run_on_source(options.source, [&](Source& source) { return run_on_slave(source, options); });
 }
 
@@ -200,13 +201,14 @@ void add_commands(Arguments& arguments, Options& options) {
         return arguments.command(name, text, [&options, action] { options.action = action; });
     };
     const auto add_size = [&](Arguments& to) {
-        to.option("--size", options.size, "octets of the EEPROM, where its own word 0x3e does not tell them",
+        to.option("--size", options.size, "size of the EEPROM in octets, when word 0x3e is blank or wrong",
                   Bounds{2, std::int64_t{8} * 1024 * 1024});
     };
 
     auto& read = command("read", "read the whole EEPROM into a file", Action::read);
     read.positional("FILE", options.file, "the file; - is standard output", Arguments::Presence::optional);
-    read.choice<ImageFormat>("--format", options.format, "bin or hex (Intel HEX); without it the file's name tells",
+    read.choice<ImageFormat>("--format", options.format,
+                             "bin or hex (Intel HEX); without it the extension of the file decides",
                              {{"bin", ImageFormat::binary}, {"hex", ImageFormat::intel_hex}});
     add_size(read);
 
@@ -214,24 +216,23 @@ void add_commands(Arguments& arguments, Options& options) {
         command("write", "write a file (binary or Intel HEX, seen by its content) and verify it", Action::write);
     write.positional("FILE", options.file, "the file; - is standard input");
     add_size(write);
-    write.flag("--force", options.force, "write an image that no slave should have");
+    write.flag("--force", options.force, "write the image in spite of its faults");
 
-    add_size(command("dump", "show what is in it, category by category", Action::dump));
+    add_size(command("dump", "show the content, category by category", Action::dump));
 
     auto& alias =
         command("alias", "show the station alias, or write it with its checksum and verify it", Action::alias);
     alias.positional("VALUE", options.alias, "the alias, decimal, or hexadecimal with 0x");
-    alias.flag("--force", options.force, "write it even where the checksum is wrong before");
+    alias.flag("--force", options.force, "write the alias although the old checksum is wrong");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
     Options options;
-    Arguments arguments(
-        "eepromtool",
-        "Reads, writes and shows the EEPROM (SII) of a slave. Brings the segment to PREOP: not beside a "
-        "running master.");
+    Arguments arguments("eepromtool",
+                        "Reads, writes and shows the EEPROM (SII) of a slave. Puts the segment to PREOP. Do not use it "
+                        "while another master is running.");
     add_source_arguments(arguments, options.source, ", or an image file to be used like an EEPROM (file:NAME)");
     arguments.positional("POSITION", options.position, "the slave, 1 is the first; not needed with file:");
     add_commands(arguments, options);

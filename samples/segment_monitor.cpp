@@ -212,12 +212,12 @@ int run(samples::Source& source, const Options& options) {
 
 int main(int argc, char** argv) {
     Options options;
-    samples::Arguments arguments("segment_monitor",
-                                 "Brings a segment to OP, keeps it there and shows live how it is. Keys: up, down, "
-                                 "r (figures anew), q (end). Ends with 1 after lost frames, wrong working counters or "
-                                 "errors.");
+    samples::Arguments arguments(
+        "segment_monitor",
+        "Brings a segment to OP, keeps it there and shows a live view. Keys: up, down, r (clear figures), q (quit). "
+        "Ends with 1 after lost frames, wrong working counters or errors.");
     add_source_arguments(arguments, options.source);
-    arguments.option("--cycles", options.cycles, "end after so many cycles; 0: when told to");
+    arguments.option("--cycles", options.cycles, "end after this number of cycles; 0: run until q or a signal");
     arguments.flag("--plain", options.plain, "print the last view as text at the end, in place of a live screen");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {

@@ -53,6 +53,6 @@ int main(int argc, char** argv) {
     std::string recording;
     std::string folder;
     arguments.positional("CAPTURE", recording, "pcap or pcapng file with both ways of the traffic");
-    arguments.positional("FOLDER", folder, "where the files go; made when it is not there");
+    arguments.positional("FOLDER", folder, "folder for the files; created if it does not exist");
     return arguments.run(argc, argv, [&] { return rebuild(recording, folder); });
 }

@@ -171,9 +171,9 @@ int run(samples::Source& source, const Options& options) {
 
 int main(int argc, char** argv) {
     Options options;
-    samples::Arguments arguments(
-        "simple_io",
-        "Brings all slaves to OP and exchanges process data: outputs count, inputs are printed at the end.");
+    samples::Arguments arguments("simple_io",
+                                 "Brings all slaves to OP and exchanges process data: writes a counter to the outputs "
+                                 "and prints the inputs at the end.");
     add_source_arguments(arguments, options.source);
     arguments.option("--cycles", options.cycles, "how many cycles in OP");
     samples::add_pace_options(arguments, options.pace);

@@ -93,15 +93,15 @@ int scan_and_print(margay::samples::Source& source, const Options& options) {
 int main(int argc, char** argv) {
     Options options;
     margay::samples::Arguments arguments("slaveinfo",
-                                         "Finds all slaves, reads what they are, brings them to PREOP and prints it.");
+                                         "Finds all slaves, puts them to PREOP and prints their properties.");
     add_source_arguments(arguments, options.source);
     arguments.flag("--json", options.json, "print JSON for programs");
     arguments.flag("--map", options.map,
-                   "map the process data (slaves go to SAFEOP and back) and print what lies where in the image");
+                   "map the process data (slaves go to SAFEOP and back) and print the layout of the process image");
     arguments.flag("--sdo", options.sdo,
                    "read the object dictionary of every slave that has CoE, with values, and print it");
     arguments.flag("--cstruct", options.cstruct, "print the image as a header with a struct for C and C++", "--map");
-    arguments.flag("--packed", options.packed, "lay out bits without gaps", "--map");
+    arguments.flag("--packed", options.packed, "pack process data bit by bit", "--map");
     return arguments.run(argc, argv, [&] {
         return run_on_source(options.source,
                              [&](margay::samples::Source& source) { return scan_and_print(source, options); });

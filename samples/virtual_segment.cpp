@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
                          "by commas");
     arguments.flag("--tap", options.tap, "make a TAP device of that name");
     arguments.option("--record", options.record, "write all frames to this pcap file");
-    arguments.flag("--quiet", options.quiet, "do not print who talks and which states change");
+    arguments.flag("--quiet", options.quiet, "do not report masters and state changes");
     arguments.without_arguments([] { return list_of_interfaces() + list_of_segments(""); });
     return arguments.run(argc, argv, [&] { return serve(description, options); });
 }

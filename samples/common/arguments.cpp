@@ -30,7 +30,7 @@ std::string complaint(const CLI::App& app, const CLI::ParseError& error) {
     for (const auto& word : unknown)
         if (word.starts_with('-') && word != "--") return fmt::format("there is no option '{}'", word);
     for (const auto& word : unknown)
-        if (word != "--") return fmt::format("'{}' is one argument too many, or no command", word);
+        if (word != "--") return fmt::format("unexpected argument or unknown command '{}'", word);
     return error.what();
 }
 
@@ -52,9 +52,9 @@ Arguments::Arguments(std::string name, const std::string& description) : command
     command_->owned = std::make_unique<CLI::App>(description, std::move(name));
     command_->app = command_->owned.get();
     command_->app->footer(std::string(kExitCodeText));
-    command_->app->set_help_flag("-h,--help", "print this and end");
+    command_->app->set_help_flag("-h,--help", "print this help and exit");
     command_->app->set_version_flag("--version", command_->app->get_name() + " (Margay) " MARGAY_VERSION_TEXT,
-                                    "print the version and end");
+                                    "print the version and exit");
 }
 
 Arguments::Arguments(std::unique_ptr<Command> command) : command_(std::move(command)) {}
@@ -120,7 +120,7 @@ void Arguments::without_arguments(std::function<std::string()> text) { without_a
 
 std::optional<int> Arguments::parse(int argc, char** argv) {
     auto& app = *command_->app;
-    const auto hint = fmt::format("; {} --help tells all", app.get_name());
+    const auto hint = fmt::format("; see {} --help", app.get_name());
     if (argc <= 1 && without_arguments_) {
         (void)fail("arguments are missing" + hint);
         (void)std::fputs(without_arguments_().c_str(), stderr);

@@ -3,7 +3,7 @@
 //
 //     Arguments arguments("blink", "Switches an output on and off.");
 //     arguments.positional("SOURCE", source, "the segment");
-//     arguments.option("--period", period_us, "of a cycle, in µs", {50, 1'000'000});
+//     arguments.option("--period", period_us, "cycle period in µs", {50, 1'000'000});
 //     return arguments.run(argc, argv, [&] { return blink(source, period_us); });
 //
 // This header includes no library for arguments: CLI11 costs each file that includes it 12 s of processor time.

@@ -194,11 +194,10 @@ std::string no_slaves_reason(const Capture& capture) {
         for (const auto& pair : pairs_of(exchange))
             if (pair.request.command == Command::BRD || pair.request.command == Command::BWR)
                 most = std::max(most, pair.wkc);
-    if (most == 0) return "no slave answers in it";
+    if (most == 0) return "no slave answers in this recording";
     return fmt::format(
-        "{} slave{} in it, by the working counter of broadcasts, but no datagram for a single one was answered: it "
-        "does not "
-        "tell what they are",
+        "{} slave{} in this recording (working counter of broadcasts), but it has no answer of a single slave, so the "
+        "slaves cannot be identified",
         most, most == 1 ? " answers" : "s answer");
 }
 

@@ -30,14 +30,15 @@ CyclicOptions cyclic(const PaceOptions& options, bool real) {
 }  // namespace
 
 void add_pace_options(Arguments& arguments, PaceOptions& options) {
-    arguments.option("--period", options.period_us, "of a cycle, in µs", Bounds{50, 1'000'000});
+    arguments.option("--period", options.period_us, "cycle period in µs", Bounds{50, 1'000'000});
     arguments.option("--spin", options.spin_us,
-                     "watch the clock this long before each cycle, in µs, in place of sleeping", Bounds{0, 1'000'000});
+                     "time before each cycle, in µs, in which the program polls the clock instead of sleeping",
+                     Bounds{0, 1'000'000});
     arguments.option("--priority", options.priority,
                      "real-time priority (SCHED_FIFO), with memory locked and no deep sleep; 0: none", Bounds{0, 99});
-    arguments.option("--cpu", options.cpu, "the processor to stay on; without it any", Bounds{0, 1023});
+    arguments.option("--cpu", options.cpu, "bind the program to this processor [any]", Bounds{0, 1023});
     arguments.option("--histogram", options.histogram,
-                     "print how punctual the cycles were, and draw it into this SVG file");
+                     "print the lateness and the round trip of the cycles, and write them to this SVG file");
 }
 
 CyclePace::CyclePace(Source& source, Context& ctx, const PaceOptions& options)
@@ -57,7 +58,7 @@ void CyclePace::start() {
         return;
     }
     for (const auto& refusal : runner_.prepare())
-        warn(fmt::format("not granted: {}: {}", refusal.what, std::strerror(refusal.error)));
+        warn(fmt::format("the system refused {}: {}", refusal.what, std::strerror(refusal.error)));
     runner_.start();
 }
 

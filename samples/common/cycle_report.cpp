@@ -45,7 +45,7 @@ std::uint64_t tallest(const std::vector<DurationHistogram::Bucket>& bars) {
 }
 
 std::string quantiles(const DurationHistogram& h) {
-    return fmt::format("least {}, half {}, 99 % {}, 99.9 % {}, most {}", time_text(h.min()), time_text(h.quantile(0.5)),
+    return fmt::format("min {}, median {}, 99 % {}, 99.9 % {}, max {}", time_text(h.min()), time_text(h.quantile(0.5)),
                        time_text(h.quantile(0.99)), time_text(h.quantile(0.999)), time_text(h.max()));
 }
 

@@ -28,7 +28,7 @@ EepromSize eeprom_size(Eeprom& eeprom) {
     if (!error.empty()) return {0, std::move(error)};
     const auto value = load_le<std::uint16_t>(word);
     if (value == 0xFFFF)
-        return {0, fmt::format("the EEPROM of {} does not tell its size (word 0x003e is blank): say --size",
+        return {0, fmt::format("the size of the EEPROM of {} is unknown (word 0x003e is blank): use --size",
                                eeprom.name())};
     return {sii::eeprom_bytes(value)};
 }
@@ -172,8 +172,8 @@ class ImageWriter {
             done_ += written.words;
             report_.written = std::min(done_, report_.different);
             if (!written.error.empty()) {
-                report_.error =
-                    fmt::format("word 0x{:04x} is not written for sure: {}", steps_[done_].word, written.error);
+                report_.error = fmt::format("it is uncertain whether word 0x{:04x} was written: {}", steps_[done_].word,
+                                            written.error);
                 ++done_;  // the word of the failed step can be written or not
                 return false;
             }
@@ -200,7 +200,8 @@ class ImageWriter {
         const auto back = read_eeprom(eeprom_, image_.size(), no_progress());
         if (!back.error.empty()) {
             report_.left = fmt::format(
-                "what it holds now could not be read: {}; write it again before the slave is used", back.error);
+                "the present content could not be read: {}; write the EEPROM again before the slave is used",
+                back.error);
             return;
         }
         std::size_t changed = 0;
@@ -212,16 +213,15 @@ class ImageWriter {
         }
         report_.restored = changed == 0;
         if (report_.restored) {
-            report_.left = "it holds what it held before";
+            report_.left = "the old content was restored";
             return;
         }
-        report_.left =
-            fmt::format("{} words are not what they were before, the first is word 0x{:04x}", changed, first);
+        report_.left = fmt::format("{} words differ from the old content, the first is word 0x{:04x}", changed, first);
         if (back.octets.size() >= sii::kConfigurationBytes)
             report_.left += sii::checksum_right(back.octets)
                                 ? "; the checksum of words 0x00 to 0x06 is right"
                                 : "; the checksum of words 0x00 to 0x06 is wrong: the slave does not load them";
-        report_.left += "; write it again before the slave is used";
+        report_.left += "; write the EEPROM again before the slave is used";
     }
 
     void verify() {
@@ -243,8 +243,8 @@ class ImageWriter {
         }
         if (wrong != 0) {
             report_.error +=
-                fmt::format(" ({} of {} words are wrong; an EEPROM that is smaller than it should be does that)", wrong,
-                            report_.words);
+                fmt::format(" ({} of {} words are wrong; the EEPROM is probably smaller than its size word says)",
+                            wrong, report_.words);
             restore();
             const auto kept = eeprom_.keep();
             if (!kept.empty()) report_.left = kept;
@@ -290,12 +290,11 @@ AliasReport write_alias(Eeprom& eeprom, std::uint16_t alias, bool force) {
     if (!area.error.empty()) return {0, 0, area.error};
     AliasReport report{.before = sii::load_configuration(area.octets).alias, .after = alias};
     if (!force && sii::is_blank(area.octets))
-        report.error =
-            fmt::format("the EEPROM of {} is blank; an alias alone does not make it one of a slave", eeprom.name());
+        report.error = fmt::format("the EEPROM of {} is blank: write a complete image before the alias", eeprom.name());
     else if (!force && !sii::checksum_right(area.octets))
         report.error = fmt::format(
-            "the checksum of words 0x00 to 0x06 is 0x{:02x}, of what is there it is 0x{:02x}; --force makes "
-            "it right whatever is in them",
+            "the checksum of words 0x00 to 0x06 is 0x{:02x}, the correct one is 0x{:02x}; --force writes the "
+            "alias and corrects the checksum",
             sii::load_configuration(area.octets).checksum & 0xFF, sii::checksum(area.octets));
     if (!report.error.empty()) return report;
 

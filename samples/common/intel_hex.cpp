@@ -56,7 +56,7 @@ class Parser {
     }
 
     void take_line(std::string_view line) {
-        if (ended_) return fail("something comes behind the end record");
+        if (ended_) return fail("there is text behind the end record");
         if (line.front() != ':') return fail("not a record: it does not begin with a colon");
         line.remove_prefix(1);
         std::vector<std::uint8_t> octets;
@@ -74,7 +74,7 @@ class Parser {
         for (std::size_t i = 0; i + 1 < octets.size(); ++i) sum += octets[i];
         const auto checksum = static_cast<std::uint8_t>(0x100 - (sum & 0xFF));
         if (octets.back() != checksum)
-            return fail("the checksum is 0x{:02X}, of these octets it is 0x{:02X}", octets.back(), checksum);
+            return fail("the checksum is 0x{:02X}, the correct one is 0x{:02X}", octets.back(), checksum);
         const auto address = octets[1] * 0x100U + octets[2];
         take_record(address, octets[3], std::span(octets).subspan(4, octets[0]));
     }
@@ -103,7 +103,7 @@ class Parser {
             told_.resize(address + data.size());
         }
         for (std::size_t i = 0; i < data.size(); ++i) {
-            if (told_[address + i]) return fail("the octet at 0x{:X} comes twice", address + i);
+            if (told_[address + i]) return fail("the octet at 0x{:X} is given twice", address + i);
             told_[address + i] = true;
             out_.octets[address + i] = static_cast<std::byte>(data[i]);
         }

@@ -38,19 +38,19 @@ std::string states_text(std::span<const Slave> slaves) {
 
 std::string cycle_line(const MonitorModel& model) {
     const auto& f = model.figures;
-    auto text = fmt::format("cycle {}   working counter ", f.cycles);
+    auto text = fmt::format("cycle {}  working counter ", f.cycles);
     if (model.last)
         text += fmt::format("{} of {}", *model.last, model.expected_wkc);
     else if (model.last.error().code == Errc::working_counter)
         text += fmt::format("{} of {}", model.last.error().actual, model.expected_wkc);
     else
         text += fmt::format("- of {}", model.expected_wkc);
-    return text + fmt::format("   short {}   no frame {}   overruns {}", f.wrong_wkc, f.no_frame, f.overruns);
+    return text + fmt::format("  wrong wkc {}  lost frames {}  overruns {}", f.wrong_wkc, f.no_frame, f.overruns);
 }
 
 std::string times_line(std::string_view name, const DurationHistogram& h) {
     const auto us = [](Duration d) { return static_cast<double>(d.count()) / 1000; };
-    return fmt::format("{:<11} half {:>8.1f}  99 % {:>8.1f}  most {:>8.1f} µs  64 ns|{}|16 ms", name,
+    return fmt::format("{:<11} median {:>8.1f}  99 % {:>8.1f}  max {:>8.1f} µs  64 ns|{}|16 ms", name,
                        us(h.quantile(0.5)), us(h.quantile(0.99)), us(h.max()), spark_line(h));
 }
 

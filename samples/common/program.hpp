@@ -18,7 +18,8 @@ inline constexpr int kSystem = 3;   // an error of an interface, a file or a per
 
 // The exit codes in one line, for --help.
 inline constexpr std::string_view kExitCodeText =
-    "Exit codes: 0 well; 1 the segment or a device; 2 usage; 3 the system (interface, file, permission, lost output).";
+    "Exit codes: 0 no error; 1 error of the segment or a device; 2 wrong arguments; 3 system error (interface, file, "
+    "permission, lost output).";
 
 // Writes to standard output. Never throws. After a failed write nothing more is written, and output_lost() returns
 // true. run_program() then ends the program with exit_code::kSystem.

@@ -23,18 +23,18 @@ namespace reg = wire::reg;
 using Words = std::vector<std::string>;
 
 constexpr std::string_view kHelp =
-    "break S[.P]             cut the cable at port P of slave S (without P: the one to its parent)\n"
-    "heal S[.P] | all        mend it\n"
+    "break S[.P]             cut the cable at port P of slave S (without P: the cable to its parent)\n"
+    "heal S[.P] | all        reconnect the cable\n"
     "power off|on S          switch a slave off and on\n"
     "drop RATE               lose this share of frames from now on, 0 to 1\n"
     "corrupt RATE            damage this share of frames\n"
-    "drift S PPMppm          run the slave's clock at another rate (ppm, or ppb)\n"
-    "latch S 0|1 rise|fall   an edge at a latch input\n"
-    "hang S                  the slave's firmware stops, until it is switched off and on\n"
-    "set S OFFSET OCTET …    what the slave measures: its inputs, from an octet on\n"
-    "get S in|out            its process data\n"
-    "get S ADDRESS [COUNT]   its registers and memory, as its firmware sees them\n"
-    "states                  all slaves\n"
+    "drift S PPMppm          set the drift of the slave's clock (ppm, or ppb)\n"
+    "latch S 0|1 rise|fall   make an edge at a latch input\n"
+    "hang S                  stop the slave's firmware until power off and on\n"
+    "set S OFFSET OCTET …    set the inputs of the slave, starting at octet OFFSET\n"
+    "get S in|out            show the process data of slave S\n"
+    "get S ADDRESS [COUNT]   show registers and memory of slave S, as its firmware sees them\n"
+    "states                  show the states of all slaves\n"
     "S is a number from 1 or a name.";
 
 struct Problem {
@@ -69,7 +69,7 @@ class Console {
         if (what == "hang" && count == 2) return hang(words[1]);
         if (what == "set" && count >= 4) return set(words);
         if (what == "get" && count >= 3) return get(words);
-        return fmt::format("'{}' is not a command, or lacks something; try help", what);
+        return fmt::format("'{}' is an unknown command or arguments are missing; see help", what);
     }
 
   private:
@@ -86,7 +86,7 @@ class Console {
         if (intact && word == "all") {
             for (std::uint32_t n = 0; n < segment_.size(); ++n)
                 for (std::uint8_t p = 0; p < sim::kMaxPorts; ++p) segment_.set_cable({n, p}, true);
-            return "all cables are whole";
+            return "all cables are connected";
         }
         const auto dot = word.find('.');
         std::string problem;
@@ -100,7 +100,7 @@ class Console {
             port = *given;
         }
         segment_.set_cable({*n, static_cast<std::uint8_t>(port)}, intact);
-        return fmt::format("the cable at port {} of slave {} is {}", port, *n + 1, intact ? "whole" : "broken");
+        return fmt::format("the cable at port {} of slave {} is {}", port, *n + 1, intact ? "connected" : "broken");
     }
 
     std::string power(const std::string& word, bool on) {
@@ -132,7 +132,7 @@ class Console {
         if (end == word.c_str() || (unit != "ppm" && unit != "ppb" && !unit.empty()))
             return fmt::format("'{}' is no rate such as 20ppm", word);
         const double ppb = unit == "ppb" ? value : value * 1000;
-        if (!(std::abs(ppb) <= 1e8)) return "that is no clock any more: at most 100000 ppm";
+        if (!(std::abs(ppb) <= 1e8)) return "the drift is too large: at most 100000 ppm";
         segment_.slave(*n).set_drift(static_cast<std::int32_t>(std::lround(ppb)), now_);
         return fmt::format("the clock of slave {} is off by {} ppb", *n + 1, std::lround(ppb));
     }

@@ -171,7 +171,7 @@ class Builder : private DescriptionReader {
         if (count > 1)
             for (const auto* key : {"alias", "port", "station"})
                 if (const auto* node = table.get(key))
-                    return at(*node, fmt::format("'{}' fits one slave, and 'count' makes {} of them", key, count));
+                    return at(*node, fmt::format("'{}' is allowed for one slave only, but 'count' is {}", key, count));
         for (std::int64_t n = 0; n < count; ++n)
             if (const auto fault = one_of(table, n, count)) return fault;
         return {};
@@ -220,7 +220,7 @@ class Builder : private DescriptionReader {
         for (const auto& entry : *list) {
             const auto* numbers = entry.as_array();
             if (numbers == nullptr || numbers->size() < 2)
-                return at(entry, "a preset is an address and the octets from there");
+                return at(entry, "a preset is an address followed by octets");
             Preset preset{number, 0, {}};
             for (std::size_t i = 0; i < numbers->size(); ++i) {
                 std::int64_t value = 0;
@@ -281,7 +281,7 @@ class Builder : private DescriptionReader {
             const auto all = sim::quirks();
             if (std::any_of(all.begin(), all.end(), [&](const auto& q) { return q.name == name; }))
                 return at(entry,
-                          fmt::format("'{}' is a manner of the slave stack, which this device does not run", name));
+                          fmt::format("'{}' is a quirk of the slave stack, but this device has no slave stack", name));
             std::string names;
             for (const auto& quirk : all) names += fmt::format("{}{}", names.empty() ? "" : ", ", quirk.name);
             return at(entry, fmt::format("there is no quirk '{}'; there are: {}", name, names));
@@ -305,7 +305,7 @@ class Builder : private DescriptionReader {
         if (broken) broken_.push_back(own);
         if (number == 0) {
             if (const auto* node = table.get("parent"))
-                return at(*node, "the first slave hangs on the master and has no parent");
+                return at(*node, "the first slave is connected to the master and has no parent");
             segment.add(std::move(device).assemble());
             (void)segment.connect_master(own, 0, Duration(cable_ns));
             used_[{number, own.port}] = true;
@@ -347,8 +347,8 @@ class Builder : private DescriptionReader {
             return {};
         }
         if (const auto line = lines_.find(name); line != lines_.end())
-            return at(node, fmt::format("the parent '{}' comes only in line {}: a parent comes before its children, "
-                                        "which keeps cables from making a loop",
+            return at(node, fmt::format("the parent '{}' is defined later, in line {}: define a parent before its "
+                                        "children, so that cables cannot form a loop",
                                         name, line->second));
         return at(node, fmt::format("there is no slave '{}'", name));
     }
@@ -446,11 +446,11 @@ LoadedSegment load_segment(const std::string& what, Time now) {
                              path.has_parent_path() ? path.parent_path().string() : ".", now);
     }
     if (what.empty())
-        return LoadedSegment(
-            std::string("no segment is named: \"demo\", a description (*.toml), or SII images separated by commas"));
+        return LoadedSegment(std::string(
+            "the name of the segment is missing: \"demo\", a description (*.toml), or SII images separated by commas"));
     if (is_plain_name(what) && !std::filesystem::exists(what))
-        return LoadedSegment(fmt::format("'{}' is no file and no ready-made segment; ready-made are: {}", what,
-                                         fmt::join(ready_made_names(), ", ")));
+        return LoadedSegment(fmt::format("'{}' is neither a file nor a ready-made segment; ready-made segments: {}",
+                                         what, fmt::join(ready_made_names(), ", ")));
     return load_line_of_images(what, now);
 }
 

@@ -128,7 +128,7 @@ void SegmentServer::look(std::span<const std::byte> frame) {
     if (masters_.size() >= kMaxMasters) masters_.clear();
     masters_[source] = now;
     const bool ethercat = wire::load_ether_type(frame) == wire::kEtherTypeEtherCat;
-    say(fmt::format("{:02x} talks{}", fmt::join(source, ":"), ethercat ? "" : ", but not EtherCAT"));
+    say(fmt::format("frames from {:02x}{}", fmt::join(source, ":"), ethercat ? "" : ", but not EtherCAT"));
 }
 
 void SegmentServer::print_states() {

@@ -36,7 +36,7 @@ std::string scan_refusal(Source& source) {
     if (!look.running()) return {};
     return fmt::format(
         "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them, and this "
-        "program would begin by putting all of them to INIT. --take-over does so.",
+        "program begins by putting all slaves to INIT. Use --take-over to do this.",
         look.slaves);
 }
 
@@ -51,8 +51,9 @@ void add_source_arguments(Arguments& arguments, SourceArguments& values, const s
             more);
     arguments.option("--record", values.options.record, "write every frame sent and received to this file, as pcap");
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
-    arguments.flag("--take-over", values.take_over,
-                   "scan even where slaves are in SAFEOP or OP, as under another master; they go to INIT");
+    arguments.flag(
+        "--take-over", values.take_over,
+        "scan also when slaves are in SAFEOP or OP, for example under another master; the slaves go to INIT");
     arguments.without_arguments([] { return list_of_interfaces() + list_of_segments("sim:"); });
 }
 

@@ -20,7 +20,7 @@ std::string_view to_text(Errc code) {
         case Errc::invalid_argument: return "argument out of range";
         case Errc::wrong_state: return "not possible in this state";
         case Errc::busy: return "already in progress";
-        case Errc::canceled: return "canceled";
+        case Errc::canceled: return "the request was canceled";
         case Errc::al_status: return "the slave refused";
         case Errc::sii_busy: return "the EEPROM stayed busy";
         case Errc::sii_nack: return "the EEPROM did not acknowledge";
@@ -38,8 +38,8 @@ std::string_view to_text(Errc code) {
         case Errc::unsupported: return "not supported by the slave";
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";
-        case Errc::unexpected_slave: return "nobody expects this slave";
-        case Errc::no_place: return "it has process data that no place was kept for in the image";
+        case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
+        case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
@@ -47,16 +47,16 @@ std::string_view to_text(Errc code) {
         case Errc::sm_memory: return "outside the slave's process data memory, or on top of another SyncManager";
         case Errc::too_many_frames: return "more frames than the application provided for";
         case Errc::mailbox_full: return "the slave takes no mail: its mailbox is full, or off in this state";
-        case Errc::wrong_size: return "the value has another size";
+        case Errc::wrong_size: return "the size of the value differs from the requested size";
         case Errc::pdo_list: return "no slave can have this list of PDOs";
-        case Errc::pdo_unknown: return "neither the list nor the slave tells what the PDO has in it";
-        case Errc::not_process_sm: return "a list of PDOs for a SyncManager that carries mail";
-        case Errc::wrong_direction: return "the PDO is of the other direction than its SyncManager";
-        case Errc::pdo_size: return "the PDOs do not have the bits that the SyncManager is given";
+        case Errc::pdo_unknown: return "neither the list nor the slave says which entries the PDO has";
+        case Errc::not_process_sm: return "a list of PDOs for a SyncManager of a mailbox";
+        case Errc::wrong_direction: return "the direction of the PDO differs from the direction of its SyncManager";
+        case Errc::pdo_size: return "the size of the PDOs differs from the size of the SyncManager";
         case Errc::sizes_differ: return "sources differ";
         case Errc::types_differ: return "object 0x1C00 and the SII differ";
         case Errc::above_highest: return "the slave's configuration allows no such state";
-        case Errc::check_failed: return "not as wanted";
+        case Errc::check_failed: return "the register does not have the required value";
         case Errc::not_owner:
             return "another thread owns the context: submit a request, or call take_ownership() at a time that both "
                    "threads know";
@@ -76,7 +76,7 @@ std::string_view to_text(Errc code) {
             return "the mailbox was closed while the message waited, because the slave is started or found anew";
         case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
         case Errc::entry_not_mapped: return "no PDO that the slave exchanges has this entry";
-        case Errc::entry_direction: return "the entry goes in the other direction";
+        case Errc::entry_direction: return "the direction of the entry differs";
         case Errc::entry_size: return "the entry does not have the size of the type";
         case Errc::entry_stale: return "the group was mapped again since the entry was found: find it again";
         case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
@@ -132,7 +132,7 @@ std::string_view to_text(Step step) {
         case Step::command_ib: return "command at IB";
         case Step::command_bi: return "command at BI";
         case Step::application_hook: return "the hook of the application";
-        case Step::recover: return "bringing it back";
+        case Step::recover: return "recovering the slave";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
     }

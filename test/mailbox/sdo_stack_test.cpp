@@ -59,7 +59,8 @@ TEST(SdoStack, AbortsAreErrorsInWords) {
     const auto wide = SDOread<std::uint32_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(wide.error().code, Errc::wrong_size);
     EXPECT_EQ(bus.words(wide.error()),
-              "slave 1: SDO upload of 0x2000:0: the value has another size (expected 4 octets, got 2)");
+              "slave 1: SDO upload of 0x2000:0: the size of the value differs from the requested size (expected 4 "
+              "octets, got 2)");
     const auto narrow = SDOread<std::uint8_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(narrow.error().code, Errc::capacity);
     EXPECT_EQ(SDOread<std::uint8_t>(*bus.ctx, 2, 0x2000, 0).error().code, Errc::unknown_slave);

@@ -41,7 +41,8 @@ TEST_F(SoeTest, ReadsAValue) {
     const auto longer = SoEread<std::int64_t>(*bus.ctx, 1, 3, kPosition);
     EXPECT_EQ(longer.error().code, Errc::wrong_size);
     EXPECT_EQ(bus.words(longer.error()),
-              "slave 1: SoE read of S-0-0051, drive 3: the value has another size (expected 8 octets, got 4)");
+              "slave 1: SoE read of S-0-0051, drive 3: the size of the value differs from the requested size (expected "
+              "8 octets, got 4)");
 }
 
 TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {

@@ -128,8 +128,8 @@ TEST_F(Eepromtool, ReadsNoMoreThanIsInUseWhereTheSizeIsAbsurd) {
     const auto ran = tool("sim:big.bin 1 read out.bin");
     EXPECT_EQ(ran.status, 0) << ran.err;
     EXPECT_TRUE(contains(ran.err,
-                         "note: slave 1 tells 4194304 octets (word 0x003e); it is read up to its end mark, "
-                         "--size 4194304 reads all"))
+                         "note: word 0x003e of slave 1 gives 4194304 octets; only the part up to the end mark is read, "
+                         "use --size 4194304 to read all"))
         << ran.err;
     const auto read = content(file("out.bin"));
     EXPECT_LT(read.size(), 300U);
@@ -159,8 +159,7 @@ TEST_F(Eepromtool, RefusesWhatDoesNotFit) {
     EXPECT_EQ(slave.status, 1);
     EXPECT_EQ(slave.err,
               "eepromtool: large.bin is not written: it has 2048 octets, the EEPROM of slave 1 has 1024; "
-              "--size says "
-              "otherwise\n");
+              "use --size if this is wrong\n");
     const auto other = tool("file:a.bin write large.bin");
     EXPECT_EQ(other.status, 1);
     EXPECT_EQ(content(a_), image(1));
@@ -170,7 +169,7 @@ TEST_F(Eepromtool, RefusesWhatDoesNotFit) {
     write(file("small.bin"), image(1, 256));
     const auto lied = tool("sim:small.bin 1 write full.bin --size 2048");
     EXPECT_EQ(lied.status, 1) << lied.out;
-    EXPECT_TRUE(contains(lied.err, "word 0x0080 is not written for sure: slave 1")) << lied.err;
+    EXPECT_TRUE(contains(lied.err, "it is uncertain whether word 0x0080 was written: slave 1")) << lied.err;
     EXPECT_FALSE(contains(lied.out, "verified"));
 }
 
@@ -204,7 +203,7 @@ TEST_F(Eepromtool, HandlesBlankEeproms) {
     write(file("blank.bin"), std::string(1024, '\xFF'));
     const auto unknown = tool("sim:a.bin,blank.bin 2 read out.bin");
     EXPECT_EQ(unknown.status, 1);
-    EXPECT_TRUE(contains(unknown.err, "slave 2 does not tell its size")) << unknown.err;
+    EXPECT_TRUE(contains(unknown.err, "the size of the EEPROM of slave 2 is unknown")) << unknown.err;
     EXPECT_TRUE(contains(unknown.err, "--size")) << unknown.err;
     EXPECT_FALSE(fs::exists(file("out.bin")));
     EXPECT_EQ(tool("sim:a.bin,blank.bin 2 read out.bin --size 1024").status, 0);
@@ -244,7 +243,7 @@ TEST_F(Eepromtool, WorksOnItsOwnRecording) {
     EXPECT_EQ(tool("--record w.pcap sim:a.bin,b.bin 2 alias 7").status, 0);
     const auto other = tool("pcap:w.pcap 2 alias 8");
     EXPECT_EQ(other.status, 1);
-    EXPECT_TRUE(contains(other.err, "is not written for sure")) << other.err;
+    EXPECT_TRUE(contains(other.err, "it is uncertain whether word ")) << other.err;
 }
 
 TEST_F(Eepromtool, ShowsProgressOnATerminalOnly) {

@@ -26,7 +26,9 @@ INSTANTIATE_TEST_SUITE_P(Programs, EachProgram,
 TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {
     const auto help = folder.run(program + " --help");
     EXPECT_EQ(help.status, 0) << help.err;
-    EXPECT_TRUE(contains(help.out, "Exit codes: 0 well; 1 the segment or a device; 2 usage; 3 the system")) << help.out;
+    EXPECT_TRUE(contains(
+        help.out, "Exit codes: 0 no error; 1 error of the segment or a device; 2 wrong arguments; 3 system error"))
+        << help.out;
     const auto version = folder.run(program + " --version");
     EXPECT_EQ(version.status, 0) << version.err;
     EXPECT_TRUE(version.out.starts_with(name + " (Margay) ")) << version.out;
@@ -37,7 +39,7 @@ TEST_P(EachProgram, NamesAnOptionThatItDoesNotHave) {
     for (const auto* arguments : {" --nope", " a b --nope", " --nope a b"}) {
         const auto ran = folder.run(program + arguments);
         EXPECT_EQ(ran.status, 2) << arguments;
-        EXPECT_EQ(ran.err, name + ": there is no option '--nope'; " + name + " --help tells all\n") << arguments;
+        EXPECT_EQ(ran.err, name + ": there is no option '--nope'; see " + name + " --help\n") << arguments;
         EXPECT_EQ(ran.out, "");
     }
 }
@@ -90,7 +92,7 @@ TEST(Programs, ShowDefaultsAndBoundsInHelp) {
     const ShellFolder folder;
     const auto help = folder.run(kBin + "simple_io --help").out;
     EXPECT_TRUE(contains(help, "how many cycles in OP [5000]\n")) << help;
-    EXPECT_TRUE(contains(help, "of a cycle, in µs (50 to 1000000) [1000]\n")) << help;
+    EXPECT_TRUE(contains(help, "cycle period in µs (50 to 1000000) [1000]\n")) << help;
     EXPECT_TRUE(contains(folder.run(kBin + "slaveinfo --help").out, "it answers only what the recorded master asked"));
 }
 
@@ -122,7 +124,8 @@ TEST(Programs, TakeReadyMadeSegmentsByName) {
     EXPECT_EQ(named.out, folder.run(kBin + "slaveinfo 'sim:" MARGAY_SOURCE_DIR "/samples/segments/tree.toml'").out);
     const auto unknown = folder.run(kBin + "slaveinfo sim:trees");
     EXPECT_EQ(unknown.status, 3);
-    EXPECT_TRUE(contains(unknown.err, "'trees' is no file and no ready-made segment; ready-made are: demo, coupler, "))
+    EXPECT_TRUE(contains(unknown.err,
+                         "'trees' is neither a file nor a ready-made segment; ready-made segments: demo, coupler, "))
         << unknown.err;
 }
 

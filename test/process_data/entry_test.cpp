@@ -296,7 +296,7 @@ TEST_F(EntryTest, WrongTypesAreNamed) {
         {integer,
          "slave 1: mapping process data of 0x7020:1: one of entry and type is a floating point number, the "
          "other is not"},
-        {input, "slave 1: mapping process data of 0x7000:3: the entry goes in the other direction"},
+        {input, "slave 1: mapping process data of 0x7000:3: the direction of the entry differs"},
         {many,
          "slave 1: mapping process data of 0x7010:1: the entry does not have the size of the type (the type has "
          "8 bits, the entry 13)"},

@@ -197,11 +197,12 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; })) << joined(events());
     cycles(1500);
     EXPECT_EQ(*cycle(), 9U);
-    EXPECT_EQ(errors(),
-              (Words{"slave 4: mapping process data: it has process data that no place was kept for in the image"}));
+    EXPECT_EQ(errors(), (Words{"slave 4: mapping process data: the slave has process data, but no place in the image "
+                               "is reserved for it"}));
     const auto story = events();
     EXPECT_EQ(told(story, "slave 4: recovered"), 0) << "it is not where it was wanted";
-    EXPECT_EQ(told(story, "recovery failed: slave 4: mapping process data: it has process data that no place"), 1)
+    EXPECT_EQ(told(story, "recovery failed: slave 4: mapping process data: the slave has process data, but no place"),
+              1)
         << "once\n"
         << joined(story);
     // A new mapping gives it a place.

@@ -82,7 +82,8 @@ TEST_F(Wanted, ASlaveOfAnotherProductGetsNoOutputs) {
 TEST_F(Wanted, ASlaveThatNobodyExpectsGetsNoOutputs) {
     const ExpectedSlave expected[] = {{.position = 1, .product = 0x100}, {.position = 2, .product = 0x101}};
     const auto found = scan(expected);
-    EXPECT_EQ(words(found.error()), "slave 3: comparing with what is expected: nobody expects this slave");
+    EXPECT_EQ(words(found.error()),
+              "slave 3: comparing with what is expected: the slave is not in the list of expected slaves");
     const auto mapped = config_map(*ctx, image);
     EXPECT_EQ(mapped.error().code, Errc::unexpected_slave);
     EXPECT_EQ(drive(), (std::vector{0xA5U, 0xA5U, 0U}));

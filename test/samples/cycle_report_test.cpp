@@ -36,8 +36,8 @@ TEST(CycleReport, TextTellsWhatWentWrongAndHowTheTimesSpread) {
     const auto text = cycle_text(some());
     EXPECT_NE(text.find("1001 cycles, 2 overruns, 3 without all frames, 4 with a wrong working counter"),
               std::string::npos);
-    EXPECT_NE(text.find("wake-up after the deadline: least 1 µs"), std::string::npos) << text;
-    EXPECT_NE(text.find("most 3 ms"), std::string::npos) << text;
+    EXPECT_NE(text.find("wake-up after the deadline: min 1 µs"), std::string::npos) << text;
+    EXPECT_NE(text.find("max 3 ms"), std::string::npos) << text;
     EXPECT_GE(count_of(text, "#"), 60U) << "bars";
 }
 

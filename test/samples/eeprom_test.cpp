@@ -120,13 +120,13 @@ TEST(EepromWrite, ARefusedWordEndsIt) {
     FaultyEeprom eeprom(std::vector<std::byte>(1024, std::byte{0xFF}));
     eeprom.refused_word = 0x45;
     const auto report = write_eeprom(eeprom, image(2), no_progress());
-    EXPECT_EQ(report.error, "word 0x0045 is not written for sure: refused");
+    EXPECT_EQ(report.error, "it is uncertain whether word 0x0045 was written: refused");
     EXPECT_FALSE(report.verified);
     EXPECT_LT(report.written, report.different);
     EXPECT_EQ(eeprom.words_written, 2 * report.written) << "and back";
     EXPECT_EQ(eeprom.kept, 0);
     EXPECT_TRUE(report.restored);
-    EXPECT_EQ(report.left, "it holds what it held before");
+    EXPECT_EQ(report.left, "the old content was restored");
     EXPECT_TRUE(sii::is_blank(eeprom.octets));
 }
 
@@ -146,7 +146,7 @@ TEST(EepromWrite, LostHalfwayAnywhere) {
         EXPECT_EQ(report.left.empty(), words == 0) << words << ": " << report.left;
         EXPECT_EQ(report.written, words);
         const bool halfway = words > 0 && words < different;
-        EXPECT_EQ(report.left.starts_with("what it holds now could not be read"), halfway) << words;
+        EXPECT_EQ(report.left.starts_with("the present content could not be read"), halfway) << words;
     }
 }
 
@@ -162,7 +162,7 @@ TEST(EepromWrite, AnAbortAtAnyWordLeavesARightChecksumOrTheOldContent) {
         FaultyEeprom eeprom(old);
         eeprom.refused_word = word;
         const auto report = write_eeprom(eeprom, wanted, no_progress());
-        EXPECT_EQ(report.error, fmt::format("word 0x{:04x} is not written for sure: refused", word));
+        EXPECT_EQ(report.error, fmt::format("it is uncertain whether word 0x{:04x} was written: refused", word));
         EXPECT_TRUE(report.restored) << word;
         EXPECT_EQ(eeprom.octets, old) << word;
     }
@@ -197,7 +197,7 @@ TEST(EepromWrite, VerifyFindsAnEepromThatWrapsAround) {
     ASSERT_TRUE(sii::write_image({.group = names[0], .order = names[1], .name = names[2]}, large).ok());
     const auto report = write_eeprom(eeprom, large, no_progress());
     EXPECT_FALSE(report.verified);
-    EXPECT_NE(report.error.find("an EEPROM that is smaller than it should be does that"), std::string::npos)
+    EXPECT_NE(report.error.find("the EEPROM is probably smaller than its size word says"), std::string::npos)
         << report.error;
 }
 
@@ -279,14 +279,15 @@ TEST(EepromAlias, LostBetweenAliasAndChecksum) {
     FaultyEeprom eeprom(image(1));
     eeprom.lost_after_words = 1;
     const auto error = write_alias(eeprom, 5, false).error;
-    EXPECT_TRUE(error.starts_with("word 0x0007 is not written for sure: no answer\nwhat it holds now")) << error;
+    EXPECT_TRUE(error.starts_with("it is uncertain whether word 0x0007 was written: no answer\nthe present content"))
+        << error;
 }
 
 TEST(EepromAlias, AChecksumThatIsRefusedGivesTheOldAliasBack) {
     FaultyEeprom eeprom(image(1));
     eeprom.refused_word = 7;
     EXPECT_EQ(write_alias(eeprom, 5, false).error,
-              "word 0x0007 is not written for sure: refused\nit holds what it held before");
+              "it is uncertain whether word 0x0007 was written: refused\nthe old content was restored");
     EXPECT_EQ(eeprom.octets, image(1));
 }
 

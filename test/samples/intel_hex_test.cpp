@@ -48,15 +48,15 @@ TEST(IntelHex, NamesEveryFault) {
         EXPECT_TRUE(read.octets.empty()) << text;
         return read.error;
     };
-    EXPECT_EQ(error(":01000000AA56\n:00000001FF\n"), "line 1: the checksum is 0x56, of these octets it is 0x55");
+    EXPECT_EQ(error(":01000000AA56\n:00000001FF\n"), "line 1: the checksum is 0x56, the correct one is 0x55");
     EXPECT_EQ(error(":01000000AA55\nhello\n"), "line 2: not a record: it does not begin with a colon");
     EXPECT_EQ(error(":01000000AA55\n"), "there is no end record: the file is cut off");
     EXPECT_EQ(error(":01000000AA55\n:00000001F"), "line 2: an odd number of digits");
     EXPECT_EQ(error(":02000000AA54\n:00000001FF\n"), "line 1: the record says 2 octets and has 1");
     EXPECT_EQ(error(":0000\n"), "line 1: too short for a record");
     EXPECT_EQ(error(":01000000AG55\n"), "line 1: 'AG' is not two hexadecimal digits");
-    EXPECT_EQ(error(":00000001FF\n:01000000AA55\n"), "line 2: something comes behind the end record");
-    EXPECT_EQ(error(":01000000AA55\n:01000000AA55\n:00000001FF\n"), "line 2: the octet at 0x0 comes twice");
+    EXPECT_EQ(error(":00000001FF\n:01000000AA55\n"), "line 2: there is text behind the end record");
+    EXPECT_EQ(error(":01000000AA55\n:01000000AA55\n:00000001FF\n"), "line 2: the octet at 0x0 is given twice");
     EXPECT_EQ(error(":00000007F9\n:00000001FF\n"), "line 1: record type 7 does not exist");
     EXPECT_EQ(error(":0100000401FA\n"), "line 1: an address record has two octets, not 1");
     EXPECT_EQ(error(":020000040100F9\n:01000000AA55\n:00000001FF\n"), "line 2: address 0x1000000 is beyond any EEPROM");

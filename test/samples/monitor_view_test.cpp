@@ -41,7 +41,7 @@ TEST_F(MonitorView, TellsStatesCountersAndErrors) {
     const auto lines = monitor_lines(model, 120, 40, 0);
     ASSERT_EQ(lines.size(), 40U);
     EXPECT_EQ(lines[0], "eth0   20 slaves:  18 in OP  1 in SAFEOP  1 lost  1 with an error");
-    EXPECT_EQ(lines[1], "cycle 1234   working counter 60 of 60   short 0   no frame 0   overruns 0");
+    EXPECT_EQ(lines[1], "cycle 1234  working counter 60 of 60  wrong wkc 0  lost frames 0  overruns 0");
     EXPECT_TRUE(holds(lines, "    8  lost"));
     EXPECT_TRUE(holds(lines, "port 1: 5 damaged, 7 forwarded, 1 lost links"));
     EXPECT_EQ(lines.back(), "event 8");

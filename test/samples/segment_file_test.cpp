@@ -28,19 +28,19 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
         {"[[slave]]\ndevice = \"odd_device\"\nquirks = [\"polite\"]\n",
          "plant.toml: line 3: there is no quirk 'polite'; there are: sii_blank"},
         {"[[slave]]\ndevice = \"coupler\"\nquirks = [\"replies_twice\"]\n",
-         "plant.toml: line 3: 'replies_twice' is a manner of the slave stack, which this device does not run"},
+         "plant.toml: line 3: 'replies_twice' is a quirk of the slave stack, but this device has no slave stack"},
         {"[[slave]]\ndevice = \"toaster\"\n",
          "plant.toml: line 2: there is no device 'toaster' in the library; there are: coupler"},
         {"[[slave]]\nsii = \"gone.bin\"\n", "plant.toml: line 2: cannot read the SII image '/nowhere/gone.bin'"},
         // Loops, ports used twice, missing parents.
         {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"junction\"\nparent = \"c\"\n[[slave]]\nname = \"c\"\ndevice = "
                     "\"junction\"\nparent = \"b\"\n",
-         "plant.toml: line 7: the parent 'c' comes only in line 8: a parent comes before its children, which keeps "
-         "cables from "
-         "making a loop"},
+         "plant.toml: line 7: the parent 'c' is defined later, in line 8: define a parent before its children, so that "
+         "cables cannot form a loop"},
         {kCoupler + "[[slave]]\nname = \"b\"\ndevice = \"junction\"\nparent = \"b\"\n",
-         "plant.toml: line 7: the parent 'b' comes only in line 4: a parent comes before its children"},
-        {kCoupler + "parent = \"a\"\n", "plant.toml: line 4: the first slave hangs on the master and has no parent"},
+         "plant.toml: line 7: the parent 'b' is defined later, in line 4: define a parent before its children"},
+        {kCoupler + "parent = \"a\"\n",
+         "plant.toml: line 4: the first slave is connected to the master and has no parent"},
         {kCoupler + "[[slave]]\ndevice = \"digital_in_8\"\nparent = \"z\"\n",
          "plant.toml: line 6: there is no slave 'z'"},
         {kCoupler +
@@ -58,7 +58,7 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
                     "= \"digital_in_8\"\nparent = \"b\"\n",
          "plant.toml: line 9: the slave 'b' has no free port"},
         {kCoupler + "count = 2\nalias = 7\n",
-         "plant.toml: line 5: 'alias' fits one slave, and 'count' makes 2 of them"},
+         "plant.toml: line 5: 'alias' is allowed for one slave only, but 'count' is 2"},
         {kCoupler + "count = 0\n", "plant.toml: line 4: 'count' is 0, not from 1 to 65535"},
         // Values.
         {kCoupler + "serial = \"x\"\n", "plant.toml: line 4: 'serial' must be an integer"},
@@ -68,7 +68,7 @@ TEST(SegmentFile, WhatIsWrongIsToldWithItsLine) {
         {kCoupler + "chip = \"z80\"\n", "plant.toml: line 4: there is no chip 'z80'; there are: et1100"},
         {kCoupler + "ports = [\"mii\", \"usb\"]\n", "plant.toml: line 4: there is no kind of port 'usb'"},
         {kCoupler + "power = 1\n", "plant.toml: line 4: 'power' is true or false"},
-        {kCoupler + "preset = [[0x0120]]\n", "plant.toml: line 4: a preset is an address and the octets from there"},
+        {kCoupler + "preset = [[0x0120]]\n", "plant.toml: line 4: a preset is an address followed by octets"},
         {"ring = { slave = \"z\" }\n" + kCoupler, "plant.toml: line 1: there is no slave 'z'"},
         {"ring = { slave = \"a\", port = 0 }\n" + kCoupler,
          "plant.toml: line 1: port 0 of the slave 'a' does not exist or is taken already"},

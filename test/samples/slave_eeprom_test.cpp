@@ -78,7 +78,7 @@ TEST_F(SlaveEepromTest, RefusedWriteIsNotReportedAsDone) {
         if (what == "writing" && done >= 8) segment.slave(second).sii().fail_next(1000);
         return true;
     });
-    EXPECT_NE(report.error.find("is not written for sure: slave 2: "), std::string::npos) << report.error;
+    EXPECT_NE(report.error.find(" was written: slave 2: "), std::string::npos) << report.error;
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.written, 8U);
 }
@@ -116,11 +116,11 @@ TEST_F(SlaveEepromTest, AnAliasWhoseChecksumFailsIsTakenBack) {
     };
     Failing failing(eeprom, segment.slave(second).sii());
     const auto report = write_alias(failing, 77, false);
-    EXPECT_TRUE(
-        report.error.starts_with("word 0x0007 is not written for sure: slave 2: writing the SII at word 0x0007"))
+    EXPECT_TRUE(report.error.starts_with(
+        "it is uncertain whether word 0x0007 was written: slave 2: writing the SII at word 0x0007"))
         << report.error;
     EXPECT_TRUE(wire::sii::checksum_right(memory(second))) << report.error;
-    EXPECT_TRUE(report.error.ends_with("it holds what it held before")) << report.error;
+    EXPECT_TRUE(report.error.ends_with("the old content was restored")) << report.error;
     EXPECT_EQ(memory(second), image(2));
 }
 
@@ -132,7 +132,7 @@ TEST_F(SlaveEepromTest, SlaveLostHalfway) {
         if (what == "writing" && done >= 16) segment.set_cable({second, 0}, false);
         return true;
     });
-    EXPECT_NE(report.error.find("is not written for sure: slave 2: "), std::string::npos) << report.error;
+    EXPECT_NE(report.error.find(" was written: slave 2: "), std::string::npos) << report.error;
     EXPECT_FALSE(report.verified);
     EXPECT_EQ(report.written, 16U);
     std::size_t written = 0;
@@ -158,7 +158,7 @@ TEST_F(SlaveEepromTest, SmallerThanTheImage) {
     ASSERT_TRUE(wire::sii::write_image({.group = name, .name = name.substr(1), .general = {}}, large).ok());
     SlaveEeprom eeprom(ctx, 2);
     const auto report = write_eeprom(eeprom, large, no_progress());
-    EXPECT_EQ(report.error.find("word 0x0100 is not written for sure: slave 2: "), 0U) << report.error;
+    EXPECT_EQ(report.error.find("it is uncertain whether word 0x0100 was written: slave 2: "), 0U) << report.error;
     EXPECT_FALSE(report.verified);
 }
 

@@ -187,7 +187,7 @@ TEST_F(PdoConfiguration, SizesFollowFromTheListsWhereTheDictionaryCannotBeRead) 
     static constexpr Pdo kUnknown[] = {{0x1A05}};
     static constexpr SmPdos kNobody[] = {{3, kUnknown}};
     EXPECT_EQ(wrong_with(kNobody),
-              "slave 1: configuring PDOs of 0x1a05:0: neither the list nor the slave tells what the PDO has in it");
+              "slave 1: configuring PDOs of 0x1a05:0: neither the list nor the slave says which entries the PDO has");
 }
 
 TEST_F(PdoConfiguration, NothingIsAssignedWhereTheListIsEmpty) {
@@ -221,7 +221,7 @@ TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
         std::string_view says;
     };
     const Case cases[] = {
-        {{{0, kOut}}, "slave 1: configuring PDOs of SyncManager 0: a list of PDOs for a SyncManager that carries mail"},
+        {{{0, kOut}}, "slave 1: configuring PDOs of SyncManager 0: a list of PDOs for a SyncManager of a mailbox"},
         {{{7, kOut}},
          "slave 1: configuring PDOs of SyncManager 7: the slave has no such SyncManager (needed 8, there is room for "
          "4)"},
@@ -233,8 +233,12 @@ TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
         {{{2, kNoPdo}},
          "slave 1: configuring PDOs of 0x7000:0: no slave can have this list of PDOs (PDOs are 0x1600 to 0x17FF and "
          "0x1A00 to 0x1BFF)"},
-        {{{2, kIn}}, "slave 1: configuring PDOs of 0x1a00:0: the PDO is of the other direction than its SyncManager"},
-        {{{3, kOut}}, "slave 1: configuring PDOs of 0x1600:0: the PDO is of the other direction than its SyncManager"},
+        {{{2, kIn}},
+         "slave 1: configuring PDOs of 0x1a00:0: the direction of the PDO differs from the direction of its "
+         "SyncManager"},
+        {{{3, kOut}},
+         "slave 1: configuring PDOs of 0x1600:0: the direction of the PDO differs from the direction of its "
+         "SyncManager"},
         {{{2, kEmptyEntry}},
          "slave 1: configuring PDOs of 0x1600:2: no slave can have this list of PDOs (an entry has 0 bits)"},
         {{{2, kMany}},
@@ -256,9 +260,10 @@ TEST_F(PdoConfiguration, SizesThatTheApplicationContradictsAreNamed) {
     ctx.slave(1).config.source = ConfigurationSource::file;
     ctx.slave(1).config.add({2, Direction::outputs, 0x64, 0x1800, 24});
     ctx.slave(1).config.add({3, Direction::inputs, 0x20, 0x1A00, 64});
-    EXPECT_EQ(wrong_with(kPdos),
-              "slave 1: configuring PDOs of SyncManager 2: the PDOs do not have the bits that the SyncManager is given "
-              "(the SyncManager 24, the PDOs 40)");
+    EXPECT_EQ(
+        wrong_with(kPdos),
+        "slave 1: configuring PDOs of SyncManager 2: the size of the PDOs differs from the size of the SyncManager "
+        "(the SyncManager 24, the PDOs 40)");
     ctx.slave(1).config.sms[0].bits = 40;
     ctx.slave(1).config.sms[1].bits = 160;
     EXPECT_EQ(wrong_with(kPdos), "");
