@@ -16,7 +16,9 @@
 // Order. Of the requests that have not begun, the request with the highest priority begins first. Some operations
 // exclude each other: a scan, a mapping and a search for lost slaves need the whole segment; a change of state, an
 // access to the SII and a reconfiguration need their slave. Such a request waits until the other operation is over. A
-// scan is refused while a supervision is busy (Errc::busy; detail: the Operation that prevents the scan).
+// request that waits for the whole segment keeps back younger requests that need a part of it, whatever their priority:
+// otherwise it might never begin. A scan is refused while a supervision is busy (Errc::busy; detail: the Operation that
+// prevents the scan).
 #pragma once
 
 #include <margay/al_state.hpp>
@@ -183,8 +185,9 @@ Result<> wait(Context& ctx, Request& request);
 Result<> allow_waiting(Context& ctx, bool allowed);
 
 // Makes the calling thread the owner of the context. The former owner must not be inside a call of this context, and
-// the change must be synchronized: the former owner's last call ends before the new owner makes this call. Errors:
-// wrong_state before init().
+// the change must be synchronized: the former owner's last call ends before the new owner makes this call. An owner
+// hands over before its thread ends: a system may give the identity of an ended thread to a new one, which then counts
+// as the owner. Errors: wrong_state before init().
 Result<> take_ownership(Context& ctx);
 
 }  // namespace margay

@@ -108,7 +108,7 @@ class Schedule {
     [[nodiscard]] Time due() const { return due_; }
     // Moves to the next cycle; returns how many cycles could not begin in their period.
     std::uint64_t next(Time now) {
-        due_ += period_;
+        due_ = later(due_, period_);
         if (now - due_ < period_) return 0;
         const auto late = static_cast<std::uint64_t>((now - due_) / period_);
         due_ += static_cast<Duration::rep>(late) * period_;

@@ -3,6 +3,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/recovery.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -45,7 +46,10 @@ static Error check(Network& network, const ReadStateRequest&) {
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
     auto seen = co_await read_al_status(network.station(slave));
-    take_al_status(slave.al, seen);
+    if (network.supervised && seen)
+        note_state(network, slave, *seen);
+    else
+        take_al_status(slave.al, seen);
     if (!seen) co_return seen.error();
     auto changed = co_await change_state(network, slave, request.wanted, time_left(network, request));
     co_return changed ? Result<>() : Result<>(changed.error());

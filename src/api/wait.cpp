@@ -23,9 +23,14 @@ Error check_may_wait(const Master& master, Step step) {
 
 void poll_until_over(Context& ctx, Master& master, Request& request) {
     const int handle = master.network.engine.link().nic().wait_handle();
+    Osal& osal = master.osal;
     while (request.busy()) {
-        const Time next = poll(ctx, master.osal.now());
-        if (request.busy()) master.osal.wait(next, handle);
+        if (!master.owned_by_caller()) {  // another thread has taken the context during this call: it ends the request
+            RequestAccess::sleep(request, osal, kNever);
+            continue;
+        }
+        const Time next = poll(ctx, osal.now());
+        if (request.busy() && master.owned_by_caller()) osal.wait(next, handle);
     }
 }
 
@@ -107,7 +112,6 @@ Time poll(Context& ctx, Time now) {
     master->in_poll = true;
     master->polled = now;
     network.engine.set_now(now);
-    if (std::exchange(network.supervision_ended, false)) network.report({.kind = EventKind::unsupervised});
     // A request that ends in this poll() may free memory for requests that wait.
     Time queued = serve_queue(*master, now);
     Time next = network.engine.poll(now);
@@ -117,6 +121,7 @@ Time poll(Context& ctx, Time now) {
         queued = serve_queue(*master, now);
         next = network.engine.poll(now);
     }
+    if (std::exchange(network.supervision_ended, false)) network.report({.kind = EventKind::unsupervised});
     master->in_poll = false;
     return std::min(next, queued);
 }

@@ -177,7 +177,7 @@ bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
     if (slot.datagrams.empty()) return false;  // no datagram fits: stop instead of trying forever
     const Bytes frame = builder.finish();
     slot.length = static_cast<std::uint16_t>(frame.size() - wire::kFramePrefixBytes);
-    slot.deadline = now + settings.frame_timeout;
+    slot.deadline = later(now, settings.frame_timeout);
     const SendStatus status = nic_.send(frame);
     if (status == SendStatus::busy) {
         ++statistics_.send_refused;

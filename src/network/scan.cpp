@@ -23,7 +23,7 @@ Error segment_error(Errc code, Step step, std::uint32_t expected = 0, std::uint3
 }
 
 Task<Result<>> wait_for_link(Network& network) {
-    const Time give_up = network.engine.now() + network.settings.link_timeout;
+    const Time give_up = later(network.engine.now(), network.settings.link_timeout);
     while (network.engine.link().nic().link_state() == LinkState::down) {
         if (network.engine.now() >= give_up) co_return segment_error(Errc::link_down, Step::wait_link);
         co_await network.engine.sleep_for(std::chrono::milliseconds(10));
@@ -42,7 +42,7 @@ Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::arr
 
 // Waits until all slaves report INIT. A slave that does not is found later, when its own state is read.
 Task<Result<bool>> wait_for_init(Network& network) {
-    const Time give_up = network.engine.now() + network.settings.init_timeout;
+    const Time give_up = later(network.engine.now(), network.settings.init_timeout);
     for (;;) {
         std::array<std::byte, 2> states{};
         Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kAlStatus), MutableBytes(states));

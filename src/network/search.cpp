@@ -444,6 +444,17 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
 }
 
+void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
+    if (!network.supervised) {
+        take_al_status(slave.al, seen);
+        if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
+        return;
+    }
+    if (slave.al.state == AlState::none || network.marks(slave).in_use) return;
+    if (seen) return note_state(network, slave, *seen);
+    if (does_not_answer(seen.error())) note_lost(network, slave);
+}
+
 void note_lost(Network& network, Slave& slave) {
     network.report({.kind = EventKind::lost, .slave = slave.number, .before = slave.al});
     slave.al = {};

@@ -28,6 +28,10 @@ struct BroadcastState {
 // A slave does not answer any more: reports it, and removes it from the cycle.
 void note_lost(Network& network, Slave& slave);
 
+// Keeps a reading of the AL status that a request has made. While the segment is supervised, changes are reported by
+// events, a slave that answers again is left to the supervision, and so is a slave that the supervision works on.
+void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
+
 // A lost slave answers at its station address: checks whether it is the same slave. If so it is reported as found, and
 // takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to 0, so that find_lost()
 // identifies it.

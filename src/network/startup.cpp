@@ -65,7 +65,7 @@ Task<Result<>> write_register_of(Station station, const StartupCommand& command)
 std::uint32_t lowest_bits(const std::array<std::byte, 8>& bytes) { return load_le<std::uint32_t>(bytes); }
 
 Task<Result<>> check_register_of(Station station, const StartupCommand& command) {
-    const Time give_up = station.engine.now() + command.timeout;
+    const Time give_up = later(station.engine.now(), command.timeout);
     for (;;) {
         std::array<std::byte, 8> seen{};
         Datagram read(station.engine.link(), wire::Command::FPRD, {station.address, command.index},
@@ -93,7 +93,7 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
 
 MailPatience patience_of(Network& network, const Slave& slave, const StartupCommand& command) {
     if (command.timeout <= Duration{0}) return startup_patience(slave);
-    return {.give_up = network.engine.now() + command.timeout, .each = command.timeout};
+    return {.give_up = later(network.engine.now(), command.timeout), .each = command.timeout};
 }
 
 Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& command) {

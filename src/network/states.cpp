@@ -1,6 +1,6 @@
 #include "network/states.hpp"
 
-#include "network/members.hpp"
+#include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -20,8 +20,7 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none && !slave.seen)
         co_return Result<>();  // an expected slave that has not come yet
     auto seen = co_await read_al_status(network.station(slave));
-    take_al_status(slave.al, seen);
-    if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
+    note_reading(network, slave, seen);
     if (!seen && !does_not_answer(seen.error())) co_return seen.error();
     if (request_is_met(network, slave)) co_return co_await settle_request(network, slave);
     co_return Result<>();
@@ -51,8 +50,11 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    // The slave has its own target, by set_target().
-    if (network.supervised && slave.target != AlState::none) co_return Result<>();
+    // The slave has its own target, by set_target(); or the supervision is bringing it to the state, which is its
+    // target.
+    if (network.supervised && (slave.target != AlState::none || network.marks(slave).in_use)) co_return Result<>();
+    while (network.marks(slave).in_use) co_await network.engine.sleep_for(kFirstPause);
+    const SlaveToken token(network.marks(slave));
     co_return co_await write_state(network, slave, limited(slave, state));
 }
 

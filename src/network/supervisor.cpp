@@ -136,7 +136,7 @@ Task<Result<>> search(Watch& watch) {
     const Time now = watch.network.engine.now();
     // An unknown slave remains unknown for a while. When the ring has changed during the search, the search is repeated
     // soon.
-    watch.search_at = now + (found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
+    watch.search_at = later(now, found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
     if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
     co_return Result<>();

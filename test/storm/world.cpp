@@ -80,10 +80,12 @@ void World::build() {
     shared_memory_.assign(s.groups, std::vector<std::byte>(SharedImage::memory_bytes(kImageBytes, 0)));
     for (auto& memory : shared_memory_) shared_.push_back(std::make_unique<SharedImage>(memory));
     if (s.callback == 0) return;
-    ctx_->events().callback = [](const Event&, void* user) {
+    ctx_->events().callback = [](const Event& event, void* user) {
         World& world = *static_cast<World*>(user);
         ++world.events_called_;
-        if (world.plan_.settings.callback >= 2) world.meddle(world.events_called_);
+        // The end of a supervision must not end the next one.
+        if (world.plan_.settings.callback >= 2 && event.kind != EventKind::unsupervised)
+            world.meddle(world.events_called_);
     };
     ctx_->events().user = this;
 }
