@@ -16,7 +16,8 @@ inline constexpr std::size_t kDataAt = wire::kFramePrefixBytes + wire::kDatagram
 
 class PreparedGroup {
   public:
-    explicit PreparedGroup(std::vector<Slave> of) : slaves(std::move(of)) {}
+    explicit PreparedGroup(std::vector<Slave> of, std::size_t group_count = 1)
+        : slaves(std::move(of)), groups(group_count) {}
 
     Time now{std::chrono::seconds(1)};
     ScriptedNic nic;
@@ -26,7 +27,7 @@ class PreparedGroup {
     std::vector<Slave> slaves;
     std::array<std::byte, 8> image{};
 
-    std::vector<ProcessGroup> groups = std::vector<ProcessGroup>(1);
+    std::vector<ProcessGroup> groups;
     std::vector<PreparedFrame> frames = std::vector<PreparedFrame>(2);
     std::vector<PreparedDatagram> datagrams = std::vector<PreparedDatagram>(4);
     std::vector<DatagramStatus> statuses = std::vector<DatagramStatus>(4);

@@ -13,10 +13,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
   protected:
     static constexpr std::size_t kBudget = 40;  // two datagrams of 16 octets
 
-    TwoGroupsTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}) {
-        groups = std::vector<ProcessGroup>(2);
-        slaves[1].config.group = 1;
-    }
+    TwoGroupsTest() : PreparedGroup({io_slave(1, 8, 8), io_slave(2, 8, 8)}, 2) { slaves[1].config.group = 1; }
     void SetUp() override {
         for (std::uint8_t n = 0; n < 2; ++n) prepare_one(n);
     }
