@@ -82,9 +82,10 @@ void World::build() {
     if (s.callback == 0) return;
     ctx_->events().callback = [](const Event& event, void* user) {
         World& world = *static_cast<World*>(user);
+        if (event.kind == EventKind::unsupervised) return;
         ++world.events_called_;
         // The end of a supervision must not end the next one.
-        if (world.plan_.settings.callback >= 2 && event.kind != EventKind::unsupervised)
+        if (world.plan_.settings.callback >= 2)
             world.meddle(world.events_called_);
     };
     ctx_->events().user = this;
