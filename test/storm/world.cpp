@@ -82,11 +82,9 @@ void World::build() {
     if (s.callback == 0) return;
     ctx_->events().callback = [](const Event& event, void* user) {
         World& world = *static_cast<World*>(user);
-        if (event.kind == EventKind::unsupervised) return;
+        if (event.kind == EventKind::unsupervised) return;  // the end of a supervision must not end the next one
         ++world.events_called_;
-        // The end of a supervision must not end the next one.
-        if (world.plan_.settings.callback >= 2)
-            world.meddle(world.events_called_);
+        if (world.plan_.settings.callback >= 2) world.meddle(world.events_called_);
     };
     ctx_->events().user = this;
 }
