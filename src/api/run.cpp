@@ -151,10 +151,11 @@ bool is_starved(Master& master) {
 // it.
 Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     const Error refused = check_waiting_owner(ctx, step);
-    if (refused.code != Errc::none) return refused;
+    if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
     if (master_of(ctx)->in_work) return {.code = Errc::in_callback, .step = step};
-    if (cycle.period > Duration{0} && cycle.reply_timeout >= Duration{0}) return {};
-    return {.code = Errc::invalid_argument, .step = step};
+    if (cycle.period <= Duration{0} || cycle.reply_timeout < Duration{0})
+        return {.code = Errc::invalid_argument, .step = step};
+    return refused;  // run_cycle() is allowed where other waiting calls are forbidden
 }
 
 // The supervision that reach() starts itself: its end is not reported to the application.
