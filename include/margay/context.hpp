@@ -50,8 +50,8 @@ class Context {
     // The slaves of the last config_init(), in the order of their numbers (expected.hpp). Valid until the next
     // config_init().
     [[nodiscard]] std::span<const Slave> slaves();
-    // The slave with the number `position`; the first slave is 1. For a number without a slave (0 included) returns a
-    // slave whose `position` is 0 and whose image has no bits: its octets read as zero, and a write to them has no
+    // The slave with this number; the first slave is 1. For a number without a slave (0 included) returns a
+    // slave whose `number` is 0 and whose image has no bits: its octets read as zero, and a write to them has no
     // effect.
     [[nodiscard]] const Slave& slave(std::size_t number);
 

@@ -155,7 +155,7 @@ struct Slave {
     DlInformation dl;
     AlStatus al;  // as read last
     // The slave's place in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
-    // `position` as long as there are no hot connect groups and no missing slaves.
+    // `number` as long as there are no hot connect groups and no missing slaves.
     std::uint16_t ring_position = 0;
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
     // slave.

@@ -108,6 +108,10 @@ TEST_F(Mistakes, ValuesOutOfRangeAreRefused) {
     EXPECT_EQ(run_cycle(*ctx, {.period = 0ms}, nothing).error().code, Errc::invalid_argument);
     EXPECT_EQ(run_cycle(*ctx, {.reply_timeout = -1ms}, nothing).error().code, Errc::invalid_argument);
     EXPECT_EQ(reach(*ctx, AlState::op, 1s, {.period = -1ms}).error().code, Errc::invalid_argument);
+    ASSERT_TRUE(allow_waiting(*ctx, false).ok());
+    EXPECT_EQ(run_cycle(*ctx, {.period = 0ms}, nothing).error().code, Errc::invalid_argument);
+    EXPECT_TRUE(run_cycle(*ctx, {}, nothing).ok()) << "the cycle of the owner is not forbidden";
+    EXPECT_EQ(reach(*ctx, AlState::op, 1s).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(watch_mailboxes(*ctx, -1ms).error().code, Errc::invalid_argument);
 }
 
