@@ -10,8 +10,11 @@ namespace {
 std::string in_words(Bytes frame) {
     std::array<char, 192> buffer;
     wire::DatagramReader reader(frame);
-    if (const auto datagram = reader.next()) return "[" + std::string(wire::describe(*datagram, buffer)) + "]";
-    return "[" + std::string(wire::to_text(reader.fault())) + "]";
+    const auto datagram = reader.next();
+    std::string words = "[";
+    words += datagram ? wire::describe(*datagram, buffer) : wire::to_text(reader.fault());
+    words += ']';
+    return words;
 }
 
 }  // namespace
