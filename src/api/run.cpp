@@ -19,8 +19,7 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0 && state == AlState::none) return {};  // ends the slave's own target
     if (!can_be_target(state)) return {.code = Errc::invalid_argument, .step = Step::request_state, .slave = slave};
     if (slave == 0) return {};
-    const Error refused = refusal(network, network.slave(slave), state);
-    return refused.code == Errc::supervised ? Error{} : refused;
+    return target_refusal(network.slave(slave), state);
 }
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
@@ -74,11 +73,18 @@ Error cycles_trouble(Network& network) {
     return {};
 }
 
-bool ends_the_cycle(Errc code) {
-    return code == Errc::wrong_state || code == Errc::unknown_group || code == Errc::not_owner;
+bool ends_the_cycle(Errc code) { return code == Errc::wrong_state || code == Errc::not_owner; }
+
+bool any_mapped(const Network& network) {
+    return std::ranges::any_of(network.process.groups, [](const ProcessGroup& group) { return group.mapped; });
 }
 
-// Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence.
+Error not_mapped(std::uint8_t group) {
+    return {.code = Errc::unknown_group, .step = Step::exchange_process_data, .index = group};
+}
+
+// Executes one cycle of all mapped groups. Returns its first error; an error that ends the cycle takes precedence. That
+// nothing is mapped, or a group not any more, is an error too: its data is not exchanged.
 Error exchange(Context& ctx, const CycleSettings& settings) {
     const auto groups = master_of(ctx)->network.process.groups;
     const Duration timeout = settings.reply_timeout > Duration{0} ? settings.reply_timeout : settings.period / 2;
@@ -91,14 +97,12 @@ Error exchange(Context& ctx, const CycleSettings& settings) {
         if (const auto sent = send_processdata(ctx, group.number); !sent) keep(sent.error());
     }
     for (const ProcessGroup& group : groups) {
+        if (!group.mapped && group.was_mapped) keep(not_mapped(group.number));
         if (!group.mapped) continue;
         if (const auto received = receive_processdata(ctx, timeout, group.number); !received) keep(received.error());
     }
+    if (!any_mapped(master_of(ctx)->network)) keep(not_mapped(0));
     return first;
-}
-
-bool any_mapped(const Network& network) {
-    return std::ranges::any_of(network.process.groups, [](const ProcessGroup& group) { return group.mapped; });
 }
 
 // Computes when cycles are due, and counts the cycles that are left out.
@@ -173,6 +177,23 @@ class OwnSupervision : public SuperviseRequest {
   private:
     Network& network_;
 };
+
+// The first reading of the states may need more time than the timeout of a reach() that only looks whether all is well.
+constexpr int kPeriodsToLook = 10;
+
+// The error of a reach() that could not read the states: of the cycle if no frame comes back.
+Error unknown_states(const ReadStateRequest& look, const Error& exchanged) {
+    if (exchanged.code == Errc::no_frame || exchanged.code == Errc::nic) return exchanged;
+    return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
+}
+
+// Calls the work function. An exception must not pass through the library: noexcept ends the program instead.
+bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) noexcept {
+    master_of(ctx)->in_work = true;
+    const bool goes_on = work(ctx, cycle, user);
+    master_of(ctx)->in_work = false;
+    return goes_on;
+}
 
 // Polls until `due`, at least once.
 void poll_until(Context& ctx, Time due) {
@@ -253,28 +274,29 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         return refused;
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
+    if (timeout < Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::request_state};
     Osal& osal = master_of(ctx)->osal;
     (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target
     OwnSupervision supervision(network);
     supervision.target = state;
     network.target = state;
     for (Slave& slave : network.slaves()) update_counted(network, slave);
-    if (!network.supervised) {
-        if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
-    }
     ReadStateRequest look;  // the states that are known may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;
     const Time give_up = later(osal.now(), timeout);
     Schedule schedule(osal.now(), cycle.period);
-    for (;;) {
+    for (int periods = 1;; ++periods) {
+        if (!network.supervised && !supervision.busy()) {  // or the supervision of the application has ended meanwhile
+            if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
+        }
         const Error exchanged = exchange(ctx, cycle);
         if (ends_the_cycle(exchanged.code)) return exchanged;
         (void)schedule.next(osal.now());
         poll_until(ctx, schedule.due());
-        const bool in_time = osal.now() < give_up;
+        const bool in_time = osal.now() < give_up || periods < kPeriodsToLook;
         if (look.busy() && in_time) continue;
         if (look.busy() || look.state() == RequestState::error) {  // the states are unknown
-            if (!in_time) return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
+            if (!in_time) return unknown_states(look, exchanged);
             if (const auto again = submit(ctx, look); !again) return again;
             continue;
         }
@@ -290,7 +312,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     const Error refused = check_cycling(ctx, settings, Step::exchange_process_data);
     if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
     Network& network = master_of(ctx)->network;
-    if (!any_mapped(network)) return Error{.code = Errc::unknown_group, .step = Step::exchange_process_data};
+    if (!any_mapped(network)) return not_mapped(0);
     if (work == nullptr) return Error{.code = Errc::invalid_argument, .step = Step::exchange_process_data};
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule(osal.now(), settings.period);
@@ -302,10 +324,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
         cycle.lateness = osal.now() - cycle.due;
         cycle.error = exchange(ctx, settings);
         if (ends_the_cycle(cycle.error.code)) return cycle.error;
-        master_of(ctx)->in_work = true;
-        const bool goes_on = work(ctx, cycle, user);
-        master_of(ctx)->in_work = false;
-        if (!goes_on) return Result<>();
+        if (!call_work(work, ctx, cycle, user)) return Result<>();
         const Time done = osal.now();
         const std::uint64_t late = schedule.next(done);
         cycle.left_out += late;

@@ -133,11 +133,13 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
     const GroupConfiguration config = group.config;
     const std::uint8_t number = group.number;
     const std::uint32_t mappings = group.mappings;
+    const bool was_mapped = group.was_mapped;
     std::destroy_at(&group);
     std::construct_at(&group);
     group.config = config;
     group.number = number;
     group.mappings = mappings;
+    group.was_mapped = was_mapped;
 }
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {

@@ -295,7 +295,7 @@ TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
     request.wanted = AlState::op;
     ASSERT_TRUE(submit(*ctx, request).ok());
     expect_held(wait(*ctx, request).error());
-    EXPECT_EQ(reconfigure_slave(*ctx, 2).ok(), true);
+    EXPECT_EQ(reconfigure_slave(*ctx, 2).error().code, Errc::other_slave);
     EXPECT_EQ(ctx->slave(2).al.state, AlState::init);
 }
 
@@ -440,6 +440,37 @@ TEST_F(Wanted, TheCycleRunsUntilItsWorkHasHadEnough) {
     EXPECT_EQ(ctx->group(0).cycles_sent, 500U);
     EXPECT_EQ(run_cycle(*ctx, {.period = Duration{0}}, [](const CycleInfo&) { return false; }).error().code,
               Errc::invalid_argument);
+}
+
+// A mapping or a scan during the cycle, which may fail: no cycle is told as right while nothing is exchanged.
+TEST_F(Wanted, TheCycleReportsThatItsGroupIsNotMappedAnyMore) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    for (const bool by_scan : {false, true}) {
+        std::array<std::byte, 1> too_small{};
+        const auto done = run_cycle(*ctx, {}, [&](const CycleInfo& cycle) {
+            EXPECT_EQ(cycle.error.code, cycle.number <= 3 ? Errc::none : Errc::unknown_group) << cycle.number;
+            const bool now = cycle.number == 3;
+            EXPECT_EQ(now && by_scan ? config_init(*ctx).error().code : Errc::none, Errc::none);
+            EXPECT_EQ(now && !by_scan ? config_map(*ctx, too_small).error().code : Errc::image_too_large,
+                      Errc::image_too_large);
+            return cycle.number < 20;
+        });
+        EXPECT_TRUE(done.ok());
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+    }
+}
+
+TEST_F(Wanted, AReachWithAShortTimeoutSucceedsWhereAllIsWell) {
+    ASSERT_TRUE(scan({}).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+    const auto again = reach(*ctx, AlState::op, 1ms);
+    EXPECT_TRUE(again.ok()) << words(again.error());
+    EXPECT_EQ(reach(*ctx, AlState::op, -1ms).error().code, Errc::invalid_argument);
+    for (const auto number : line) power(number, false);
+    const auto dark = reach(*ctx, AlState::op, 100ms);
+    EXPECT_EQ(dark.error().code, Errc::nic) << words(dark.error());  // the first cable has no link
 }
 
 // Programs with a loop of their own did not call poll() in this case: slaves stayed in SAFEOP, without any report.
