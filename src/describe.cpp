@@ -269,6 +269,8 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
             if (e.subindex == static_cast<unsigned>(IdentityField::device_id))
                 (out << " (device id ").hex(e.actual, 4) << ")";
+            if (e.step == Step::recover)
+                out << (e.slave == 0 ? " (none of the lost slaves was found)" : " (it does not answer)");
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";

@@ -123,7 +123,13 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
                 << ": " << wire::emergency_text(static_cast<std::uint16_t>(e.detail));
             (out << ", error register ").hex(e.actual, 2);
             break;
-        case EventKind::unsupervised: out << "the supervision has ended: lost slaves are not brought back"; break;
+        case EventKind::unsupervised:
+            out << "the supervision has ended: lost slaves are not brought back";
+            if (e.error.code != Errc::none && e.error.code != Errc::canceled) {
+                std::array<char, 200> text{};
+                out << ": " << describe(e.error, text);
+            }
+            break;
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual
                 << (e.actual == 1 ? " cycle" : " cycles") << " left out, " << e.expected << " since the cycle began";

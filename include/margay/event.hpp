@@ -32,8 +32,8 @@ enum class EventKind : std::uint8_t {
     line_errors,  // frames were damaged on the cable between `slave` at `port` and `other` (actual: how many)
     link_lost,    // the link of that cable was lost (actual: how often)
     emergency,    // a slave has sent a CoE emergency (detail: its code, actual: its error register)
-    unsupervised,  // a SuperviseRequest has ended, by cancel(), by an error (its error() says which) or because it was
-                   // destroyed: slaves that are lost from now on are not brought back
+    unsupervised,  // a SuperviseRequest has ended (error: the error of the request; canceled after cancel() and when it
+                   // was destroyed): slaves that are lost from now on are not brought back
     overrun,  // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
               // expected: since run_cycle() began)
 };

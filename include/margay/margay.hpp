@@ -114,14 +114,15 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // the requests of the same names.
 //
 // readstate() reads the AL status of all slaves and returns the lowest state, with the error indication if any slave
-// has it. A slave whose configuration does not allow a higher state (SlaveConfiguration::highest) does not lower the
-// result once it has reached that state.
+// has it. Missing slaves that are optional or tolerated do not count. A slave whose configuration does not allow a
+// higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It starts from the state that was read last, first executes the start-up commands and the hook before
 // the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
-// and OP it returns the error of the first slave that is held or missing; the request is sent to the other slaves
-// nevertheless. While a supervision keeps another state, writestate() fails with Errc::supervised: use set_target().
+// and OP it returns the error of the first slave that is held or missing, or whose hook or PDOs have failed; the
+// request is sent to the other slaves nevertheless. While a supervision keeps another state, writestate() fails with
+// Errc::supervised: use set_target().
 //
 // The commands and the hook after the transition are executed by the first of these that sees the new state:
 // readstate(), statecheck(), or the supervision.
@@ -135,12 +136,14 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
 // Bring back slaves by hand; a SuperviseRequest does both by itself.
 //
 // reconfigure_slave() repeats the whole start-up, from INIT on, of a slave that answers at its station address:
-// mailboxes, start-up commands, hook, process data. The slave ends in SAFEOP, or in PREOP if its group is not mapped.
+// mailboxes, start-up commands, hook, process data. The slave ends in SAFEOP, or in PREOP if its group is not mapped or
+// its target is below SAFEOP. A held slave ends in PREOP or INIT, with the error other_slave or unexpected_slave.
 //
 // recover_slave() finds slaves that have lost their station address, for example after a loss of power, and assigns the
 // address again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if that slave
-// answers now. Errors: unknown_slave (the slave does not answer, or none was found), other_slave (another slave is in
-// its place).
+// answers now. Errors: missing_slave (the slave does not answer; slave 0: no lost slave was found), unknown_slave (no
+// slave has this number), other_slave (another slave is in its place), unstable (the ring has changed during the
+// search), no_frame, capacity.
 //
 // Both wait.
 Result<> reconfigure_slave(Context& ctx, std::uint16_t slave);

@@ -60,8 +60,10 @@ class Request {
 
     // From any thread: ends the request with Errc::canceled, if it is busy. Datagrams on the wire are ignored when they
     // come back, the context stays usable, and no other request is affected. The request is over when cancel() returns,
-    // with two exceptions: when another thread than the owner calls cancel(), and when a callback or hook of the
-    // library calls it. Then the request stays busy until the next poll() of the owner.
+    // with three exceptions. When another thread than the owner calls cancel(), or a callback or hook of the library,
+    // the request stays busy until the next poll() of the owner. An access to the SII EEPROM that has begun stays busy
+    // until it has reached a place where it may end, at most 16 words later, and has given the EEPROM back to the
+    // slave.
     void cancel();
 
   protected:
@@ -108,7 +110,9 @@ using MailRequest = SlaveRequest;
 // Finds all slaves, reads their identity and SII, and brings them to PREOP. See config_init().
 struct ScanRequest : Request {
     ScanRequest();
-    std::uint16_t slaves = 0;  // result: the number of slaves, also if the request ends with the error of a slave
+    // Result: the number of slaves in the table, missing ones of the list of expect() included; also set if the request
+    // ends with the error of a slave.
+    std::uint16_t slaves = 0;
 };
 
 // Reads `data.size()` octets (an even number) of the SII EEPROM, beginning at word address `word`. `data` is the
@@ -122,14 +126,16 @@ struct SiiReadRequest : SlaveRequest {
 // Writes an even number of octets to the SII EEPROM and reads back each word: first the words from 0x08 on in rising
 // order, then the configuration area (words 0x00 to 0x07), of which only the words that differ are written. On an
 // error, error().index is the word that failed. Changed words of the configuration area get their old values again; the
-// words from 0x08 to the failed word keep the new values.
+// words from 0x08 to the failed word keep the new values. `timeout` and cancel() end the write between two words, never
+// in the configuration area; only the destruction of the busy request, or of its context, can cut it there.
 struct SiiWriteRequest : SlaveRequest {
     SiiWriteRequest();
     std::uint32_t word = 0;
     std::span<const std::byte> data;
 };
 
-// Brings one slave to a state. `timeout` zero: the time that the standard allows for the transition.
+// Brings one slave to a state. `timeout` zero: the time that the standard allows for the transition. While a
+// supervision is busy, a slave that is lost is refused with missing_slave.
 struct StateRequest : SlaveRequest {
     StateRequest();
     AlState wanted = AlState::none;

@@ -200,7 +200,8 @@ struct Slave {
     std::array<SmInfo, kSyncManagers> sync_managers{};
     std::array<FmmuUse, kFmmus> fmmu_use{};
 
-    // The first error of this slave since the last scan began, or since clear_error(); code none if there was none.
+    // The first error of this slave since the last scan began, since clear_error(), or since the supervision has
+    // brought the slave back to its target state; code none if there was none.
     Error error;
 
     // The entry of the list of expect() for this slave; nullptr: there is none. Points into the caller's list.

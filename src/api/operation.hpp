@@ -9,6 +9,7 @@
 //     ScanRequest::ScanRequest() : Request(kScan) {}
 #pragma once
 
+#include "api/queue.hpp"
 #include "network/network.hpp"
 #include "util/task.hpp"
 
@@ -27,8 +28,14 @@ enum class Needs : std::uint8_t {
 // How a request of this kind ends: when its work is finished, or only when it is cancelled.
 enum class Ends : std::uint8_t { by_itself, when_canceled };
 
-// Who ends a request when its timeout is over: the queue, or its own sequence, which can give a more precise error.
-enum class Timing : std::uint8_t { by_queue, by_sequence };
+// Who ends a request when its timeout is over.
+enum class Timing : std::uint8_t {
+    by_queue,
+    by_sequence,  // its own sequence, which can give a more precise error; if the sequence does not, the queue
+    // The sequence alone, and cancel() only asks the sequence: the slave would be damaged if the sequence were
+    // destroyed in the middle. The sequence looks at reason_to_end() where it may end.
+    by_sequence_alone,
+};
 
 struct OperationDescription {
     Operation operation;
@@ -71,6 +78,12 @@ constexpr OperationDescription describe_operation(Operation operation, Step step
 // Adds an error of the segment to errors(); the errors of slaves have been added already.
 inline void note_of_segment(Network& network, const Error& error) {
     if (error.code != Errc::none && error.slave == 0) network.note(error);
+}
+
+// For Timing::by_sequence_alone: canceled or timeout if the request should end; none while it goes on.
+[[nodiscard]] inline Errc reason_to_end(Request& request, Time now) {
+    if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire)) return Errc::canceled;
+    return RequestAccess::deadline(request) <= now ? Errc::timeout : Errc::none;
 }
 
 // ------------------------------------------------------------------ checks for several operations

@@ -56,6 +56,7 @@ constexpr std::uint8_t kHighestPriority = 3;
 const OperationDescription& operation(const Request& r) { return RequestAccess::operation(r); }
 Request*& next(Request& r) { return RequestAccess::next(r); }
 std::uint16_t slave_of(const Request& r) { return operation(r).slave(r); }
+bool may_be_cut(const Request& r) { return operation(r).timing != Timing::by_sequence_alone; }
 
 bool remove(Request*& list, Request& request) {
     for (Request** at = &list; *at != nullptr; at = &next(**at))
@@ -76,6 +77,9 @@ Needs needs_of(const Request& r) {
 void accept(RequestQueue& queue, Request& request, Time now) {
     if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
     RequestAccess::take(request);
+    // cancel() may have been called before the request had its place in the queue.
+    if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
+        queue.cancel_asked.store(true, std::memory_order_release);
     Request** at = &queue.waiting;
     const auto older = [&](Request& other) {
         return static_cast<std::int32_t>(RequestAccess::ticket(other) - RequestAccess::ticket(request)) <= 0;
@@ -91,33 +95,23 @@ void take_submitted(RequestQueue& queue, Time now) {
         if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
 }
 
-template <class Holds>
-bool any_running(const RequestQueue& queue, Holds holds) {
+// At least one running request will end by itself and free its memory.
+bool ends_some_day(const RequestQueue& queue) {
     for (Request* r = queue.running; r != nullptr; r = next(*r))
-        if (holds(*r)) return true;
+        if (operation(*r).ends == Ends::by_itself) return true;
     return false;
 }
 
-// At least one running request will end by itself and free its memory.
-bool ends_some_day(const RequestQueue& queue) {
-    return any_running(queue, [](const Request& r) { return operation(r).ends == Ends::by_itself; });
-}
-
-// Whether no running operation uses what this request needs.
-bool is_free(Master& master, const Request& request) {
-    const RequestQueue& queue = master.queue;
-    const auto needs_segment = [](const Request& r) { return needs_of(r) == Needs::segment; };
+// Whether no running operation, and no task of the supervision, uses what this request needs.
+bool is_free(Network& network, const Request& request) {
     switch (needs_of(request)) {
         case Needs::nothing: return true;
-        case Needs::segment:
-            return !master.network.searching && !any_running(queue, [](const Request& r) {
-                return needs_of(r) == Needs::segment || needs_of(r) == Needs::its_slave;
-            });
-        case Needs::segment_to_begin: return !any_running(queue, needs_segment);
+        case Needs::segment: return !network.segment_in_use && !network.searching && !network.any_slave_in_use();
+        case Needs::segment_to_begin: return !network.segment_in_use;
         case Needs::its_slave: {
             const std::uint16_t slave = slave_of(request);
-            if (slave >= 1 && slave <= master.network.count && master.network.marks(slave).in_use) return false;
-            return !any_running(queue, needs_segment);
+            const bool used = slave >= 1 && slave <= network.count && network.marks(slave).in_use;
+            return !used && !network.segment_in_use;
         }
     }
     return true;
@@ -130,10 +124,17 @@ void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
         const Needs needs = needs_of(*r);
-        const bool ready = is_free(master, *r) && !(segment_wanted && needs != Needs::nothing);
-        segment_wanted |= needs == Needs::segment;
+        const bool ready = is_free(master.network, *r) && !(segment_wanted && needs != Needs::nothing);
+        segment_wanted |= needs == Needs::segment && !ready;
         if (ready && !visit(*r)) return;
     }
+}
+
+// Whether a request waits for the whole segment: the supervision then begins nothing that would use a part of it.
+bool is_segment_wanted(const RequestQueue& queue) {
+    for (Request* r = queue.waiting; r != nullptr; r = next(*r))
+        if (needs_of(*r) == Needs::segment) return true;
+    return false;
 }
 
 // The request that begins next; nullptr: none can begin.
@@ -172,6 +173,7 @@ class Running {
         if (needs_of(request_) == Needs::segment) master_.network.segment_in_use = false;
         if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
             error_ = {.code = RequestAccess::why(request_), .step = operation(request_).step};
+        if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
     void done(const Error& error) { error_ = error; }
@@ -214,7 +216,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         if (ends(*request)) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
-                RequestAccess::sequence(*request).destroy();
+                std::exchange(RequestAccess::sequence(*request), {}).destroy();
             } else {
                 (void)remove(list, *request);
                 RequestAccess::end(*request, {.code = code, .step = operation(*request).step}, master.osal);
@@ -224,30 +226,44 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
     }
 }
 
-// The timeout of this running request is over, and the queue has to end the request.
-bool is_overdue(Request& request, Time now) {
-    return operation(request).timing == Timing::by_queue && RequestAccess::deadline(request) <= now;
+// When the queue ends this running request.
+Time end_by_queue(Request& request) {
+    // Its own sequence knows more about the reason. The queue ends it where the sequence waits for something else, for
+    // example for a hook.
+    constexpr Duration kSequenceFirst = std::chrono::milliseconds(20);
+    switch (operation(request).timing) {
+        case Timing::by_queue: return RequestAccess::deadline(request);
+        case Timing::by_sequence: return later(RequestAccess::deadline(request), kSequenceFirst);
+        case Timing::by_sequence_alone: break;
+    }
+    return kNever;
 }
 
-// The earliest time at which the queue must end a request of the list.
-Time first_deadline(Request* list, bool running) {
+// The earliest time at which the queue must end a request.
+Time first_deadline(const RequestQueue& queue) {
     Time first = kNever;
-    for (Request* r = list; r != nullptr; r = next(*r))
-        if (!running || operation(*r).timing == Timing::by_queue) first = std::min(first, RequestAccess::deadline(*r));
+    for (Request* r = queue.waiting; r != nullptr; r = next(*r)) first = std::min(first, RequestAccess::deadline(*r));
+    for (Request* r = queue.running; r != nullptr; r = next(*r)) first = std::min(first, end_by_queue(*r));
     return first;
+}
+
+// The arena has room for one more request, or nothing that would make room is executing: then it is tried.
+bool may_have_room(const RequestQueue& queue, const Arena& arena) {
+    if (!ends_some_day(queue)) return true;
+    return arena.used_bytes() < queue.too_full_bytes && arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;
 }
 
 void begin_waiting(Master& master) {
     RequestQueue& queue = master.queue;
     const Arena& arena = master.network.arena();
+    queue.too_full_bytes = arena.capacity_bytes();
     while (Request* request = next_to_begin(master)) {
-        const bool room = arena.capacity_bytes() - arena.used_bytes() >= kHeadroomBytes;
-        const bool room_comes = ends_some_day(queue);
-        if (!room && room_comes) return;
+        if (!may_have_room(queue, arena)) return;
         count_passed(master, *request);
         (void)remove(queue.waiting, *request);
         if (begin(master, *request)) continue;
-        if (room_comes) {
+        if (ends_some_day(queue)) {
+            queue.too_full_bytes = arena.used_bytes();
             next(*request) = queue.waiting;
             queue.waiting = request;
             return;
@@ -292,14 +308,22 @@ Time serve_queue(Master& master, Time now) {
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
         end_some(master, queue.waiting, Errc::canceled, asked);
-        end_some(master, queue.running, Errc::canceled, asked);
+        end_some(master, queue.running, Errc::canceled, [&](Request& r) { return asked(r) && may_be_cut(r); });
     }
-    end_some(master, queue.running, Errc::timeout, [now](Request& r) { return is_overdue(r, now); });
+    end_some(master, queue.running, Errc::timeout, [now](Request& r) { return end_by_queue(r) <= now; });
     if (queue.waiting != nullptr) {
         begin_waiting(master);
         end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
     }
-    return std::min(first_deadline(queue.waiting, false), first_deadline(queue.running, true));
+    master.network.segment_wanted = is_segment_wanted(queue);
+    return first_deadline(queue);
+}
+
+bool begins_at_once(Master& master) {
+    const RequestQueue& queue = master.queue;
+    if (queue.any_submitted.load(std::memory_order_relaxed) || queue.cancel_asked.load(std::memory_order_relaxed))
+        return true;
+    return queue.waiting != nullptr && may_have_room(queue, master.network.arena()) && next_to_begin(master) != nullptr;
 }
 
 void cancel_queued(Master& master) {
@@ -313,22 +337,20 @@ Result<> submit(Context& ctx, Request& request) {
     Master* master = master_of(ctx);
     const OperationDescription& wanted = operation(request);
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = wanted.step};
-    if (request.priority > kHighestPriority || request.timeout < Duration{0})
-        return Error{.code = Errc::invalid_argument, .step = wanted.step};
     if (!RequestAccess::claim(request, ctx)) return Error{.code = Errc::busy, .step = wanted.step};
-    if (master->owned_by_caller()) {
-        const Error refused = wanted.check(master->network, request);
-        if (refused.code != Errc::none) {
-            RequestAccess::end(request, refused, master->osal);
-            return refused;
-        }
+    Error refused;
+    if (request.priority > kHighestPriority || request.timeout < Duration{0})
+        refused = {.code = Errc::invalid_argument, .step = wanted.step};
+    else if (master->owned_by_caller())
+        refused = wanted.check(master->network, request);
+    if (refused.code == Errc::none) {
+        if (enqueue(*master, request)) return Result<>();
+        refused = {.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
+        refused.expected = RequestQueue::kPlaces + 1;
+        refused.actual = RequestQueue::kPlaces;
     }
-    if (enqueue(*master, request)) return Result<>();
-    Error full{.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
-    full.expected = RequestQueue::kPlaces + 1;
-    full.actual = RequestQueue::kPlaces;
-    RequestAccess::end(request, full, master->osal);
-    return full;
+    RequestAccess::end(request, refused, master->osal);
+    return refused;
 }
 
 void Request::cancel() {
@@ -337,7 +359,7 @@ void Request::cancel() {
     if (plain(state) != RequestState::busy) return;
     Master& master = *master_of(*ctx_);
     const bool owner = master.owned_by_caller();
-    if (owner && !master.in_poll && sequence_) return sequence_.destroy();
+    if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).destroy();
     if (withdraw_submitted(master.queue, *this) || (owner && remove(master.queue.waiting, *this)))
         return RequestAccess::end(*this, {.code = Errc::canceled, .step = operation_->step}, master.osal);
     cancel_asked_.store(true, std::memory_order_release);
@@ -350,7 +372,10 @@ Request::~Request() {
     cancel();
     if (!busy()) return;
     Master& master = *master_of(*ctx_);
-    if (master.owned_by_caller()) __builtin_trap();  // called in a callback: the sequence still uses the request
+    if (master.owned_by_caller()) {
+        if (master.in_poll) __builtin_trap();  // called in a callback: the sequence still uses the request
+        std::exchange(sequence_, {}).destroy();
+    }
     while (busy()) RequestAccess::sleep(*this, master.osal, kNever);
 }
 

@@ -49,6 +49,7 @@ struct RequestQueue {
     std::atomic<bool> cancel_asked{false};
     Request* waiting = nullptr;  // accepted, not begun; oldest first
     Request* running = nullptr;
+    std::size_t too_full_bytes = 0;  // with so much of the arena in use a request could not begin
 };
 
 // Queues a request after claim(). False: there is no free place.
@@ -61,6 +62,9 @@ struct RequestQueue {
 // For poll(): begins waiting requests if there is memory and no other operation prevents them, and ends requests that
 // are cancelled or whose timeout is over. Returns the time of the next necessary call.
 Time serve_queue(Master& master, Time now);
+
+// Whether a waiting request can begin now: serve_queue() is to be called again at once.
+[[nodiscard]] bool begins_at_once(Master& master);
 
 // For the end of the context: ends the requests that have not begun.
 void cancel_queued(Master& master);

@@ -6,6 +6,8 @@
 
 #include <margay/margay.hpp>
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -25,13 +27,25 @@ static Error check(Network& network, const SiiWriteRequest& request) {
     return check_words(network, request.slave, request.data.size(), Step::write_sii);
 }
 
-// Gives the EEPROM back to the slave at the end: without it some slaves refuse PREOP (AL status code 0x0050).
+// Both sequences give the EEPROM back to the slave at the end, also after cancel() and when the timeout is over:
+// without it some slaves refuse PREOP (AL status code 0x0050).
 static Task<Result<>> run(Network& network, SiiReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
     if (!assigned) co_return assigned;
     SiiReader reader(station);
-    auto read = co_await reader.read(request.word, request.data);
+    Result<> read;
+    constexpr std::size_t kPiece = 128;  // octets between two looks at the reason to end
+    for (std::size_t at = 0; read && at < request.data.size(); at += kPiece) {
+        const std::size_t octets = std::min(kPiece, request.data.size() - at);
+        const auto word = request.word + static_cast<std::uint32_t>(at / 2);
+        const bool last = at + octets == request.data.size();
+        const std::uint32_t then = last ? SiiReader::kNone : word + static_cast<std::uint32_t>(octets / 2);
+        read = co_await reader.read(word, request.data.subspan(at, octets), then);
+        const Errc code = reason_to_end(request, network.engine.now());
+        if (read && !last && code != Errc::none)
+            read = station.error(code, Step::read_sii, static_cast<std::uint16_t>(word));
+    }
     auto given_back = co_await sii_assign(station, true);
     co_return read ? given_back : read;
 }
@@ -40,15 +54,16 @@ static Task<Result<>> run(Network& network, SiiWriteRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
     if (!assigned) co_return assigned;
-    auto written = co_await sii_write(station, request.word, request.data);
+    const auto reason = [](void* user, Time now) { return reason_to_end(*static_cast<SiiWriteRequest*>(user), now); };
+    auto written = co_await sii_write(station, request.word, request.data, reason, &request);
     auto given_back = co_await sii_assign(station, true);
     co_return written ? given_back : written;
 }
 
-static constexpr OperationDescription kRead =
-    describe_operation<SiiReadRequest, check, run>(Operation::read_sii, Step::read_sii, Needs::its_slave);
-static constexpr OperationDescription kWrite =
-    describe_operation<SiiWriteRequest, check, run>(Operation::write_sii, Step::write_sii, Needs::its_slave);
+static constexpr OperationDescription kRead = describe_operation<SiiReadRequest, check, run>(
+    Operation::read_sii, Step::read_sii, Needs::its_slave, Ends::by_itself, Timing::by_sequence_alone);
+static constexpr OperationDescription kWrite = describe_operation<SiiWriteRequest, check, run>(
+    Operation::write_sii, Step::write_sii, Needs::its_slave, Ends::by_itself, Timing::by_sequence_alone);
 SiiReadRequest::SiiReadRequest() : SlaveRequest(kRead) {}
 SiiWriteRequest::SiiWriteRequest() : SlaveRequest(kWrite) {}
 

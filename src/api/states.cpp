@@ -3,6 +3,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/members.hpp"
 #include "network/recovery.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -10,15 +11,7 @@
 
 #include <margay/margay.hpp>
 
-#include <algorithm>
-
 namespace margay {
-
-// The remaining time of a request; zero if the request has no timeout.
-static Duration time_left(Network& network, Request& request) {
-    if (request.timeout <= Duration{0}) return Duration{0};
-    return std::max(RequestAccess::deadline(request) - network.engine.now(), Duration{1});
-}
 
 // Checks that a scan has found slaves, that `slave` is one of them or 0 (all), and that `wanted` is a state.
 static Error check_state(Network& network, std::uint16_t slave, AlState wanted, Step step) {
@@ -45,13 +38,18 @@ static Error check(Network& network, const ReadStateRequest&) {
 
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
+    const AlStatus before = slave.al;
+    // The supervision readmits a lost slave before others may change its state.
+    if (network.supervised && before.state == AlState::none)
+        co_return Error{.code = Errc::missing_slave, .step = Step::request_state, .slave = slave.number};
     auto seen = co_await read_al_status(network.station(slave));
-    if (network.supervised && seen)
-        note_state(network, slave, *seen);
-    else
-        take_al_status(slave.al, seen);
-    if (!seen) co_return seen.error();
-    auto changed = co_await change_state(network, slave, request.wanted, time_left(network, request));
+    take_al_status(slave.al, seen);
+    Result<AlStatus> changed = seen;
+    if (seen) changed = co_await change_state(network, slave, request.wanted, RequestAccess::deadline(request));
+    if (network.supervised)
+        note_change(network, slave, before);
+    else if (slave.al.state == AlState::none)
+        set_takes_part(network, slave, false);
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 
@@ -66,7 +64,8 @@ static Task<Result<>> run(Network& network, WriteStateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {
-    auto reached = co_await wait_for_state(network, request.slave, request.wanted, time_left(network, request));
+    const Time until = request.timeout > Duration{0} ? RequestAccess::deadline(request) : network.engine.now();
+    auto reached = co_await wait_for_state(network, request.slave, request.wanted, until);
     request.reached = *reached;
     co_return reached ? Result<>() : Result<>(reached.error());
 }

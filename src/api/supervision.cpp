@@ -16,7 +16,9 @@ static Error check(Network& network, const SuperviseRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::recover};
     if (network.supervised)
         return {.code = Errc::busy, .step = Step::recover, .detail = static_cast<std::uint32_t>(Operation::supervise)};
-    if (can_be_target(request.target)) return {};
+    const bool times =
+        request.interval > Duration{0} && request.retry > Duration{0} && request.line_interval >= Duration{0};
+    if (can_be_target(request.target) && times) return {};
     return {.code = Errc::invalid_argument, .step = Step::recover};
 }
 static Error check(Network& network, const RecoverRequest& request) {
@@ -48,7 +50,10 @@ static Task<Result<>> run(Network& network, SuperviseRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, ReconfigRequest& request) {
-    return reconfigure(network, network.slave(request.slave));
+    Slave& slave = network.slave(request.slave);
+    auto done = co_await reconfigure(network, slave);
+    if (!done || !slave.held) co_return done;
+    co_return held_error(slave, Step::recover);
 }
 
 // Why the slave does not answer; code none if it answers.
@@ -56,7 +61,7 @@ static Error absence(Network& network, std::uint16_t number) {
     const Slave& slave = network.slave(number);
     if (slave.al.state != AlState::none) return {};
     if (slave.error.code == Errc::other_slave) return slave.error;
-    return {.code = Errc::unknown_slave, .step = Step::recover, .slave = number, .expected = network.count};
+    return {.code = Errc::missing_slave, .step = Step::recover, .slave = number};
 }
 
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
@@ -93,7 +98,7 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave) {
     request.slave = slave;
     const auto done = submit_and_wait(ctx, request);
     if (!done || slave != 0 || request.found > 0) return done;
-    return Error{.code = Errc::unknown_slave, .step = Step::recover};
+    return Error{.code = Errc::no_slaves, .step = Step::recover};
 }
 
 }  // namespace margay

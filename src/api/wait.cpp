@@ -121,9 +121,14 @@ Time poll(Context& ctx, Time now) {
         queued = serve_queue(*master, now);
         next = network.engine.poll(now);
     }
-    if (std::exchange(network.supervision_ended, false)) network.report({.kind = EventKind::unsupervised});
+    if (std::exchange(network.supervision_ended, false)) {
+        Event ended{.kind = EventKind::unsupervised};
+        ended.error = network.supervision_error;
+        network.report(ended);
+    }
     master->in_poll = false;
-    return std::min(next, queued);
+    // A frame that has arrived between the two rounds may have ended the request that a waiting request waited for.
+    return begins_at_once(*master) ? now : std::min(next, queued);
 }
 
 }  // namespace margay

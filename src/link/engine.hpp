@@ -58,7 +58,7 @@ class Engine {
     void wake(Sleep::Timer& timer) { ready_.push_back(timer); }
     [[nodiscard]] NextPoll next_poll() { return NextPoll(*this); }
     [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
-    [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, now_ + duration}; }
+    [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, later(now_, duration)}; }
 
     // For awaitables of other layers. sleep() resumes the timer's coroutine when its time has come; wake() resumes any
     // waiter in this poll() or in the next one, whatever it waits for. Neither resumes a coroutine during the call.

@@ -59,6 +59,11 @@ bool share_octets(Bytes a, Bytes b) {
     return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
 }
 
+bool is_part_of(const Slave& slave, Bytes image) {
+    return share_octets(slave.image.outputs.bytes.span(), image) ||
+           share_octets(slave.image.inputs.bytes.span(), image);
+}
+
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
@@ -84,6 +89,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
+    group.was_mapped = prepared.ok();
     if (prepared) begin_counting(network, group);
     return prepared;
 }
@@ -102,8 +108,24 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     co_return done;
 }
 
+// The slave was in the earlier mapping of a group, and the application has assigned it to another group since. Its
+// FMMUs must not answer at the addresses of the new mapping.
+Task<Result<>> leave_group(Network& network, Slave& slave) {
+    slave.takes_part = false;
+    slave.counted = false;
+    slave.image = {};
+    if (slave.al.state == AlState::none) co_return Result<>();
+    auto cleared = co_await clear_fmmus(network, slave);
+    (void)cleared;  // a slave that does not answer maps nothing
+    if (slave.al.state != AlState::safeop && slave.al.state != AlState::op) co_return Result<>();
+    auto back = co_await bring_to_state(network, slave, AlState::preop);
+    if (!back) network.note(slave, back.error());
+    co_return Result<>();
+}
+
 // The start-up of a slave that was held, or that is still in INIT.
-Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Bytes old_image, FirstFault& faults) {
+    if (slave.config.group != number && is_part_of(slave, old_image)) co_return co_await leave_group(network, slave);
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
@@ -194,26 +216,39 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
     }
 }
 
-// Sets for the mailbox channels which bit of the image reports mail; none while the group is not mapped.
+// Sets for the mailbox channels which bit of the image reports mail.
 void use_status_bits(Network& network, std::uint8_t number) {
     const ProcessGroup& group = network.process.groups[number];
     for (const Slave& slave : network.slaves()) {
         if (slave.config.group != number || !network.has_mailbox(slave)) continue;
         const std::uint32_t bit = slave.image.mailbox_status_bit;
-        const bool mapped = group.mapped && bit != SlaveImage::kNone && bit / 8 < group.image.size();
-        network.mailbox(slave).use_status_bit(mapped ? &group.image[bit / 8] : nullptr, bit % 8);
+        if (bit != SlaveImage::kNone && bit / 8 < group.image.size())
+            network.mailbox(slave).use_status_bit(&group.image[bit / 8], bit % 8);
     }
 }
 
-// Keeps the supervision away from the slaves of the group, until it is destroyed.
+// Ends the earlier mapping of the group and keeps the supervision away from its slaves, until it is destroyed. If the
+// group is not mapped then, the caller may free the memory of both images: nothing points to it any more.
 class Mapping {
   public:
-    explicit Mapping(ProcessGroup& group) : group_(group) { group_.mapping = true; }
+    Mapping(Network& network, std::uint8_t number) : network_(network), group_(network.process.groups[number]) {
+        const Bytes old = group_.image;
+        for (Slave& slave : network.slaves())
+            if (network.has_mailbox(slave)) network.mailbox(slave).forget_status_bit(old);
+        unprepare(group_, network.engine.link(), network.engine.now());
+        group_.mapping = true;
+    }
     Mapping(const Mapping&) = delete;
     Mapping& operator=(const Mapping&) = delete;
-    ~Mapping() { group_.mapping = false; }
+    ~Mapping() {
+        group_.mapping = false;
+        if (group_.mapped) return;
+        for (Slave& slave : network_.slaves())
+            if (slave.config.group == group_.number) slave.image.outputs.bytes = slave.image.inputs.bytes = {};
+    }
 
   private:
+    Network& network_;
     ProcessGroup& group_;
 };
 
@@ -222,16 +257,12 @@ class Mapping {
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
-    unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
-    use_status_bits(network, number);
-    Mapping mapping(network.process.groups[number]);
-    // The supervision starts no task with these slaves any more. Tasks that it has started are awaited first.
-    for (Slave& slave : network.slaves())
-        while (slave.config.group == number && network.marks(slave).in_use)
-            co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Bytes old_image = network.process.groups[number].image;
+    Mapping mapping(network, number);
     FirstFault faults;
-    auto started = co_await for_each_slave(
-        network, [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); });
+    auto started = co_await for_each_slave(network, [&network, number, old_image, &faults](Slave& s) {
+        return start_up(network, s, number, old_image, faults);
+    });
     if (!started) co_return started.error();
     auto discovered = co_await for_each_slave(
         network, [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); });

@@ -18,7 +18,9 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
 void settle(ProcessGroup& group) {
     // Without datagrams no working counter shows that a wanted slave is missing.
     group.complete = group.mapped && (!group.statuses.empty() || group.expected_wkc == 0);
-    group.special = group.extras || group.overlap.sets > 1 || !group.complete;
+    // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
+    const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
+    if (group.special != special) group.special = special;
     for (PreparedFrame& frame : group.prepared) frame.settle();
 }
 

@@ -69,7 +69,9 @@ struct Network {
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;
     bool supervision_ended = false;  // not reported yet: the next poll() does
+    Error supervision_error;         // why it has ended
     bool segment_in_use = false;     // a request that needs the whole segment is executing
+    bool segment_wanted = false;     // such a request waits
     bool reaching = false;           // reach() has started the supervision itself
     Crew requests;                   // requests in execution; the last member, so that it is destroyed first
 
@@ -88,6 +90,13 @@ struct Network {
     [[nodiscard]] SlaveMarks& marks(const Slave& slave) { return marks(slave.number); }
     [[nodiscard]] const SlaveMarks& marks(const Slave& slave) const { return mark_table[slave.number - 1U]; }
     [[nodiscard]] Station station(const Slave& slave) { return {engine, slave.station_address, slave.number}; }
+
+    // One request, or the supervision, changes a slave now.
+    [[nodiscard]] bool any_slave_in_use() const {
+        return std::ranges::any_of(mark_table.first(count), [](const SlaveMarks& marks) { return marks.in_use; });
+    }
+    // The supervision must not begin to change slaves: a request needs the whole segment.
+    [[nodiscard]] bool is_reserved() const { return segment_in_use || segment_wanted; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const {
         return slave.number >= 1 && slave.number <= mailboxes.count();

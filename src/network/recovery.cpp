@@ -8,6 +8,7 @@
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/preop.hpp"
+#include "network/search.hpp"
 #include "network/survey.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -15,6 +16,7 @@
 #include "station/sii_access.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -25,9 +27,7 @@ namespace reg = wire::reg;
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     const AlStatus before = slave.al;
     auto changed = co_await bring_to_state(network, slave, state);
-    const AlStatus after = slave.al;
-    slave.al = before;
-    note_state(network, slave, after);
+    note_change(network, slave, before);
     co_return changed;
 }
 
@@ -133,9 +133,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     const AlStatus before = slave.al;
     auto configured =
         co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
-    const AlStatus reached = slave.al;
-    slave.al = before;
-    note_state(network, slave, reached);
+    note_change(network, slave, before);
     co_return configured;
 }
 
@@ -154,7 +152,13 @@ bool is_configured(const Slave& slave) {
 
 }  // namespace
 
-// NONE is not stored here: the next look reports that the slave does not answer.
+void note_change(Network& network, Slave& slave, const AlStatus& before) {
+    const AlStatus now = std::exchange(slave.al, before);
+    if (now.state != AlState::none) return note_state(network, slave, now);
+    if (before.state != AlState::none) note_lost(network, slave);
+}
+
+// NONE is not stored here: note_lost() does that.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
     network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
@@ -168,9 +172,7 @@ Task<Result<>> restart(Network& network, Slave& slave) {
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!offered) co_return offered;
     auto preop = co_await bring_to_preop(network, slave);
-    const AlStatus after = slave.al;
-    slave.al = before;
-    note_state(network, slave, after);
+    note_change(network, slave, before);
     co_return preop;
 }
 

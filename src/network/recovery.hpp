@@ -18,6 +18,9 @@ namespace margay {
 // whole start-up when the slave has lost its configuration or refuses.
 [[nodiscard]] Task<Result<>> bring_back(Network& network, Slave& slave);
 
+// Reports by an event that the state of the slave has changed from `before` to slave.al; NONE: that it is lost.
+void note_change(Network& network, Slave& slave, const AlStatus& before);
+
 // Stores `now` as the state of the slave; reports an event when the state has changed.
 void note_state(Network& network, Slave& slave, const AlStatus& now);
 

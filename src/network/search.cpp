@@ -49,19 +49,16 @@ std::uint8_t group_of(const Slave& slave) {
 }
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
 
-// Marks a search as executing, until it is destroyed.
+// Marks a search as executing, until it is destroyed. No scan begins meanwhile.
 class Searching {
   public:
-    explicit Searching(Network& network) : network_(network), scans_(network.scans) { network_.searching = true; }
+    explicit Searching(Network& network) : network_(network) { network_.searching = true; }
     Searching(const Searching&) = delete;
     Searching& operator=(const Searching&) = delete;
     ~Searching() { network_.searching = false; }
-    // A scan has started meanwhile: the ring and the slaves are not those that the search has read.
-    [[nodiscard]] bool overtaken() const { return network_.scans != scans_; }
 
   private:
     Network& network_;
-    std::uint32_t scans_;
 };
 
 // ------------------------------------------------------------------ the places of the ring
@@ -100,9 +97,7 @@ void recognise(Network& network) {
     store_topology(network.seen_ring(), network.slaves());
 }
 
-constexpr Error kOvertaken{.code = Errc::unstable, .step = Step::recover};
-
-Task<Result<>> read_ring(Network& network, const Searching& searching) {
+Task<Result<>> read_ring(Network& network) {
     auto roll = co_await read_all_states(network);
     for (int more = 5; !roll && more > 0; --more) roll = co_await read_all_states(network);
     if (!roll) co_return roll.error();
@@ -117,7 +112,6 @@ Task<Result<>> read_ring(Network& network, const Searching& searching) {
         }
     }
     co_await crew.all();
-    if (searching.overtaken()) co_return kOvertaken;
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
     network.ring_count = roll->count;
     recognise(network);
@@ -295,7 +289,6 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     slave.device_id = network.guest.device_id;
     auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
     if (!named) co_return named;
-    if (n >= network.ring_count) co_return kOvertaken;
     network.ring[n].slave = slave.number;
     store_topology(network.seen_ring(), network.slaves());
     // The slave was never reported lost.
@@ -378,15 +371,12 @@ bool below_unasked(Network& network, std::size_t n) {
 }
 
 // Identifies a newcomer. Returns whether it is a slave of the network.
-Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n, const Searching& searching) {
+Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     auto named = co_await address_newcomer(network, n);
-    if (searching.overtaken()) co_return kOvertaken;
     if (!named) co_return named.error();
     auto asked = co_await read_newcomer(network);
-    if (searching.overtaken()) co_return kOvertaken;
     Result<Verdict> verdict;
     if (asked) verdict = co_await verify_newcomer(network, n);
-    if (searching.overtaken()) co_return kOvertaken;
     if (!asked || !verdict) {
         auto undone = co_await rename(network, newcomer_address(network), network.ring[n].address);
         (void)undone;  // the newcomer is gone, or it is read again in the next search
@@ -423,20 +413,17 @@ Task<Result<BroadcastState>> read_all_states(Network& network) {
 Task<Result<std::uint16_t>> find_lost(Network& network) {
     if (network.searching) co_return Error{.code = Errc::busy, .step = Step::recover};
     const Searching searching(network);
-    auto read = co_await read_ring(network, searching);
+    auto read = co_await read_ring(network);
     if (!read) co_return read.error();
     auto forgotten = co_await release_newcomers(network);
-    if (searching.overtaken()) co_return kOvertaken;
     if (!forgotten) co_return forgotten.error();
     auto missed = co_await miss_absent(network);
-    if (searching.overtaken()) co_return kOvertaken;
     if (!missed) co_return missed.error();
     std::uint16_t found = 0;
     Error error;
     for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
         if (network.ring[n].slave != 0 || below_unasked(network, n)) continue;
-        auto ours = co_await receive_newcomer(network, n, searching);
-        if (searching.overtaken()) co_return kOvertaken;
+        auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
         if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct
         if (ours && *ours) ++found;
@@ -466,6 +453,7 @@ void note_lost(Network& network, Slave& slave) {
 // FMMUs with the expected values are sufficient proof, and faster: the cycle waits for the slave. Otherwise the SII is
 // read.
 Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
+    const SlaveToken token(network.marks(slave));
     bool mapped = false;
     if (exchanges(slave) && is_mapped(network, slave) && !slave.held) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);

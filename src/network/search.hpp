@@ -32,9 +32,9 @@ void note_lost(Network& network, Slave& slave);
 // events, a slave that answers again is left to the supervision, and so is a slave that the supervision works on.
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
 
-// A lost slave answers at its station address: checks whether it is the same slave. If so it is reported as found, and
-// takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to 0, so that find_lost()
-// identifies it.
+// A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so it is
+// reported as found, and takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to
+// 0, so that find_lost() identifies it.
 [[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);
 
 }  // namespace margay

@@ -50,11 +50,11 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    // The slave has its own target, by set_target(); or the supervision is bringing it to the state, which is its
-    // target.
-    if (network.supervised && (slave.target != AlState::none || network.marks(slave).in_use)) co_return Result<>();
-    while (network.marks(slave).in_use) co_await network.engine.sleep_for(kFirstPause);
-    const SlaveToken token(network.marks(slave));
+    if (network.supervised && slave.target != AlState::none) co_return Result<>();  // set_target() has its own target
+    if (process) {
+        const Error failed = start_up_refusal(slave);
+        if (failed.code != Errc::none) co_return failed;
+    }
     co_return co_await write_state(network, slave, limited(slave, state));
 }
 
@@ -65,18 +65,22 @@ Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, Fir
     co_return Result<>();
 }
 
-// The lowest state of the slaves. Optional slaves that are missing are left out. Slaves that have reached
+// The lowest state of the slaves. Slaves that are missing and may be missing are left out. Slaves that have reached
 // their highest state, if it is below OP, are left out too, unless there are no others.
-AlStatus lowest(std::span<const Slave> slaves) {
+AlStatus lowest(Network& network) {
+    const auto left_out = [&](const Slave& s) {
+        const bool tolerated = s.wanted != nullptr && missing_error(network, s).code == Errc::none;
+        return s.al.state == AlState::none && (s.config.optional || tolerated);
+    };
     const auto at_its_end = [](const Slave& s) {
         return s.al.state == s.config.highest && s.config.highest != AlState::op;
     };
-    const bool all_are = std::ranges::all_of(
-        slaves, [&](const Slave& s) { return at_its_end(s) || (s.config.optional && s.al.state == AlState::none); });
+    const bool all_are =
+        std::ranges::all_of(network.slaves(), [&](const Slave& s) { return at_its_end(s) || left_out(s); });
     AlStatus all;
     bool any = false;
-    for (const Slave& slave : slaves) {
-        if (slave.config.optional && slave.al.state == AlState::none) continue;
+    for (const Slave& slave : network.slaves()) {
+        if (left_out(slave)) continue;
         const bool counts = all_are || !at_its_end(slave);
         if (counts && (!any || slave.al.state < all.state)) all.state = slave.al.state;
         any |= counts;
@@ -87,15 +91,20 @@ AlStatus lowest(std::span<const Slave> slaves) {
     return all;
 }
 
+// A scan has begun: the table has other slaves now.
+constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
+
 }  // namespace
 
 Task<Result<AlStatus>> read_states(Network& network) {
+    const std::uint32_t scans = network.scans;
     Error first;
     auto all = co_await for_each_slave(
         network, [&network](Slave& s) { return read_state(network, s); }, &first);
     if (!all) co_return all.error();
+    if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
-    co_return lowest(network.slaves());
+    co_return lowest(network);
 }
 
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
@@ -118,17 +127,18 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
     co_return Result<>();
 }
 
-Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Duration timeout) {
-    const Time give_up = later(network.engine.now(), timeout);
+Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Time until) {
+    const std::uint32_t scans = network.scans;
     Duration pause = kFirstPause;
     for (;;) {
         auto all = co_await read_states(network);
         // Frames may be lost: the slaves are read again until the timeout.
-        const bool over = network.engine.now() >= give_up;
+        const bool over = network.engine.now() >= until;
+        if (network.scans != scans) co_return kOtherSlaves;
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
         if (all && ((now.state == state && !now.error) || over)) co_return now;
-        co_await network.engine.sleep_until(std::min(give_up, network.engine.now() + pause));
+        co_await network.engine.sleep_until(std::min(until, network.engine.now() + pause));
         pause = std::min(pause * 2, kLongestPause);
     }
 }

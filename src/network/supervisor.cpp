@@ -65,8 +65,11 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
         note_lost(network, slave);
         co_return Result<>();
     }
-    if (slave.al.state == AlState::none && seen->state != AlState::none)
+    if (network.marks(slave).in_use) co_return Result<>();  // meanwhile: the reading may be older than a change
+    if (slave.al.state == AlState::none && seen->state != AlState::none) {
+        if (network.is_reserved()) co_return Result<>();
         co_return co_await readmit_slave(network, slave, *seen);
+    }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     co_return co_await settle_request(network, slave);
@@ -113,6 +116,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
+        if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Result<>();
     }
@@ -217,6 +221,7 @@ void start_helpers(Watch& watch, Crew& crew) {
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) update_counted(watch.network, slave);
+    if (watch.network.is_reserved()) return;
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         const std::size_t at = (first + n) % slaves.size();
         Slave& slave = slaves[at];
@@ -229,7 +234,7 @@ void start_helpers(Watch& watch, Crew& crew) {
 
 // Whether the ring has changed, or contains a slave that is not identified.
 bool walk_is_due(Watch& watch, const BroadcastState& roll) {
-    if (watch.network.searching) return false;
+    if (watch.network.searching || watch.network.is_reserved()) return false;
     if (roll.count != watch.walked && watch.walked != kNotWalked) return true;
     return (watch.walked == kNotWalked || roll.count > answering(watch.network)) &&
            watch.network.engine.now() >= watch.search_at;
@@ -273,7 +278,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
         watch.look_at = later(network.engine.now(), watch.wanted.retry);
         auto looked = co_await look(watch, crew, *roll, unexpected);
-        if (!looked) co_return looked;
+        // Without memory for a task now: the next round looks again.
+        if (!looked && looked.error().code != Errc::capacity) co_return looked;
+        if (!looked) watch.look_at = network.engine.now();
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);

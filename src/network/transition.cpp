@@ -6,7 +6,6 @@
 #include "station/al_state.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace margay {
 namespace {
@@ -71,13 +70,13 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
     co_return up ? done : Result<>();
 }
 
-Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Duration timeout) {
+Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
     const Error refused = refusal(network, slave, state);
     if (refused.code != Errc::none) co_return refused;
-    co_return co_await bring_to_state(network, slave, state, timeout);
+    co_return co_await bring_to_state(network, slave, state, until);
 }
 
-Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Duration timeout) {
+Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until) {
     const Station station = network.station(slave);
     if (limited(slave, state) != state) co_return above_highest(station, slave, state);
     if (slave.al.state == AlState::none) {
@@ -91,7 +90,8 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         if (!before) co_return before.error();
     }
     network.marks(slave).requested = Transition::none;
-    const Duration patience = timeout == Duration{0} ? al_timeout(slave, state) : timeout;
+    const Time now = network.engine.now();
+    const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
     if (!changed) {
         auto seen = co_await read_al_status(station);
@@ -114,8 +114,10 @@ bool request_is_met(const Network& network, const Slave& slave) {
 Task<Result<>> settle_request(Network& network, Slave& slave) {
     if (!request_is_met(network, slave) || network.marks(slave).in_use || network.segment_in_use) co_return Result<>();
     const SlaveToken token(network.marks(slave));
-    const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
+    const Transition which = network.marks(slave).requested;
     auto after = co_await around_transition(network, slave, which, Moment::after);
+    network.marks(slave).requested =
+        Transition::none;  // not before: when the request ends here, the next one repeats it
     if (!after) network.note(slave, after.error());
     co_return Result<>();
 }

@@ -12,13 +12,11 @@ namespace margay {
 
 // Requests `state` and waits for it. slave.al is the start and is updated. Errors: above_highest, those of
 // around_transition() and of change_al_state(). A failure after the state was reached is an error too; slave.al then
-// contains the reached state.
-[[nodiscard]] Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state,
-                                                    Duration timeout = Duration{0});
+// contains the reached state. The change of the state itself is given up at `until`; kNever: after al_timeout().
+[[nodiscard]] Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until = kNever);
 
 // The same for a request of the application. Additional errors: those of refusal().
-[[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state,
-                                                  Duration timeout = Duration{0});
+[[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until);
 
 // Completes a state that was requested without waiting, once the slave has reached it: executes the commands and the
 // hook that follow the transition.

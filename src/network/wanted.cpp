@@ -126,23 +126,30 @@ Error state_error(Network& network, const Slave& slave) {
     return fault(slave, Errc::working_counter, Step::exchange_process_data);
 }
 
-Error refusal(const Network& network, const Slave& slave, AlState state) {
-    Error error = fault(slave, Errc::none, Step::request_state);
-    error.actual = static_cast<std::uint32_t>(state);
-    if (limited(slave, state) != state) {
-        error.code = Errc::above_highest;
-        error.expected = static_cast<std::uint32_t>(slave.config.highest);
-        return error;
-    }
+Error start_up_refusal(const Slave& slave) {
+    if (!slave.hook_failed && !slave.pdos_failed) return {};
+    return start_up_error(slave, fault(slave, Errc::wrong_state, Step::request_state));
+}
+
+Error target_refusal(const Slave& slave, AlState state) {
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
-    if ((slave.hook_failed || slave.pdos_failed) && state >= AlState::safeop) {
-        error.code = Errc::wrong_state;
-        return start_up_error(slave, error);
-    }
+    if (limited(slave, state) == state) return {};
+    Error error = fault(slave, Errc::above_highest, Step::request_state);
+    error.expected = static_cast<std::uint32_t>(slave.config.highest);
+    error.actual = static_cast<std::uint32_t>(state);
+    return error;
+}
+
+Error refusal(const Network& network, const Slave& slave, AlState state) {
+    const Error never = target_refusal(slave, state);
+    if (never.code != Errc::none) return never;
+    const Error failed = state >= AlState::safeop ? start_up_refusal(slave) : Error{};
+    if (failed.code != Errc::none) return failed;
     const bool mapping =
         slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
     if (!network.supervised || mapping || state == goal(network, slave)) return {};
-    error.code = Errc::supervised;
+    Error error = fault(slave, Errc::supervised, Step::request_state);
+    error.actual = static_cast<std::uint32_t>(state);
     error.expected = static_cast<std::uint32_t>(goal(network, slave));
     return error;
 }

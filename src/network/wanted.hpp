@@ -39,8 +39,16 @@ void update_held(Network& network);
 // The reason why the slave is not in its wanted state, as far as known; code none when it is.
 [[nodiscard]] Error state_error(Network& network, const Slave& slave);
 
-// The reason why an application's request for this state is refused; code none when it is allowed: above_highest,
-// other_slave or unexpected_slave (the slave is held), supervised.
+// The reason why the slave must not be brought to SAFEOP or OP now: the error of its hook or of its PDOs; code none
+// when there is none.
+[[nodiscard]] Error start_up_refusal(const Slave& slave);
+
+// The reason why this state cannot be the target of the slave: above_highest, other_slave or unexpected_slave (the
+// slave is held); code none when it can.
+[[nodiscard]] Error target_refusal(const Slave& slave, AlState state);
+
+// The reason why an application's request for this state is refused; code none when it is allowed: that of
+// target_refusal(), that of start_up_refusal(), supervised.
 [[nodiscard]] Error refusal(const Network& network, const Slave& slave, AlState state);
 
 // The states that can be the target of a slave.

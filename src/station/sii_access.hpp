@@ -76,8 +76,14 @@ class SiiReader {
 // wrong checksum: the ESC reports it (0x0502 bit 11) and does not load the area. No order of words avoids this: writing
 // a single word to a right area makes its checksum wrong, unless the change has a checksum of zero.
 //
+// `reason` (may be nullptr) is called before each word from 0x08 on and before the configuration area: an error code
+// other than none ends the write there with this code. The write of the area itself is not ended: it would leave a
+// wrong checksum.
+//
 // On any error, error().index is the word that may not be written.
-[[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data);
+using ReasonToEnd = Errc (*)(void* user, Time now);
+[[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, ReasonToEnd reason = nullptr,
+                                       void* user = nullptr);
 
 // Assigns the SII interface to the master, or offers it to the slave's PDI (which needs it for INIT to PREOP).
 [[nodiscard]] Task<Result<>> sii_assign(Station station, bool to_pdi);

@@ -127,14 +127,19 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
 
 }  // namespace
 
-Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data) {
+Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, ReasonToEnd reason, void* user) {
+    const auto ends = [&]() { return reason == nullptr ? Errc::none : reason(user, station.engine.now()); };
     const auto end = word + static_cast<std::uint32_t>(data.size() / sii::kWordBytes);
     for (auto at = std::max(word, sii::word::kIdentity); at < end; ++at) {
+        const Errc code = ends();
+        if (code != Errc::none) co_return station.error(code, Step::write_sii, static_cast<std::uint16_t>(at));
         const std::size_t offset = (at - word) * sii::kWordBytes;
         auto written = co_await write_word(station, at, {data[offset], data[offset + 1]});
         if (!written) co_return written;
     }
     if (word >= std::min(end, sii::word::kIdentity)) co_return Result<>();
+    const Errc code = ends();
+    if (code != Errc::none) co_return station.error(code, Step::write_sii, static_cast<std::uint16_t>(word));
     co_return co_await write_area(station, word, data);
 }
 

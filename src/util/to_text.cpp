@@ -83,8 +83,8 @@ std::string_view to_text(Errc code) {
         case Errc::other_state: return "the slave is not in the state that is wanted";
         case Errc::image_overlaps: return "the image overlaps that of another group: give each group octets of its own";
         case Errc::configuration_lost:
-            return "config and hooks that were written before config_init() are gone: write them after it, or use "
-                   "expect()";
+            return "config or hooks of a slave that does not exist were written: write them after config_init(), to "
+                   "slaves 1 and up, or use expect()";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";

@@ -43,9 +43,12 @@ TEST_F(Mistakes, WishesWrittenBeforeTheScanAreWarnedOf) {
     ctx->slave(1).config.group = 1;
     ASSERT_TRUE(config_init(*ctx).ok());
     EXPECT_EQ(all(ctx->warnings()),
-              std::vector<std::string>{"counting slaves: config and hooks that were written before config_init() are "
-                                       "gone: write them after it, or use expect()"});
+              std::vector<std::string>{"counting slaves: config or hooks of a slave that does not exist were written: "
+                                       "write them after config_init(), to slaves 1 and up, or use expect()"});
     EXPECT_EQ(ctx->slave(1).config.group, 0);
+    ctx->slave(0).config.group = 1;  // slave 0 is not the first one
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
     ASSERT_TRUE(config_init(*ctx).ok());
     EXPECT_TRUE(all(ctx->warnings()).empty()) << "reported once";
 }
@@ -101,7 +104,8 @@ TEST_F(Mistakes, ValuesOutOfRangeAreRefused) {
     look.priority = 3;
     look.timeout = -1ms;
     EXPECT_EQ(submit(*ctx, look).error().code, Errc::invalid_argument);
-    EXPECT_EQ(look.state(), RequestState::unused);
+    EXPECT_EQ(look.state(), RequestState::error) << "not the success of an earlier submission";
+    EXPECT_EQ(wait(*ctx, look).error().code, Errc::invalid_argument);
     look.timeout = 0ms;
     EXPECT_TRUE(submit(*ctx, look).ok());
     const auto nothing = [](const CycleInfo&) { return false; };

@@ -410,7 +410,7 @@ TEST_F(SupervisionTest, RecoverAndReconfigureByHand) {
     ASSERT_TRUE(config_map(ctx(), image).ok());
     ASSERT_EQ(bus.to_op().state, AlState::op);
     bus.segment.set_power(2, false, bus.osal.now());
-    EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::unknown_slave);
+    EXPECT_EQ(recover_slave(ctx(), 3).error().code, Errc::missing_slave);
     bus.segment.set_power(2, true, bus.osal.now());
     EXPECT_TRUE(recover_slave(ctx(), 3).ok());
     EXPECT_EQ(ctx().slave(3).al.state, AlState::init);

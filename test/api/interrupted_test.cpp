@@ -1,0 +1,240 @@
+// Requests that are interrupted: by their timeout, by cancel(), or because their slave disappears. None of them leaves
+// a slave, or the cycle of the other slaves, in a state that the application does not see.
+#include "segment/bench.hpp"
+#include "wire/sii.hpp"
+
+#include <margay/hooked_slave.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Interrupted : public SegmentTest {
+  protected:
+    std::array<std::byte, 512> image{};
+    std::array<sim::Esc*, 3> escs{};
+
+    void begin() {
+        for (auto& esc : escs) esc = &plug("odd_device");
+        switch_on();
+        ASSERT_TRUE(bring_up());
+        ASSERT_TRUE(config_map(ctx, image));
+    }
+    void step() {
+        const Time next = poll(ctx, osal.now());
+        osal.wait(std::min(next, osal.now() + 100us), -1);
+        segment.advance(osal.now());
+    }
+    void steps(int count) {
+        while (count-- > 0) step();
+    }
+    Result<std::uint32_t> cycle() {
+        (void)send_processdata(ctx);
+        const auto received = receive_processdata(ctx, 500us);
+        step();
+        return received;
+    }
+    void cycles(int count) {
+        while (count-- > 0) (void)cycle();
+    }
+    [[nodiscard]] bool ends(const Request& request) {
+        for (int n = 0; n < 500'000 && request.busy(); ++n) step();
+        return !request.busy();
+    }
+    int count_events(EventKind kind, std::uint16_t slave) {
+        int count = 0;
+        while (const auto event = ctx.events().take()) count += event->kind == kind && event->slave == slave ? 1 : 0;
+        return count;
+    }
+};
+
+// ------------------------------------------------------------------ a slave that disappears
+
+TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestIsReportedAndTheOthersStayFresh) {
+    begin();
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(300);
+    for (int delay = 0; delay < 12; ++delay) {
+        expect_all_in(AlState::op);
+        (void)count_events(EventKind::lost, 2);
+        StateRequest request;
+        request.slave = 2;
+        request.wanted = AlState::op;
+        ASSERT_TRUE(submit(ctx, request));
+        steps(delay);
+        segment.set_power(1, false, osal.now());
+        ASSERT_TRUE(ends(request));
+        cycles(200);
+        EXPECT_EQ(count_events(EventKind::lost, 2), 1) << "after " << delay << " steps";
+        (void)cycle();
+        EXPECT_TRUE(inputs_fresh(ctx, 1)) << "after " << delay << " steps";
+        if (delay == 0) {  // a lost slave is left to the supervision
+            ASSERT_TRUE(submit(ctx, request));
+            ASSERT_TRUE(ends(request));
+            EXPECT_EQ(request.error().code, Errc::missing_slave);
+        }
+        segment.set_power(1, true, osal.now());
+        cycles(3'000);
+    }
+    expect_all_in(AlState::op);
+}
+
+TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestWithoutASupervisionDoesNotSpoilTheOthers) {
+    begin();
+    ASSERT_TRUE(reach(ctx, AlState::op, 5s));
+    StateRequest request;
+    request.slave = 3;
+    request.wanted = AlState::safeop;
+    ASSERT_TRUE(submit(ctx, request));
+    segment.set_power(2, false, osal.now());
+    ASSERT_TRUE(ends(request));
+    EXPECT_EQ(ctx.slave(3).al.state, AlState::none);
+    cycles(3);
+    EXPECT_TRUE(inputs_fresh(ctx, 1) && inputs_fresh(ctx, 2));
+}
+
+// ------------------------------------------------------------------ timeouts
+
+struct SlowHook {
+    int calls = 0;
+    static Task<> transition(HookedSlave slave, Transition, Moment, void* user) {
+        ++static_cast<SlowHook*>(user)->calls;
+        auto paused = co_await slave.sleep(10s);
+        co_return paused;
+    }
+};
+
+TEST_F(Interrupted, TheTimeoutOfAStateRequestIncludesTheHook) {
+    begin();
+    SlowHook hook;
+    ctx.slave(2).hooks.user = &hook;
+    ctx.slave(2).hooks.transition = SlowHook::transition;
+    StateRequest request;
+    request.slave = 2;
+    request.wanted = AlState::preop;
+    request.timeout = 300ms;
+    const Time begin_of_request = osal.now();
+    ASSERT_TRUE(submit(ctx, request));
+    ASSERT_TRUE(ends(request));
+    EXPECT_EQ(request.error().code, Errc::timeout) << words(request.error());
+    EXPECT_LE(osal.now() - begin_of_request, 400ms);
+    EXPECT_EQ(hook.calls, 1);
+}
+
+TEST_F(Interrupted, AStatecheckWhoseHookIsCutExecutesTheHookAgainAtTheNextReading) {
+    begin();
+    ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
+    SlowHook hook;
+    ctx.slave(2).hooks.user = &hook;
+    ctx.slave(2).hooks.transition = SlowHook::transition;
+    const Time begin_of_check = osal.now();
+    EXPECT_EQ(statecheck(ctx, 2, AlState::preop, 100ms).error().code, Errc::timeout);
+    EXPECT_LE(osal.now() - begin_of_check, 200ms);
+    EXPECT_EQ(hook.calls, 1);
+    EXPECT_TRUE(readstate(ctx));
+    EXPECT_EQ(hook.calls, 2) << "the first call was cut";
+    EXPECT_TRUE(readstate(ctx));
+    EXPECT_EQ(hook.calls, 2);
+}
+
+// ------------------------------------------------------------------ the EEPROM
+
+constexpr std::size_t kWritten = 64;  // octets: the configuration area, and words behind it
+
+std::array<std::byte, kWritten> with_alias(std::array<std::byte, kWritten> content) {
+    store_le<std::uint16_t>(content, 8, 0x1234);
+    content[14] = std::byte{wire::sii::checksum(Bytes(content).first(14))};
+    return content;
+}
+
+// At every moment: the EEPROM has its old content or the new one, and belongs to the slave again.
+TEST_F(Interrupted, AnSiiWriteIsNeverCutInTheConfigurationArea) {
+    begin();
+    std::array<std::byte, kWritten> before{};
+    ASSERT_TRUE(read_sii(ctx, 2, 0, before));
+    const auto after = with_alias(before);
+    int cut = 0;
+    for (const bool by_cancel : {false, true}) {
+        for (int delay = 1; delay < 1'500; delay += 23) {
+            ASSERT_TRUE(write_sii(ctx, 2, 0, before));
+            SiiWriteRequest request;
+            request.slave = 2;
+            request.word = 0;
+            request.data = after;
+            if (!by_cancel) request.timeout = delay * 100us;
+            ASSERT_TRUE(submit(ctx, request));
+            if (by_cancel) steps(delay);
+            if (by_cancel) request.cancel();
+            ASSERT_TRUE(ends(request));
+            cut += request.state() == RequestState::error ? 1 : 0;
+            std::array<std::byte, kWritten> now{};
+            ASSERT_TRUE(read_sii(ctx, 2, 0, now));
+            EXPECT_EQ(now, request.state() == RequestState::success ? after : before) << delay;
+            std::array<std::byte, 1> assigned{};
+            ASSERT_TRUE(read_register(ctx, 2, 0x0500, assigned));
+            EXPECT_EQ(assigned[0], std::byte{1}) << "the EEPROM belongs to the slave";
+        }
+    }
+    EXPECT_GT(cut, 20);
+}
+
+TEST_F(Interrupted, AnSiiReadThatEndsEarlyGivesTheEepromBack) {
+    begin();
+    std::array<std::byte, 1024> memory{};
+    for (const bool by_cancel : {false, true}) {
+        SiiReadRequest request;
+        request.slave = 2;
+        request.data = memory;
+        if (!by_cancel) request.timeout = 20ms;
+        ASSERT_TRUE(submit(ctx, request));
+        steps(20);
+        if (by_cancel) request.cancel();
+        ASSERT_TRUE(ends(request));
+        EXPECT_EQ(request.error().code, by_cancel ? Errc::canceled : Errc::timeout) << words(request.error());
+        std::array<std::byte, 1> assigned{};
+        ASSERT_TRUE(read_register(ctx, 2, 0x0500, assigned));
+        EXPECT_EQ(assigned[0], std::byte{1}) << "the EEPROM belongs to the slave";
+    }
+}
+
+// ------------------------------------------------------------------ the supervision
+
+TEST_F(Interrupted, TheEventThatASupervisionHasEndedSaysWhy) {
+    begin();
+    SuperviseRequest supervision;
+    supervision.timeout = 50ms;
+    ASSERT_TRUE(submit(ctx, supervision));
+    ASSERT_TRUE(ends(supervision));
+    Event last;
+    while (const auto event = ctx.events().take())
+        if (event->kind == EventKind::unsupervised) last = *event;
+    EXPECT_EQ(last.error.code, Errc::timeout);
+    std::array<char, 200> text{};
+    EXPECT_EQ(describe(last, text),
+              "the supervision has ended: lost slaves are not brought back: recovering the slave: timed out");
+}
+
+TEST_F(Interrupted, ReachGoesOnWithASupervisionOfItsOwnWhenThatOfTheApplicationEnds) {
+    begin();
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    struct Meddler {
+        SuperviseRequest* supervision;
+        static Task<> transition(HookedSlave slave, Transition which, Moment, void* user) {
+            if (which == Transition::safeop_to_op) static_cast<Meddler*>(user)->supervision->cancel();
+            auto paused = co_await slave.sleep(1ms);
+            co_return paused;
+        }
+    } meddler{&supervision};
+    ctx.slave(2).hooks.user = &meddler;
+    ctx.slave(2).hooks.transition = Meddler::transition;
+    const auto reached = reach(ctx, AlState::op, 10s);
+    EXPECT_TRUE(reached) << words(reached.error());
+    EXPECT_FALSE(supervision.busy());
+    expect_all_in(AlState::op);
+}
+
+}  // namespace
+}  // namespace margay
