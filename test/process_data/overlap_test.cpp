@@ -2,6 +2,7 @@
 #include "process_data/bus.hpp"
 #include "process_data/prepared_group.hpp"
 
+#include <atomic>
 #include <mutex>
 #include <thread>
 
@@ -351,6 +352,44 @@ TEST_F(OverlappedBus, TwoThreads) {
     std::array<std::byte, 1> last{};
     bus.segment.slave(0).read(0x1100, last);
     EXPECT_EQ(last[0], std::byte{(kCycles - 1) & 0xFF});
+    bus.ctx.reset();  // before the NIC is destroyed
+}
+
+// A slave is lost and comes back while one thread sends and the owner receives and supervises.
+TEST_F(OverlappedBus, TwoThreadsWhileASlaveIsLostAndComesBack) {
+    constexpr std::uint32_t kCycles = 4000;
+    for (int i = 0; i < 3; ++i) bus.add(16, 16);
+    bus.segment.power_up(bus.osal.now());
+    SimulatedNic line(bus.segment, bus.osal);
+    Guarded guarded(line, bus.osal);
+    bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
+    ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
+    ASSERT_TRUE(config_init(ctx()).ok());
+    map(2);
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx(), supervision).ok());
+    std::atomic<bool> enough = false;
+    std::thread sender([&] {
+        while (!enough)
+            if (!send_processdata(ctx())) std::this_thread::yield();
+    });
+    const auto power = [&](bool on) {
+        const std::lock_guard lock(guarded.mutex);
+        bus.segment.set_power(2, on, bus.osal.now());
+    };
+    unsigned others_fresh = 0;
+    for (std::uint32_t received = 0; received < kCycles; ++received) {
+        if (received == kCycles / 4) power(false);
+        if (received == kCycles / 2) power(true);
+        const auto wkc = receive_processdata(ctx(), 1ms);
+        others_fresh += wkc.error().detail == Error::kOthersFresh ? 1 : 0;
+        (void)poll(ctx(), guarded.now());
+    }
+    enough = true;
+    sender.join();
+    EXPECT_GT(others_fresh, 100U);
+    EXPECT_EQ(ctx().slave(3).al.state, AlState::op);
+    supervision.cancel();
     bus.ctx.reset();  // before the NIC is destroyed
 }
 
