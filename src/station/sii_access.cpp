@@ -27,7 +27,7 @@ class SiiReader::VisitAwaiter {
   public:
     VisitAwaiter(const Station& station, bool look, std::uint32_t order, std::uint32_t word)
         : station_(station),
-          word_(static_cast<std::uint16_t>(word)),
+          word_(word),
           order_bytes_(command(control::kCommandRead, order)),
           look_(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSiiControl.address},
                 MutableBytes(bytes_)),
@@ -54,11 +54,13 @@ class SiiReader::VisitAwaiter {
 
   private:
     [[nodiscard]] Error judged(const Datagram& datagram) const {
-        return error_of_reply(station_, datagram.reply(), Step::read_sii, word_);
+        Error error = error_of_reply(station_, datagram.reply(), Step::read_sii, 0);
+        if (error.code != Errc::none) error.set_word(word_);
+        return error;
     }
 
     const Station& station_;
-    std::uint16_t word_;
+    std::uint32_t word_;
     std::array<std::byte, 14> bytes_{};
     std::array<std::byte, 6> order_bytes_;
     Datagram look_;

@@ -23,7 +23,8 @@ class SiiReader {
     // Reads words from `word` on. `into` has a whole number of words. `then` is the word that the caller reads next, if
     // known: its block is ordered ahead. The reader and `into` outlive the task. While an EEPROM stores a word it
     // acknowledges no command. A read that is not acknowledged is repeated every 0.5 ms until 100 ms are over, and at
-    // least three times. error().index is the word that could not be read.
+    // least three times. error().word() is the word that could not be read. The range must end at or before
+    // word kNone.
     [[nodiscard]] Task<Result<>> read(std::uint32_t word, MutableBytes into, std::uint32_t then = kNone);
 
     [[nodiscard]] Arena& arena() { return station_.arena(); }
@@ -47,7 +48,9 @@ class SiiReader {
     void note_ready(Time sent);
     [[nodiscard]] Duration between() const;
     [[nodiscard]] Error failure(Errc code, std::uint32_t word) const {
-        return station_.error(code, Step::read_sii, static_cast<std::uint16_t>(word));
+        Error error = station_.error(code, Step::read_sii);
+        error.set_word(word);
+        return error;
     }
 
     Station station_;
@@ -76,7 +79,7 @@ class SiiReader {
 // wrong checksum: the ESC reports it (0x0502 bit 11) and does not load the area. No order of words avoids this: writing
 // a single word to a right area makes its checksum wrong, unless the change has a checksum of zero.
 //
-// On any error, error().index is the word that may not be written.
+// On any error, error().word() is the word that may not be written. The range must end at or before SiiReader::kNone.
 [[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data);
 
 // Assigns the SII interface to the master, or offers it to the slave's PDI (which needs it for INIT to PREOP).

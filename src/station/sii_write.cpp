@@ -73,7 +73,7 @@ Task<Result<>> write_word(Station station, std::uint32_t word, Word data) {
     }
     if (error.code == Errc::none) co_return Result<>();
     error.step = Step::write_sii;
-    error.index = static_cast<std::uint16_t>(word);
+    error.set_word(word);
     co_return error;
 }
 
@@ -107,7 +107,7 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
     if (!read) {
         Error error = read.error();
         error.step = Step::write_sii;
-        error.index = static_cast<std::uint16_t>(word);
+        error.set_word(word);
         co_return error;
     }
     auto wanted = old;
