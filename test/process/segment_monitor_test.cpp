@@ -38,7 +38,7 @@ TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
     const auto ran = run(kBin + "/segment_monitor sim:demo --cycles 500 --plain");
     EXPECT_EQ(ran.status, 0) << ran.output;
     EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in OP\n")) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "cycle 500  working counter 6 of 6  wrong wkc 0  lost frames 0  overruns 0\n"))
+    EXPECT_TRUE(contains(ran.output, "cycle 500  working counter 6 of 6  wrong wkc 0  incomplete 0  overruns 0\n"))
         << ran.output;
     EXPECT_TRUE(contains(ran.output, "    3  OP               8-channel digital output\n")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
