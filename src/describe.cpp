@@ -205,7 +205,7 @@ void write_argument(TextWriter& out, const Error& e) {
     out << ": " << text;
     if (argument <= Argument::limit_process_frames)
         out << " is " << e.actual << ", it must be 1 to " << e.expected;
-    else if (argument == Argument::sii_words)
+    else if (argument == Argument::sii_words && e.expected != UINT32_MAX)
         out << ", which has " << e.expected << (e.expected == 1 ? " word" : " words");
 }
 
