@@ -40,7 +40,7 @@ class SiiReader {
     class VisitAwaiter;
 
     [[nodiscard]] bool cached(std::uint32_t word) const {
-        return block_word_ != kNone && word >= block_word_ && word < block_word_ + block_words_;
+        return block_word_ != kNone && word >= block_word_ && word - block_word_ < block_words_;
     }
     [[nodiscard]] std::uint32_t block_after(std::uint32_t word, std::uint32_t end, std::uint32_t then) const;
     [[nodiscard]] bool accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent);

@@ -251,8 +251,9 @@ TEST_F(Mistakes, ASlaveWithoutPowerExistsAndDoesNotAnswer) {
     ASSERT_TRUE(config_init(*ctx).ok());
     power(1, false);
     EXPECT_EQ(words(recover_slave(*ctx, 2).error()),
-              "slave 2: bringing it back: the slave does not answer: has it power, and is its cable plugged in?");
-    EXPECT_EQ(words(recover_slave(*ctx, 3).error()), "slave 3: bringing it back: there is no such slave (there are 2)");
+              "slave 2: recovering the slave: the slave does not answer: has it power, and is its cable plugged in?");
+    EXPECT_EQ(words(recover_slave(*ctx, 3).error()),
+              "slave 3: recovering the slave: there is no such slave (there are 2)");
 }
 
 TEST_F(Mistakes, ARefusedRequestNamesNoOtherObject) {
