@@ -13,11 +13,15 @@ namespace {
 constexpr std::uint16_t kDeviceType = 0x1000;
 constexpr std::uint16_t kDriveProfile = 402;
 constexpr std::uint16_t kControlWord = 0x6040;
+constexpr std::uint32_t kControlWordBits = 16;
 constexpr std::uint16_t kAxisSpacing = 0x800;
 constexpr std::uint16_t kLastOfAxes = 0x9FFF;
 
-bool is_control_word(std::uint16_t index) {
-    return index >= kControlWord && index <= kLastOfAxes && (index - kControlWord) % kAxisSpacing == 0;
+// Modular devices use the same indices for other objects, with subindices from 1 on: 0x7040:1 is bit 5 of a digital
+// output terminal.
+bool is_control_word(const MapEntry& entry) {
+    return entry.subindex == 0 && entry.bits == kControlWordBits && entry.index >= kControlWord &&
+           entry.index <= kLastOfAxes && (entry.index - kControlWord) % kAxisSpacing == 0;
 }
 
 // Why the outputs of the slave may move an axis; empty: they do not, as far as this can be known.
@@ -31,7 +35,7 @@ std::string why_drive(Context& ctx, const Slave& slave, const ProcessMap& map) {
     }
     for (const MapEntry& entry : map.entries) {
         if (entry.slave != slave.number || entry.direction != Direction::outputs) continue;
-        if (is_control_word(entry.index)) return fmt::format("a drive (object 0x{:04X} in its outputs)", entry.index);
+        if (is_control_word(entry)) return fmt::format("a drive (object 0x{:04X} in its outputs)", entry.index);
         if (entry.pdo == 0) return "perhaps a drive (nothing describes its outputs)";
     }
     return {};

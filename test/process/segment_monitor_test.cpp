@@ -44,6 +44,17 @@ TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
     EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
 }
 
+TEST(SegmentMonitor, PrintsThePictureInTheReadme) {
+    const auto ran = run(kBin + "/segment_monitor sim:drives --plain --cycles 4501");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    std::ifstream in(MARGAY_SOURCE_DIR "/README.md");
+    const std::string readme(std::istreambuf_iterator<char>(in), {});
+    const auto from = readme.find("sim:drives   8 slaves");
+    const auto picture = readme.substr(from, readme.find("    …\n", from) - from);
+    EXPECT_GT(picture.size(), 200U);
+    EXPECT_TRUE(contains(ran.output, picture)) << ran.output << picture;
+}
+
 TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
     if (run("script -qec true /dev/null").status != 0)
         GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";

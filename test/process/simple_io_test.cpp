@@ -87,6 +87,13 @@ TEST(SimpleIo, CountsInTheOutputsThatAreNoDrivesAndNamesTheDrives) {
     EXPECT_TRUE(contains(folder.run(kSimpleIo + " --help").out, "DANGER")) << "the help warns";
 }
 
+TEST(SimpleIo, DoesNotMistakeTerminalsForDrives) {
+    const ShellFolder folder;
+    const auto counted = folder.run(kSimpleIo + " sim:demo --cycles 1000 --count");
+    EXPECT_FALSE(contains(counted.out, "its outputs stay 0")) << counted.out;
+    EXPECT_EQ(outputs_of(counted.out, 3), " 0f") << "an output terminal with object 0x7040:1: " << counted.out;
+}
+
 TEST(SimpleIo, LeavesSoeDrivesAlone) {
     const ShellFolder folder;
     const auto counted = folder.run(kSimpleIo + " sim:servodrives --cycles 1000 --count");
