@@ -191,7 +191,8 @@ class EntryHandle {
 // (entry_size). They compare real number against integer (entry_type) only when the data type of the entry is known,
 // which EntryPlace::data_type says: the PDOs of the SII name data types, the object dictionary does not name them in
 // the PDO mapping, and neither do the lists of SlaveSetup::pdos. So for a slave whose PDOs are read by CoE an
-// Output<float> on an INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data type of an object.
+// Output<float> on an INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data
+// type of an object.
 template <class T>
 concept EntryValue = (std::is_arithmetic_v<T> || std::is_enum_v<T>)&&sizeof(T) <= 8;
 

@@ -22,7 +22,7 @@ enum class EventKind : std::uint8_t {
                   // the other slave; error: what differs)
     stranger,  // a slave that is not in the list of expected slaves is connected to `port` of `slave` (actual: product,
                // expected: revision, detail: vendor of the unexpected slave)
-    missing,          // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
+    missing,   // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
     recovered,        // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
     fell_short,   // the working counter of a group's cycle is below that of the slaves that should take part (expected,
