@@ -136,6 +136,19 @@ TEST_F(SiiWords, BeyondTheDeclaredEndAreReadOnRequest) {
     EXPECT_EQ(octets[0], std::byte{0xFF});
 }
 
+TEST_F(SegmentTest, WordsOfAnEepromOfUnknownSizeAreRead) {
+    const auto blank =
+        segment.add(std::make_unique<sim::Esc>(sim::et1100(), std::vector<std::byte>(2048, std::byte{0xFF})));
+    ASSERT_TRUE(segment.connect_master({blank, 0}));
+    switch_on();
+    EXPECT_EQ(bring_up().error().code, Errc::sii_blank);
+    EXPECT_EQ(ctx.slave(1).sii_bytes, 0U);
+    std::array<std::byte, 2> octets{};
+    EXPECT_TRUE(read_sii(ctx, 1, 0x1'0000, octets));
+    EXPECT_EQ(octets[0], std::byte{0xFF});
+    EXPECT_EQ(read_sii(ctx, 1, 0xFFFF'FFFF, octets).error().code, Errc::invalid_argument) << "no address at all";
+}
+
 TEST_F(SiiWords, OfASlaveThatDoesNotAnswerAreNamedInFull) {
     segment.set_power(1, false, osal.now());
     SiiReadRequest request;
