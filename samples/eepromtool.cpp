@@ -104,7 +104,8 @@ int dump(Eeprom& eeprom, const Options& options) {
     const auto content = read_all(eeprom, options);
     if (!content.error.empty()) return print_error(content.error);
     write_out(sii_text(content.octets));
-    return 0;
+    const auto fault = image_fault(content.octets);
+    return fault.empty() ? 0 : print_error(fmt::format("the content of {} has faults: {}", eeprom.name(), fault));
 }
 
 // Returns why an image cannot be written to this EEPROM; empty when it can. The size of a blank EEPROM is unknown
@@ -218,7 +219,10 @@ void add_commands(Arguments& arguments, Options& options) {
     add_size(write);
     write.flag("--force", options.force, "write the image in spite of its faults");
 
-    add_size(command("dump", "show the content, category by category", Action::dump));
+    add_size(command("dump",
+                     "show the content, category by category; ends with 1 when the content has faults for "
+                     "which `write` refuses an image",
+                     Action::dump));
 
     auto& alias =
         command("alias", "show the station alias, or write it with its checksum and verify it", Action::alias);

@@ -26,9 +26,9 @@ That was a simulated segment. What to try next:
   build/bin/slaveinfo sim:demo --record /tmp/demo.pcap  keep every frame, for Wireshark or for
   build/bin/slaveinfo pcap:/tmp/demo.pcap             … looking at it again without a segment
   build/bin/slaveinfo                                 which interfaces and simulated segments there are
-  build/bin/simple_io sim:demo                        to OP, outputs that count, inputs printed
+  build/bin/simple_io sim:demo                        to OP, exchanges process data (outputs stay 0)
   build/bin/segment_monitor sim:demo                  a live view; q ends it
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
-  sudo build/bin/slaveinfo eth0                       real slaves, on the interface they hang on
+  sudo build/bin/slaveinfo eth0                       real slaves, on the interface that they are connected to
   sh test/run.sh --quick                              all tests
 END

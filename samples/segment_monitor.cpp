@@ -32,6 +32,7 @@ struct Options {
 
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 constexpr Duration kRefresh = std::chrono::milliseconds(100);
+constexpr Duration kLineInterval = std::chrono::milliseconds(100);
 constexpr std::size_t kEventsKept = 100;
 
 // The output of the monitor: a terminal or plain text.
@@ -84,7 +85,7 @@ class Monitor {
         if (const auto found = config_init(ctx_); !found && found.error().slave == 0) return found.error();
         if (const auto bytes = config_map(ctx_, image_); !bytes && !ctx_.group(0).mapped) return bytes.error();
         line_errors_.resize(ctx_.slaves().size());
-        supervise_.line_interval = std::chrono::milliseconds(100);
+        supervise_.line_interval = kLineInterval;
         supervise_.line_errors = line_errors_;
         return submit(ctx_, supervise_);
     }
@@ -148,6 +149,7 @@ class Monitor {
         if (!model_.last) ++bad_cycles_;
         pace_.wait();
         while (const auto event = ctx_.events().take()) {
+            if (cables_.repeats(*event)) continue;
             std::array<char, 400> buffer{};
             add_line(std::string(describe(*event, buffer)));
         }
@@ -182,6 +184,7 @@ class Monitor {
     SuperviseRequest supervise_;
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     samples::MonitorModel model_;
+    samples::CableReports cables_{kLineInterval / 2};
     std::size_t scroll_ = 0;
     std::uint64_t bad_cycles_ = 0;  // since the start; the key r does not clear this counter
     std::vector<std::string> errors_;

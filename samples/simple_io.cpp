@@ -1,6 +1,8 @@
-// simple_io: brings a segment to OP, writes a counter to the outputs, and prints the inputs. It reports events of
-// slaves; the supervision recovers such slaves while the other slaves continue.
+// simple_io: brings a segment to OP, exchanges process data, and prints it at the end. All outputs are 0, unless the
+// user asks for a counter in them. It reports events of slaves; the supervision recovers such slaves while the other
+// slaves continue.
 #include "common/cycle_pace.hpp"
+#include "common/drives.hpp"
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
@@ -14,7 +16,10 @@
 #include <array>
 #include <cstdio>
 #include <memory>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 namespace {
 
@@ -28,6 +33,8 @@ using samples::warn;
 struct Options {
     samples::SourceArguments source;
     unsigned cycles = 5000;
+    bool count = false;       // write a counter to the outputs
+    bool drives_too = false;  // to those of drives as well
     samples::PaceOptions pace;
 };
 
@@ -49,6 +56,7 @@ class SimpleIo {
                   group.output_bytes, group.input_bytes, group.frames, group.frames == 1 ? "" : "s",
                   group.expected_wkc);
         print_errors();
+        if (options_.count) choose_outputs();
         if (!reach_op()) {
             if (!stop_asked()) print_states();
             leave();
@@ -59,7 +67,7 @@ class SimpleIo {
         const auto& figures = pace_.figures();
         print_out("{} cycles, {} without all frames, {} with a wrong working counter\n", cycles_, figures.no_frame,
                   figures.wrong_wkc);
-        print_inputs();
+        print_image();
         leave();
         if (const auto failed = pace_.report(); !failed.empty())
             return samples::fail(failed, samples::exit_code::kSystem);
@@ -84,6 +92,19 @@ class SimpleIo {
         for (const Slave& slave : ctx_.slaves())
             if (slave.al.state != AlState::op || slave.al.error)
                 warn(fmt::format("slave {} ({}) is in {}", slave.number, slave.name(), al_text(slave.al)));
+    }
+
+    // Chooses the slaves whose outputs get the counter. A counter in the control word of a drive switches the drive on
+    // and moves it, so that only an explicit wish includes drives.
+    void choose_outputs() {
+        if (!options_.drives_too) drives_ = samples::find_drives(ctx_);
+        for (const samples::Drive& drive : drives_)
+            print_out("slave {} ({}): {}: its outputs stay 0 (--drives-too includes it)\n", drive.slave,
+                      ctx_.slave(drive.slave).name(), drive.why);
+        for (const Slave& slave : ctx_.slaves())
+            if (slave.image.outputs.bits != 0 &&
+                std::ranges::find(drives_, slave.number, &samples::Drive::slave) == drives_.end())
+                counting_.push_back(slave.image.outputs.bytes);
     }
 
     // One cycle: sends, receives, and executes the other work of the master until the next cycle is due.
@@ -119,8 +140,7 @@ class SimpleIo {
 
     void exchange() {
         for (cycles_ = 0; cycles_ < options_.cycles && !stop_asked(); ++cycles_) {
-            for (std::size_t n = 0; n < ctx_.group(0).output_bytes; ++n)
-                image_[n] = static_cast<std::byte>(cycles_ >> 6);
+            for (const auto outputs : counting_) std::ranges::fill(outputs, static_cast<std::byte>(cycles_ >> 6));
             const auto got = cycle();
             pace_.count(round_trip_, got);
             if (!got && (last_.code != got.error().code || last_.slave != got.error().slave))
@@ -138,13 +158,16 @@ class SimpleIo {
         }
     }
 
-    void print_inputs() {
+    static void print_octets(const Slave& slave, std::string_view what, std::span<const std::byte> octets) {
+        if (octets.empty()) return;
+        print_out("slave {} ({}){}:", slave.number, slave.name(), what);
+        for (const std::byte octet : octets) print_out(" {:02x}", std::to_integer<unsigned>(octet));
+        print_out("\n");
+    }
+    void print_image() {
         for (const Slave& slave : ctx_.slaves()) {
-            if (slave.image.inputs.bits == 0) continue;
-            print_out("slave {} ({}):", slave.number, slave.name());
-            for (const std::byte octet : slave.image.inputs.bytes)
-                print_out(" {:02x}", std::to_integer<unsigned>(octet));
-            print_out("\n");
+            if (slave.image.inputs.bits != 0) print_octets(slave, "", slave.image.inputs.bytes);
+            if (slave.image.outputs.bits != 0) print_octets(slave, " outputs", slave.image.outputs.bytes);
         }
     }
 
@@ -155,6 +178,8 @@ class SimpleIo {
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     Duration round_trip_{};
     unsigned cycles_ = 0;
+    std::vector<samples::Drive> drives_;
+    std::vector<std::span<std::byte>> counting_;  // outputs that get the counter
     Error last_;
     SuperviseRequest supervise_;
 };
@@ -171,11 +196,18 @@ int run(samples::Source& source, const Options& options) {
 
 int main(int argc, char** argv) {
     Options options;
-    samples::Arguments arguments("simple_io",
-                                 "Brings all slaves to OP and exchanges process data: writes a counter to the outputs "
-                                 "and prints the inputs at the end.");
+    samples::Arguments arguments(
+        "simple_io",
+        "Brings all slaves to OP, exchanges process data, and prints inputs and outputs at the "
+        "end. All outputs are 0, unless --count is given.");
     add_source_arguments(arguments, options.source);
     arguments.option("--cycles", options.cycles, "how many cycles in OP");
+    arguments.flag("--count", options.count,
+                   "write a counter to the outputs. DANGER: outputs switch on and axes may move. Slaves that are known "
+                   "to be drives are left out");
+    arguments.flag("--drives-too", options.drives_too,
+                   "write the counter to the outputs of drives, too. DANGER: drives are switched on and move",
+                   "--count");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });

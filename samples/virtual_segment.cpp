@@ -20,7 +20,7 @@ int serve(const std::string& description, const ServerOptions& options) {
 int main(int argc, char** argv) {
     Arguments arguments("virtual_segment",
                         "Serves a simulated EtherCAT segment on a network interface. Commands on standard input while "
-                        "it runs; \"help\" lists them. SIGUSR1 breaks the last cable, SIGUSR2 heals all.");
+                        "it runs; \"help\" lists them. SIGUSR1 breaks the last cable, SIGUSR2 reconnects all cables.");
     ServerOptions options;
     std::string description;
     arguments.positional("IFNAME", options.interface, "network interface, or the name of the TAP device with --tap");

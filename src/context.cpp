@@ -73,6 +73,40 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     return tables;
 }
 
+// Returns the error of an argument that is not from `least` to `most`; code none: it is in this range.
+Error check_range(Argument argument, std::int64_t value, std::int64_t least, std::int64_t most) {
+    if (value >= least && value <= most) return {};
+    return {.code = Errc::invalid_argument,
+            .step = Step::open_nic,
+            .detail = static_cast<std::uint32_t>(argument),
+            .expected = static_cast<std::uint32_t>(most),
+            .actual = static_cast<std::uint32_t>(value)};
+}
+
+Error check_limits(const Limits& limits) {
+    constexpr std::int64_t kMost = UINT16_MAX;
+    const Error errors[] = {
+        check_range(Argument::limit_slaves, limits.slaves, 1, kMost),
+        check_range(Argument::limit_frames, limits.frames, 1, FrameTable::kMostSlots),
+        check_range(Argument::limit_groups, limits.groups, 1, kMostGroups),
+        check_range(Argument::limit_process_frames, limits.process_frames, 1, kMost),
+    };
+    for (const Error& error : errors)
+        if (error.code != Errc::none) return error;
+    return {};
+}
+
+Error check_link_settings(const LinkSettings& settings) {
+    const auto refused = [](Argument argument) {
+        return Error{
+            .code = Errc::invalid_argument, .step = Step::open_nic, .detail = static_cast<std::uint32_t>(argument)};
+    };
+    if (settings.frame_timeout <= Duration{0}) return refused(Argument::link_frame_timeout);
+    if (settings.queue_timeout <= Duration{0}) return refused(Argument::link_queue_timeout);
+    if (settings.sendings == 0) return refused(Argument::link_sendings);
+    return {};
+}
+
 }  // namespace
 
 std::span<const Slave> Context::slaves() {
@@ -120,10 +154,10 @@ void Context::close() {
 
 Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const Limits& limits = ctx.limits();
-    if (limits.slaves == 0 || limits.frames == 0 || limits.frames > FrameTable::kMostSlots ||
-        limits.groups > kMostGroups)
-        return Error{.code = Errc::invalid_argument, .step = Step::open_nic};
+    if (const Error wrong = check_limits(limits); wrong.code != Errc::none) return wrong;
     if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
+    const Error wrong = check_link_settings(ContextAccess::early_settings(ctx));
+    if (wrong.code != Errc::none) return wrong;
     Carver carver(ContextAccess::memory(ctx));
     void* place = carver.raw(sizeof(Master), alignof(Master));
     const SlaveTable table{carver.take<Slave>(limits.slaves), carver.take<SlaveMarks>(limits.slaves)};

@@ -60,14 +60,29 @@ bool is_refused_call(const Error& e) {
     return of_call && e.slave == 0 && e.index == 0;
 }
 
+// The error concerns a request as a whole, and the request did not say which object, word or register it accesses.
+bool is_without_place(const Error& e) {
+    const bool accesses = (e.step >= Step::sdo_upload && e.step <= Step::write_register) || e.step == Step::read_sii ||
+                          e.step == Step::write_sii;
+    if (!accesses || e.index != 0 || e.subindex != 0) return false;
+    switch (e.code) {
+        case Errc::not_owner:
+        case Errc::not_polled:
+        case Errc::waiting_forbidden:
+        case Errc::in_callback:
+        case Errc::canceled: return true;
+        default: return e.slave == 0;
+    }
+}
+
 // Writes `index` and `subindex`, whose meaning depends on the step.
 void write_place(TextWriter& out, const Error& e) {
-    if (is_refused_call(e)) return;
+    if (is_refused_call(e) || is_without_place(e)) return;
     if (is_entry(e.code)) return write_entry_place(out, e);
     switch (e.step) {
         case Step::read_sii:
         case Step::write_sii:
-        case Step::parse_sii: (out << " at word ").hex(e.index, 4); break;
+        case Step::parse_sii: (out << " at word ").hex(e.word(), 4); break;
         case Step::sdo_upload:
         case Step::sdo_download:
         case Step::sdo_information: (out << " of ").hex(e.index, 4) << ":" << e.subindex; break;
@@ -150,6 +165,50 @@ std::string_view capacity_text(const Error& e) {
     }
 }
 
+// The name of an argument in the API, and the values that it may have.
+std::string_view argument_text(Argument argument) {
+    switch (argument) {
+        case Argument::unknown: break;
+        case Argument::limit_slaves: return "Limits::slaves";
+        case Argument::limit_frames: return "Limits::frames";
+        case Argument::limit_groups: return "Limits::groups";
+        case Argument::limit_process_frames: return "Limits::process_frames";
+        case Argument::link_frame_timeout: return "LinkSettings::frame_timeout must be above zero";
+        case Argument::link_queue_timeout: return "LinkSettings::queue_timeout must be above zero";
+        case Argument::link_sendings: return "LinkSettings::sendings must be at least 1";
+        case Argument::priority: return "the priority must be 0 to 3";
+        case Argument::timeout: return "the timeout must not be negative";
+        case Argument::period: return "the period must be above zero";
+        case Argument::reply_timeout: return "the reply timeout must not be negative";
+        case Argument::interval: return "the interval";
+        case Argument::state: return "the state";
+        case Argument::work: return "there is no work function";
+        case Argument::sii_words: return "beyond the end of the EEPROM";
+        case Argument::sii_size: return "the SII is read and written in words, the data has an odd number of octets";
+        case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
+        case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
+        case Argument::soe_drive: return "a slave has drives 0 to 7";
+    }
+    return {};
+}
+
+void write_argument(TextWriter& out, const Error& e) {
+    if (e.step == Step::identify && e.actual != 0) {
+        out << " (entry " << e.actual
+            << " of the list: without position, alias or device id, in a place that is taken, or apart from "
+               "its hot connect group)";
+        return;
+    }
+    const auto argument = static_cast<Argument>(e.detail);
+    const auto text = argument_text(argument);
+    if (is_command(e.step) || text.empty()) return;  // the detail of a command is the kind of the command
+    out << ": " << text;
+    if (argument <= Argument::limit_process_frames)
+        out << " is " << e.actual << ", it must be 1 to " << e.expected;
+    else if (argument == Argument::sii_words && e.expected != UINT32_MAX)
+        out << ", which has " << e.expected << (e.expected == 1 ? " word" : " words");
+}
+
 // The causes that are errors of the application's configuration.
 void write_configuration_cause(TextWriter& out, const Error& e) {
     switch (e.code) {
@@ -163,12 +222,7 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::pdo_list: out << " (" << pdo_list_text(static_cast<PdoListFault>(e.detail)) << ")"; break;
         case Errc::image_overlaps: out << " (group " << e.index << ")"; break;
-        case Errc::invalid_argument:
-            if (e.step == Step::identify && e.actual != 0)
-                out << " (entry " << e.actual
-                    << " of the list: without position, alias or device id, in a place that is taken, or apart from "
-                       "its hot connect group)";
-            break;
+        case Errc::invalid_argument: write_argument(out, e); break;
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:
@@ -194,6 +248,23 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
         default: break;
     }
     out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
+}
+
+// What is needed, and how much there is. An error of a SharedImage does not know how much there is.
+void write_room(TextWriter& out, const Error& e) {
+    if (e.expected == 0) return;
+    out << " (needed " << e.expected;
+    if (e.code == Errc::capacity && e.step == Step::map_process_data && e.actual == 0)
+        out << " octets)";
+    else
+        out << ", there is room for " << e.actual << ")";
+}
+
+std::string_view code_text(const Error& e) {
+    if (e.code == Errc::missing_slave && e.step == Step::recover)
+        return e.slave == 0 ? "no lost slave was found" : "the slave does not answer";
+    if (e.code == Errc::nic && e.step == Step::open_nic) return "the network interface could not be opened";
+    return to_text(e.code);
 }
 
 void write_cause(TextWriter& out, const Error& e) {
@@ -225,14 +296,12 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::capacity:
             out << ": " << capacity_text(e);
-            if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
+            write_room(out, e);
             break;
         case Errc::too_many_frames: out << ": Limits::process_frames"; [[fallthrough]];
         case Errc::image_too_large:
         case Errc::fmmu_shortage:
-        case Errc::sm_shortage:
-            if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
-            break;
+        case Errc::sm_shortage: write_room(out, e); break;
         case Errc::sii_verify:
         case Errc::sii_checksum:
             (out << " (expected ").hex(e.expected, e.code == Errc::sii_verify ? 4 : 2);
@@ -269,8 +338,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
             if (e.subindex == static_cast<unsigned>(IdentityField::device_id))
                 (out << " (device id ").hex(e.actual, 4) << ")";
-            if (e.step == Step::recover)
-                out << (e.slave == 0 ? " (none of the lost slaves was found)" : " (it does not answer)");
+            if (e.step == Step::recover && e.slave != 0) out << ": has it power, and is its cable plugged in?";
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
@@ -283,9 +351,12 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";
             break;
-        case Errc::unknown_slave: out << " (there are " << e.expected << ")"; break;
+        case Errc::unknown_slave:
+            if (e.slave != 0 || e.expected != 0) out << " (there are " << e.expected << ")";
+            break;
         case Errc::nic:
             if (e.actual != 0) out << " (system error " << e.actual << ")";
+            if (e.step == Step::open_nic) out << ": problem() of the NIC says why";
             break;
         default: write_configuration_cause(out, e);
     }
@@ -301,7 +372,7 @@ std::string_view describe(const Error& e, std::span<char> buffer) {
         write_place(out, e);
         out << ": ";
     }
-    out << to_text(e.code);
+    out << code_text(e);
     write_cause(out, e);
     return out.text();
 }

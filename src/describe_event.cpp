@@ -36,7 +36,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::lost: return "lost";
         case EventKind::found: return "found again";
         case EventKind::other_slave: return "another slave in its place";
-        case EventKind::stranger: return "a slave that nobody expects";
+        case EventKind::stranger: return "unexpected slave";
         case EventKind::missing: return "missing";
         case EventKind::recovered: return "recovered";
         case EventKind::recovery_failed: return "recovery failed";
@@ -79,11 +79,11 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             (out << " of vendor ").hex(e.detail, 8) << ")";
             break;
         case EventKind::stranger:
-            (out << "a slave that nobody expects (product ").hex(e.actual, 8);
+            (out << "a slave that is not in the list of expected slaves (product ").hex(e.actual, 8);
             (out << " of vendor ").hex(e.detail, 8);
-            (out << ", revision ").hex(e.expected, 8) << ") hangs ";
-            if (e.slave == 0) return (out << "next to the master").text();
-            out << "at slave " << e.slave << " port " << unsigned{e.port};
+            (out << ", revision ").hex(e.expected, 8) << ") is connected to ";
+            if (e.slave == 0) return (out << "the master").text();
+            out << "slave " << e.slave << " port " << unsigned{e.port};
             break;
         case EventKind::missing:
             write_slave(out, e);

@@ -21,8 +21,10 @@ enum class Errc : std::uint8_t {
     no_slaves,         // no slave answered a broadcast
     unstable,          // the number of slaves changed while it was being counted (expected, actual)
     unknown_slave,     // no slave has this number
-    invalid_argument,  // a parameter is out of range (of expect(): actual: the number of the list entry, the first is
-                       // 1)
+    invalid_argument,  // a parameter is out of range (detail: the Argument, if it is known; of limits and settings
+                       // expected: the greatest allowed value, actual: the value; of words of the SII expected: the
+                       // number of words that the EEPROM has, word(): the first word that does not exist; of expect()
+                       // actual: the number of the list entry, the first is 1)
     wrong_state,       // the call is not allowed in the present state of the context or of the slave (expected, actual)
     busy,              // another operation prevents this one (detail: the Operation, 0: the request itself)
     canceled,          // the caller has cancelled it
@@ -77,7 +79,8 @@ enum class Errc : std::uint8_t {
     in_callback,        // a function that waits or polls, called from a callback or hook of the library
     nic_busy,           // the NIC did not accept the datagram for LinkSettings::queue_timeout
     datagram_size,      // more data than a datagram can carry: it was not sent
-    no_cycle,           // receive_processdata() without a cycle that was sent and not yet received
+    no_cycle,           // receive_processdata() was called, but no cycle is on the wire: send_processdata() was not
+                        // called before it, or the cycle was received already
     mailbox_closed,     // the mailbox was closed while a message waited: the slave starts up or was found by a new scan
     reply_lost,         // the slave's reply was lost on the wire, and the slave cannot repeat it
     entry_not_mapped,   // no exchanged PDO of the slave contains the entry (index, subindex; by position: index of the
@@ -86,7 +89,7 @@ enum class Errc : std::uint8_t {
     entry_size,   // the type does not match the entry (place as above; expected: bits of the type, actual: bits of the
                   // entry)
     entry_type,   // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE data
-                  // type)
+                  // type). Only entries whose data type is known are checked: see EntryValue in entry.hpp
     entry_stale,  // the group was mapped again since the entry was found
     other_state,  // the slave is not in its target state (expected: the target state, actual: the present state)
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
@@ -175,10 +178,12 @@ struct Error {
     Errc code = Errc::none;
     Step step = Step::none;
     std::uint16_t slave = 0;    // the first slave is 1; 0: the segment as a whole
-    std::uint16_t index = 0;    // register address, SII word address, object index or IDN, depending on the step
-    std::uint8_t subindex = 0;  // subindex, or number of the drive
-    std::uint8_t place = 0;     // number of a start-up command in its list, the first is 1
-    std::uint32_t detail = 0;   // AL status code, abort code, mailbox error detail, SoE error code; k…Command
+    std::uint16_t index = 0;    // register address, SII word address (bits 0 to 15), object index or IDN, depending on
+                                // the step
+    std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23
+    std::uint8_t place = 0;    // number of a start-up command in its list, the first is 1; of an SII word address: bits
+                               // 24 to 31
+    std::uint32_t detail = 0;  // AL status code, abort code, mailbox error detail, SoE error code; k…Command
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 
@@ -198,7 +203,41 @@ struct Error {
     static constexpr std::uint32_t kTasks = 1;
     static constexpr std::uint32_t kPlaces = 2;
 
+    // The word address of an error of the steps read_sii, write_sii and parse_sii.
+    [[nodiscard]] constexpr std::uint32_t word() const {
+        return std::uint32_t{index} | std::uint32_t{subindex} << 16 | std::uint32_t{place} << 24;
+    }
+    constexpr void set_word(std::uint32_t word) {
+        index = static_cast<std::uint16_t>(word);
+        subindex = static_cast<std::uint8_t>(word >> 16);
+        place = static_cast<std::uint8_t>(word >> 24);
+    }
+
     friend constexpr bool operator==(const Error&, const Error&) = default;
+};
+
+// Errc::invalid_argument: which parameter is out of range.
+enum class Argument : std::uint8_t {
+    unknown,
+    limit_slaves,  // members of Limits
+    limit_frames,
+    limit_groups,
+    limit_process_frames,
+    link_frame_timeout,  // members of LinkSettings
+    link_queue_timeout,
+    link_sendings,
+    priority,  // members of Request
+    timeout,
+    period,  // members of CycleSettings
+    reply_timeout,
+    interval,         // of a supervision, or of watch_mailboxes()
+    state,            // an AL state
+    work,             // the function of run_cycle()
+    sii_words,        // the words are beyond the end of the EEPROM
+    sii_size,         // an odd number of octets
+    register_octets,  // no octets, too many octets, or octets beyond the last register
+    complete_access,  // the subindex of a complete access
+    soe_drive,        // the number of the drive
 };
 
 // Errc::other_slave: which property differs from the expected one.

@@ -20,10 +20,10 @@ enum class EventKind : std::uint8_t {
     found,        // a lost slave answers again; slave 0: frames come back again
     other_slave,  // another slave is in the place of a lost slave (expected, actual: product codes; detail: vendor of
                   // the other slave; error: what differs)
-    stranger,     // an unexpected slave is connected to `port` of `slave` (actual: product, expected: revision, detail:
-                  // vendor of the unexpected slave)
-    missing,      // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
-    recovered,    // a slave has reached its target state again
+    stranger,  // a slave that is not in the list of expected slaves is connected to `port` of `slave` (actual: product,
+               // expected: revision, detail: vendor of the unexpected slave)
+    missing,   // the head `other` of the hot connect group of `slave` is present, but `slave` is missing
+    recovered,        // a slave has reached its target state again
     recovery_failed,  // bringing a slave back has failed (`error`: the reason); the supervision will try again
     fell_short,   // the working counter of a group's cycle is below that of the slaves that should take part (expected,
                   // actual)

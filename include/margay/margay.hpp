@@ -29,7 +29,8 @@ namespace margay {
 
 // Gives the context its NIC and its system functions. Call init() once, before all other functions. `nic` and `osal`
 // must outlive the context. The calling thread becomes the owner of the context (request.hpp). Errors: invalid_argument
-// (a limit is out of range), wrong_state (init() was called before), capacity (the memory of the context is too small).
+// (a limit or a link setting is out of range; detail: the Argument), wrong_state (init() was called before), capacity
+// (the memory of the context is too small).
 Result<> init(Context& ctx, Nic& nic, Osal& osal);
 
 // Does the work of the master: processes the frames that the NIC has received, resumes all busy requests, and sends the
@@ -68,11 +69,12 @@ Time poll(Context& ctx, Time now);
 Result<std::uint16_t> config_init(Context& ctx);
 
 // Sets the list of slaves that the next config_init() is to find: their identity, their numbers and their configuration
-// (see ExpectedSlave). An empty list: every slave is accepted. Slaves that differ from the list are held (see
-// Tolerance). `slaves` is the caller's memory and must live until the end of the config_init() that follows the next
-// expect(). Never waits. Errors: wrong_state before init(), not_owner, invalid_argument (an entry has no position,
-// alias or device id; two entries have one position; the members of a hot connect group are not neighbours; actual: the
-// number of the entry).
+// (see ExpectedSlave). An empty list: every slave is accepted. The list has no effect before that config_init(): when
+// the slaves were scanned already, config_map() and reach() still compare them with the earlier list, or with no list.
+// Slaves that differ from the list are held (see Tolerance). `slaves` is the caller's memory and must live until the
+// end of the config_init() that follows the next expect(). Never waits. Errors: wrong_state before init(), not_owner,
+// invalid_argument (an entry has no position, alias or device id; two entries have one position; the members of a hot
+// connect group are not neighbours; actual: the number of the entry).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
 // Clears slave(n).error, so that the next error of the slave is kept there; slave 0: of all slaves. The errors in

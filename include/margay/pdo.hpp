@@ -1,12 +1,13 @@
 // PDOs as the application requires them: the PDOs of each SyncManager, and the entries of each PDO. Plain data, written
-// down as the slave's manual lists it:
+// down as the slave's manual lists it. PDO 0x1A00 below has no list of entries: it keeps the entries of the slave. The
+// configuration is set after config_init() and before config_map().
 //
 //     static constexpr margay::PdoEntry kControl[] = {{0x6040, 0, 16}, {0x607A, 0, 32}};
 //     static constexpr margay::Pdo kOutputs[] = {{0x1600, kControl}};
-//     static constexpr margay::Pdo kInputs[] = {{0x1A00}, {0x1A03}};              // with the entries that the slave
-//     has static constexpr margay::SmPdos kPdos[] = {{2, kOutputs}, {3, kInputs}}; static constexpr margay::SlaveSetup
-//     kSetup{.pdos = kPdos}; ctx.slave(1).config.setup = &kSetup;                                        // before
-//     config_map()
+//     static constexpr margay::Pdo kInputs[] = {{0x1A00}, {0x1A03}};
+//     static constexpr margay::SmPdos kPdos[] = {{2, kOutputs}, {3, kInputs}};
+//     static constexpr margay::SlaveSetup kSetup{.pdos = kPdos};
+//     ctx.slave(1).config.setup = &kSetup;
 #pragma once
 
 #include <margay/borrowed.hpp>

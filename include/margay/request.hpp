@@ -116,21 +116,27 @@ struct ScanRequest : Request {
 };
 
 // Reads `data.size()` octets (an even number) of the SII EEPROM, beginning at word address `word`. `data` is the
-// caller's memory.
+// caller's memory. Words beyond the size that the EEPROM declares (Slave::sii_bytes; 0: unknown, not checked) are
+// refused with invalid_argument: error().word() is the first word that does not exist.
 struct SiiReadRequest : SlaveRequest {
     SiiReadRequest();
     std::uint32_t word = 0;
+    // Access words beyond the declared size, for an EEPROM whose size word is wrong. What a slave answers beyond the
+    // real end is not specified: mostly 0xFF, or the content from word 0 on again.
+    bool beyond_end = false;
     std::span<std::byte> data;
 };
 
 // Writes an even number of octets to the SII EEPROM and reads back each word: first the words from 0x08 on in rising
 // order, then the configuration area (words 0x00 to 0x07), of which only the words that differ are written. On an
-// error, error().index is the word that failed. Changed words of the configuration area get their old values again; the
-// words from 0x08 to the failed word keep the new values. `timeout` and cancel() end the write between two words, never
-// in the configuration area; only the destruction of the busy request, or of its context, can cut it there.
+// error, error().word() is the word that failed. Changed words of the configuration area get their old values again;
+// the words from 0x08 to the failed word keep the new values. Words beyond the end are refused as by SiiReadRequest;
+// then nothing was written. `timeout` and cancel() end the write between two words, never in the configuration area;
+// only the destruction of the busy request, or of its context, can cut it there.
 struct SiiWriteRequest : SlaveRequest {
     SiiWriteRequest();
     std::uint32_t word = 0;
+    bool beyond_end = false;  // as in SiiReadRequest
     std::span<const std::byte> data;
 };
 

@@ -69,6 +69,8 @@ class SharedImage {
     [[nodiscard]] static constexpr std::size_t memory_bytes(std::size_t output_bytes, std::size_t input_bytes) {
         return 3 * (output_bytes + input_bytes);
     }
+    // How much memory the image has.
+    [[nodiscard]] std::size_t memory_size() const { return memory_.size(); }
 
     // --- The other thread, after config_map() ---
     // The outputs to write, with the offsets of the image. After a publication this buffer has older values again:

@@ -31,7 +31,14 @@ std::string complaint(const CLI::App& app, const CLI::ParseError& error) {
         if (word.starts_with('-') && word != "--") return fmt::format("there is no option '{}'", word);
     for (const auto& word : unknown)
         if (word != "--") return fmt::format("unexpected argument or unknown command '{}'", word);
-    return error.what();
+    if (dynamic_cast<const CLI::RequiredError*>(&error) == nullptr || !app.get_subcommands().empty())
+        return error.what();
+    std::vector<std::string> commands;
+    for (const auto* command : app.get_subcommands([](const CLI::App*) { return true; }))
+        commands.push_back(command->get_name());
+    const std::string what = error.what();
+    return what.starts_with("A subcommand") ? fmt::format("the command is missing: {}", fmt::join(commands, ", "))
+                                            : what;
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ std::string cycle_line(const MonitorModel& model) {
         text += fmt::format("{} of {}", model.last.error().actual, model.expected_wkc);
     else
         text += fmt::format("- of {}", model.expected_wkc);
-    return text + fmt::format("  wrong wkc {}  lost frames {}  overruns {}", f.wrong_wkc, f.no_frame, f.overruns);
+    return text + fmt::format("  wrong wkc {}  incomplete {}  overruns {}", f.wrong_wkc, f.no_frame, f.overruns);
 }
 
 std::string times_line(std::string_view name, const DurationHistogram& h) {
@@ -68,6 +68,21 @@ std::string slave_line(const Slave& slave, const LineErrors* errors) {
 }
 
 }  // namespace
+
+bool CableReports::repeats(const Event& event) {
+    if (event.kind != EventKind::link_lost) return false;
+    const auto same = std::ranges::find_if(last_, [&](const Event& e) {
+        return e.slave == event.slave && e.port == event.port && e.other == event.other;
+    });
+    if (same == last_.end()) {
+        last_.push_back(event);
+        return false;
+    }
+    const bool other_end = event.other != 0 && event.at - same->at < window_ && event.actual == same->actual;
+    *same = event;
+    if (other_end) last_.erase(same);  // both ends have reported: the next report is a new interruption
+    return other_end;
+}
 
 std::string spark_line(const DurationHistogram& histogram) {
     constexpr std::string_view kHeights = " .:-=+*#";

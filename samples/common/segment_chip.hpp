@@ -33,7 +33,7 @@ class DescriptionReader {
     Fault check_keys(const toml::table& table, const std::string_view (&known)[N], std::string_view where) const {
         for (const auto& [key, node] : table)
             if (std::find(std::begin(known), std::end(known), key.str()) == std::end(known))
-                return at(node, fmt::format("'{}' is nothing that {} has; it has: {}", key.str(), where,
+                return at(node, fmt::format("{} has no key '{}'; its keys are: {}", where, key.str(),
                                             fmt::join(known, ", ")));
         return {};
     }
@@ -43,7 +43,7 @@ class DescriptionReader {
         const auto value = node.value_exact<std::int64_t>();
         if (!value) return at(node, fmt::format("'{}' must be an integer", name));
         if (*value < least || *value > most)
-            return at(node, fmt::format("'{}' is {}, not from {} to {}", name, *value, least, most));
+            return at(node, fmt::format("'{}' is {}, it must be from {} to {}", name, *value, least, most));
         into = *value;
         return {};
     }
@@ -62,7 +62,7 @@ class DescriptionReader {
 
     Fault text(const toml::node& node, std::string_view name, std::string& into) const {
         const auto value = node.value_exact<std::string>();
-        if (!value) return at(node, fmt::format("'{}' must be a text", name));
+        if (!value) return at(node, fmt::format("'{}' must be a string", name));
         into = *value;
         return {};
     }
@@ -78,7 +78,7 @@ class DescriptionReader {
         const auto* node = table.get(name);
         if (node == nullptr) return {};
         const auto value = node->value_exact<bool>();
-        if (!value) return at(*node, fmt::format("'{}' is true or false", name));
+        if (!value) return at(*node, fmt::format("'{}' must be true or false", name));
         field = *value;
         return {};
     }

@@ -201,7 +201,7 @@ class Builder : private DescriptionReader {
         if (const auto fault = presets(table, number)) return fault;
         if (const auto* node = table.get("power")) {
             const auto on = node->value_exact<bool>();
-            if (!on) return at(*node, "'power' is true or false");
+            if (!on) return at(*node, "'power' must be true or false");
             if (!*on) dark_.push_back(number);
         }
         return {};

@@ -18,22 +18,23 @@ TapNic::~TapNic() {
 }
 
 std::string TapNic::open(const std::string& name) {
-    if (name.empty() || name.size() >= IFNAMSIZ) return fmt::format("'{}' is no name for an interface", name);
+    if (name.empty() || name.size() >= IFNAMSIZ)
+        return fmt::format("'{}' is not a valid interface name (1 to 15 characters)", name);
     device_ = ::open("/dev/net/tun", O_RDWR | O_NONBLOCK | O_CLOEXEC);
     if (device_ < 0) return fmt::format("cannot open /dev/net/tun: {}", std::strerror(errno));
     ifreq request{};
     request.ifr_flags = IFF_TAP | IFF_NO_PI;
     std::memcpy(request.ifr_name, name.c_str(), name.size() + 1);
     if (::ioctl(device_, TUNSETIFF, &request) < 0)
-        return fmt::format("cannot make the TAP device {}: {}{}", name, std::strerror(errno),
-                           errno == EPERM ? "; it needs CAP_NET_ADMIN" : "");
+        return fmt::format("cannot create the TAP device {}: {}{}", name, std::strerror(errno),
+                           errno == EPERM ? "; the program needs the capability CAP_NET_ADMIN" : "");
     const int control = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    if (control < 0) return fmt::format("cannot set {} up: {}", name, std::strerror(errno));
+    if (control < 0) return fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
     std::string problem;
     if (::ioctl(control, SIOCGIFFLAGS, &request) < 0 ||
         (request.ifr_flags = static_cast<short>(request.ifr_flags | IFF_UP),
          ::ioctl(control, SIOCSIFFLAGS, &request) < 0))
-        problem = fmt::format("cannot set {} up: {}", name, std::strerror(errno));
+        problem = fmt::format("cannot switch on the interface {}: {}", name, std::strerror(errno));
     ::close(control);
     return problem;
 }

@@ -1,4 +1,5 @@
-// A TAP device as a NIC: receive() returns the frames that the kernel sends to the TAP interface.
+// A TAP device (a network interface of the kernel without hardware) as a NIC: receive() returns the frames that the
+// kernel sends by this interface, and the kernel receives the frames of send().
 #pragma once
 
 #include "oshw/nic.hpp"
@@ -14,8 +15,8 @@ class TapNic final : public Nic {
     TapNic(const TapNic&) = delete;
     TapNic& operator=(const TapNic&) = delete;
 
-    // Creates the device and sets its interface up. The destructor removes the device. Returns one sentence about an
-    // error; empty when there is none.
+    // Creates the device and switches its interface on. The destructor removes the device. Returns a sentence that
+    // describes the error; empty when there is no error.
     [[nodiscard]] std::string open(const std::string& name);
 
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;

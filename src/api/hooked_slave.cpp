@@ -33,8 +33,12 @@ Error check_drive(const HookedSlave& hooked, Step step, std::uint8_t drive, Idn 
     Error refused = check_mailbox(network_of(hooked), mailbox_protocol::kSoE,
                                   {.step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive});
     if (refused.code != Errc::none || drive < wire::soe::kDrives) return refused;
-    return {
-        .code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive};
+    return {.code = Errc::invalid_argument,
+            .step = step,
+            .slave = hooked.number(),
+            .index = idn.value,
+            .subindex = drive,
+            .detail = static_cast<std::uint32_t>(Argument::soe_drive)};
 }
 
 SoeTarget target(std::uint8_t drive, Idn idn) { return {.idn = idn, .drive = drive, .elements = soe_element::kValue}; }
@@ -67,7 +71,11 @@ Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
     if (!is_register_range(address, data.size()))
-        co_return Error{.code = Errc::invalid_argument, .step = step, .slave = hooked.number(), .index = address};
+        co_return Error{.code = Errc::invalid_argument,
+                        .step = step,
+                        .slave = hooked.number(),
+                        .index = address,
+                        .detail = static_cast<std::uint32_t>(Argument::register_octets)};
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);
     auto reply = co_await datagram;

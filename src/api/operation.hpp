@@ -88,6 +88,11 @@ inline void note_of_segment(Network& network, const Error& error) {
 
 // ------------------------------------------------------------------ checks for several operations
 
+[[nodiscard]] inline Error invalid(Argument argument, Step step, std::uint16_t slave = 0) {
+    return {
+        .code = Errc::invalid_argument, .step = step, .slave = slave, .detail = static_cast<std::uint32_t>(argument)};
+}
+
 template <class R>
 Error check_nothing(Network&, const R&) {
     return {};

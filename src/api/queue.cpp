@@ -339,8 +339,10 @@ Result<> submit(Context& ctx, Request& request) {
     if (master == nullptr) return Error{.code = Errc::wrong_state, .step = wanted.step};
     if (!RequestAccess::claim(request, ctx)) return Error{.code = Errc::busy, .step = wanted.step};
     Error refused;
-    if (request.priority > kHighestPriority || request.timeout < Duration{0})
-        refused = {.code = Errc::invalid_argument, .step = wanted.step};
+    if (request.priority > kHighestPriority)
+        refused = invalid(Argument::priority, wanted.step);
+    else if (request.timeout < Duration{0})
+        refused = invalid(Argument::timeout, wanted.step);
     else if (master->owned_by_caller())
         refused = wanted.check(master->network, request);
     if (refused.code == Errc::none) {

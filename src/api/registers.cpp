@@ -14,7 +14,11 @@ Error check_registers(Network& network, const R& r, Step step) {
     refused.index = r.address;
     if (refused.code != Errc::none) return refused;
     if (is_register_range(r.address, r.data.size())) return {};
-    return {.code = Errc::invalid_argument, .step = step, .slave = r.slave, .index = r.address};
+    return {.code = Errc::invalid_argument,
+            .step = step,
+            .slave = r.slave,
+            .index = r.address,
+            .detail = static_cast<std::uint32_t>(Argument::register_octets)};
 }
 
 Result<> judged(const Station& station, const Datagram& datagram, Step step, std::uint16_t address) {

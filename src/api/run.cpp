@@ -17,7 +17,7 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
     if (slave != 0 && state == AlState::none) return {};  // ends the slave's own target
-    if (!can_be_target(state)) return {.code = Errc::invalid_argument, .step = Step::request_state, .slave = slave};
+    if (!can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
     if (slave == 0) return {};
     return target_refusal(network.slave(slave), state);
 }
@@ -157,8 +157,8 @@ Error check_cycling(Context& ctx, const CycleSettings& cycle, Step step) {
     const Error refused = check_waiting_owner(ctx, step);
     if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
     if (master_of(ctx)->in_work) return {.code = Errc::in_callback, .step = step};
-    if (cycle.period <= Duration{0} || cycle.reply_timeout < Duration{0})
-        return {.code = Errc::invalid_argument, .step = step};
+    if (cycle.period <= Duration{0}) return invalid(Argument::period, step);
+    if (cycle.reply_timeout < Duration{0}) return invalid(Argument::reply_timeout, step);
     return refused;  // run_cycle() is allowed where other waiting calls are forbidden
 }
 
@@ -274,7 +274,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         return refused;
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
-    if (timeout < Duration{0}) return Error{.code = Errc::invalid_argument, .step = Step::request_state};
+    if (timeout < Duration{0}) return invalid(Argument::timeout, Step::request_state);
     Osal& osal = master_of(ctx)->osal;
     (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target
     OwnSupervision supervision(network);
@@ -313,7 +313,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     if (refused.code != Errc::none && refused.code != Errc::waiting_forbidden) return refused;
     Network& network = master_of(ctx)->network;
     if (!any_mapped(network)) return not_mapped(0);
-    if (work == nullptr) return Error{.code = Errc::invalid_argument, .step = Step::exchange_process_data};
+    if (work == nullptr) return invalid(Argument::work, Step::exchange_process_data);
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule(osal.now(), settings.period);
     OverrunNews news(network);

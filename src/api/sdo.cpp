@@ -13,7 +13,12 @@ namespace {
 Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex,
                 bool complete) {
     if (complete && subindex > 1)
-        return {.code = Errc::invalid_argument, .step = step, .slave = slave, .index = index, .subindex = subindex};
+        return {.code = Errc::invalid_argument,
+                .step = step,
+                .slave = slave,
+                .index = index,
+                .subindex = subindex,
+                .detail = static_cast<std::uint32_t>(Argument::complete_access)};
     return check_coe(network, slave, step, index, subindex);
 }
 

@@ -11,20 +11,45 @@
 namespace margay {
 namespace {
 
-// Checks the parameters: the SII is read and written in words.
-Error check_words(Network& network, std::uint16_t slave, std::size_t octets, Step step) {
-    const Error refused = check_slave(network, slave, step);
-    if (refused.code != Errc::none || octets % 2 == 0) return refused;
-    return {.code = Errc::invalid_argument, .step = step, .slave = slave};
+// The end of the words that the request may access: the size of the EEPROM, as far as it is known and wanted.
+std::uint32_t end_word(const Slave& slave, bool beyond_end) {
+    const auto words = static_cast<std::uint32_t>(slave.sii_bytes / 2);
+    return words == 0 || beyond_end ? SiiReader::kNone : words;
+}
+
+// Checks the parameters: the SII is read and written in words, and not beyond its end.
+template <class R>
+Error check_words(Network& network, const R& r, Step step) {
+    Error refused = check_slave(network, r.slave, step);
+    refused.set_word(r.word);
+    if (refused.code != Errc::none) return refused;
+    refused = {.code = Errc::invalid_argument, .step = step, .slave = r.slave};
+    refused.set_word(r.word);
+    refused.detail = static_cast<std::uint32_t>(Argument::sii_size);
+    if (r.data.size() % 2 != 0) return refused;
+    const std::uint32_t end = end_word(network.slave(r.slave), r.beyond_end);
+    if (r.word <= end && r.data.size() / 2 <= end - r.word) return {};
+    refused.detail = static_cast<std::uint32_t>(Argument::sii_words);
+    refused.expected = end;
+    refused.set_word(std::max(r.word, end));
+    return refused;
+}
+
+// An error of the assignment of the interface names the step and the first word of the request.
+template <class R>
+Error assign_error(Error error, const R& request, Step step) {
+    error.step = step;
+    error.set_word(request.word);
+    return error;
 }
 
 }  // namespace
 
 static Error check(Network& network, const SiiReadRequest& request) {
-    return check_words(network, request.slave, request.data.size(), Step::read_sii);
+    return check_words(network, request, Step::read_sii);
 }
 static Error check(Network& network, const SiiWriteRequest& request) {
-    return check_words(network, request.slave, request.data.size(), Step::write_sii);
+    return check_words(network, request, Step::write_sii);
 }
 
 // Both sequences give the EEPROM back to the slave at the end, also after cancel() and when the timeout is over:
@@ -32,7 +57,7 @@ static Error check(Network& network, const SiiWriteRequest& request) {
 static Task<Result<>> run(Network& network, SiiReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
-    if (!assigned) co_return assigned;
+    if (!assigned) co_return assign_error(assigned.error(), request, Step::read_sii);
     SiiReader reader(station);
     Result<> read;
     constexpr std::size_t kPiece = 128;  // octets between two looks at the reason to end
@@ -43,21 +68,22 @@ static Task<Result<>> run(Network& network, SiiReadRequest& request) {
         const std::uint32_t then = last ? SiiReader::kNone : word + static_cast<std::uint32_t>(octets / 2);
         read = co_await reader.read(word, request.data.subspan(at, octets), then);
         const Errc code = reason_to_end(request, network.engine.now());
-        if (read && !last && code != Errc::none)
-            read = station.error(code, Step::read_sii, static_cast<std::uint16_t>(word));
+        if (read && !last && code != Errc::none) read = sii_error(station, code, Step::read_sii, word);
     }
     auto given_back = co_await sii_assign(station, true);
-    co_return read ? given_back : read;
+    if (!read || given_back) co_return read;
+    co_return assign_error(given_back.error(), request, Step::read_sii);
 }
 
 static Task<Result<>> run(Network& network, SiiWriteRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
-    if (!assigned) co_return assigned;
+    if (!assigned) co_return assign_error(assigned.error(), request, Step::write_sii);
     const auto reason = [](void* user, Time now) { return reason_to_end(*static_cast<SiiWriteRequest*>(user), now); };
     auto written = co_await sii_write(station, request.word, request.data, reason, &request);
     auto given_back = co_await sii_assign(station, true);
-    co_return written ? given_back : written;
+    if (!written || given_back) co_return written;
+    co_return assign_error(given_back.error(), request, Step::write_sii);
 }
 
 static constexpr OperationDescription kRead = describe_operation<SiiReadRequest, check, run>(

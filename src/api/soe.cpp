@@ -22,6 +22,7 @@ Error check_soe(Network& network, const R& r, Step step) {
     if (refused.code != Errc::none || r.drive < wire::soe::kDrives) return refused;
     refused = where;
     refused.code = Errc::invalid_argument;
+    refused.detail = static_cast<std::uint32_t>(Argument::soe_drive);
     return refused;
 }
 

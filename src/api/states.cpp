@@ -18,7 +18,7 @@ static Error check_state(Network& network, std::uint16_t slave, AlState wanted, 
     if (network.count == 0) return {.code = Errc::wrong_state, .step = step};
     const Error refused = check_slave_or_all(network, slave, step);
     if (refused.code != Errc::none || can_be_target(wanted) || wanted == AlState::boot) return refused;
-    return {.code = Errc::invalid_argument, .step = step, .slave = slave};
+    return invalid(Argument::state, step, slave);
 }
 
 static Error check(Network& network, const StateRequest& request) {

@@ -16,10 +16,9 @@ static Error check(Network& network, const SuperviseRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::recover};
     if (network.supervised)
         return {.code = Errc::busy, .step = Step::recover, .detail = static_cast<std::uint32_t>(Operation::supervise)};
-    const bool times =
-        request.interval > Duration{0} && request.retry > Duration{0} && request.line_interval >= Duration{0};
-    if (can_be_target(request.target) && times) return {};
-    return {.code = Errc::invalid_argument, .step = Step::recover};
+    if (request.interval <= Duration{0} || request.retry <= Duration{0} || request.line_interval < Duration{0})
+        return invalid(Argument::interval, Step::recover);
+    return can_be_target(request.target) ? Error{} : invalid(Argument::state, Step::recover);
 }
 static Error check(Network& network, const RecoverRequest& request) {
     return check_slave_or_all(network, request.slave, Step::recover);

@@ -122,7 +122,7 @@ SendStatus Link::send_with_riders(PreparedFrame& frame, Time now) {
     fill(frame, slot->index);
     const Bytes whole = add_riders(frame, *slot);
     slot->length = static_cast<std::uint16_t>(whole.size() - wire::kFramePrefixBytes);
-    slot->deadline = later(now, settings.frame_timeout);
+    slot->deadline = later(now, frame_timeout());
     slot->prepared = &frame;
     frame.slot = slot;
     const SendStatus status = nic_.send(whole);

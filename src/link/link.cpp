@@ -42,7 +42,7 @@ void Link::receive(Time now, List<Waiter>& ready) {
     while (receive_one(now, ready)) {
     }
     while (FrameSlot* slot = frames_.expired(now)) give_up(*slot, now, ready);
-    if (stuck_since_ != kNever && now - stuck_since_ >= settings.queue_timeout) end_queued(ready);
+    if (stuck_since_ != kNever && now - stuck_since_ >= queue_timeout()) end_queued(ready);
 }
 
 // The NIC has not accepted a queued datagram, or a frame of the cycle with queued datagrams in it.
@@ -177,7 +177,7 @@ bool Link::send_one(FrameSlot& slot, Time now, std::size_t room) {
     if (slot.datagrams.empty()) return false;  // no datagram fits: stop instead of trying forever
     const Bytes frame = builder.finish();
     slot.length = static_cast<std::uint16_t>(frame.size() - wire::kFramePrefixBytes);
-    slot.deadline = later(now, settings.frame_timeout);
+    slot.deadline = later(now, frame_timeout());
     const SendStatus status = nic_.send(frame);
     if (status == SendStatus::busy) {
         ++statistics_.send_refused;
@@ -217,7 +217,7 @@ Time Link::next_deadline(Time now) {
     constexpr Duration kTryAgain = std::chrono::microseconds(50);
     Time next = std::min(frames_.next_deadline(), nic_.next_arrival());
     if (!queue_.empty() && cycling(now)) next = std::min(next, cycles_until());
-    if (stuck_since_ != kNever) next = std::min(next, stuck_since_ + settings.queue_timeout);
+    if (stuck_since_ != kNever) next = std::min(next, stuck_since_ + queue_timeout());
     return nic_busy_ ? std::min(next, now + kTryAgain) : next;
 }
 

@@ -84,6 +84,14 @@ class Link {
   private:
     friend class Datagram;
 
+    // The settings, with the default in place of a value that is out of range.
+    [[nodiscard]] Duration frame_timeout() const {
+        return settings.frame_timeout > Duration{0} ? settings.frame_timeout : LinkSettings{}.frame_timeout;
+    }
+    [[nodiscard]] Duration queue_timeout() const {
+        return settings.queue_timeout > Duration{0} ? settings.queue_timeout : LinkSettings{}.queue_timeout;
+    }
+
     void take(Bytes frame, Time now, List<Waiter>& ready);
     // Whether a frame has passed the segment, so that it is not the echo of an own frame.
     [[nodiscard]] bool is_genuine(Bytes frame) const;

@@ -27,7 +27,7 @@ class SiiReader::VisitAwaiter {
   public:
     VisitAwaiter(const Station& station, bool look, std::uint32_t order, std::uint32_t word)
         : station_(station),
-          word_(static_cast<std::uint16_t>(word)),
+          word_(word),
           order_bytes_(command(control::kCommandRead, order)),
           look_(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSiiControl.address},
                 MutableBytes(bytes_)),
@@ -54,11 +54,13 @@ class SiiReader::VisitAwaiter {
 
   private:
     [[nodiscard]] Error judged(const Datagram& datagram) const {
-        return error_of_reply(station_, datagram.reply(), Step::read_sii, word_);
+        Error error = error_of_reply(station_, datagram.reply(), Step::read_sii, 0);
+        if (error.code != Errc::none) error.set_word(word_);
+        return error;
     }
 
     const Station& station_;
-    std::uint16_t word_;
+    std::uint32_t word_;
     std::array<std::byte, 14> bytes_{};
     std::array<std::byte, 6> order_bytes_;
     Datagram look_;
@@ -72,8 +74,8 @@ class SiiReader::VisitAwaiter {
 // next.
 std::uint32_t SiiReader::block_after(std::uint32_t word, std::uint32_t end, std::uint32_t then) const {
     const std::uint32_t next = word + block_words_;
-    if (next < end) return next;
-    return then >= word && then < next ? next : then;
+    if (end - word > block_words_) return next;
+    return then >= word && then - word < block_words_ ? next : then;
 }
 
 // A visit was too early. The next visit orders no block: the ESC ignores a command while the interface is busy. While
@@ -124,7 +126,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
     nacks_ = 0;
     for (std::uint32_t at = word; at < end;) {
         if (cached(at)) {
-            const auto count = std::min(end, block_word_ + block_words_) - at;
+            const auto count = std::min(end - at, block_words_ - (at - block_word_));
             std::copy_n(block_.begin() + (at - block_word_) * 2, count * 2, into.begin() + (at - word) * 2);
             at += count;
             give_up = engine.now() + kReadTimeout;

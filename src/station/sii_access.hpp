@@ -9,6 +9,13 @@
 
 namespace margay {
 
+// An error that names a word of the EEPROM.
+[[nodiscard]] inline Error sii_error(const Station& station, Errc code, Step step, std::uint32_t word) {
+    Error error = station.error(code, step);
+    error.set_word(word);
+    return error;
+}
+
 // Reads ranges of the EEPROM with few accesses to the slave. One frame ("visit") fetches the block that was read and
 // orders the next one. The reader measures how long the EEPROM needs for a block, so that a slow EEPROM is not polled
 // too early.
@@ -23,7 +30,8 @@ class SiiReader {
     // Reads words from `word` on. `into` has a whole number of words. `then` is the word that the caller reads next, if
     // known: its block is ordered ahead. The reader and `into` outlive the task. While an EEPROM stores a word it
     // acknowledges no command. A read that is not acknowledged is repeated every 0.5 ms until 100 ms are over, and at
-    // least three times. error().index is the word that could not be read.
+    // least three times. error().word() is the word that could not be read. The range must end at or before
+    // word kNone.
     [[nodiscard]] Task<Result<>> read(std::uint32_t word, MutableBytes into, std::uint32_t then = kNone);
 
     [[nodiscard]] Arena& arena() { return station_.arena(); }
@@ -39,7 +47,7 @@ class SiiReader {
     class VisitAwaiter;
 
     [[nodiscard]] bool cached(std::uint32_t word) const {
-        return block_word_ != kNone && word >= block_word_ && word < block_word_ + block_words_;
+        return block_word_ != kNone && word >= block_word_ && word - block_word_ < block_words_;
     }
     [[nodiscard]] std::uint32_t block_after(std::uint32_t word, std::uint32_t end, std::uint32_t then) const;
     [[nodiscard]] bool accept(const Visit& visit, std::uint32_t ordered_ahead, Time sent);
@@ -47,7 +55,7 @@ class SiiReader {
     void note_ready(Time sent);
     [[nodiscard]] Duration between() const;
     [[nodiscard]] Error failure(Errc code, std::uint32_t word) const {
-        return station_.error(code, Step::read_sii, static_cast<std::uint16_t>(word));
+        return sii_error(station_, code, Step::read_sii, word);
     }
 
     Station station_;
@@ -80,7 +88,7 @@ class SiiReader {
 // other than none ends the write there with this code. The write of the area itself is not ended: it would leave a
 // wrong checksum.
 //
-// On any error, error().index is the word that may not be written.
+// On any error, error().word() is the word that may not be written. The range must end at or before SiiReader::kNone.
 using ReasonToEnd = Errc (*)(void* user, Time now);
 [[nodiscard]] Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, ReasonToEnd reason = nullptr,
                                        void* user = nullptr);

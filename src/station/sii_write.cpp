@@ -73,7 +73,7 @@ Task<Result<>> write_word(Station station, std::uint32_t word, Word data) {
     }
     if (error.code == Errc::none) co_return Result<>();
     error.step = Step::write_sii;
-    error.index = static_cast<std::uint16_t>(word);
+    error.set_word(word);
     co_return error;
 }
 
@@ -107,7 +107,7 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
     if (!read) {
         Error error = read.error();
         error.step = Step::write_sii;
-        error.index = static_cast<std::uint16_t>(word);
+        error.set_word(word);
         co_return error;
     }
     auto wanted = old;
@@ -132,14 +132,14 @@ Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, Reason
     const auto end = word + static_cast<std::uint32_t>(data.size() / sii::kWordBytes);
     for (auto at = std::max(word, sii::word::kIdentity); at < end; ++at) {
         const Errc code = ends();
-        if (code != Errc::none) co_return station.error(code, Step::write_sii, static_cast<std::uint16_t>(at));
+        if (code != Errc::none) co_return sii_error(station, code, Step::write_sii, at);
         const std::size_t offset = (at - word) * sii::kWordBytes;
         auto written = co_await write_word(station, at, {data[offset], data[offset + 1]});
         if (!written) co_return written;
     }
     if (word >= std::min(end, sii::word::kIdentity)) co_return Result<>();
     const Errc code = ends();
-    if (code != Errc::none) co_return station.error(code, Step::write_sii, static_cast<std::uint16_t>(word));
+    if (code != Errc::none) co_return sii_error(station, code, Step::write_sii, word);
     co_return co_await write_area(station, word, data);
 }
 

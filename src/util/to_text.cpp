@@ -71,7 +71,7 @@ std::string_view to_text(Errc code) {
         case Errc::nic_busy: return "the network interface does not take frames";
         case Errc::datagram_size: return "more data than a datagram can carry";
         case Errc::no_cycle:
-            return "no cycle is under way: each receive_processdata() wants a send_processdata() before it";
+            return "no cycle is on the wire: call send_processdata() before each receive_processdata()";
         case Errc::mailbox_closed:
             return "the mailbox was closed while the message waited, because the slave is started or found anew";
         case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
@@ -170,7 +170,7 @@ std::string_view to_text(Operation operation) {
 
 std::string_view to_text(ConfigurationSource source) {
     switch (source) {
-        case ConfigurationSource::none: return "nobody";
+        case ConfigurationSource::none: return "no known source";
         case ConfigurationSource::sii: return "the SII";
         case ConfigurationSource::coe: return "the object dictionary";
         case ConfigurationSource::soe: return "the parameters of its drives";

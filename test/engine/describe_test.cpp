@@ -35,6 +35,55 @@ TEST(Describe, NamesSlaveStepAndCause) {
               "room for 64)");
 }
 
+TEST(Describe, NamesTheArgumentThatIsOutOfRange) {
+    const auto said = [](Step step, Argument argument, std::uint32_t expected = 0, std::uint32_t actual = 0) {
+        return sentence({.code = Errc::invalid_argument,
+                         .step = step,
+                         .detail = static_cast<std::uint32_t>(argument),
+                         .expected = expected,
+                         .actual = actual});
+    };
+    EXPECT_EQ(said(Step::open_nic, Argument::limit_groups, 256, 0),
+              "opening the network interface: argument out of range: Limits::groups is 0, it must be 1 to 256");
+    EXPECT_EQ(said(Step::sdo_upload, Argument::priority),
+              "SDO upload: argument out of range: the priority must be 0 "
+              "to 3");
+    EXPECT_EQ(said(Step::none, Argument::unknown), "argument out of range");
+    EXPECT_TRUE(said(Step::command_ps, Argument::limit_slaves).ends_with("): argument out of range"))
+        << "the detail of a command is not an argument";
+}
+
+TEST(Describe, NamesNoObjectWhenTheRequestAsAWholeFailed) {
+    EXPECT_EQ(sentence({.code = Errc::timeout, .step = Step::sdo_download}), "SDO download: timed out");
+    EXPECT_EQ(sentence({.code = Errc::canceled, .step = Step::soe_read, .slave = 2}),
+              "slave 2: SoE read: the request was canceled");
+    EXPECT_TRUE(sentence({.code = Errc::in_callback, .step = Step::sdo_upload, .slave = 2})
+                    .starts_with("slave 2: SDO upload: this call waits"));
+    EXPECT_EQ(sentence({.code = Errc::sdo_abort, .step = Step::sdo_upload, .slave = 2, .detail = 0x06020000}),
+              "slave 2: SDO upload of 0x0000:0: the slave aborted the transfer (abort code 0x06020000: object does not "
+              "exist)")
+        << "an object that was asked for";
+    EXPECT_EQ(sentence({.code = Errc::unknown_group, .step = Step::map_process_data}),
+              "mapping process data of group 0: there is no such group, or nothing is mapped in it");
+}
+
+TEST(Describe, SaysThatANicCouldNotBeOpened) {
+    EXPECT_EQ(sentence({.code = Errc::nic, .step = Step::open_nic, .actual = 19}),
+              "opening the network interface: the network interface could not be opened (system error 19): problem() "
+              "of the NIC says why");
+    EXPECT_EQ(sentence({.code = Errc::nic, .step = Step::read_state, .actual = 19}),
+              "reading the state: the network interface refused the frame (system error 19)");
+}
+
+TEST(Describe, DistinguishesASilentSlaveFromOneThatDoesNotExist) {
+    EXPECT_EQ(sentence({.code = Errc::missing_slave, .step = Step::recover, .slave = 2}),
+              "slave 2: recovering the slave: the slave does not answer: has it power, and is its cable plugged in?");
+    EXPECT_EQ(sentence({.code = Errc::unknown_slave, .step = Step::recover, .slave = 4, .expected = 3}),
+              "slave 4: recovering the slave: there is no such slave (there are 3)");
+    EXPECT_EQ(sentence({.code = Errc::missing_slave, .step = Step::recover}),
+              "recovering the slave: no lost slave was found");
+}
+
 TEST(Describe, EveryCodeAndStepHasWords) {
     for (int code = 1; code <= static_cast<int>(Errc::supervised); ++code)
         EXPECT_NE(to_text(static_cast<Errc>(code)), "unknown error") << code;

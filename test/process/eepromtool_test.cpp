@@ -199,6 +199,38 @@ TEST_F(Eepromtool, RefusesBadImagesUnlessForced) {
     EXPECT_TRUE(contains(tool("file:a.bin write none.bin").err, "none.bin: cannot be read: No such file"));
 }
 
+TEST_F(Eepromtool, DumpOfAFaultyContentEndsWithOne) {
+    EXPECT_EQ(tool("file:a.bin dump").status, 0);
+    std::string junk(1024, '\x5A');
+    write(file("junk.bin"), junk);
+    const auto dumped = tool("file:junk.bin dump");
+    EXPECT_EQ(dumped.status, 1);
+    EXPECT_NE(dumped.out, "") << "the content is shown nevertheless";
+    EXPECT_TRUE(contains(dumped.err, "eepromtool: the content of junk.bin has faults: ")) << dumped.err;
+    EXPECT_TRUE(contains(tool("dump --help").out, "ends with 1 when the content has faults"))
+        << tool("dump --help").out << tool("--help").out;
+}
+
+// A size word that is too small does not keep the program from reading and writing the words behind it.
+TEST_F(Eepromtool, RepairsASizeWordThatIsTooSmall) {
+    auto image_of_128 = content(file("a.bin"));
+    image_of_128[0x7C] = '\0';  // word 0x003E: 128 octets
+    image_of_128[0x7D] = '\0';
+    write(file("short.bin"), image_of_128);
+    const auto size = std::to_string(image_of_128.size());
+    EXPECT_EQ(tool("sim:short.bin 1 read out.bin --size " + size).status, 0);
+    EXPECT_EQ(content(file("out.bin")), image_of_128);
+    const auto written = tool("sim:short.bin 1 write a.bin --size " + size);
+    EXPECT_EQ(written.status, 0) << written.err;
+    EXPECT_TRUE(contains(written.out, "verified")) << written.out;
+}
+
+TEST_F(Eepromtool, NamesTheCommandsWhenNoneIsGiven) {
+    const auto none = tool("sim:a.bin 1");
+    EXPECT_EQ(none.status, 2);
+    EXPECT_TRUE(contains(none.err, "eepromtool: the command is missing: read, write, dump, alias; see ")) << none.err;
+}
+
 TEST_F(Eepromtool, HandlesBlankEeproms) {
     write(file("blank.bin"), std::string(1024, '\xFF'));
     const auto unknown = tool("sim:a.bin,blank.bin 2 read out.bin");
@@ -208,7 +240,9 @@ TEST_F(Eepromtool, HandlesBlankEeproms) {
     EXPECT_FALSE(fs::exists(file("out.bin")));
     EXPECT_EQ(tool("sim:a.bin,blank.bin 2 read out.bin --size 1024").status, 0);
     EXPECT_EQ(content(file("out.bin")), content(file("blank.bin")));
-    EXPECT_TRUE(contains(tool("sim:a.bin,blank.bin 2 dump --size 1024").out, "the EEPROM is blank"));
+    const auto dumped = tool("sim:a.bin,blank.bin 2 dump --size 1024");
+    EXPECT_TRUE(contains(dumped.out, "the EEPROM is blank"));
+    EXPECT_EQ(dumped.status, 1);
     const auto written = tool("sim:a.bin,blank.bin 2 write a.bin");
     EXPECT_EQ(written.status, 0) << written.err;
     EXPECT_TRUE(contains(written.out, "verified"));

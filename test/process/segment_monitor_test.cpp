@@ -38,10 +38,21 @@ TEST(SegmentMonitor, PrintsWhatItHasSeenInPlainText) {
     const auto ran = run(kBin + "/segment_monitor sim:demo --cycles 500 --plain");
     EXPECT_EQ(ran.status, 0) << ran.output;
     EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in OP\n")) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "cycle 500  working counter 6 of 6  wrong wkc 0  lost frames 0  overruns 0\n"))
+    EXPECT_TRUE(contains(ran.output, "cycle 500  working counter 6 of 6  wrong wkc 0  incomplete 0  overruns 0\n"))
         << ran.output;
     EXPECT_TRUE(contains(ran.output, "    3  OP               8-channel digital output\n")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
+}
+
+TEST(SegmentMonitor, PrintsThePictureInTheReadme) {
+    const auto ran = run(kBin + "/segment_monitor sim:drives --plain --cycles 4501");
+    EXPECT_EQ(ran.status, 0) << ran.output;
+    std::ifstream in(MARGAY_SOURCE_DIR "/README.md");
+    const std::string readme(std::istreambuf_iterator<char>(in), {});
+    const auto from = readme.find("sim:drives   8 slaves");
+    const auto picture = readme.substr(from, readme.find("    …\n", from) - from);
+    EXPECT_GT(picture.size(), 200U);
+    EXPECT_TRUE(contains(ran.output, picture)) << ran.output << picture;
 }
 
 TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {

@@ -210,6 +210,66 @@ TEST_F(Mistakes, AnEntryOfASlaveThatDoesNotExistIsNamed) {
               "slave 9: mapping process data of 0x7000:1: there is no such slave (there are 2)");
 }
 
+TEST_F(Mistakes, LimitsOutOfTheirRangeAreNamed) {
+    const auto said = [&](const Limits& wrong) {
+        HostContext other(wrong);
+        return words(init(other, *nic, osal).error());
+    };
+    const std::string before = "opening the network interface: argument out of range: ";
+    EXPECT_EQ(said({.slaves = 0}), before + "Limits::slaves is 0, it must be 1 to 65535");
+    EXPECT_EQ(said({.frames = 0}), before + "Limits::frames is 0, it must be 1 to 128");
+    EXPECT_EQ(said({.frames = 129}), before + "Limits::frames is 129, it must be 1 to 128");
+    EXPECT_EQ(said({.groups = 0}), before + "Limits::groups is 0, it must be 1 to 256");
+    EXPECT_EQ(said({.groups = 257}), before + "Limits::groups is 257, it must be 1 to 256");
+    EXPECT_EQ(said({.process_frames = 0}), before + "Limits::process_frames is 0, it must be 1 to 65535");
+    HostContext least(Limits{.slaves = 1, .frames = 1, .groups = 1, .process_frames = 1, .emergencies = 0});
+    EXPECT_TRUE(init(least, *nic, osal).ok());
+}
+
+TEST_F(Mistakes, LinkSettingsOutOfTheirRangeAreNamed) {
+    const auto said = [&](const LinkSettings& wrong) {
+        HostContext other(limits);
+        other.link_settings() = wrong;
+        return words(init(other, *nic, osal).error());
+    };
+    const std::string before = "opening the network interface: argument out of range: ";
+    EXPECT_EQ(said({.frame_timeout = 0ms}), before + "LinkSettings::frame_timeout must be above zero");
+    EXPECT_EQ(said({.frame_timeout = -1ms}), before + "LinkSettings::frame_timeout must be above zero");
+    EXPECT_EQ(said({.queue_timeout = 0ms}), before + "LinkSettings::queue_timeout must be above zero");
+    EXPECT_EQ(said({.sendings = 0}), before + "LinkSettings::sendings must be at least 1");
+    // After init() the defaults are used in the place of such values.
+    ctx->link_settings() = {.frame_timeout = 0ms, .queue_timeout = -1ms, .sendings = 0};
+    EXPECT_TRUE(config_init(*ctx).ok());
+}
+
+TEST_F(Mistakes, ASharedImageThatIsTooSmallSaysHowMuchItNeeds) {
+    std::array<std::byte, 8> little{};
+    SharedImage shared(little);
+    ctx->group(0).config.shared = &shared;
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(words(config_map(*ctx, image).error()),
+              "mapping process data: the application gives too little memory for it: SharedImage (needed 12 octets)");
+}
+
+TEST_F(Mistakes, ASlaveWithoutPowerExistsAndDoesNotAnswer) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    power(1, false);
+    EXPECT_EQ(words(recover_slave(*ctx, 2).error()),
+              "slave 2: recovering the slave: the slave does not answer: has it power, and is its cable plugged in?");
+    EXPECT_EQ(words(recover_slave(*ctx, 3).error()),
+              "slave 3: recovering the slave: there is no such slave (there are 2)");
+}
+
+TEST_F(Mistakes, ARefusedRequestNamesNoOtherObject) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    SdoUpload request;
+    request.slave = 1;
+    request.index = 0x606C;
+    request.priority = 9;
+    const auto refused = words(submit(*ctx, request).error());
+    EXPECT_EQ(refused.find("0x0000"), std::string::npos) << refused;
+}
+
 TEST_F(Mistakes, ASlaveOnItsWayIsNotSaidToHaveTimedOut) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -41,7 +41,7 @@ TEST_F(MonitorView, TellsStatesCountersAndErrors) {
     const auto lines = monitor_lines(model, 120, 40, 0);
     ASSERT_EQ(lines.size(), 40U);
     EXPECT_EQ(lines[0], "eth0   20 slaves:  18 in OP  1 in SAFEOP  1 lost  1 with an error");
-    EXPECT_EQ(lines[1], "cycle 1234  working counter 60 of 60  wrong wkc 0  lost frames 0  overruns 0");
+    EXPECT_EQ(lines[1], "cycle 1234  working counter 60 of 60  wrong wkc 0  incomplete 0  overruns 0");
     EXPECT_TRUE(holds(lines, "    8  lost"));
     EXPECT_TRUE(holds(lines, "port 1: 5 damaged, 7 forwarded, 1 lost links"));
     EXPECT_EQ(lines.back(), "event 8");
@@ -67,6 +67,25 @@ TEST_F(MonitorView, FitsAnyScreenAndScrolls) {
     EXPECT_FALSE(holds(down, "    1  OP"));
     model.slaves = {};
     EXPECT_EQ(monitor_lines(model, 80, 24, 3).size(), 24U);
+}
+
+TEST_F(MonitorView, ACableWithTwoEndsIsReportedOnce) {
+    CableReports cables(50ms);
+    const auto lost = [&](Duration at, std::uint16_t slave, std::uint16_t other, std::uint32_t times) {
+        return cables.repeats(
+            {.at = Time(at), .kind = EventKind::link_lost, .port = 1, .slave = slave, .other = other, .actual = times});
+    };
+    EXPECT_FALSE(lost(100ms, 7, 8, 1));
+    EXPECT_TRUE(lost(100ms, 7, 8, 1)) << "the other end";
+    EXPECT_FALSE(lost(101ms, 7, 8, 1)) << "both ends have reported: interrupted again";
+    EXPECT_FALSE(lost(200ms, 7, 8, 1)) << "too late for the other end";
+    EXPECT_FALSE(lost(201ms, 7, 8, 2)) << "another number of interruptions";
+    EXPECT_FALSE(lost(300ms, 3, 0, 1));
+    EXPECT_FALSE(lost(300ms, 3, 0, 1)) << "a port without a slave behind it has one end";
+    EXPECT_FALSE(lost(300ms, 2, 3, 1)) << "another cable";
+    EXPECT_FALSE(cables.repeats(
+        {.at = Time(300ms), .kind = EventKind::line_errors, .port = 1, .slave = 2, .other = 3, .actual = 1}))
+        << "damaged frames are counted in the direction in which they went";
 }
 
 TEST_F(MonitorView, SparkLineIsHighestWhereMostCame) {

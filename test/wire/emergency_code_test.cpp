@@ -13,6 +13,9 @@ TEST(EmergencyCode, SaysWhatTheStandardSays) {
     EXPECT_EQ(emergency_text(0x2400), "current");
     EXPECT_EQ(emergency_text(0x3210), "voltage inside the device");
     EXPECT_EQ(emergency_text(0x4310), "temperature");
+    EXPECT_EQ(emergency_text(0x7500), "communication") << "IEC 61800-7-201";
+    EXPECT_EQ(emergency_text(0x7305), "sensor");
+    EXPECT_EQ(emergency_text(0x8611), "positioning controller");
     EXPECT_EQ(emergency_text(0x8210), "PDO not processed, wrong length");
     EXPECT_EQ(emergency_text(0x8211), "protocol error");
     EXPECT_EQ(emergency_text(0xA001), "SAFEOP to OP not successful");
