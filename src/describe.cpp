@@ -180,8 +180,8 @@ std::string_view argument_text(Argument argument) {
         case Argument::timeout: return "the timeout must not be negative";
         case Argument::period: return "the period must be above zero";
         case Argument::reply_timeout: return "the reply timeout must not be negative";
-        case Argument::interval: return "the interval";
-        case Argument::state: return "the state";
+        case Argument::interval: return "an interval must be above zero (line_interval: zero or more)";
+        case Argument::state: return "the state must be INIT, PREOP, SAFEOP or OP";
         case Argument::work: return "there is no work function";
         case Argument::sii_words: return "beyond the end of the EEPROM";
         case Argument::sii_size: return "the SII is read and written in words, the data has an odd number of octets";
