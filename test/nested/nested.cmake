@@ -28,10 +28,12 @@ margay_nested(install/consumer_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install
 set_tests_properties(install/consumer_builds PROPERTIES FIXTURES_REQUIRED prefix)
 add_test(NAME install/consumer_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer)
 set_tests_properties(install/consumer_runs PROPERTIES FIXTURES_REQUIRED consumer)
-# The pieces of README.md that need no real interface.
-add_test(NAME install/consumer_of_the_readme_runs
-         COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_readme_pieces)
-set_tests_properties(install/consumer_of_the_readme_runs PROPERTIES FIXTURES_REQUIRED consumer)
+# The pieces of README.md that need no real interface. A wrong change of the owner would hang.
+foreach(program readme_pieces readme_threads)
+  add_test(NAME install/consumer_${program}_runs
+           COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_${program})
+  set_tests_properties(install/consumer_${program}_runs PROPERTIES FIXTURES_REQUIRED consumer TIMEOUT 60)
+endforeach()
 
 add_test(NAME install/consumer_for_linux_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_linux)
 set_tests_properties(install/consumer_for_linux_runs PROPERTIES FIXTURES_REQUIRED consumer)
