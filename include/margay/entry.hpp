@@ -65,7 +65,8 @@ struct EntryPlace {
     std::uint8_t subindex = 0;
     std::uint8_t group = 0;
     Direction direction = Direction::outputs;
-    std::uint8_t data_type = 0;     // CoE data type as the PDOs of the SII report it; 0: unknown, no check of the type
+    // CoE data type as the SII describes an entry of this index, subindex and size; 0: unknown, no check of the type.
+    std::uint8_t data_type = 0;
     std::uint32_t offset_bits = 0;  // from the start of the group's image; bit 0 is the lowest bit of the first octet
     std::uint32_t bits = 0;
     std::uint32_t mapping = 0;  // Group::mappings when the entry was found; 0: it is not mapped
@@ -189,10 +190,10 @@ class EntryHandle {
 //
 // config_map() and each access by EntryPlace check the type. They always compare the number of bits
 // (entry_size). They compare real number against integer (entry_type) only when the data type of the entry is known,
-// which EntryPlace::data_type says: the PDOs of the SII name data types, the object dictionary does not name them in
-// the PDO mapping, and neither do the lists of SlaveSetup::pdos. So for a slave whose PDOs are read by CoE an
-// Output<float> on an INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data
-// type of an object.
+// which EntryPlace::data_type says. Only the SII names data types: the PDO mapping of the object dictionary does not,
+// and neither do the lists of SlaveSetup::pdos. For an entry of the dictionary or of a list, the SII's type counts if
+// the SII describes an entry of the same index, subindex and size. Where the SII does not, an Output<float> on an
+// INTEGER32 is accepted: both have 32 bits. read_entry_description() asks the slave for the data type of an object.
 template <class T>
 concept EntryValue = (std::is_arithmetic_v<T> || std::is_enum_v<T>)&&sizeof(T) <= 8;
 

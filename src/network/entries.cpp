@@ -139,6 +139,16 @@ void EntryMatcher::match(const FoundEntry& entry) {
             note(*handle, entry);
 }
 
+void EntryMatcher::take_type(const FoundEntry& by_sii) {
+    for (EntryHandle* handle : handles_) {
+        if (handle == nullptr || handle->address().slave != slave_.number) continue;
+        EntryAccess::Found& found = EntryAccess::found(*handle);
+        const bool same = found.any && found.index == by_sii.index && found.subindex == by_sii.subindex;
+        if (same && found.index != 0 && found.bits == by_sii.bits && found.data_type == 0)
+            found.data_type = by_sii.data_type;
+    }
+}
+
 std::span<EntryHandle* const> entries_of(const Network& network, const Slave& slave) {
     if (slave.config.group >= network.process.groups.size()) return {};
     return network.process.groups[slave.config.group].config.entries;

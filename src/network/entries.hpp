@@ -34,6 +34,8 @@ class EntryMatcher final : public EntrySink {
     void forget();
 
     void take(const FoundEntry& entry) override;
+    // Completes the data type of entries that another source has found: the PDO mapping of CoE does not name types.
+    void take_type(const FoundEntry& by_sii);
 
   private:
     void match(const FoundEntry& entry);
@@ -42,6 +44,16 @@ class EntryMatcher final : public EntrySink {
     const Slave& slave_;
     std::uint16_t listed_ = 0;  // SyncManagers whose entries are listed completely, one bit each
     bool wanted_ = false;
+};
+
+// Passes only the data types of the SII's entries to the matcher.
+class EntryTypes final : public EntrySink {
+  public:
+    explicit EntryTypes(EntryMatcher& matcher) : matcher_(matcher) {}
+    void take(const FoundEntry& entry) override { matcher_.take_type(entry); }
+
+  private:
+    EntryMatcher& matcher_;
 };
 
 // The handles of the slave's group; none when the slave's configuration has an unknown group number.

@@ -51,6 +51,7 @@ Result<> check_extras(ProcessGroup& group) {
         return Result<>();
     Error error = fault(Errc::capacity, 0);
     error.expected = static_cast<std::uint32_t>(SharedImage::memory_bytes(group.output_bytes, group.input_bytes));
+    error.actual = static_cast<std::uint32_t>(group.config.shared->memory_size());
     return error;
 }
 

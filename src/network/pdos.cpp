@@ -88,9 +88,16 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     co_return Result<>();
 }
 
-// Reads the process data of the SII; with the entries if the SII is the source that counts.
-Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* entries) {
-    EntrySink* const sink = found.source == ConfigurationSource::sii ? entries : nullptr;
+// Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
+// their data types.
+Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntryMatcher* entries) {
+    if (entries != nullptr && found.source != ConfigurationSource::sii) {
+        EntryTypes types(*entries);
+        auto compared = co_await find_sms_by_sii(network.station(slave), slave, found.sii, &types);
+        found.sii_read = compared.ok() && slave.sii_read;
+        co_return compared;
+    }
+    EntrySink* const sink = entries;
     auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
     found.sii_read = read.ok() && slave.sii_read;
     if (!read || sink == nullptr) co_return read;
@@ -210,7 +217,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     network.marks(slave).pdos_compared = true;
     const bool said = by_application(config);
     EntryMatcher entries(entries_of(network, slave), slave);
-    EntrySink* const sink = entries.wanted() ? &entries : nullptr;
+    EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
     const Error wrong = check_pdo_lists(slave);
@@ -227,16 +234,17 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
         co_return Result<>();
     }
     Result<> read;
-    if (found.source == ConfigurationSource::sii || compare) read = co_await read_sii(network, slave, found, sink);
+    if (found.source == ConfigurationSource::sii || compare || sink != nullptr)
+        read = co_await read_sii(network, slave, found, sink);
     co_return select_source(network, slave, found, read, compare);
 }
 
-Task<Result<>> find_entries(Network& network, Slave& slave, EntrySink& entries) {
+Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {
     Findings found;
     auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
-    if (!asked || found.source != ConfigurationSource::sii) co_return asked;
+    if (!asked) co_return asked;
     auto read = co_await read_sii(network, slave, found, &entries);
-    co_return read;
+    co_return read || found.source != ConfigurationSource::sii ? Result<>() : read;
 }
 
 }  // namespace margay

@@ -6,6 +6,8 @@
 
 namespace margay {
 
+class EntryMatcher;
+
 // Configures the slave's PDOs as `slave.config.pdos` wants, then fills `slave.config.sms`, unless the application has
 // set them: from the lists, otherwise from the object dictionary or the drives, otherwise from the SII. When sources
 // differ, this is reported in warnings() once, and is no failure. For a slave that refuses to answer the SII is used.
@@ -16,7 +18,7 @@ namespace margay {
 
 // Passes the entries of a slave to `entries`, found as by discover_pdos(), without changing anything. `entries`
 // outlives the task.
-[[nodiscard]] Task<Result<>> find_entries(Network& network, Slave& slave, EntrySink& entries);
+[[nodiscard]] Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries);
 
 // The first part of discover_pdos(), for a slave in PREOP that comes back.
 [[nodiscard]] Task<Result<>> write_pdos(Network& network, Slave& slave);

@@ -45,6 +45,26 @@ TEST_F(EntriesByDictionary, AreFoundAsTheyAreMapped) {
     }
 }
 
+// The PDO mapping of a dictionary has no data types; the SII of the drive has, for the same objects.
+TEST_F(EntriesByDictionary, HaveTheDataTypesOfTheSii) {
+    plug("drive");
+    start();
+    Output<float> wrong{1, 0x607A, 0};
+    Output<std::int32_t> right{1, 0x607A, 0};
+    EntryHandle* const entries[] = {&wrong, &right};
+    ctx.group(0).config.entries = entries;
+    for (int mapping = 0; mapping < 2; ++mapping) {
+        const auto mapped = config_map(ctx, image);
+        EXPECT_EQ(mapped.error().code, Errc::entry_type) << words(mapped.error());
+        EXPECT_FALSE(wrong.mapped());
+        EXPECT_TRUE(right.mapped());
+        EXPECT_EQ(right.place().data_type, 0x04) << "INTEGER32";
+    }
+    const auto place = find_entry(ctx, 1, 0x607A, 0);
+    ASSERT_TRUE(place);
+    EXPECT_EQ(write_entry<float>(ctx, *place, 1.0F).error().code, Errc::entry_type);
+}
+
 TEST_F(EntriesByDictionary, FollowTheListsOfTheApplication) {
     plug_odd({});
     plug_odd({});
