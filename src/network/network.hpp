@@ -62,9 +62,10 @@ struct Network {
     EventQueue events;
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
-    Slave guest;              // a newcomer while it is being identified
-    bool searching = false;   // a search (find_lost()) is executing
-    std::uint32_t scans = 0;  // number of scans started: older requests detect that the table has changed
+    Slave guest;                 // a newcomer while it is being identified
+    std::uint8_t newcomers = 0;  // counts the newcomers, so that each one gets an address of its own
+    bool searching = false;      // a search (find_lost()) is executing
+    std::uint32_t scans = 0;     // number of scans started: older requests detect that the table has changed
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;

@@ -18,8 +18,12 @@ namespace {
 namespace reg = wire::reg;
 namespace sii = wire::sii;
 
-// No other slave has this address: the station addresses of the slaves start one above it.
-StationAddress newcomer_address(const Network& network) { return network.station_address(0); }
+// The station address of the newcomer that is being identified. Each newcomer gets another one: a slave that was
+// disconnected as a newcomer and comes back must not be taken for the present one.
+StationAddress newcomer_address(const Network& network) {
+    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the marks of unknown slaves
+    return {static_cast<std::uint16_t>(kNewcomers | network.newcomers)};
+}
 
 // A slave that has its own address in the ring is not lost: the supervision reads its state and readmits it.
 bool is_lost(const Network& network, const Slave& slave) {
@@ -131,22 +135,33 @@ Task<Result<>> miss_absent(Network& network) {
 
 // ------------------------------------------------------------------ identification of a newcomer
 
-// Gives the guest address to a newcomer. If the ring has changed meanwhile, the slave that received the address gets
-// its previous address back.
+// Gives its address to a newcomer. The same frame checks that the ring is as it was read: the number of slaves,
+// the address of the newcomer and that of the slave above it, which may be the head of its group; and that no slave has
+// the newcomer's address. Otherwise the slave that
+// received the address gets its previous address back.
 Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
+    ++network.newcomers;
     const RingPosition at{n};
+    const std::uint16_t parent =
+        network.ring[n].parent == 0 ? n : static_cast<std::uint16_t>(network.ring[n].parent - 1);
     std::array<std::byte, 1> type{};
+    std::array<std::byte, 2> above{};
     std::array<std::byte, 2> before{};
     std::array<std::byte, 2> after{};
+    std::array<std::byte, 1> other{};
     store_le<std::uint16_t>(after, 0, newcomer_address(network).value);
     Link& link = network.engine.link();
     Datagram count(link, wire::Command::BRD, {std::uint16_t{0}, reg::kType.address}, MutableBytes(type));
+    Datagram head(link, wire::Command::APRD, {RingPosition{parent}, reg::kStationAddress.address}, MutableBytes(above));
+    Datagram guest(link, wire::Command::FPRD, {newcomer_address(network), reg::kType.address}, MutableBytes(other));
     Datagram look(link, wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
     Datagram write(link, wire::Command::APWR, {at, reg::kStationAddress.address}, Bytes(after), Repeat::no);
-    co_await together(count, look, write);
-    const bool came = count.reply().ok() && look.reply().ok() && write.reply().ok();
-    const bool same =
-        count.reply().wkc == network.ring_count && load_le<std::uint16_t>(before) == network.ring[n].address;
+    co_await together(count, head, guest, look, write);
+    bool came = true;
+    for (const Datagram* d : {&count, &head, &guest, &look, &write}) came &= d->reply().ok();
+    const bool same = count.reply().wkc == network.ring_count && guest.reply().wkc == 0 &&
+                      load_le<std::uint16_t>(above) == network.ring[parent].address &&
+                      load_le<std::uint16_t>(before) == network.ring[n].address;
     if (came && same) co_return Result<>();
     Datagram undo(link, wire::Command::FPWR, {newcomer_address(network), reg::kStationAddress.address}, Bytes(before));
     if (look.reply().ok()) co_await undo;
@@ -156,20 +171,13 @@ Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
 Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
     const Station station{network.engine, from, 0};
     auto written = co_await write<std::uint16_t>(station, reg::kStationAddress, to, Step::recover);
-    co_return written;
-}
-
-// Resets the address of guests from an earlier search that was not completed.
-Task<Result<>> release_newcomers(Network& network) {
-    bool any = false;
-    for (RingPlace& place : network.seen_ring()) {
-        if (place.address != newcomer_address(network).value) continue;
-        place.address = 0;
-        any = true;
+    // Two slaves had the address: both are newcomers for the next search.
+    if (written.error().code == Errc::working_counter && written.error().actual > 1 && to != 0) {
+        const Station both{network.engine, {to}, 0};
+        auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
+        (void)reset;
     }
-    if (!any) co_return Result<>();
-    auto renamed = co_await rename(network, newcomer_address(network), 0);
-    co_return renamed || renamed.error().code == Errc::working_counter ? Result<>() : renamed;
+    co_return written;
 }
 
 Task<Result<Identity>> read_identity(Station station) {
@@ -290,6 +298,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
     if (!named) co_return named;
     network.ring[n].slave = slave.number;
+    network.ring[n].address = slave.station_address.value;
     store_topology(network.seen_ring(), network.slaves());
     // The slave was never reported lost.
     if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Result<>();
@@ -415,8 +424,6 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     const Searching searching(network);
     auto read = co_await read_ring(network);
     if (!read) co_return read.error();
-    auto forgotten = co_await release_newcomers(network);
-    if (!forgotten) co_return forgotten.error();
     auto missed = co_await miss_absent(network);
     if (!missed) co_return missed.error();
     std::uint16_t found = 0;

@@ -442,6 +442,8 @@ TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, HotConnectInAnyOrder, testing::Range(1U, 41U));
+// A slave got the address of another one: a device that was disconnected as a newcomer came back as the present one.
+INSTANTIATE_TEST_SUITE_P(OnceFailed, HotConnectInAnyOrder, testing::Values(247U, 722U, 800U, 910U, 996U));
 
 // ------------------------------------------------------------------ topology
 
