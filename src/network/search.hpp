@@ -12,9 +12,9 @@ struct BroadcastState {
 };
 [[nodiscard]] Task<Result<BroadcastState>> read_all_states(Network& network);
 
-// Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets the
-// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor, product and revision are
-// those of that slave:
+// Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets a
+// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor, product and
+// revision are those of that slave:
 // - the lost slave with the alias or device id that is set on the newcomer, at any place;
 // - in a hot connect group: the next lost member of the group, or another lost member that it can be;
 // - the next lost slave of the line behind the last slave of the line before it in the ring, or any other lost slave of

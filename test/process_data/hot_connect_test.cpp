@@ -493,7 +493,7 @@ TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), at(4, 0x103, true)};
     EXPECT_EQ(bring_up(expected), Words());
     run();
-    for (const std::uint16_t address : {std::uint16_t{0x1002}, std::uint16_t{0x1004}, std::uint16_t{0x1000}}) {
+    for (const std::uint16_t address : {std::uint16_t{0x1002}, std::uint16_t{0x1004}, std::uint16_t{0x0D01}}) {
         SCOPED_TRACE(address);
         const auto foreign = make({.product = 0x900});
         power(foreign, true);
