@@ -128,12 +128,12 @@ std::string_view sm_text(std::uint32_t type) {
     return type < std::size(kTexts) ? kTexts[type] : "nothing known";
 }
 
-// Example: "by 64 bits (the object dictionary has 128, which counts, the SII 64)".
+// Example: "by 64 bits (used: the object dictionary, 128 bits; the SII has 64 bits)".
 void write_difference(TextWriter& out, const Error& e) {
     const auto source = [](std::uint32_t s) { return to_text(static_cast<ConfigurationSource>(s & 0xFFU)); };
     out << " by " << (e.expected > e.actual ? e.expected - e.actual : e.actual - e.expected) << " bits ("
-        << source(e.detail >> 8) << " has " << e.expected << ", which counts, " << source(e.detail) << " " << e.actual
-        << ")";
+        << "used: " << source(e.detail >> 8) << ", " << e.expected << " bits; " << source(e.detail) << " has "
+        << e.actual << " bits)";
 }
 
 std::string_view pdo_list_text(PdoListFault why) {
@@ -155,7 +155,8 @@ std::string_view capacity_text(const Error& e) {
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
     switch (e.step) {
         case Step::count_slaves:
-        case Step::identify: return "Limits::slaves";
+        case Step::identify:
+        case Step::recover: return "Limits::slaves";
         case Step::open_nic: return "the memory of the context";
         case Step::sdo_upload:
         case Step::soe_read:
@@ -226,7 +227,8 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::pdo_size: out << " (the SyncManager " << e.expected << ", the PDOs " << e.actual << ")"; break;
         case Errc::sizes_differ: write_difference(out, e); break;
         case Errc::types_differ:
-            out << " (" << sm_text(e.expected) << ", which counts, and " << sm_text(e.actual) << ")";
+            out << " ("
+                << "used: " << sm_text(e.expected) << "; the other: " << sm_text(e.actual) << ")";
             break;
         case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;
         case Errc::check_failed:
@@ -250,14 +252,9 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
     out << " (the " << which << " has " << e.actual << " octets, a frame carries " << e.expected << ")";
 }
 
-// What is needed, and how much there is. An error of a SharedImage does not know how much there is.
+// What is needed, and how much there is.
 void write_room(TextWriter& out, const Error& e) {
-    if (e.expected == 0) return;
-    out << " (needed " << e.expected;
-    if (e.code == Errc::capacity && e.step == Step::map_process_data && e.actual == 0)
-        out << " octets)";
-    else
-        out << ", there is room for " << e.actual << ")";
+    if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
 }
 
 std::string_view code_text(const Error& e) {
@@ -275,7 +272,7 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::al_status:
         case Errc::timeout:
         case Errc::other_state:
-            if (e.step != Step::request_state) break;
+            if (e.step != Step::request_state || e.expected == 0) break;
             out << " (wanted " << to_text(static_cast<AlState>(e.expected)) << ", is in "
                 << to_text(static_cast<AlState>(e.actual));
             if (e.detail != 0)
@@ -338,7 +335,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
             if (e.subindex == static_cast<unsigned>(IdentityField::device_id))
                 (out << " (device id ").hex(e.actual, 4) << ")";
-            if (e.step == Step::recover && e.slave != 0) out << ": has it power, and is its cable plugged in?";
+            if (e.step == Step::recover && e.slave != 0) out << ": check its power and its cable";
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";

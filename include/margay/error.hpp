@@ -93,7 +93,8 @@ enum class Errc : std::uint8_t {
     entry_stale,  // the group was mapped again since the entry was found
     other_state,  // the slave is not in its target state (expected: the target state, actual: the present state)
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
-    configuration_lost,  // a warning: `config` or `hooks` were set before the scan or for a wrong number, and are gone
+    configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
+                         // gone. A scan deletes those of the scan before without a warning
     supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
                  // the requested one)
 };

@@ -67,8 +67,8 @@ class EventQueue : public SpscRing<Event> {
   public:
     static constexpr std::uint32_t kCapacity = 64;
 
-    // Called by poll() for each event, in the thread that polls: must neither wait nor poll. Set it in that thread. The
-    // callback also receives the events that do not fit the ring.
+    // Called by poll() for each event, in the thread that polls: must neither wait nor poll; an exception that leaves
+    // it ends the program. Set it in that thread. The callback also receives the events that do not fit the ring.
     void (*callback)(const Event& event, void* user) = nullptr;
     void* user = nullptr;
 

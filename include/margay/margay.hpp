@@ -130,7 +130,8 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // readstate(), statecheck(), or the supervision.
 //
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error, or until `timeout` is
-// over. Returns what it read last. A timeout is no error: compare the returned state.
+// over. Returns what it read last. A timeout is no error: compare the returned state. Commands and a hook that take
+// longer than the timeout continue during later calls of poll().
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

@@ -68,7 +68,8 @@ class Request {
 
   protected:
     explicit Request(const OperationDescription& operation) : operation_(&operation) {}
-    // Cancels a busy request; in a thread that is not the owner, waits until the request is over. Not allowed in a
+    // Cancels a busy request; in a thread that is not the owner, waits until the owner has ended the request. (When the
+    // thread of the owner has ended, call take_ownership() before.) Not allowed in a
     // callback or hook of the library while the request is busy: that ends the program.
     ~Request();
 

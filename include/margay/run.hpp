@@ -65,8 +65,8 @@ struct CycleSettings {
 // slaves have reached theirs and waiting cannot help (the slave is held, has no place in the image, or its group is not
 // mapped). Waits; not for the cycle. Errors: wrong_state (no slaves yet), invalid_argument (`state` is not INIT, PREOP,
 // SAFEOP or OP; a period of 0, a negative time), in_callback (called by the work function of run_cycle()), and the
-// errors of what_is_wrong(). A timeout of a few periods is extended until the states have been read once. If no frame
-// comes back: no_frame, or nic (the interface is down).
+// errors of what_is_wrong(). reach() reads the states of all slaves at least once, and for that may take up to ten
+// periods longer than `timeout`. If no frame comes back: no_frame, or nic (the interface is down).
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle = {});
 
 // Whether every wanted slave is in its target state without an error and with its process data configured, as the
@@ -101,11 +101,11 @@ using CycleWork = bool (*)(Context& ctx, const CycleInfo& cycle, void* user);
 // calls `work`, which reads the inputs and sets the outputs of the next cycle. poll() is called at least once after
 // each cycle, also if the work takes longer than a period, and then as often as poll() requests until the next cycle is
 // due. Cycles that could not begin in their period are left out, counted, and reported as EventKind::overrun, at most
-// once a second. A cycle with lost frames or a low working counter does not end run_cycle(): CycleInfo::error has the
-// error; so it has while a group is not mapped any more (unknown_group; index: the group), because a scan or a mapping
-// is executing or has failed. `work` must not throw: an exception ends the program. Returns success when `work` has
-// returned false. Waits. Errors: wrong_state before init(), unknown_group (no group is mapped), invalid_argument (a
-// period of 0, a negative time), in_callback (called by the work function of run_cycle()).
+// once a second. A cycle with lost frames or a low working counter does not end run_cycle(): CycleInfo::error then
+// contains the error. CycleInfo::error is unknown_group (index: the group) while a group is not mapped any more,
+// because a scan or a mapping is executing or has failed. `work` must not throw: an exception ends the program. Returns
+// success when `work` has returned false. Waits. Errors: wrong_state before init(), unknown_group (no group is mapped),
+// invalid_argument (a period of 0, a negative time), in_callback (called by the work function of run_cycle()).
 Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, void* user);
 
 // The same with any object that can be called as bool(const CycleInfo&). `work` must live until run_cycle() returns.

@@ -127,7 +127,8 @@ struct SlaveHooks {
     Hook<Transition, Moment> transition;
 
     // Called when a TxPDO has arrived by mailbox (CoE service TxPDO) that no request waits for. poll() calls the
-    // function: it must neither wait nor call the library. `data` is valid until the function returns.
+    // function: it must neither wait nor call the library; an exception that leaves it ends the program. `data` is
+    // valid until the function returns.
     void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data,
                         void* user) = nullptr;
     // Called when the slave asks for an RxPDO (CoE service RxPDO remote request). To answer, submit a MailPdoSend after
@@ -135,9 +136,9 @@ struct SlaveHooks {
     void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
     void* mailbox_pdo_user = nullptr;
 
-    // Called when an SoE notification has arrived. The rules are those of mailbox_pdo; `told` is valid until the
-    // function returns.
-    void (*soe_notification)(std::uint16_t slave, const SoeNotification& told, void* user) = nullptr;
+    // Called when an SoE notification has arrived. The rules are those of mailbox_pdo; `notification` is valid until
+    // the function returns.
+    void (*soe_notification)(std::uint16_t slave, const SoeNotification& notification, void* user) = nullptr;
     void* soe_notification_user = nullptr;
 };
 
@@ -170,9 +171,10 @@ struct Slave {
     // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT if it has no mailbox, and gets
     // no outputs.
     bool held : 1 = false;
-    bool place_kept : 1 = false;  // its part of the image is that of SlaveSetup::pdos; it was not asked yet
-    bool unplaced : 1 = false;    // it needs a part of the image, but config_map() did not know its sizes
-    bool counted : 1 = false;     // the expected working counters of its group count this slave
+    bool place_kept : 1 =
+        false;  // its part of the image has the sizes of SlaveSetup::pdos; its own PDOs were not read yet
+    bool unplaced : 1 = false;  // it needs a part of the image, but config_map() did not know its sizes
+    bool counted : 1 = false;   // the expected working counters of its group count this slave
     // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 

@@ -21,10 +21,10 @@ struct PortErrors {
 // The error counters of one slave.
 struct LineErrors {
     std::array<PortErrors, 4> ports{};
-    std::uint32_t processing_unit = 0;  // frames that are no EtherCAT frames, or mutilated
+    std::uint32_t processing_unit = 0;  // frames that are not EtherCAT frames, or are damaged
     std::uint32_t pdi = 0;
     std::array<std::uint8_t, 20> last{};  // the registers as read last
-    bool primed = false;                  // `last` is valid
+    bool primed = false;                  // `last` contains values that were read
 };
 
 // Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has

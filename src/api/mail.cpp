@@ -10,6 +10,8 @@ Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
     const Slave& slave = network.slave(where.slave);
     if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
         where.code = Errc::unsupported;
+    else if (network.supervised && slave.al.state == AlState::none)
+        where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
     else if (!network.mailbox(slave).is_open())
         where.code = Errc::wrong_state;  // the slave never reached PREOP
     return where.code == Errc::none ? Error{} : where;

@@ -67,19 +67,16 @@ bool remove(Request*& list, Request& request) {
     return false;
 }
 
-// What the request reserves. A request for slave 0 reserves the whole segment.
-Needs needs_of(const Request& r) {
+// What the request reserves. A request for slave 0 reserves the whole segment. A new target is only stored while a
+// supervision works towards the targets.
+Needs needs_of(const Network& network, const Request& r) {
+    if (operation(r).operation == Operation::set_target && network.supervised) return Needs::nothing;
     const Needs needs = operation(r).needs;
     return needs == Needs::its_slave && slave_of(r) == 0 ? Needs::segment : needs;
 }
 
 // Inserts the request into the list of waiting requests, in the order of submission.
-void accept(RequestQueue& queue, Request& request, Time now) {
-    if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
-    RequestAccess::take(request);
-    // cancel() may have been called before the request had its place in the queue.
-    if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
-        queue.cancel_asked.store(true, std::memory_order_release);
+void insert(RequestQueue& queue, Request& request) {
     Request** at = &queue.waiting;
     const auto older = [&](Request& other) {
         return static_cast<std::int32_t>(RequestAccess::ticket(other) - RequestAccess::ticket(request)) <= 0;
@@ -87,6 +84,15 @@ void accept(RequestQueue& queue, Request& request, Time now) {
     while (*at != nullptr && older(**at)) at = &next(**at);
     next(request) = *at;
     *at = &request;
+}
+
+void accept(RequestQueue& queue, Request& request, Time now) {
+    if (request.timeout > Duration{0}) RequestAccess::deadline(request) = later(now, request.timeout);
+    RequestAccess::take(request);
+    // cancel() may have been called before the request had its place in the queue.
+    if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
+        queue.cancel_asked.store(true, std::memory_order_release);
+    insert(queue, request);
 }
 
 void take_submitted(RequestQueue& queue, Time now) {
@@ -104,9 +110,11 @@ bool ends_some_day(const RequestQueue& queue) {
 
 // Whether no running operation, and no task of the supervision, uses what this request needs.
 bool is_free(Network& network, const Request& request) {
-    switch (needs_of(request)) {
+    switch (needs_of(network, request)) {
         case Needs::nothing: return true;
-        case Needs::segment: return !network.segment_in_use && !network.searching && !network.any_slave_in_use();
+        case Needs::segment:
+            return !network.segment_in_use && !network.searching && !network.any_slave_in_use() &&
+                   !network.is_turn_of_supervision();
         case Needs::segment_to_begin: return !network.segment_in_use;
         case Needs::its_slave: {
             const std::uint16_t slave = slave_of(request);
@@ -123,7 +131,7 @@ template <class Visit>
 void for_each_ready(Master& master, Visit visit) {
     bool segment_wanted = false;
     for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
-        const Needs needs = needs_of(*r);
+        const Needs needs = needs_of(master.network, *r);
         const bool ready = is_free(master.network, *r) && !(segment_wanted && needs != Needs::nothing);
         segment_wanted |= needs == Needs::segment && !ready;
         if (ready && !visit(*r)) return;
@@ -131,10 +139,27 @@ void for_each_ready(Master& master, Visit visit) {
 }
 
 // Whether a request waits for the whole segment: the supervision then begins nothing that would use a part of it.
-bool is_segment_wanted(const RequestQueue& queue) {
-    for (Request* r = queue.waiting; r != nullptr; r = next(*r))
-        if (needs_of(*r) == Needs::segment) return true;
+bool is_segment_wanted(Master& master) {
+    for (Request* r = master.queue.waiting; r != nullptr; r = next(*r))
+        if (needs_of(master.network, *r) == Needs::segment) return true;
     return false;
+}
+
+// While a request waits for the segment, the supervision begins nothing. But the request may wait for long, for a hook
+// or for the SII of one slave, and the hook may wait for a slave that the supervision has not begun with: so the
+// supervision gets turns. The time until the next turn doubles, so that it becomes longer than every start-up of a
+// slave: then the request begins.
+void reserve_segment(Master& master, Time now) {
+    constexpr Duration kFirst = std::chrono::seconds(1);
+    RequestQueue& queue = master.queue;
+    Network& network = master.network;
+    const bool wanted = is_segment_wanted(master);
+    const bool first = wanted && !network.segment_wanted;
+    network.segment_wanted = wanted;
+    if (!first && now < queue.turn_at) return;
+    network.supervision_turn |= wanted && !first;
+    queue.turn_after = first ? kFirst : std::min<Duration>(queue.turn_after * 2, 64 * kFirst);
+    queue.turn_at = later(now, queue.turn_after);
 }
 
 // The request that begins next; nullptr: none can begin.
@@ -159,20 +184,23 @@ void count_passed(Master& master, const Request& chosen) {
 // Keeps the request in the list of running requests, and reserves what it needs, as long as its sequence exists.
 class Running {
   public:
-    Running(Master& master, Request& request) : master_(master), request_(request) {
+    Running(Master& master, Request& request)
+        : master_(master), request_(request), needs_(needs_of(master.network, request)) {
         next(request) = master.queue.running;
         master.queue.running = &request;
-        if (needs_of(request) == Needs::segment) master.network.segment_in_use = true;
-        if (needs_of(request) == Needs::its_slave) token_.emplace(master.network.marks(slave_of(request)));
+        if (needs_ == Needs::segment) master.network.segment_in_use = true;
+        if (needs_ == Needs::its_slave) token_.emplace(master.network.marks(slave_of(request)));
     }
     Running(const Running&) = delete;
     Running& operator=(const Running&) = delete;
     ~Running() {
         (void)remove(master_.queue.running, request_);
         token_.reset();
-        if (needs_of(request_) == Needs::segment) master_.network.segment_in_use = false;
+        if (needs_ == Needs::segment) master_.network.segment_in_use = false;
+        if (needs_ == Needs::segment) master_.network.supervision_turn = true;
         if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
-            error_ = {.code = RequestAccess::why(request_), .step = operation(request_).step};
+            error_ = {
+                .code = RequestAccess::why(request_), .step = operation(request_).step, .slave = slave_of(request_)};
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
@@ -181,6 +209,7 @@ class Running {
   private:
     Master& master_;
     Request& request_;
+    Needs needs_;
     std::optional<SlaveToken> token_;
     Error error_{.code = Errc::canceled};
 };
@@ -230,7 +259,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
 Time end_by_queue(Request& request) {
     // Its own sequence knows more about the reason. The queue ends it where the sequence waits for something else, for
     // example for a hook.
-    constexpr Duration kSequenceFirst = std::chrono::milliseconds(20);
+    constexpr Duration kSequenceFirst = std::chrono::milliseconds(250);
     switch (operation(request).timing) {
         case Timing::by_queue: return RequestAccess::deadline(request);
         case Timing::by_sequence: return later(RequestAccess::deadline(request), kSequenceFirst);
@@ -264,8 +293,7 @@ void begin_waiting(Master& master) {
         if (begin(master, *request)) continue;
         if (ends_some_day(queue)) {
             queue.too_full_bytes = arena.used_bytes();
-            next(*request) = queue.waiting;
-            queue.waiting = request;
+            insert(queue, *request);
             return;
         }
         Error error{.code = Errc::capacity, .step = operation(*request).step, .detail = Error::kTasks};
@@ -315,7 +343,7 @@ Time serve_queue(Master& master, Time now) {
         begin_waiting(master);
         end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
     }
-    master.network.segment_wanted = is_segment_wanted(queue);
+    reserve_segment(master, now);
     return first_deadline(queue);
 }
 

@@ -49,6 +49,8 @@ struct RequestQueue {
     std::atomic<bool> cancel_asked{false};
     Request* waiting = nullptr;  // accepted, not begun; oldest first
     Request* running = nullptr;
+    Time turn_at = kNever;           // when the supervision works although a request waits for the segment,
+    Duration turn_after{0};          // and how long the request had waited since the turn before
     std::size_t too_full_bytes = 0;  // with so much of the arena in use a request could not begin
 };
 

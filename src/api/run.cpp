@@ -187,8 +187,7 @@ Error unknown_states(const ReadStateRequest& look, const Error& exchanged) {
     return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
 }
 
-// Calls the work function. An exception must not pass through the library: noexcept ends the program instead.
-bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) noexcept {
+bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) {
     master_of(ctx)->in_work = true;
     const bool goes_on = work(ctx, cycle, user);
     master_of(ctx)->in_work = false;

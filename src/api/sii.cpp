@@ -60,7 +60,7 @@ static Task<Result<>> run(Network& network, SiiReadRequest& request) {
     if (!assigned) co_return assign_error(assigned.error(), request, Step::read_sii);
     SiiReader reader(station);
     Result<> read;
-    constexpr std::size_t kPiece = 128;  // octets between two looks at the reason to end
+    constexpr std::size_t kPiece = 32;  // octets between two looks at the reason to end
     for (std::size_t at = 0; read && at < request.data.size(); at += kPiece) {
         const std::size_t octets = std::min(kPiece, request.data.size() - at);
         const auto word = request.word + static_cast<std::uint32_t>(at / 2);

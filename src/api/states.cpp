@@ -11,7 +11,15 @@
 
 #include <margay/margay.hpp>
 
+#include <algorithm>
+
 namespace margay {
+
+// When the timeout of the request is over; kNever only if the request has no timeout.
+static Time end_of(Request& request) {
+    const Time deadline = RequestAccess::deadline(request);
+    return request.timeout > Duration{0} ? std::min(deadline, kNever - Duration{1}) : kNever;
+}
 
 // Checks that a scan has found slaves, that `slave` is one of them or 0 (all), and that `wanted` is a state.
 static Error check_state(Network& network, std::uint16_t slave, AlState wanted, Step step) {
@@ -36,6 +44,26 @@ static Error check(Network& network, const ReadStateRequest&) {
     return network.count == 0 ? Error{.code = Errc::wrong_state, .step = Step::read_state} : Error{};
 }
 
+// Reports the change of a slave when a request ends, also when it is cut.
+class ReportChange {
+  public:
+    ReportChange(Network& network, Slave& slave, const AlStatus& before)
+        : network_(network), slave_(slave), before_(before) {}
+    ReportChange(const ReportChange&) = delete;
+    ReportChange& operator=(const ReportChange&) = delete;
+    ~ReportChange() {
+        if (network_.supervised)
+            note_change(network_, slave_, before_);
+        else if (slave_.al.state == AlState::none)
+            set_takes_part(network_, slave_, false);
+    }
+
+  private:
+    Network& network_;
+    Slave& slave_;
+    AlStatus before_;
+};
+
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
     const AlStatus before = slave.al;
@@ -44,12 +72,9 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
         co_return Error{.code = Errc::missing_slave, .step = Step::request_state, .slave = slave.number};
     auto seen = co_await read_al_status(network.station(slave));
     take_al_status(slave.al, seen);
+    const ReportChange report(network, slave, before);
     Result<AlStatus> changed = seen;
-    if (seen) changed = co_await change_state(network, slave, request.wanted, RequestAccess::deadline(request));
-    if (network.supervised)
-        note_change(network, slave, before);
-    else if (slave.al.state == AlState::none)
-        set_takes_part(network, slave, false);
+    if (seen) changed = co_await change_state(network, slave, request.wanted, end_of(request));
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 
@@ -64,8 +89,7 @@ static Task<Result<>> run(Network& network, WriteStateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {
-    const Time until = request.timeout > Duration{0} ? RequestAccess::deadline(request) : network.engine.now();
-    auto reached = co_await wait_for_state(network, request.slave, request.wanted, until);
+    auto reached = co_await wait_for_state(network, request.slave, request.wanted, end_of(request));
     request.reached = *reached;
     co_return reached ? Result<>() : Result<>(reached.error());
 }

@@ -67,6 +67,11 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
     auto states = co_await read_states(network);
     if (!states) co_return states.error();
+    if (network
+            .supervised) {  // slaves that answer at their address again; without a supervision the reading has done it
+        auto back = co_await for_each_slave(network, [&network](Slave& s) { return readmit_if_there(network, s); });
+        if (!back) co_return back;
+    }
     if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Result<>();
     auto found = co_await find_lost(network);
     if (!found) co_return found.error();
@@ -97,7 +102,7 @@ Result<> recover_slave(Context& ctx, std::uint16_t slave) {
     request.slave = slave;
     const auto done = submit_and_wait(ctx, request);
     if (!done || slave != 0 || request.found > 0) return done;
-    return Error{.code = Errc::no_slaves, .step = Step::recover};
+    return Error{.code = Errc::missing_slave, .step = Step::recover};
 }
 
 }  // namespace margay

@@ -60,16 +60,13 @@ bool share_octets(Bytes a, Bytes b) {
     return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
 }
 
-bool is_part_of(const Slave& slave, Bytes image) {
-    return share_octets(slave.image.outputs.bytes.span(), image) ||
-           share_octets(slave.image.inputs.bytes.span(), image);
-}
-
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
+    for (Slave& slave : network.slaves())
+        if (slave.config.group == number) network.marks(slave).image_group = number;
     group.layout = *layout;
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
@@ -90,7 +87,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
-    group.was_mapped = prepared.ok();
+    if (prepared) group.was_mapped = true;
     if (prepared) begin_counting(network, group);
     return prepared;
 }
@@ -114,19 +111,23 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
 Task<Result<>> leave_group(Network& network, Slave& slave) {
     slave.takes_part = false;
     slave.counted = false;
+    if (slave.al.state != AlState::none) {
+        auto cleared = co_await clear_fmmus(network, slave);
+        (void)cleared;  // a slave that does not answer maps nothing
+    }
+    if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
+        auto back = co_await bring_to_state(network, slave, AlState::preop);
+        if (!back) network.note(slave, back.error());
+    }
     slave.image = {};
-    if (slave.al.state == AlState::none) co_return Result<>();
-    auto cleared = co_await clear_fmmus(network, slave);
-    (void)cleared;  // a slave that does not answer maps nothing
-    if (slave.al.state != AlState::safeop && slave.al.state != AlState::op) co_return Result<>();
-    auto back = co_await bring_to_state(network, slave, AlState::preop);
-    if (!back) network.note(slave, back.error());
+    network.marks(slave).image_group = SlaveMarks::kNoGroup;
     co_return Result<>();
 }
 
 // The start-up of a slave that was held, or that is still in INIT.
-Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Bytes old_image, FirstFault& faults) {
-    if (slave.config.group != number && is_part_of(slave, old_image)) co_return co_await leave_group(network, slave);
+Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+    if (slave.config.group != number && network.marks(slave).image_group == number)
+        co_return co_await leave_group(network, slave);
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
@@ -245,7 +246,8 @@ class Mapping {
         group_.mapping = false;
         if (group_.mapped) return;
         for (Slave& slave : network_.slaves())
-            if (slave.config.group == group_.number) slave.image.outputs.bytes = slave.image.inputs.bytes = {};
+            if (network_.marks(slave).image_group == group_.number)
+                slave.image.outputs.bytes = slave.image.inputs.bytes = {};
     }
 
   private:
@@ -258,12 +260,10 @@ class Mapping {
 Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
-    const Bytes old_image = network.process.groups[number].image;
     Mapping mapping(network, number);
     FirstFault faults;
-    auto started = co_await for_each_slave(network, [&network, number, old_image, &faults](Slave& s) {
-        return start_up(network, s, number, old_image, faults);
-    });
+    auto started = co_await for_each_slave(
+        network, [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); });
     if (!started) co_return started.error();
     auto discovered = co_await for_each_slave(
         network, [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); });
@@ -274,6 +274,9 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
         unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
         for (Slave& slave : network.slaves())
             if (slave.config.group == number) slave.image = {};
+        const std::uint16_t named = laid_out.error().slave;  // the caller notes errors of the group
+        if (named != 0 && named <= network.count) network.note(network.slave(named), laid_out.error());
+        if (named > network.count) network.note(laid_out.error());
         co_return laid_out.error();
     }
     const Error entries = place_entries(network, network.process.groups[number]);

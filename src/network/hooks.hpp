@@ -31,9 +31,7 @@ Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void*
         co_return of_slave(done, slave);
     }
     while (hook.plain() != nullptr) {
-        // An exception must not pass through the library: noexcept ends the program instead.
-        const auto call = [&]() noexcept { return hook.plain()(hooked, args..., user); };
-        const Result<> done = call();
+        const Result<> done = hook.plain()(hooked, args..., user);
         if (done.error().code != Errc::busy) co_return of_slave(done, slave);
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }

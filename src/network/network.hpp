@@ -73,8 +73,12 @@ struct Network {
     Error supervision_error;         // why it has ended
     bool segment_in_use = false;     // a request that needs the whole segment is executing
     bool segment_wanted = false;     // such a request waits
+    bool supervision_turn = false;   // such a request has ended: the supervision works before the next one begins
     bool reaching = false;           // reach() has started the supervision itself
-    Crew requests;                   // requests in execution; the last member, so that it is destroyed first
+    // What follows transitions that were requested without waiting. With the requests in execution the last members, so
+    // that they are destroyed first.
+    Crew settling;
+    Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
@@ -97,7 +101,8 @@ struct Network {
         return std::ranges::any_of(mark_table.first(count), [](const SlaveMarks& marks) { return marks.in_use; });
     }
     // The supervision must not begin to change slaves: a request needs the whole segment.
-    [[nodiscard]] bool is_reserved() const { return segment_in_use || segment_wanted; }
+    [[nodiscard]] bool is_reserved() const { return segment_in_use || (segment_wanted && !supervision_turn); }
+    [[nodiscard]] bool is_turn_of_supervision() const { return supervised && supervision_turn; }
 
     [[nodiscard]] bool has_mailbox(const Slave& slave) const {
         return slave.number >= 1 && slave.number <= mailboxes.count();

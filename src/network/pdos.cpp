@@ -242,9 +242,10 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
 Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {
     Findings found;
     auto asked = co_await ask_by_mail(network, slave, found, false, &entries);
-    if (!asked) co_return asked;
+    // The data types of the SII are left out here: to read it would take the EEPROM from a slave in operation.
+    if (!asked || found.source != ConfigurationSource::sii) co_return asked;
     auto read = co_await read_sii(network, slave, found, &entries);
-    co_return read || found.source != ConfigurationSource::sii ? Result<>() : read;
+    co_return read;
 }
 
 }  // namespace margay

@@ -106,12 +106,16 @@ Task<Result<>> read_ring(Network& network) {
     for (int more = 5; !roll && more > 0; --more) roll = co_await read_all_states(network);
     if (!roll) co_return roll.error();
     if (roll->count > network.ring.size())
-        co_return Error{.code = Errc::capacity, .step = Step::recover, .expected = roll->count};
+        co_return Error{.code = Errc::capacity,
+                        .step = Step::recover,
+                        .expected = roll->count,
+                        .actual = static_cast<std::uint32_t>(network.ring.size())};
     Crew crew(network.tasks);
     for (std::uint16_t n = 0; n < roll->count; ++n) {
         while (crew.full()) co_await crew.one();
         while (!crew.start(read_place(network, n))) {
-            if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = Step::recover};
+            if (crew.running() == 0)
+                co_return Error{.code = Errc::capacity, .step = Step::recover, .detail = Error::kTasks};
             co_await crew.one();
         }
     }
@@ -420,7 +424,6 @@ Task<Result<BroadcastState>> read_all_states(Network& network) {
 }
 
 Task<Result<std::uint16_t>> find_lost(Network& network) {
-    if (network.searching) co_return Error{.code = Errc::busy, .step = Step::recover};
     const Searching searching(network);
     auto read = co_await read_ring(network);
     if (!read) co_return read.error();
@@ -455,6 +458,13 @@ void note_lost(Network& network, Slave& slave) {
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
+}
+
+Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
+    if (slave.al.state != AlState::none || !slave.seen) co_return Result<>();
+    auto seen = co_await read_al_status(network.station(slave));
+    if (!seen || slave.al.state != AlState::none || network.marks(slave).in_use) co_return Result<>();
+    co_return co_await readmit_slave(network, slave, *seen);
 }
 
 // FMMUs with the expected values are sufficient proof, and faster: the cycle waits for the slave. Otherwise the SII is

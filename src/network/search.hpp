@@ -21,8 +21,8 @@ struct BroadcastState {
 //   the line that it can be.
 //
 // A newcomer that is taken as a slave gets the station address of that slave, and is reported as found. All others are
-// reported once, as other_slave or as stranger, and not used. Returns the number of slaves found. Errors: busy (a
-// search is executing), unstable (the ring has changed meanwhile).
+// reported once, as other_slave or as stranger, and not used. Returns the number of slaves found. Only one search
+// executes at a time. Errors: unstable (the ring has changed meanwhile).
 [[nodiscard]] Task<Result<std::uint16_t>> find_lost(Network& network);
 
 // A slave does not answer any more: reports it, and removes it from the cycle.
@@ -36,5 +36,7 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
 // reported as found, and takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to
 // 0, so that find_lost() identifies it.
 [[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);
+// The same for a slave that may be lost and may answer.
+[[nodiscard]] Task<Result<>> readmit_if_there(Network& network, Slave& slave);
 
 }  // namespace margay

@@ -13,6 +13,8 @@ struct SlaveMarks {
     Transition requested = Transition::none;
     // The state to which the supervision brought the slave last without an error.
     AlState settled = AlState::none;
+    static constexpr std::uint16_t kNoGroup = 0xFFFF;
+    std::uint16_t image_group = kNoGroup;  // the group whose image the slave was laid out in last
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool in_use : 1 = false;         // see SlaveToken
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported

@@ -22,7 +22,7 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     note_reading(network, slave, seen);
     if (!seen && !does_not_answer(seen.error())) co_return seen.error();
-    if (request_is_met(network, slave)) co_return co_await settle_request(network, slave);
+    settle_request(network, slave);
     co_return Result<>();
 }
 
@@ -96,12 +96,14 @@ constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
 }  // namespace
 
-Task<Result<AlStatus>> read_states(Network& network) {
+Task<Result<AlStatus>> read_states(Network& network, Time until) {
     const std::uint32_t scans = network.scans;
     Error first;
     auto all = co_await for_each_slave(
         network, [&network](Slave& s) { return read_state(network, s); }, &first);
     if (!all) co_return all.error();
+    while (network.settling.running() > 0 && network.engine.now() < until)
+        co_await network.engine.sleep_until(std::min(until, later(network.engine.now(), kFirstPause)));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     co_return lowest(network);
@@ -131,9 +133,9 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
     const std::uint32_t scans = network.scans;
     Duration pause = kFirstPause;
     for (;;) {
-        auto all = co_await read_states(network);
+        auto all = co_await read_states(network, until);
         // Frames may be lost: the slaves are read again until the timeout.
-        const bool over = network.engine.now() >= until;
+        const bool over = until == kNever || network.engine.now() >= until;
         if (network.scans != scans) co_return kOtherSlaves;
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;

@@ -72,7 +72,8 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
-    co_return co_await settle_request(network, slave);
+    if (!network.is_reserved()) settle_request(network, slave);
+    co_return Result<>();
 }
 
 // All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
@@ -261,6 +262,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     auto roll = co_await read_all_states(network);
     if (!roll) {
         report_silent_segment(watch);
+        if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
         co_return Result<>();
     }
     (void)count_lost_frames(watch);
@@ -309,6 +311,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);
+        network.supervision_turn = false;
         if (!done) co_return done;
         const Time now = network.engine.now();
         if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {

@@ -6,6 +6,7 @@
 #include "station/al_state.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -44,6 +45,14 @@ bool goes_up(Transition which) {
 bool concerns(const Slave& slave, Transition which, Moment moment) {
     return which != Transition::none &&
            (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
+}
+
+Task<Result<>> follow_transition(Network& network, Slave& slave) {
+    const SlaveToken token(network.marks(slave));
+    const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
+    auto after = co_await around_transition(network, slave, which, Moment::after);
+    if (!after) network.note(slave, after.error());
+    co_return Result<>();
 }
 
 }  // namespace
@@ -106,20 +115,11 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     co_return changed;
 }
 
-bool request_is_met(const Network& network, const Slave& slave) {
+void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
-    return row != nullptr && slave.al.state == row->to && !slave.al.error;
-}
-
-Task<Result<>> settle_request(Network& network, Slave& slave) {
-    if (!request_is_met(network, slave) || network.marks(slave).in_use || network.segment_in_use) co_return Result<>();
-    const SlaveToken token(network.marks(slave));
-    const Transition which = network.marks(slave).requested;
-    auto after = co_await around_transition(network, slave, which, Moment::after);
-    network.marks(slave).requested =
-        Transition::none;  // not before: when the request ends here, the next one repeats it
-    if (!after) network.note(slave, after.error());
-    co_return Result<>();
+    const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
+    if (met && !network.marks(slave).in_use && !network.segment_in_use)
+        (void)network.settling.start(follow_transition(network, slave));
 }
 
 Error above_highest(const Station& station, const Slave& slave, AlState state) {

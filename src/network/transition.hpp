@@ -18,11 +18,10 @@ namespace margay {
 // The same for a request of the application. Additional errors: those of refusal().
 [[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until);
 
-// Completes a state that was requested without waiting, once the slave has reached it: executes the commands and the
-// hook that follow the transition.
-[[nodiscard]] Task<Result<>> settle_request(Network& network, Slave& slave);
-// Whether settle_request() has anything to do.
-[[nodiscard]] bool request_is_met(const Network& network, const Slave& slave);
+// Completes a state that was requested without waiting, if the slave has reached it: starts the commands and the hook
+// that follow the transition. They belong to no request (Network::settling), so that no timeout cuts them. Without
+// memory the next reading starts them.
+void settle_request(Network& network, Slave& slave);
 
 // How long the slave may take from its current state.
 [[nodiscard]] Duration al_timeout(const Slave& slave, AlState state);

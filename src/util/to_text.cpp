@@ -13,7 +13,7 @@ std::string_view to_text(Errc code) {
         case Errc::working_counter: return "wrong working counter";
         case Errc::link_down: return "no link: is the cable plugged in and the other end powered?";
         case Errc::nic: return "the network interface refused the frame";
-        case Errc::capacity: return "the application gives too little memory for it";
+        case Errc::capacity: return "not enough memory";
         case Errc::no_slaves: return "no slave answered";
         case Errc::unstable: return "the number of slaves changed while they were counted";
         case Errc::unknown_slave: return "there is no such slave";
@@ -46,9 +46,10 @@ std::string_view to_text(Errc code) {
         case Errc::sm_shortage: return "the slave has no such SyncManager";
         case Errc::sm_memory: return "outside the slave's process data memory, or on top of another SyncManager";
         case Errc::too_many_frames: return "more frames than the application provided for";
-        case Errc::mailbox_full: return "the slave takes no mail: its mailbox is full, or off in this state";
+        case Errc::mailbox_full:
+            return "the slave accepts no mailbox message: its mailbox is full, or not enabled in this AL state";
         case Errc::wrong_size: return "the size of the value differs from the requested size";
-        case Errc::pdo_list: return "no slave can have this list of PDOs";
+        case Errc::pdo_list: return "the list of PDOs is invalid";
         case Errc::pdo_unknown: return "neither the list nor the slave says which entries the PDO has";
         case Errc::not_process_sm: return "a list of PDOs for a SyncManager of a mailbox";
         case Errc::wrong_direction: return "the direction of the PDO differs from the direction of its SyncManager";

@@ -5,6 +5,8 @@
 
 #include <margay/hooked_slave.hpp>
 
+#include <memory>
+
 namespace margay {
 namespace {
 
@@ -95,13 +97,44 @@ TEST_F(Interrupted, ASlaveThatIsLostDuringAStateRequestWithoutASupervisionDoesNo
     EXPECT_TRUE(inputs_fresh(ctx, 1) && inputs_fresh(ctx, 2));
 }
 
+// A cable that is repaired, or a slave that is switched on again, while a supervision works: recover_slave() succeeds.
+TEST_F(Interrupted, RecoverSucceedsForASlaveThatIsThereAgainBesideASupervision) {
+    begin();
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(300);
+    for (const bool by_power : {false, true}) {
+        const auto there = [&](bool on) {
+            if (by_power) segment.set_power(2, on, osal.now());
+            if (!by_power) segment.set_cable({1, 1}, on);
+        };
+        there(false);
+        cycles(300);
+        EXPECT_EQ(recover_slave(ctx, 3).error().code, Errc::missing_slave);
+        there(true);
+        osal.advance(5ms);
+        segment.advance(osal.now());
+        const auto recovered = recover_slave(ctx, 3);
+        EXPECT_TRUE(recovered) << words(recovered.error());
+        cycles(2'000);
+        expect_all_in(AlState::op);
+    }
+    EXPECT_EQ(words(recover_slave(ctx, 0).error()), "recovering the slave: no lost slave was found");
+}
+
 // ------------------------------------------------------------------ timeouts
 
 struct SlowHook {
     int calls = 0;
+    int ends = 0;
     static Task<> transition(HookedSlave slave, Transition, Moment, void* user) {
         ++static_cast<SlowHook*>(user)->calls;
         auto paused = co_await slave.sleep(10s);
+        ++static_cast<SlowHook*>(user)->ends;
+        co_return paused;
+    }
+    static Task<> after(HookedSlave slave, Transition, Moment moment, void*) {
+        auto paused = co_await slave.sleep(moment == Moment::after ? 10s : 0s);
         co_return paused;
     }
 };
@@ -119,24 +152,54 @@ TEST_F(Interrupted, TheTimeoutOfAStateRequestIncludesTheHook) {
     ASSERT_TRUE(submit(ctx, request));
     ASSERT_TRUE(ends(request));
     EXPECT_EQ(request.error().code, Errc::timeout) << words(request.error());
-    EXPECT_LE(osal.now() - begin_of_request, 400ms);
+    EXPECT_LE(osal.now() - begin_of_request, 600ms);
     EXPECT_EQ(hook.calls, 1);
 }
 
-TEST_F(Interrupted, AStatecheckWhoseHookIsCutExecutesTheHookAgainAtTheNextReading) {
+TEST_F(Interrupted, AStateRequestThatIsCutReportsTheStateThatItHasReached) {
+    begin();
+    SuperviseRequest supervision;
+    supervision.target = AlState::safeop;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(300);
+    SlowHook hook;
+    ctx.slave(2).hooks.user = &hook;
+    ctx.slave(2).hooks.transition = SlowHook::after;
+    ASSERT_TRUE(set_target(ctx, 2, AlState::op));
+    StateRequest request;
+    request.slave = 2;
+    request.wanted = AlState::op;
+    request.timeout = 300ms;
+    ASSERT_TRUE(submit(ctx, request));
+    bool told = false;
+    for (int n = 0; n < 20'000 && request.busy(); ++n) {
+        (void)cycle();
+        while (const auto event = ctx.events().take())
+            told |= event->kind == EventKind::state && event->slave == 2 && event->now.state == AlState::op;
+    }
+    EXPECT_EQ(words(request.error()), "slave 2: requesting a state: timed out");
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::op);
+    EXPECT_TRUE(told);
+}
+
+// A loop of short statecheck() calls, as many programs have it: the hook is not cut, and begins once.
+TEST_F(Interrupted, AStatecheckDoesNotCutTheHookAfterTheTransition) {
     begin();
     ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
     SlowHook hook;
     ctx.slave(2).hooks.user = &hook;
     ctx.slave(2).hooks.transition = SlowHook::transition;
-    const Time begin_of_check = osal.now();
-    EXPECT_EQ(statecheck(ctx, 2, AlState::preop, 100ms).error().code, Errc::timeout);
-    EXPECT_LE(osal.now() - begin_of_check, 200ms);
+    for (int n = 0; n < 5; ++n) {
+        const Time begin_of_check = osal.now();
+        const auto seen = statecheck(ctx, 2, AlState::preop, 100ms);
+        EXPECT_EQ(seen->state, AlState::preop) << words(seen.error());
+        EXPECT_LE(osal.now() - begin_of_check, 110ms);
+        EXPECT_EQ(hook.calls, 1);
+        EXPECT_EQ(hook.ends, 0);
+    }
+    EXPECT_TRUE(readstate(ctx)) << "it waits for the hook";
     EXPECT_EQ(hook.calls, 1);
-    EXPECT_TRUE(readstate(ctx));
-    EXPECT_EQ(hook.calls, 2) << "the first call was cut";
-    EXPECT_TRUE(readstate(ctx));
-    EXPECT_EQ(hook.calls, 2);
+    EXPECT_EQ(hook.ends, 1);
 }
 
 // ------------------------------------------------------------------ the EEPROM
@@ -234,6 +297,53 @@ TEST_F(Interrupted, ReachGoesOnWithASupervisionOfItsOwnWhenThatOfTheApplicationE
     EXPECT_TRUE(reached) << words(reached.error());
     EXPECT_FALSE(supervision.busy());
     expect_all_in(AlState::op);
+}
+
+// ------------------------------------------------------------------ mappings
+
+// A mapping that is cancelled at any moment leaves no pointer into the memory of an image, of slaves that have left the
+// group neither. The address sanitizer watches.
+TEST_F(Interrupted, AMappingThatIsCancelledLeavesNothingInTheOldImage) {
+    begin();
+    for (const Slave& slave : ctx.slaves()) slave.config.mailbox_status = true;
+    for (int delay = 0; delay < 150; delay += 5) {
+        auto old_image = std::make_unique<std::array<std::byte, 512>>();
+        ctx.slave(2).config.group = 0;
+        (void)config_map(ctx, *old_image);
+        ctx.slave(2).config.group = 1;
+        MapRequest map;
+        map.image = image;
+        ASSERT_TRUE(submit(ctx, map));
+        steps(1 + delay);  // it has begun
+        map.cancel();
+        old_image.reset();
+        EXPECT_TRUE(ctx.slave(2).image.outputs.bytes.empty());
+        EXPECT_TRUE(ctx.slave(1).image.outputs.bytes.empty() || ctx.group(0).image.data() == image.data());
+        for (const Slave& slave : ctx.slaves())
+            for (auto& octet : slave.image.outputs.bytes) octet = std::byte{1};
+        ASSERT_TRUE(watch_mailboxes(ctx, 1ms));
+        steps(30);
+    }
+}
+
+// ------------------------------------------------------------------ exceptions
+
+using InterruptedDeathTest = Interrupted;
+
+TEST_F(InterruptedDeathTest, AnExceptionOfACallbackEndsTheProgram) {
+    begin();
+    EXPECT_DEATH((void)run_cycle(ctx, {}, [](const CycleInfo&) -> bool { throw 1; }), "terminate");
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(300);
+    ctx.events().callback = [](const Event&, void*) { throw 1; };
+    segment.set_power(2, false, osal.now());
+    EXPECT_DEATH(cycles(100), "terminate");
+    ctx.events().callback = nullptr;
+    supervision.cancel();
+    ctx.slave(1).hooks.transition = [](HookedSlave, Transition, Moment, void*) -> Result<> { throw 1; };
+    EXPECT_DEATH((void)writestate(ctx, 1, AlState::preop), "terminate");
+    ctx.slave(1).hooks.transition = {};
 }
 
 }  // namespace

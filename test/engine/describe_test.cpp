@@ -31,7 +31,7 @@ TEST(Describe, NamesSlaveStepAndCause) {
             {.code = Errc::working_counter, .step = Step::assign_address, .slave = 2, .index = 0x10, .expected = 1}),
         "slave 2: assigning station addresses at register 0x0010: wrong working counter (expected 1, got 0)");
     EXPECT_EQ(sentence({.code = Errc::capacity, .step = Step::count_slaves, .expected = 100, .actual = 64}),
-              "counting slaves: the application gives too little memory for it: Limits::slaves (needed 100, there is "
+              "counting slaves: not enough memory: Limits::slaves (needed 100, there is "
               "room for 64)");
 }
 
@@ -77,7 +77,7 @@ TEST(Describe, SaysThatANicCouldNotBeOpened) {
 
 TEST(Describe, DistinguishesASilentSlaveFromOneThatDoesNotExist) {
     EXPECT_EQ(sentence({.code = Errc::missing_slave, .step = Step::recover, .slave = 2}),
-              "slave 2: recovering the slave: the slave does not answer: has it power, and is its cable plugged in?");
+              "slave 2: recovering the slave: the slave does not answer: check its power and its cable");
     EXPECT_EQ(sentence({.code = Errc::unknown_slave, .step = Step::recover, .slave = 4, .expected = 3}),
               "slave 4: recovering the slave: there is no such slave (there are 3)");
     EXPECT_EQ(sentence({.code = Errc::missing_slave, .step = Step::recover}),

@@ -260,8 +260,8 @@ TEST_F(BusTest, TheApplicationsWordStands) {
     const auto warnings = bus.warnings();
     ASSERT_EQ(warnings.size(), 1U);
     EXPECT_EQ(warnings[0],
-              "slave 1: finding the PDOs at SyncManager 0: sources differ by 16 bits (the application has 0, which "
-              "counts, the SII 16)");
+              "slave 1: finding the PDOs at SyncManager 0: sources differ by 16 bits (used: the application, 0 "
+              "bits; the SII has 16 bits)");
     const auto errors = bus.errors();
     ASSERT_EQ(errors.size(), 1U) << "the device insists on its outputs";
     EXPECT_NE(

@@ -181,11 +181,11 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
     static constexpr SlaveSetup kSetups[] = {
         {.pdos = kLists[0]}, {.pdos = kLists[1]}, {.pdos = kLists[2]}, {.pdos = kLists[3]}};
     static constexpr std::string_view kSaid[] = {
-        "slave 1: configuring PDOs of 0x1600:2: no slave can have this list of PDOs (an entry has 0 bits)",
-        "slave 1: configuring PDOs of 0x6000:0: no slave can have this list of PDOs (PDOs are 0x1600 to 0x17FF and "
+        "slave 1: configuring PDOs of 0x1600:2: the list of PDOs is invalid (an entry has 0 bits)",
+        "slave 1: configuring PDOs of 0x6000:0: the list of PDOs is invalid (PDOs are 0x1600 to 0x17FF and "
         "0x1A00 to 0x1BFF)",
-        "slave 1: configuring PDOs of 0x1600:0: no slave can have this list of PDOs (the PDO is listed twice)",
-        "slave 1: configuring PDOs of SyncManager 0: no slave can have this list of PDOs (two lists name this "
+        "slave 1: configuring PDOs of 0x1600:0: the list of PDOs is invalid (the PDO is listed twice)",
+        "slave 1: configuring PDOs of SyncManager 0: the list of PDOs is invalid (two lists name this "
         "SyncManager)"};
     for (std::size_t n = 0; n < std::size(kSetups); ++n) {
         ASSERT_TRUE(config_init(*ctx).ok());
@@ -248,14 +248,14 @@ TEST_F(Mistakes, ASharedImageThatIsTooSmallSaysHowMuchItNeeds) {
     ctx->group(0).config.shared = &shared;
     ASSERT_TRUE(config_init(*ctx).ok());
     EXPECT_EQ(words(config_map(*ctx, image).error()),
-              "mapping process data: the application gives too little memory for it: SharedImage (needed 12 octets)");
+              "mapping process data: not enough memory: SharedImage (needed 12, there is room for 8)");
 }
 
 TEST_F(Mistakes, ASlaveWithoutPowerExistsAndDoesNotAnswer) {
     ASSERT_TRUE(config_init(*ctx).ok());
     power(1, false);
     EXPECT_EQ(words(recover_slave(*ctx, 2).error()),
-              "slave 2: recovering the slave: the slave does not answer: has it power, and is its cable plugged in?");
+              "slave 2: recovering the slave: the slave does not answer: check its power and its cable");
     EXPECT_EQ(words(recover_slave(*ctx, 3).error()),
               "slave 3: recovering the slave: there is no such slave (there are 2)");
 }

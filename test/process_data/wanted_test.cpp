@@ -461,6 +461,27 @@ TEST_F(Wanted, TheCycleReportsThatItsGroupIsNotMappedAnyMore) {
     }
 }
 
+// Also when another group goes on.
+TEST_F(Wanted, TheCycleReportsThatOneOfItsGroupsIsNotMappedAnyMore) {
+    limits.process_frames = 2;
+    ctx = std::make_unique<HostContext>(limits);
+    ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+    ASSERT_TRUE(scan({}).ok());
+    ctx->slave(3).config.group = 1;
+    std::array<std::byte, 16> second{};
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(config_map(*ctx, second, 1).ok());
+    ctx->group(1).config.cycles_in_flight = 2;  // too many frames
+    EXPECT_EQ(config_map(*ctx, second, 1).error().code, Errc::too_many_frames);
+    EXPECT_TRUE(ctx->group(0).mapped);
+    const auto done = run_cycle(*ctx, {}, [&](const CycleInfo& cycle) {
+        EXPECT_EQ(cycle.error.code, Errc::unknown_group);
+        EXPECT_EQ(cycle.error.index, 1) << "the group";
+        return cycle.number < 3;
+    });
+    EXPECT_TRUE(done.ok());
+}
+
 TEST_F(Wanted, AReachWithAShortTimeoutSucceedsWhereAllIsWell) {
     ASSERT_TRUE(scan({}).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -60,9 +60,6 @@ TEST_F(EntriesByDictionary, HaveTheDataTypesOfTheSii) {
         EXPECT_TRUE(right.mapped());
         EXPECT_EQ(right.place().data_type, 0x04) << "INTEGER32";
     }
-    const auto place = find_entry(ctx, 1, 0x607A, 0);
-    ASSERT_TRUE(place);
-    EXPECT_EQ(write_entry<float>(ctx, *place, 1.0F).error().code, Errc::entry_type);
 }
 
 TEST_F(EntriesByDictionary, FollowTheListsOfTheApplication) {

@@ -167,7 +167,7 @@ TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
     const Time before = osal.now();
     const auto refused = SDOread<std::uint32_t>(ctx, 1, 0x1018, 2, 200ms);
     EXPECT_EQ(refused.error().code, Errc::mailbox_full) << words(refused.error());
-    EXPECT_NE(words(refused.error()).find("off in this state"), std::string::npos) << words(refused.error());
+    EXPECT_NE(words(refused.error()).find("not enabled in this AL state"), std::string::npos) << words(refused.error());
     EXPECT_LE(osal.now() - before, 250ms);
     ASSERT_TRUE(writestate(ctx, 1, AlState::preop));
     ASSERT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);

@@ -226,12 +226,12 @@ TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
          "slave 1: configuring PDOs of SyncManager 7: the slave has no such SyncManager (needed 8, there is room for "
          "4)"},
         {{{2, kOut}, {2, kOut}},
-         "slave 1: configuring PDOs of SyncManager 2: no slave can have this list of PDOs (two lists name "
+         "slave 1: configuring PDOs of SyncManager 2: the list of PDOs is invalid (two lists name "
          "this SyncManager)"},
         {{{2, kTwice}},
-         "slave 1: configuring PDOs of 0x1600:0: no slave can have this list of PDOs (the PDO is listed twice)"},
+         "slave 1: configuring PDOs of 0x1600:0: the list of PDOs is invalid (the PDO is listed twice)"},
         {{{2, kNoPdo}},
-         "slave 1: configuring PDOs of 0x7000:0: no slave can have this list of PDOs (PDOs are 0x1600 to 0x17FF and "
+         "slave 1: configuring PDOs of 0x7000:0: the list of PDOs is invalid (PDOs are 0x1600 to 0x17FF and "
          "0x1A00 to 0x1BFF)"},
         {{{2, kIn}},
          "slave 1: configuring PDOs of 0x1a00:0: the direction of the PDO differs from the direction of its "
@@ -240,9 +240,9 @@ TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
          "slave 1: configuring PDOs of 0x1600:0: the direction of the PDO differs from the direction of its "
          "SyncManager"},
         {{{2, kEmptyEntry}},
-         "slave 1: configuring PDOs of 0x1600:2: no slave can have this list of PDOs (an entry has 0 bits)"},
+         "slave 1: configuring PDOs of 0x1600:2: the list of PDOs is invalid (an entry has 0 bits)"},
         {{{2, kMany}},
-         "slave 1: configuring PDOs of 0x1600:0: no slave can have this list of PDOs (a PDO has room for 254 entries)"},
+         "slave 1: configuring PDOs of 0x1600:0: the list of PDOs is invalid (a PDO has room for 254 entries)"},
     };
     for (const Case& c : cases) {
         EXPECT_EQ(wrong_with(c.lists), c.says);

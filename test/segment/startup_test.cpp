@@ -385,8 +385,8 @@ TEST_F(SourcesDiffer, BetweenDictionaryAndSiiIsToldInBitsAndHarmsNobody) {
     const auto said = warnings();
     ASSERT_FALSE(said.empty());
     EXPECT_EQ(said[0],
-              "slave 1: finding the PDOs at SyncManager 2: sources differ by 64 bits (the object dictionary has 128, "
-              "which counts, the SII 64)");
+              "slave 1: finding the PDOs at SyncManager 2: sources differ by 64 bits (used: the object dictionary, "
+              "128 bits; the SII has 64 bits)");
     for (const auto& line : said) EXPECT_EQ(line.substr(0, 8), "slave 1:") << line;
     EXPECT_EQ(ctx.slave(1).error.code, Errc::none);
     EXPECT_TRUE(is_warning(Errc::sizes_differ));
@@ -425,12 +425,11 @@ TEST_F(SourcesDiffer, WhatTheApplicationOrItsFileSaysStandsAndIsCompared) {
     EXPECT_EQ(ctx.slave(2).image.outputs.bits, 16U);
     const auto said = warnings();
     const std::string told_one =
-        "slave 1: finding the PDOs at SyncManager 2: sources differ by 48 bits (the application has 16, which counts, "
-        "the "
-        "object dictionary 64)";
+        "slave 1: finding the PDOs at SyncManager 2: sources differ by 48 bits (used: the application, 16 bits; the "
+        "object dictionary has 64 bits)";
     const std::string told_two =
-        "slave 2: finding the PDOs at SyncManager 2: sources differ by 48 bits (the configuration file has 16, which "
-        "counts, the object dictionary 64)";
+        "slave 2: finding the PDOs at SyncManager 2: sources differ by 48 bits (used: the configuration file, 16 "
+        "bits; the object dictionary has 64 bits)";
     EXPECT_EQ(std::ranges::count(said, told_one), 1);
     EXPECT_EQ(std::ranges::count(said, told_two), 1);
 }
@@ -442,7 +441,7 @@ TEST_F(SourcesDiffer, TypesOfSyncManagersAreCompared) {
     const auto said = warnings();
     ASSERT_FALSE(said.empty());
     EXPECT_EQ(said[0],
-              "slave 1: finding the PDOs at SyncManager 3: object 0x1C00 and the SII differ (inputs, which counts, and "
+              "slave 1: finding the PDOs at SyncManager 3: object 0x1C00 and the SII differ (used: inputs; the other: "
               "outputs)");
     EXPECT_EQ(ctx.slave(1).error.code, Errc::none) << told(1);
     EXPECT_EQ(ctx.slave(1).image.inputs.bits, 64U);

@@ -217,6 +217,7 @@ void World::cycle_group(std::uint8_t group) {
             if (slot.operation && slot.operation->request().busy() &&
                 (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
                 return;
+    look_around();
     set_outputs(group);
     const auto sent = send_processdata(*ctx_, group);
     note_outputs(group);
