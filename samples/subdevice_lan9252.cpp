@@ -42,8 +42,8 @@ constexpr DeviceDescription kDevice{
     .protocols = {.coe = true, .foe = true},
     .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1080, .size_bytes = 128}},
     .boot_mailbox = {{.start = 0x1000, .size_bytes = 512}, {.start = 0x1200, .size_bytes = 512}},
-    .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 1, .watchdog = true},
-    .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 1},
+    .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 2, .watchdog = true},
+    .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 2},
     .dc = {.supported = true},
 };
 
@@ -59,8 +59,10 @@ constexpr Entry kName[] = {text(0, "Device name", kDevice.name)};
 constexpr auto kIdentity = identity_entries(kDevice);
 constexpr auto kSyncManagers = sync_manager_type_entries(kDevice);
 constexpr auto kErrors = kErrorHistoryEntries<4>;
-constexpr Entry kRxPdo[] = {entry_count(1), mapped(1, 0x7000, 0, 8)};
-constexpr Entry kTxPdo[] = {entry_count(1), mapped(1, 0x6000, 0, 8)};
+// Each PDO ends with a gap of one octet: a SyncManager of one octet is only a watchdog trigger, without buffers and
+// events (ESC data sheets, register 0x0802).
+constexpr Entry kRxPdo[] = {entry_count(2), mapped(1, 0x7000, 0, 8), mapped(2, 0, 0, 8)};
+constexpr Entry kTxPdo[] = {entry_count(2), mapped(1, 0x6000, 0, 8), mapped(2, 0, 0, 8)};
 constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
 constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
 constexpr Entry kDimming[] = {value<Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(0, 1000)};
@@ -93,7 +95,7 @@ struct Buffers {
     MailboxMemory<512, 3> mailbox;
     std::array<std::byte, 256> staging{};
     std::array<std::byte, Values::bytes> values{};
-    ProcessDataMemory<1, 1, 2> process_data;
+    ProcessDataMemory<2, 2, 2> process_data;
     std::array<EmergencyMessage, 4> emergencies{};
     std::array<std::byte, 4 * 4> error_history{};
 };

@@ -1,6 +1,7 @@
 // The ESC access of the slave stack over the SPI of a LAN9252 (data sheet DS00001909, chapters 9 "SPI/SQI slave" and
 // 12 "EtherCAT"). It accesses ESC registers through the CSR command and data registers, and process memory through the
-// two FIFOs. It uses no heap and no exceptions, and only the SPI of the board.
+// two FIFOs. An access to a register is split into accesses of at most four octets, because the chip has no larger
+// ones. It uses no heap and no exceptions, and only the SPI of the board.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -15,6 +16,9 @@ class SpiBus {
   public:
     virtual void transfer(MutableBytes in_and_out) noexcept = 0;
     [[nodiscard]] virtual Time now() noexcept = 0;
+    // For a device whose interrupt handlers use this SPI: see EscAccess::lock().
+    [[nodiscard]] virtual std::uint32_t lock() noexcept { return 0; }
+    virtual void unlock(std::uint32_t before) noexcept { (void)before; }
 
   protected:
     ~SpiBus() = default;
@@ -68,6 +72,8 @@ class Lan9252 final : public subdevice::EscAccess {
         }
     }
     [[nodiscard]] Time now() noexcept override { return spi_.now(); }
+    [[nodiscard]] std::uint32_t lock() noexcept override { return spi_.lock(); }
+    void unlock(std::uint32_t before) noexcept override { spi_.unlock(before); }
 
   private:
     static constexpr std::uint16_t kProcessRam = 0x1000;

@@ -34,10 +34,14 @@ void Esc::power_up(Time now) {
     alias_enabled_ = protected_ = false;
     irq_ = 0;
     al_events_ = 0;
+    activations_ = 0;
+    pulse_ends_ = {kNever, kNever};
+    buffer_times_ = {kNever, kNever, kNever};
     link_bits_ = 0;
     loops_end_ = kNever;
     lasting_loops_ = 0;
     power_up_registers();
+    al_mask_ = registers_.get<std::uint32_t>(reg::kAlEventMask.address);
     ++loops_written_;
     ++configuration_;
     sync_managers_.power_up(registers_, description_.sync_managers, static_cast<std::uint32_t>(ram_.size()));
@@ -46,7 +50,9 @@ void Esc::power_up(Time now) {
     mii_.power_up(registers_, description_);
     watchdogs_.power_up(registers_, registers_.get<std::uint8_t>(reg::kPdiControl.address) != 0, now);
     clock_.power_up(registers_, description_.clock, description_.dc == DcUnit::bits64, now);
-    sync_.power_up(registers_, clock_);
+    sync_.power_up(registers_, clock_,
+                   {.enhanced = (description_.features & wire::features::kEnhancedSyncActivation) != 0,
+                    .wide = description_.dc == DcUnit::bits64});
     reload_mappings();
     firmware_due_ = kNever;
     pdi_operational_ = false;
@@ -63,6 +69,7 @@ void Esc::start_pdi(Time now) {
     if (!firmware_) return;
     firmware_->start(*this, now);
     firmware_due_ = firmware_->step(now);
+    if (!firmware_polls_ && interrupt_active()) wake_firmware(now);
 }
 
 void Esc::power_up_registers() {
@@ -128,7 +135,8 @@ void Esc::count_lost_link(unsigned port) { count(reg::kLostLinkCounter.address +
 void Esc::count_processing_error() { count(reg::kProcessingUnitErrorCounter.address); }
 
 void Esc::schedule() {
-    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, reset_wanted_ ? now_ : kNever});
+    next_event_ = std::min({firmware_due_, watchdogs_.next(), sync_.next(), loops_end_, pulse_ends_[0], pulse_ends_[1],
+                            reset_wanted_ ? now_ : kNever});
 }
 
 void Esc::advance(Time now) {
@@ -145,12 +153,14 @@ void Esc::advance(Time now) {
                 registers_.set<std::uint32_t>(0x0F00, 0);
         }
         if (expired.pdi) update_dl_status();
-        if (const auto pulses = sync_.settle(now_); pulses != 0) set_al_events(pulses, now_);
+        end_sync_pulses();
+        if (const auto pulses = sync_.settle(now_); pulses != 0) set_sync_events(pulses, now_);
         if (firmware_due_ <= now_ && firmware_ && !halted_) {
             firmware_due_ = kNever;
             const auto wanted = firmware_->step(now_);
             firmware_due_ = std::min(firmware_due_, wanted);
-            firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);  // time must advance
+            if (!firmware_polls_ && interrupt_active()) wake_firmware(now_);  // the level of the line matters
+            firmware_due_ = std::max(firmware_due_, now_ + kLeastStep);       // time must advance
         }
         schedule();
     }
@@ -162,6 +172,7 @@ void Esc::latch(unsigned input, bool rising, Time at) {
     const auto events = sync_.latch(input, rising, at);
     if (events.al != 0) set_al_events(events.al, at);
     if (events.ecat_latch) change_ecat_events(ecat_event::kLatch, 0);
+    schedule();
 }
 
 void Esc::halt_firmware(Time now) {
@@ -180,7 +191,30 @@ void Esc::set_drift(std::int32_t ppb, Time now) {
 void Esc::set_al_events(std::uint32_t bits, Time at) {
     if ((al_events_ | bits) == al_events_) return;
     al_events_ |= bits;
-    wake_firmware(at);
+    if (firmware_polls_ || (bits & al_mask_) != 0) wake_firmware(at);
+}
+
+// ESC data sheets, register 0x0220 bits 2 and 3: the state of the SYNC signals, where register 0x0151 maps them. In
+// acknowledge mode (0x0982 is 0) the state stays until the PDI reads 0x098E or 0x098F, otherwise as long as the pulse.
+void Esc::set_sync_events(std::uint32_t pulses, Time at) {
+    const auto configured = registers_.get<std::uint8_t>(reg::kSyncLatchConfiguration.address);
+    const auto pulse = std::chrono::nanoseconds(10) * registers_.get<std::uint16_t>(reg::kSyncPulseLength.address);
+    constexpr std::array<std::uint8_t, 2> kMapped{wire::sync_latch::kSync0Event, wire::sync_latch::kSync1Event};
+    constexpr std::array<std::uint32_t, 2> kEvents{wire::al_event::kDcSync0, wire::al_event::kDcSync1};
+    for (std::size_t signal = 0; signal < 2; ++signal) {
+        if ((pulses & kEvents[signal]) == 0 || (configured & kMapped[signal]) == 0) continue;
+        if (pulse != Duration::zero()) pulse_ends_[signal] = at + pulse;
+        set_al_events(kEvents[signal], at);
+    }
+}
+
+void Esc::end_sync_pulses() {
+    constexpr std::array<std::uint32_t, 2> kEvents{wire::al_event::kDcSync0, wire::al_event::kDcSync1};
+    for (std::size_t signal = 0; signal < 2; ++signal) {
+        if (pulse_ends_[signal] > now_) continue;
+        pulse_ends_[signal] = kNever;
+        clear_al_events(kEvents[signal]);
+    }
 }
 
 void Esc::wake_firmware(Time at) {
@@ -208,7 +242,9 @@ void Esc::carry_out(const SyncManagers::Events& events, Time at) {
     }
     if (events.al_clear != 0) clear_al_events(events.al_clear);
     if (events.al_set != 0) set_al_events(events.al_set, at);
-    if (events.arrived) wake_firmware(at);
+    if (events.arrived && firmware_polls_) wake_firmware(at);
+    if (events.pdi_start) buffer_times_[1] = at;
+    if (events.pdi_change) buffer_times_[2] = at;
     if ((events.ecat_set | events.ecat_clear) != 0) change_ecat_events(events.ecat_set, events.ecat_clear);
 }
 

@@ -40,7 +40,10 @@ class Esc final : public subdevice::EscAccess {
     Esc(const EscDescription& description, std::vector<std::byte> sii);
 
     // Sets the program behind the PDI; nullptr: an ESC without a processor. Call it before power_up().
-    void set_firmware(std::unique_ptr<Firmware> firmware) { firmware_ = std::move(firmware); }
+    void set_firmware(std::unique_ptr<Firmware> firmware) {
+        firmware_ = std::move(firmware);
+        firmware_polls_ = firmware_ && firmware_->polls();
+    }
     [[nodiscard]] Firmware* firmware() { return firmware_.get(); }
     // The process data of the firmware; nullptr if there is none, or while the PDI does not work (start_pdi()).
     [[nodiscard]] ProcessDataFirmware* process_data() {
@@ -195,7 +198,11 @@ class Esc final : public subdevice::EscAccess {
     }
     void carry_out(const SyncManagers::Events& events, Time at);
     void set_al_events(std::uint32_t bits, Time at);
+    void set_sync_events(std::uint32_t pulses, Time at);
+    void end_sync_pulses();
     void wake_firmware(Time at);
+    // The PDI interrupt is active.
+    [[nodiscard]] bool interrupt_active() const { return (al_events_ & al_mask_) != 0; }
     void clear_al_events(std::uint32_t bits);
     void change_ecat_events(std::uint16_t set, std::uint16_t clear);
     void count(std::uint32_t address);
@@ -222,6 +229,8 @@ class Esc final : public subdevice::EscAccess {
     std::uint32_t configuration_ = 0;
     std::uint32_t loops_written_ = 0;
     std::uint32_t al_events_ = 0;  // AL event request, 0x0220
+    std::uint32_t al_mask_ = 0;    // AL event mask, 0x0204
+    bool firmware_polls_ = false;
     std::size_t writes_ = 0;
     std::size_t write_bytes_used_ = 0;
     std::uint16_t effects_ = 0;  // bits of Effect: registers that were read and act at the end of the frame
@@ -258,6 +267,11 @@ class Esc final : public subdevice::EscAccess {
     std::uint16_t link_bits_ = 0;
     std::uint32_t compare_with_ = 0;  // low 32 bits of the value written to the system time
     std::uint64_t work_ = 0;
+    std::uint32_t activations_ = 0;  // SyncManagers whose activation has changed since the PDI read it
+    // Ends of the pulses of SYNC0 and SYNC1 that are visible in the AL event request.
+    std::array<Time, 2> pulse_ends_{kNever, kNever};
+    // Times of the last buffer events: change by the master, start and change by the PDI; kNever: none.
+    std::array<Time, 3> buffer_times_{kNever, kNever, kNever};
     Time loops_end_ = kNever;  // end of temporary loop settings
 };
 

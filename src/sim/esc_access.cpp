@@ -25,8 +25,12 @@ bool Esc::ecat_write(std::uint32_t address, Bytes data, Time at) {
 // Splits an access into parts with one owner each: a SyncManager, or none.
 bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, std::size_t length, Time at) {
     const auto end = static_cast<std::uint32_t>(std::min<std::size_t>(address + length, kAddressSpace));
+    if (side == Side::ecat) now_ = std::max(now_, at);
+    const bool triggers = write && side == Side::ecat && sync_managers_.any_single();
     if (!sync_managers_.any_enabled()) {
-        return address < end && access_plain(side, write, address, data, end - address, at);
+        const bool done = address < end && access_plain(side, write, address, data, end - address, at);
+        if (done && triggers) sync_managers_.wrote_singles(address, end);
+        return done;
     }
     bool any = false;
     SyncManagers::Events events;
@@ -34,7 +38,9 @@ bool Esc::access(Side side, bool write, std::uint32_t address, std::byte* data, 
         const auto part = sync_managers_.part_at(address, end);
         const std::size_t count = part.stop - address;
         if (part.channel < 0) {
-            any |= access_plain(side, write, address, data, count, at);
+            const bool done = access_plain(side, write, address, data, count, at);
+            if (done && triggers) sync_managers_.wrote_singles(address, part.stop);
+            any |= done;
         } else {
             const auto n = static_cast<unsigned>(part.channel);
             const bool allowed = !write || side == Side::pdi || writable(address);

@@ -5,6 +5,7 @@
 #include "wire/sync_manager.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace margay::sim {
@@ -64,17 +65,17 @@ void Esc::frame_end(const FrameEnd& end) {
     if (sync_managers_.frame_pending()) {
         SyncManagers::Events events;
         sync_managers_.frame_end(good, events);
+        if (good) buffer_times_[0] = end.processing;
         handle(events, at);
     }
 }
 
 // Reading the time of an edge enables the latch for the next edge.
 void Esc::latches_read(unsigned edges) {
-    std::uint32_t cleared = 0;
+    bool cleared = false;
     for (unsigned edge = 0; edge < 4; ++edge)
-        if ((edges >> edge & 1) != 0) cleared = sync_.was_read(latch_time(edge), 8);
-    clear_al_events(cleared);
-    if ((cleared & wire::al_event::kDcLatch) != 0) change_ecat_events(0, ecat_event::kLatch);
+        if ((edges >> edge & 1) != 0) cleared = sync_.was_read(latch_time(edge), 8, false).ecat_latch;
+    if (cleared) change_ecat_events(0, ecat_event::kLatch);
 }
 
 // Executes one write of the shadow buffer: copies the octets that are writable into the registers.
@@ -129,6 +130,10 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
     }
     if (from_pdi && range.covers(reg::kAlStatus.address)) change_ecat_events(ecat_event::kAlStatus, 0);
     if (range.meets(reg::kEcatEventMask)) change_ecat_events(0, 0);
+    if (from_pdi && range.meets(reg::kAlEventMask)) {
+        al_mask_ = registers_.get<std::uint32_t>(reg::kAlEventMask.address);
+        if (interrupt_active()) wake_firmware(at);
+    }
     const auto clear = [&](std::uint32_t from, std::uint32_t to) {
         if (!from_pdi && range.meets(from, to))
             std::fill(registers_.bytes().begin() + from, registers_.bytes().begin() + to, std::byte{0});
@@ -155,8 +160,10 @@ void Esc::written(std::uint32_t address, std::size_t length, bool from_pdi, Time
             const auto channel = reg::sync_manager(n);
             if (!range.meets(channel)) continue;
             sync_managers_.reconfigure(n);
-            if (!from_pdi && range.covers(channel.address + wire::SyncManagerLayout::activate::offset))
+            if (!from_pdi && range.covers(channel.address + wire::SyncManagerLayout::activate::offset)) {
+                activations_ |= 1u << n;
                 set_al_events(wire::al_event::kSmActivation, at);
+            }
         }
         link_mappings();
         watchdogs_.set_fed(sync_managers_.feeds_watchdog(), at);
@@ -219,15 +226,20 @@ void Esc::was_read(std::uint32_t address, std::size_t length, Side side) {
                 effects_ = static_cast<std::uint16_t>(effects_ | kLatchRead << edge);
         return;
     }
-    if (range.covers(reg::kAlControl.address)) {
+    if (range.meets(reg::kAlControl)) {
         al_control_unread_ = false;
         clear_al_events(wire::al_event::kAlControl);
     }
-    if (range.meets(kSyncManagerArea, kSyncManagerArea + kMaxSyncManagers * reg::kSyncManagerStride))
-        clear_al_events(wire::al_event::kSmActivation);
+    // Assumed as the data sheets do not say it: each channel that was changed must be read.
+    for (auto left = activations_; left != 0; left &= left - 1) {
+        const auto n = static_cast<unsigned>(std::countr_zero(left));
+        if (range.covers(reg::sync_manager(n).address + wire::SyncManagerLayout::activate::offset))
+            activations_ &= ~(1u << n);
+    }
+    if (activations_ == 0) clear_al_events(wire::al_event::kSmActivation);
     if (range.meets(reg::kProcessDataWatchdogStatus)) clear_al_events(wire::al_event::kWatchdog);
     if (dc_on_ && range.meets(reg::kSync0Status.address, reg::kLatch1NegativeEdge.end()))
-        clear_al_events(sync_.was_read(address, length));
+        clear_al_events(sync_.was_read(address, length, true).al);
 }
 
 void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at) {
@@ -249,6 +261,10 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
         registers_.set(reg::kSystemTime.address, time);
     }
     if (range.meets(reg::kSyncStartTime.address, reg::kNextSync1Pulse.end())) sync_.refresh();
+    constexpr std::array kBufferTimes{reg::kEcatBufferChangeTime, reg::kPdiBufferStartTime, reg::kPdiBufferChangeTime};
+    for (std::size_t n = 0; n < kBufferTimes.size(); ++n)
+        if (range.meets(kBufferTimes[n]) && buffer_times_[n] != kNever)
+            registers_.set(kBufferTimes[n].address, static_cast<std::uint32_t>(clock_.local(buffer_times_[n])));
 }
 
 void Esc::settle_sii(Time at) {
@@ -283,7 +299,8 @@ void Esc::written_dc(std::uint32_t address, std::size_t length, Time at) {
         sync_.clock_changed(at);
     }
     if (range.meets(reg::kSystemTimeDifferenceFilter)) clock_.reset_difference();
-    if (range.meets(reg::kSyncActivation)) sync_.written(address, length, at);
+    if (range.meets(reg::kSyncActivation) || range.meets(reg::kSyncStartTime))
+        set_sync_events(sync_.written(address, length, at), at);
     schedule();
 }
 

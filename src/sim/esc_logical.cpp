@@ -137,7 +137,9 @@ bool Esc::map_buffer(const Mapping& mapping, bool write, std::byte* data, Time a
     return done;
 }
 
-// Mappings that do not start and end at octet boundaries. A write keeps the other bits of an octet.
+// Mappings that do not start and end at octet boundaries. ESC data sheets, "FMMU": only the digital outputs
+// (0x0F00–0x0F03) support bit-wise writing. In other memory the bits that are not mapped are undefined after a write;
+// here they are inverted, so that a program that relies on them fails.
 bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std::uint64_t end, std::uint32_t address,
                    MutableBytes data, Time at) {
     const std::uint64_t physical = mapping.physical + (first - mapping.logical);
@@ -165,14 +167,15 @@ bool Esc::map_bits(const Mapping& mapping, bool write, std::uint64_t first, std:
     return access(Side::ecat, true, at_address, memory.data(), octets, at);
 }
 
-// Reads the present content of the octets that a write would overwrite.
+// The octets that a bit-wise write starts from.
 void Esc::before_write(std::uint32_t address, MutableBytes into) const {
     for (std::size_t i = 0; i < into.size(); ++i) {
         const auto a = static_cast<std::uint32_t>(address + i);
         if (a < reg::kProcessRam) {
-            into[i] = registers_.bytes()[a];
+            const bool digital_outputs = a >= 0x0F00 && a < 0x0F04;
+            into[i] = digital_outputs ? registers_.bytes()[a] : ~registers_.bytes()[a];
         } else if (const auto at = sync_managers_.write_address(a) - reg::kProcessRam; at < ram_.size()) {
-            into[i] = ram_[at];
+            into[i] = ~ram_[at];
         }
     }
 }

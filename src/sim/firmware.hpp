@@ -19,10 +19,15 @@ class Firmware {
     // The device has been switched on, and the ESC has loaded its EEPROM. `esc` is valid until the next start().
     virtual void start(subdevice::EscAccess& esc, Time now) = 0;
 
-    // Executes one step. Called when a new bit is set in the AL event request (0x0220), when the master has handed over
-    // a buffer (a program that polls would notice this), and at the time that the previous call returned. Returns the
-    // latest time for the next call; kNever when only events matter.
+    // Executes one step. Called at the time that the previous call returned, and while the PDI interrupt is active: the
+    // AL event request (0x0220) has a bit that the AL event mask (0x0204) has too. Returns the latest time for the next
+    // call; kNever when only events matter.
     virtual Time step(Time now) = 0;
+
+    // True for a program that reads the ESC in a loop all the time. It is called as soon as such a loop would notice
+    // something: a new bit in the AL event request, whatever the mask says, or a buffer that the master has handed over
+    // without an event.
+    [[nodiscard]] virtual bool polls() const { return false; }
 
     // Activates a quirk from the next start on. `sii` is the image of the device. Returns false when this firmware does
     // not support quirks.

@@ -20,6 +20,9 @@ class ProcessDataFirmware : public Firmware {
 
   protected:
     void begin(subdevice::EscAccess& esc);
+    // The inputs of this SyncManager are one octet of plain memory at `start` (see SyncManagers::any_single()): the
+    // device writes them all the time, as digital inputs do, also while the SyncManager is off.
+    void show_always(std::uint8_t sync_manager, std::uint16_t start);
     // Reads the configuration of the SyncManagers. Call it when a SyncManager was activated or deactivated.
     void configure();
     void write_inputs();
@@ -39,6 +42,7 @@ class ProcessDataFirmware : public Firmware {
     std::vector<std::byte> inputs_ = std::vector<std::byte>(kMaxBytes);
     std::vector<std::byte> outputs_ = std::vector<std::byte>(kMaxBytes);
     std::array<Channel, 16> channels_{};
+    std::array<std::uint16_t, 16> live_{};  // start of the octet that is always shown, by SyncManager; 0: none
     std::size_t channel_count_ = 0;
     std::size_t input_bytes_ = 0;
     std::size_t output_bytes_ = 0;

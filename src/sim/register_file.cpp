@@ -44,7 +44,7 @@ void RegisterFile::lay_out(const EscDescription& esc, bool dc_enabled) {
     add(reg::kSyncLatchConfiguration, kPlain);
     add(reg::kExtendedPdiConfiguration, kPlain);
     add(reg::kEcatEventMask, kActing);
-    add(reg::kAlEventMask, kRead | kPdiWrite);
+    add(reg::kAlEventMask, kRead | kPdiWrite | kWriteEffect);
     add(reg::kEcatEventRequest, kPlain);
     add(reg::kAlEventRequest, kRead | kDynamic);
     add(reg::kRxErrorCounter, kActing);
@@ -117,6 +117,8 @@ void RegisterFile::add_dc(const EscDescription& esc, bool enabled) {
     for (const auto where :
          {reg::kLatch0PositiveEdge, reg::kLatch0NegativeEdge, reg::kLatch1PositiveEdge, reg::kLatch1NegativeEdge})
         add(where, kRead | kReadEffect);
+    for (const auto where : {reg::kEcatBufferChangeTime, reg::kPdiBufferStartTime, reg::kPdiBufferChangeTime})
+        add(where, kRead | kDynamic);
 }
 
 }  // namespace margay::sim

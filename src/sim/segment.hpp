@@ -107,6 +107,8 @@ class Segment {
         bool powered = false;
         std::array<bool, kMaxPorts> link{};
         std::array<bool, kMaxPorts> open{};
+        bool recovery = false;  // all ports are closed, so frames pass port 0 although DL status shows it closed
+        [[nodiscard]] bool passes(unsigned port) const { return open[port] || (recovery && port == 0); }
         std::array<Cable, kMaxPorts> cables{};
     };
     struct Visit {  // a processing unit on the path
@@ -138,6 +140,8 @@ class Segment {
         bool aliases = false;
         std::uint32_t circulating_at = kNobody;  // first visit that marks the frame as circulating
         bool returns = false;
+        bool knocks = false;  // the frame ends at a closed port that it opens (automatic closing)
+        PortRef knocks_at;
         unsigned exit_port = 0;
         Duration exit_offset{};
         std::uint64_t built = 0;
@@ -152,7 +156,8 @@ class Segment {
 
     // Paths (segment_route.cpp)
     [[nodiscard]] bool linked(const Node& node, unsigned port) const;
-    void update_ports(std::uint32_t slave, bool control_written);
+    // `opened`: a port in mode "auto close" that opens; kMaxPorts: none.
+    void update_ports(std::uint32_t slave, bool control_written, unsigned opened = kMaxPorts);
     void update_all_ports();
     Route& route(unsigned master_port);
     void build(Route& route, unsigned master_port);

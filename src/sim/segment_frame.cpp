@@ -88,6 +88,10 @@ Segment::Passage Segment::process(MutableBytes bytes, Time now, unsigned master_
     passage.returned = way.returns && !frame.destroyed && frame.fault == FaultKind::none;
     passage.master_port = way.exit_port;
     passage.at = now + way.exit_offset;
+    if (way.knocks && frame.fault == FaultKind::none && !frame.destroyed) {
+        update_ports(way.knocks_at.slave, false, way.knocks_at.port);
+        topology_changed();
+    }
     return passage;
 }
 

@@ -37,7 +37,8 @@ bool Segment::linked(const Node& node, unsigned port) const {
     return cable.peer == Peer::master || (cable.peer == Peer::slave && nodes_[cable.to.slave].powered);
 }
 
-void Segment::update_ports(std::uint32_t number, bool control_written) {
+// ESC data sheets I, "Loop control and loop state".
+void Segment::update_ports(std::uint32_t number, bool control_written, unsigned opened) {
     auto& node = nodes_[number];
     if (!node.powered) return;
     node.loops_written = node.esc->loops_written();
@@ -47,9 +48,9 @@ void Segment::update_ports(std::uint32_t number, bool control_written) {
         if (node.link[p] && !link) node.esc->count_lost_link(p);
         switch (loop_of(node.esc->dl_control(), p)) {
             case Loop::automatic: node.open[p] = link; break;
-            // A closed port stays closed until the master writes the loop control again, or until the link is new (as
-            // after power-up).
-            case Loop::auto_close: node.open[p] = link && (node.open[p] || control_written); break;
+            // A closed port stays closed until the master writes the loop control again, or until a valid frame arrives
+            // at the port.
+            case Loop::auto_close: node.open[p] = link && (node.open[p] || control_written || p == opened); break;
             case Loop::open: node.open[p] = true; break;
             case Loop::closed: node.open[p] = false; break;
         }
@@ -59,6 +60,7 @@ void Segment::update_ports(std::uint32_t number, bool control_written) {
         if (!node.open[p]) status |= wire::dl_status::loop_closed(p);
         if (link && node.open[p]) status |= wire::dl_status::communication(p);
     }
+    node.recovery = std::find(node.open.begin(), node.open.end(), true) == node.open.end();
     node.esc->set_dl_status(static_cast<std::uint16_t>(status));
 }
 
@@ -78,7 +80,7 @@ void Segment::build(Route& route, unsigned master_port) {
     route.visits.clear();
     route.hops.clear();
     route.circulating_at = kNobody;
-    route.returns = false;
+    route.returns = route.knocks = false;
     route.aliases = false;
     route.any_irq = 0;
     const auto& cable = masters_[master_port];
@@ -112,7 +114,11 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
         const auto& node = nodes_[entry.slave];
         const auto& chip = node.esc->description();
         route.hops.push_back({entry, t, static_cast<std::uint32_t>(route.visits.size())});
-        if (!node.open[entry.port]) return;  // a closed port does not receive frames
+        if (!node.passes(entry.port)) {  // a closed port does not receive frames
+            route.knocks = loop_of(node.esc->dl_control(), entry.port) == Loop::auto_close;
+            route.knocks_at = entry;
+            return;
+        }
         t += chip.ports[entry.port].delay;
         unsigned port = entry.port;
         bool through_closed_0 = false;
@@ -129,7 +135,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                 t += chip.forwarding_delay;
             }
             port = kNext[port];
-            if (node.open[port]) break;
+            if (node.passes(port)) break;
             through_closed_0 = port == 0;
         }
         t += chip.ports[port].delay;

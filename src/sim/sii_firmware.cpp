@@ -1,6 +1,7 @@
 #include "sim/sii_firmware.hpp"
 
 #include "subdevice/esc_registers.hpp"
+#include "subdevice/esm_checks.hpp"
 
 #include <algorithm>
 
@@ -27,6 +28,10 @@ void SiiFirmware::start(subdevice::EscAccess& esc, Time) {
     esc_ = &esc;
     wait_until_ = kNever;
     begin(esc);
+    for (const auto& area : areas_) {
+        const auto bytes = area.pdo_bits != 0 ? (area.pdo_bits + 7) / 8 : area.info.length_bytes;
+        if (area.info.type == SmType::inputs && bytes == 1) show_always(area.sync_manager, area.info.start);
+    }
     if (mail_) mail_->power_up(esc);
     esm_.reset();
     if (emulation_) return;
@@ -57,9 +62,7 @@ Time SiiFirmware::step(Time now) {
         }
         if (mail_) next = std::min(next, serve_mail(now, events));
     } else if ((events & al_event::kSmActivation) != 0) {
-        // Reading the activate octets clears the event.
-        std::array<std::byte, reg::kSyncManagerStride> raw{};
-        esc_->read(reg::sync_manager(0).address, raw);
+        subdevice::read_activations(*esc_);
     }
     const bool changed = (events & al_event::kSmActivation) != 0 || (esm_ && esm_->state() != before);
     if (changed) configure();
@@ -104,7 +107,14 @@ bool SiiFirmware::outputs_missing() {
     std::array<std::byte, reg::kSyncManagerStride> raw{};
     esc_->read(reg::sync_manager(outputs.sync_manager).address, raw);
     const auto status = wire::SyncManagerLayout::status::load(raw);
-    const bool off = wire::load_sync_manager(raw).length_bytes == 0;
+    const auto sm = wire::load_sync_manager(raw);
+    if (sm.length_bytes == 1) {  // a watchdog trigger without a buffer: only the watchdog shows that outputs arrive
+        const bool watched = (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+        const auto running =
+            subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address) & 1;
+        return watched && running == 0;
+    }
+    const bool off = sm.length_bytes == 0;
     const bool written = (status & wire::sm_status::kLastBufferMask) != wire::sm_status::kLastBufferMask;
     return !off && !written;
 }

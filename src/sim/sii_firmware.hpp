@@ -18,6 +18,7 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override;
+    [[nodiscard]] bool polls() const override { return true; }
     // Value of the ID switch of the device (ETG.1020); 0: the device has none.
     void set_device_id(std::uint16_t id) { device_.device_id = id; }
 

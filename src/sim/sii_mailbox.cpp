@@ -53,7 +53,7 @@ void SiiMailbox::show(bool outputs, Bytes process_data) {
     for (const auto& assignment : assignments_) {
         if (assignment.outputs != outputs || !build(assignment.sync_manager)) continue;
         if (at + mapping_.bytes() > process_data.size()) return;
-        mapping_.unpack(process_data.subspan(at, mapping_.bytes()), image_);
+        mapping_.unpack(process_data.subspan(at, mapping_.bytes()));
         at += mapping_.bytes();
     }
 }

@@ -34,7 +34,7 @@ void SyncManagers::power_up(RegisterFile& registers, unsigned count, std::uint32
     count_ = count;
     ram_end_ = reg::kProcessRam + ram_bytes;
     channels_.fill({});
-    enabled_ = closing_ = 0;
+    enabled_ = closing_ = singles_ = triggered_ = 0;
     stale_ = (1u << count_) - 1;
 }
 
@@ -49,7 +49,9 @@ void SyncManagers::reconfigure(unsigned n) {
     channel.control = raw.control;
     channel.activate = raw.activate;
     channel.locked_by_pdi = locked;
-    channel.enabled = raw.enabled() && raw.length_bytes != 0;
+    channel.enabled = raw.enabled() && raw.length_bytes > 1;
+    const bool single = raw.enabled() && raw.length_bytes == 1 && !locked;
+    singles_ = single ? singles_ | (1u << n) : singles_ & ~(1u << n);
     const bool in_ram = channel.start >= reg::kProcessRam;
     channel.three = !channel.mailbox() && in_ram && channel.start + 3 * channel.length <= ram_end_;
     channel.reachable = !in_ram || channel.stop() <= ram_end_;
@@ -97,10 +99,12 @@ std::optional<std::uint32_t> SyncManagers::open(unsigned n, Side side, bool writ
         }
         channel.interrupts &=
             static_cast<std::uint8_t>(~(write ? wire::sm_status::kInterruptRead : wire::sm_status::kInterruptWrite));
-        if (side == Side::pdi)
+        if (side == Side::pdi) {
             events.al_clear |= wire::al_event::sync_manager(n);
-        else if ((channel.control & wire::sm_control::kEcatInterrupt) != 0)
+            events.pdi_start = true;
+        } else if ((channel.control & wire::sm_control::kEcatInterrupt) != 0) {
             events.ecat_clear |= ecat_event::sync_manager(n);
+        }
         show(n);
     } else if (!channel.opened[me]) {
         return std::nullopt;
@@ -124,8 +128,16 @@ int SyncManagers::exactly_at(std::uint32_t start, std::uint32_t stop) const {
     return channel.start == start && channel.stop() == stop ? part.channel : -1;
 }
 
+void SyncManagers::wrote_singles(std::uint32_t address, std::uint32_t end) {
+    for (auto left = singles_; left != 0; left &= left - 1) {
+        const auto n = static_cast<unsigned>(std::countr_zero(left));
+        const auto& channel = channels_[n];
+        if (channel.ecat_writes() && channel.start >= address && channel.start < end) triggered_ |= 1u << n;
+    }
+}
+
 bool SyncManagers::feeds_watchdog() const {
-    for (auto left = enabled_; left != 0; left &= left - 1) {
+    for (auto left = enabled_ | singles_; left != 0; left &= left - 1) {
         const auto& channel = channels_[static_cast<std::size_t>(std::countr_zero(left))];
         if (channel.ecat_writes() && (channel.control & wire::sm_control::kWatchdogTrigger) != 0) return true;
     }
@@ -133,6 +145,11 @@ bool SyncManagers::feeds_watchdog() const {
 }
 
 void SyncManagers::frame_end(bool good, Events& events) {
+    for (auto left = std::exchange(triggered_, 0u); left != 0 && good; left &= left - 1) {
+        events.arrived = true;
+        const auto& channel = channels_[static_cast<std::size_t>(std::countr_zero(left))];
+        if ((channel.control & wire::sm_control::kWatchdogTrigger) != 0) events.watchdog = true;
+    }
     for (auto left = std::exchange(closing_, 0u); left != 0; left &= left - 1) {
         const auto n = static_cast<unsigned>(std::countr_zero(left));
         if (good)
@@ -145,6 +162,7 @@ void SyncManagers::frame_end(bool good, Events& events) {
 void SyncManagers::hand_over(unsigned n, Side side, Events& events) {
     auto& channel = channels_[n];
     channel.opened[static_cast<std::size_t>(side)] = false;
+    if (side == Side::pdi) events.pdi_change = true;
     if (channel.writer_is(side)) {
         channel.interrupts |= wire::sm_status::kInterruptWrite;
         channel.full = channel.mailbox();

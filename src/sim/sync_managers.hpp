@@ -19,10 +19,12 @@ class SyncManagers {
         std::uint32_t al_clear = 0;
         std::uint16_t ecat_set = 0;  // bits of 0x0210
         std::uint16_t ecat_clear = 0;
-        bool watchdog = false;  // process data arrived on a channel that triggers the watchdog
-        bool arrived = false;   // the master has handed over a buffer, with or without an event
+        bool watchdog = false;    // process data arrived on a channel that triggers the watchdog
+        bool arrived = false;     // the master has handed over a buffer, with or without an event
+        bool pdi_start = false;   // the PDI has opened a buffer
+        bool pdi_change = false;  // the PDI has handed over a buffer
         [[nodiscard]] bool any() const {
-            return (al_set | al_clear | ecat_set | ecat_clear) != 0 || watchdog || arrived;
+            return (al_set | al_clear | ecat_set | ecat_clear) != 0 || watchdog || arrived || pdi_start || pdi_change;
         }
     };
 
@@ -53,6 +55,14 @@ class SyncManagers {
     // Call it after the access. From ECAT, the buffer is handed over at the end of the frame.
     void touched(unsigned n, Side side, std::uint32_t stop, Events& events);
 
+    // ESC data sheets, register 0x0802: "shall be greater 1, otherwise the SyncManager is not activated. If set to 1,
+    // only the watchdog trigger is generated if configured." So the memory of such a channel is plain memory without
+    // handshake, events and status. (Terminals of one octet at 0x0F00 or 0x1000 use it, recorded on an EL2828, EL2889
+    // and EL1004. No recording shows the status of such a channel: the data sheet is followed.)
+    [[nodiscard]] bool any_single() const { return singles_ != 0; }
+    // The master has written [address, end): call it for memory that no channel owns.
+    void wrote_singles(std::uint32_t address, std::uint32_t end);
+
     // The channel whose buffer is exactly [start, stop) in the process RAM, as ECAT addresses it; −1: none.
     [[nodiscard]] int exactly_at(std::uint32_t start, std::uint32_t stop) const;
 
@@ -60,7 +70,7 @@ class SyncManagers {
     [[nodiscard]] bool feeds_watchdog() const;
 
     // The end of a frame. With a wrong FCS no buffer is handed over.
-    [[nodiscard]] bool frame_pending() const { return closing_ != 0; }
+    [[nodiscard]] bool frame_pending() const { return (closing_ | triggered_) != 0; }
     void frame_end(bool good, Events& events);
 
     // The RAM address for a write from ECAT to `address`.
@@ -79,7 +89,7 @@ class SyncManagers {
         std::uint32_t length = 0;
         std::uint8_t control = 0;
         std::uint8_t activate = 0;
-        bool enabled = false;    // activated by both sides, and the length is not 0
+        bool enabled = false;    // activated by both sides, and the length is above 1
         bool reachable = false;  // its memory exists
         bool locked_by_pdi = false;
         bool three = false;               // three buffers in RAM
@@ -107,6 +117,8 @@ class SyncManagers {
     std::uint32_t ram_end_ = 0;
     unsigned count_ = 0;
     std::uint32_t enabled_ = 0;        // channels that own their memory, including locked channels
+    std::uint32_t singles_ = 0;        // active channels of one octet
+    std::uint32_t triggered_ = 0;      // those that were written in this frame
     std::uint32_t closing_ = 0;        // channels whose last octet was accessed in this frame
     mutable std::uint32_t stale_ = 0;  // channels whose status octets are not up to date
     std::array<Channel, kMaxSyncManagers> channels_{};

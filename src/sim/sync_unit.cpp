@@ -29,33 +29,78 @@ std::uint32_t bundle_of(std::uint32_t cycle_ns) {
 
 }  // namespace
 
-void SyncUnit::power_up(RegisterFile& registers, const DcClock& clock) {
+void SyncUnit::power_up(RegisterFile& registers, const DcClock& clock, Features features) {
     registers_ = &registers;
     clock_ = &clock;
+    features_ = features;
     next_ = {kNever, kNever};
     on_ = {};
     pulses_ = {};
     active_ = false;
 }
 
-void SyncUnit::written(std::uint32_t address, std::size_t length, Time at) {
-    const auto wanted = registers_->get<std::uint8_t>(reg::kSyncActivation.address);
-    if (meets(address, length, reg::kSyncActivation)) {
-        const bool start = (wanted & activation::kCyclic) != 0;
-        if (start && !active_) activate(at);
-        if (!start) {
-            active_ = false;
-            next_ = {kNever, kNever};
-            registers_->set<std::uint8_t>(reg::kActivationStatus.address, 0);
-        }
-        on_ = {(wanted & activation::kSync0) != 0, (wanted & activation::kSync1) != 0};
+std::uint32_t SyncUnit::written(std::uint32_t address, std::size_t length, Time at) {
+    auto wanted = registers_->get<std::uint8_t>(reg::kSyncActivation.address);
+    const bool pulse = features_.enhanced && (wanted & activation::kDebugPulse) != 0;
+    wanted &= static_cast<std::uint8_t>(features_.enhanced ? ~activation::kDebugPulse : 0x07);
+    if (meets(address, length, reg::kSyncStartTime)) {
+        if ((wanted & activation::kExtendStartTime) != 0) extend_start_time(address, length, at);
+        if ((wanted & activation::kAutoActivation) != 0) wanted |= activation::kCyclic;
+    } else if (!meets(address, length, reg::kSyncActivation)) {
+        return 0;
     }
+    registers_->set(reg::kSyncActivation.address, wanted);
+    const bool start = (wanted & activation::kCyclic) != 0;
+    on_ = {(wanted & activation::kSync0) != 0, (wanted & activation::kSync1) != 0};
+    if (start && !active_) activate(at);
+    if (!start) {
+        active_ = false;
+        next_ = {kNever, kNever};
+        registers_->set<std::uint8_t>(reg::kActivationStatus.address, 0);
+    }
+    return pulse ? debug_pulse() : 0;
+}
+
+// "Extension of start time": a master that writes only the low half means the next time with these low 32 bits.
+void SyncUnit::extend_start_time(std::uint32_t address, std::size_t length, Time at) {
+    if (address + length > reg::kSyncStartTime.address + 4u || !features_.wide) return;
+    const auto now = clock_->copy(at);
+    const auto low = registers_->get<std::uint32_t>(reg::kSyncStartTime.address);
+    const auto ahead = static_cast<std::uint32_t>(low - static_cast<std::uint32_t>(now));
+    registers_->set(reg::kSyncStartTime.address, now + ahead);
+}
+
+// "Start time plausibility check": whether the start time is in the near future.
+bool SyncUnit::plausible(std::uint64_t start, Time at) const {
+    const auto wanted = registers_->get<std::uint8_t>(reg::kSyncActivation.address);
+    if ((wanted & activation::kPlausibility) == 0) return true;
+    const auto ahead = clock_->ahead(start, at);
+    if (ahead < 0) return false;
+    return (wanted & activation::kNearFuture) == 0 || ahead <= std::int64_t{1} << 31;
+}
+
+std::uint32_t SyncUnit::debug_pulse() {
+    std::uint32_t events = 0;
+    for (unsigned signal = 0; signal < 2; ++signal) {
+        if (!on_[signal]) continue;
+        ++pulses_[signal];
+        show_pulse(signal);
+        events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
+    }
+    return events;
+}
+
+// In acknowledge mode the signal stays active until it is acknowledged.
+void SyncUnit::show_pulse(unsigned signal) {
+    if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) == 0)
+        registers_->set<std::uint8_t>(signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
 }
 
 void SyncUnit::activate(Time at) {
     cycle0_ = registers_->get<std::uint32_t>(reg::kSync0CycleTime.address);
     cycle1_ = registers_->get<std::uint32_t>(reg::kSync1CycleTime.address);
     due_ = {registers_->get<std::uint64_t>(reg::kSyncStartTime.address), 0};
+    if (!plausible(due_[0], at)) due_[0] = clock_->copy(at) + 1;
     countdown1_ = 0;
     active_ = true;
     next_ = {kNever, kNever};
@@ -91,9 +136,7 @@ std::uint32_t SyncUnit::settle(Time now) {
         if (on_[signal]) {
             pulses_[signal] += signal == 0 ? bundle : 1;
             events |= signal == 0 ? wire::al_event::kDcSync0 : wire::al_event::kDcSync1;
-            // The signal stays active until it is acknowledged.
-            if (registers_->get<std::uint16_t>(reg::kSyncPulseLength.address) == 0)
-                registers_->set<std::uint8_t>(signal == 0 ? reg::kSync0Status.address : reg::kSync1Status.address, 1);
+            show_pulse(signal);
         }
         if (signal == 1) {
             next_[1] = kNever;
@@ -134,27 +177,37 @@ SyncUnit::Events SyncUnit::latch(unsigned input, bool rising, Time at) {
     registers_->set(kEdges[input][edge].address, clock_->copy(at));
     if (!single) return {};
     registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status | bit));
-    return {wire::al_event::kDcLatch, true};
+    // The event belongs to the side that controls the latch input.
+    return latch_is_pdis(input) ? Events{wire::al_event::kDcLatch, false} : Events{0, true};
 }
 
-std::uint32_t SyncUnit::was_read(std::uint32_t address, std::size_t length) {
-    std::uint32_t cleared = 0;
-    for (unsigned input = 0; input < 2; ++input)
+bool SyncUnit::latch_is_pdis(unsigned input) const {
+    const auto bit = input == 0 ? wire::cyclic_unit::kLatch0IsPdis : wire::cyclic_unit::kLatch1IsPdis;
+    return (registers_->get<std::uint8_t>(reg::kCyclicUnitControl.address) & bit) != 0;
+}
+
+SyncUnit::Events SyncUnit::was_read(std::uint32_t address, std::size_t length, bool by_pdi) {
+    Events cleared;
+    unsigned waiting = 0;  // events of the inputs that this side controls
+    for (unsigned input = 0; input < 2; ++input) {
+        if (latch_is_pdis(input) != by_pdi) continue;
         for (unsigned edge = 0; edge < 2; ++edge)
             if (meets(address, length, kEdges[input][edge])) {
                 const auto status = registers_->get<std::uint8_t>(kLatchStatus[input]);
                 registers_->set(kLatchStatus[input], static_cast<std::uint8_t>(status & ~(1u << edge)));
             }
-    const auto waiting =
-        registers_->get<std::uint8_t>(kLatchStatus[0]) | registers_->get<std::uint8_t>(kLatchStatus[1]);
-    if ((waiting & 0x03) == 0) cleared |= wire::al_event::kDcLatch;
+        waiting |= registers_->get<std::uint8_t>(kLatchStatus[input]) & 0x03u;
+    }
+    if (waiting == 0 && by_pdi) cleared.al |= wire::al_event::kDcLatch;
+    cleared.ecat_latch = waiting == 0 && !by_pdi;
+    if (!by_pdi) return cleared;
     if (meets(address, length, reg::kSync0Status)) {
         registers_->set<std::uint8_t>(reg::kSync0Status.address, 0);
-        cleared |= wire::al_event::kDcSync0;
+        cleared.al |= wire::al_event::kDcSync0;
     }
     if (meets(address, length, reg::kSync1Status)) {
         registers_->set<std::uint8_t>(reg::kSync1Status.address, 0);
-        cleared |= wire::al_event::kDcSync1;
+        cleared.al |= wire::al_event::kDcSync1;
     }
     return cleared;
 }

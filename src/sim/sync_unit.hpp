@@ -17,12 +17,19 @@ class SyncUnit {
         bool ecat_latch = false;
     };
 
-    void power_up(RegisterFile& registers, const DcClock& clock);
+    struct Features {
+        bool enhanced = false;  // 0x0981 has bits 3 to 7
+        bool wide = true;       // the clock has 64 bits
+    };
 
-    // Call it after the registers [address, address + length) were written.
-    void written(std::uint32_t address, std::size_t length, Time at);
-    // Call it after a status or latch register was read: executes the acknowledge. Returns the AL event bits to clear.
-    std::uint32_t was_read(std::uint32_t address, std::size_t length);
+    void power_up(RegisterFile& registers, const DcClock& clock, Features features);
+
+    // Call it after the registers [address, address + length) were written. Returns the signals of a debug pulse, as
+    // AL event bits.
+    [[nodiscard]] std::uint32_t written(std::uint32_t address, std::size_t length, Time at);
+    // Call it after a status or latch register was read: executes the acknowledge. A latch input obeys only the side
+    // that controls it (0x0980 bits 4 and 5). Returns the event bits to clear.
+    [[nodiscard]] Events was_read(std::uint32_t address, std::size_t length, bool by_pdi);
     // Call it after the rate or the offset of the clock has changed.
     void clock_changed(Time now);
 
@@ -37,6 +44,11 @@ class SyncUnit {
 
   private:
     void activate(Time at);
+    void extend_start_time(std::uint32_t address, std::size_t length, Time at);
+    [[nodiscard]] bool plausible(std::uint64_t start, Time at) const;
+    [[nodiscard]] std::uint32_t debug_pulse();
+    void show_pulse(unsigned signal);
+    [[nodiscard]] bool latch_is_pdis(unsigned input) const;
     void skip_missed(Time at);
 
     RegisterFile* registers_ = nullptr;
@@ -49,6 +61,7 @@ class SyncUnit {
     std::uint32_t cycle1_ = 0;
     std::uint32_t countdown1_ = 0;  // SYNC0 pulses until the next SYNC0 that starts a SYNC1
     bool active_ = false;
+    Features features_;
 };
 
 }  // namespace margay::sim

@@ -28,12 +28,15 @@ class Application {
     // --- Process data ---
     // The cyclic function of the application. When `outputs_valid` is true (in OP), the mapped outputs have already
     // been copied into the image of the dictionary. After this function returns, the mapped inputs are copied from that
-    // image. Called in SAFEOP and OP; in the run modes `mixed` and `interrupts` it is called from the interrupt
-    // handler.
+    // image. Called in SAFEOP and OP, with the lock of EscAccess held: in the run modes `mixed` and `interrupts` from
+    // the interrupt handler, at deadlines from step().
     virtual void cycle(Time now, bool outputs_valid) { (void)now, (void)outputs_valid; }
 
+    // DC: SYNC1 has occurred (DcDescription::sync1, or Device::sync1()). Called as cycle() is.
+    virtual void sync1(Time now) { (void)now; }
+
     // The outputs must go to a safe state, because the device has left OP for any reason. The mapped outputs already
-    // have their initial values again.
+    // have their initial values again. Called with the lock of EscAccess held.
     virtual void safe_outputs(Time now) { (void)now; }
 
     // Current sizes in octets of process data that have no PDO assignment object (0x1C12, 0x1C13) in the dictionary.

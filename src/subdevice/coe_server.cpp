@@ -13,6 +13,11 @@ void CoeServer::start(AlState state, const MailboxRoom& room) {
     if (emergencies_ != nullptr) emergencies_->clear_queue();
 }
 
+void CoeServer::stop() {
+    sdo_.start();
+    information_.start();
+}
+
 std::optional<MailboxErrorCode> CoeServer::receive(const wire::MailboxMessage& message, Outbox& out, Time now) {
     const auto data = message.data;
     if (data.size() < coe::kHeaderBytes) return MailboxErrorCode::size_too_short;
@@ -30,10 +35,10 @@ std::optional<MailboxErrorCode> CoeServer::receive(const wire::MailboxMessage& m
 }
 
 Time CoeServer::step(Outbox& out, Time now) {
+    // Emergencies do not wait: neither for a hook that delays an SDO, nor for the fragments of an information service.
+    if (emergencies_ != nullptr) emergencies_->step(out);
     information_.step(out);
-    const auto next = sdo_.step(out, now);
-    if (!busy() && emergencies_ != nullptr) emergencies_->step(out);
-    return next;
+    return sdo_.step(out, now);
 }
 
 }  // namespace margay::subdevice

@@ -16,8 +16,10 @@ class CoeServer final : public MailboxServer {
         : sdo_(dictionary, staging, complete_access), information_(dictionary), emergencies_(emergencies) {}
 
     void start(AlState state, const MailboxRoom& room) override;
+    void stop() override;
     void state_changed(AlState state) override { sdo_.state_changed(state); }
     std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
+    // SDO and SDO information share one order of messages.
     [[nodiscard]] bool busy() const override { return sdo_.busy() || information_.busy(); }
     Time step(Outbox& out, Time now) override;
 

@@ -80,9 +80,12 @@ struct DeviceDescription {
     Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
     // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
     Duration output_timeout{};
-    // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive.
+    // Without DC, Application::cycle() is called at least this often; zero: only when process data arrive. (Before the
+    // first outputs, and without outputs, it is called when the master has read the inputs, or each millisecond when
+    // the SyncManager of the inputs raises no events.)
     Duration free_run_cycle{};
-    // DC: the device leaves OP after this many consecutive SYNC0 events without new outputs; 0: no limit
+    // DC: the device leaves OP after this many consecutive frame periods without new outputs; 0: no limit. Object
+    // 0x10F1 has priority. ProcessData::syncs_per_frame() tells how many SYNC0 signals are one frame period.
     unsigned sync_error_limit = 4;
     std::int16_t ebus_current_ma = 0;
     std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII

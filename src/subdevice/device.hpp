@@ -1,13 +1,22 @@
 // A whole device: state machine, mailbox, process data and EEPROM emulation on one ESC.
 //
-// Three ways to run a device:
-// - polling: step() does everything. Call step() in a loop, or sleep until the returned time or the next AL event.
-// - mixed: SM2 and SYNC0 raise interrupts, and the interrupt handler calls interrupt(). step() polls the rest.
-// - interrupts: all events raise interrupts. interrupt() processes the process data at once, masks the other events and
-//   returns them. When the returned value is not zero, wake a task that calls step().
+// The three run modes differ in the function that serves process data when its event comes:
+// - polling: step() does. No interrupt is used (the AL event mask is 0). Call step() in a loop.
+// - mixed: interrupt() does, called from the handler of the PDI interrupt, which process data events raise. Call step()
+//   in a loop for everything else.
+// - interrupts: as in mixed, and all other events raise the interrupt too. When interrupt() returns a value that is not
+//   zero, wake the task that calls step(). That task sleeps until then, or until the time that step() returned.
+// In every mode step() serves what depends on time: the free run cycle, watchdogs, delayed replies, and SyncManagers
+// that raise no events.
 //
-// interrupt() and step() must not execute at the same time on one ESC: disable the interrupt (or lower its priority)
-// while step() executes, or lock in EscAccess.
+// A SYNC0 or SYNC1 signal reaches the device in one of two ways: as an AL event (register 0x0151 maps it into 0x0220;
+// see BoardDescription), or at a pin of the processor whose handler calls sync0() or sync1(). The pin works in every
+// run mode.
+//
+// interrupt(), sync0(), sync1() and process() may interrupt step() at any point where step() does not hold the lock of
+// EscAccess, and must not execute while it does: implement EscAccess::lock() and unlock() for a device that uses them.
+// Applications see the difference: Application::cycle(), sync1(), safe_outputs(), unpack_outputs() and pack_inputs()
+// execute with the lock held, all other functions of an author without it and only from step().
 #pragma once
 
 #include "subdevice/eeprom_emulation.hpp"
@@ -32,22 +41,31 @@ class Device final : private EsmClient {
           esm_(esc, application.description(), *this) {}
 
     // Starts the device: state INIT, sync managers deactivated, AL event mask set for the run mode. Also call it when
-    // the firmware restarts.
+    // the firmware restarts. From the context of step().
     void start(Time now);
 
     // Does all work that interrupt() does not do. Returns the latest time for the next call; call it earlier when an AL
     // event occurs.
     Time step(Time now);
 
-    // Call it from the handler of the PDI interrupt (or of a separate SYNC0 interrupt). Returns the events that step()
-    // must handle.
+    // Call it from the handler of the PDI interrupt. Serves the process data, masks the events that step() must handle,
+    // and returns these events. The interrupt must be sensitive to the level of the line, or the handler must be called
+    // again while the line is active.
     std::uint32_t interrupt(Time now);
 
+    // Call them from the handlers of the SYNC0 and SYNC1 pins. From the first call on, the AL event of the signal is
+    // ignored.
+    void sync0(Time now);
+    void sync1(Time now);
+
     // Executes single parts of one process data update, for authors who choose the order of the parts (see part::).
-    void process(unsigned parts, Time now) { process_data_.process(parts, now); }
+    void process(unsigned parts, Time now) {
+        const Guard guard(esc_);
+        process_data_.process(parts, now);
+    }
 
     // The application reports an error of its own: the device goes down to `to` and sets the error indication with code
-    // `why`.
+    // `why`. From the context of step() only: not from Application::cycle() in an interrupt handler.
     void fall_back(AlState to, AlStatusCode why, Time now) { esm_.fall_back(to, why, now); }
 
     [[nodiscard]] const AlStatus& al_status() const { return esm_.status(); }
@@ -59,8 +77,11 @@ class Device final : private EsmClient {
     void dropped(Transition transition) override;
     void perform(Transition transition, Time now) override;
     void after(Transition transition, Time now) override;
-    void write_mask();
-    [[nodiscard]] bool outputs_came() const;
+    void update_mask();
+    void set_mask(std::uint32_t mask);
+    void wait_for_outputs(Time until);
+    [[nodiscard]] bool outputs_came(Time now);
+    [[nodiscard]] AlStatusCode serve_process_data(Time now, std::uint32_t events);
     [[nodiscard]] std::uint32_t background_events() const;
 
     EscAccess& esc_;
@@ -70,7 +91,9 @@ class Device final : private EsmClient {
     EepromEmulation* eeprom_;
     RunMode run_mode_;
     Esm esm_;
-    Time outputs_until_ = kNever;  // SAFEOP→OP: end of the wait for outputs and SYNC0
+    Time outputs_until_ = kNever;   // SAFEOP→OP: end of the wait for outputs and SYNC0
+    std::uint32_t mask_ = 0;        // content of the AL event mask
+    std::uint32_t background_ = 0;  // run mode `interrupts`: events that step() handles
 };
 
 }  // namespace margay::subdevice

@@ -9,6 +9,7 @@ namespace margay::subdevice {
 namespace {
 
 // Flags of subindex 5.
+constexpr std::uint16_t kSendsEmergencies = 0x0001;
 constexpr std::uint16_t kNoInformation = 0x0002;
 constexpr std::uint16_t kNoWarnings = 0x0004;
 constexpr std::uint16_t kNoErrors = 0x0008;
@@ -64,6 +65,13 @@ bool DiagnosisHistory::add(const DiagnosisMessage& message) {
     next_ = static_cast<std::uint8_t>((next_ + 1) % lines_);
     ++unread_;
     available::store(head_, 1);
+    if ((state & kSendsEmergencies) != 0 && emergencies_ != nullptr) {
+        EmergencyMessage emergency{.error_code = static_cast<std::uint16_t>(message.code),
+                                   .error_register = emergencies_->error_register()};
+        store_le(MutableBytes(emergency.data), 0, message.text_id);
+        emergency.data[2] = static_cast<std::byte>(message.type);
+        (void)emergencies_->raise(emergency);
+    }
     return true;
 }
 
@@ -83,8 +91,11 @@ MutableBytes DiagnosisHistory::field(unsigned subindex) {
 }
 
 Abort DiagnosisHistory::check_write(unsigned subindex, Bytes data) const {
-    if (subindex == 5)
-        return (load_le<std::uint16_t>(data) & ~(kWritable | kLost)) != 0 ? Abort::value_range : Abort::none;
+    if (subindex == 5) {
+        const auto possible = kWritable | kLost;
+        const auto taken = emergencies_ != nullptr ? possible : possible & ~kSendsEmergencies;
+        return (load_le<std::uint16_t>(data) & ~taken) != 0 ? Abort::value_range : Abort::none;
+    }
     // Subindex 3, newest acknowledged message: 0 clears the history, 1 to 5 are invalid, larger values select a
     // message.
     const auto n = std::to_integer<unsigned>(data[0]);
@@ -105,20 +116,36 @@ void DiagnosisHistory::written(unsigned subindex) {
     flags::store(head_, static_cast<std::uint16_t>(flags::load(head_) & kWritable));
 }
 
+void DiagnosisHistory::read(unsigned subindex) {
+    const bool acknowledges = (flags::load(head_) & kAcknowledgeMode) != 0;
+    if (!acknowledges && subindex >= kFirstSubindex && subindex == latest::load(head_)) available::store(head_, 0);
+}
+
 namespace diagnosis_history {
 
+// nullptr: the device has no diagnosis history.
+static DiagnosisHistory* of(const ObjectAccess& access) {
+    return access.application != nullptr ? access.application->diagnosis() : nullptr;
+}
+
+bool exists(const ObjectAccess& access) { return of(access) != nullptr; }
+
 HookAnswer before_read(const ObjectAccess& access) {
-    return access.application->diagnosis() != nullptr ? Abort::none : Abort::general;
+    if (!access.complete) of(access)->read(access.subindex);
+    return Abort::none;
 }
 
 HookAnswer before_write(const ObjectAccess& access, Bytes data) {
     if (access.complete) return Abort::complete_access_unsupported;
-    return access.application->diagnosis()->check_write(access.subindex, data);
+    return of(access)->check_write(access.subindex, data);
 }
 
-void after_write(const ObjectAccess& access) { access.application->diagnosis()->written(access.subindex); }
+void after_write(const ObjectAccess& access) { of(access)->written(access.subindex); }
 
-MutableBytes memory(const ObjectAccess& access) { return access.application->diagnosis()->field(access.subindex); }
+MutableBytes memory(const ObjectAccess& access) {
+    auto* const history = of(access);
+    return history != nullptr ? history->field(access.subindex) : MutableBytes{};
+}
 
 }  // namespace diagnosis_history
 

@@ -24,13 +24,13 @@ void EepromEmulation::step(std::uint32_t events) {
         const std::size_t bytes = (status & control::kReads8Bytes) != 0 ? 8 : 4;
         const auto there = std::min(bytes, contents_.size() - static_cast<std::size_t>(from));
         std::copy_n(contents_.begin() + static_cast<std::ptrdiff_t>(from), there, data.begin());
-        esc_.write(reg::kSiiData.address, Bytes(data).first(bytes));
+        write_memory(esc_, reg::kSiiData.address, Bytes(data).first(bytes));
     } else if (command == control::kCommandWrite && from + 2 <= contents_.size()) {
-        esc_.read(reg::kSiiData.address, contents_.subspan(static_cast<std::size_t>(from), 2));
+        read_memory(esc_, reg::kSiiData.address, contents_.subspan(static_cast<std::size_t>(from), 2));
         written_ = true;
     } else if (command == control::kCommandReload && contents_.size() >= kAliasOffset + 2) {
         std::copy_n(contents_.begin() + kAliasOffset, 2, data.begin());
-        esc_.write(reg::kSiiData.address, Bytes(data).first(4));
+        write_memory(esc_, reg::kSiiData.address, Bytes(data).first(4));
     } else {
         errors = control::kMissingAcknowledge;
     }

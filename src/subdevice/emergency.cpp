@@ -61,8 +61,15 @@ void Emergencies::clear_history() {
 
 namespace error_history {
 
+// nullptr: the device has no emergencies.
+static Emergencies* of(const ObjectAccess& access) {
+    return access.application != nullptr ? access.application->emergencies() : nullptr;
+}
+
+bool exists(const ObjectAccess& access) { return of(access) != nullptr; }
+
 HookAnswer before_read(const ObjectAccess& access) {
-    const auto used = std::to_integer<unsigned>(access.application->emergencies()->count()[0]);
+    const auto used = std::to_integer<unsigned>(of(access)->count()[0]);
     return !access.complete && access.subindex > used ? Abort::no_subindex : Abort::none;
 }
 
@@ -72,11 +79,12 @@ HookAnswer before_write(const ObjectAccess& access, Bytes data) {
     return !data.empty() && data[0] != std::byte{0} ? Abort::value_range : Abort::none;
 }
 
-void after_write(const ObjectAccess& access) { access.application->emergencies()->clear_history(); }
+void after_write(const ObjectAccess& access) { of(access)->clear_history(); }
 
 MutableBytes memory(const ObjectAccess& access) {
-    auto& emergencies = *access.application->emergencies();
-    return access.subindex == 0 ? emergencies.count() : emergencies.line(access.subindex);
+    auto* const emergencies = of(access);
+    if (emergencies == nullptr) return {};
+    return access.subindex == 0 ? emergencies->count() : emergencies->line(access.subindex);
 }
 
 }  // namespace error_history

@@ -49,14 +49,17 @@ inline constexpr std::array<Entry, 2> kErrorHistoryEntries = {
     provided(0, "Number of errors", DataType::unsigned8, 8, od::kReadWrite),
     provided(1, "Error", DataType::unsigned32, 32, od::kReadOnly).times(Lines)};
 
-// Hooks of 0x1003. They get the emergencies from Application::emergencies().
+// Hooks of 0x1003. They get the emergencies from Application::emergencies(). Without an application, or when that
+// function returns nullptr, an access is aborted with Abort::no_object.
 namespace error_history {
+[[nodiscard]] bool exists(const ObjectAccess& access);
 [[nodiscard]] HookAnswer before_read(const ObjectAccess& access);
 [[nodiscard]] HookAnswer before_write(const ObjectAccess& access, Bytes data);
 void after_write(const ObjectAccess& access);
 [[nodiscard]] MutableBytes memory(const ObjectAccess& access);
 }  // namespace error_history
-inline constexpr ObjectHooks kErrorHistoryHooks{.before_read = error_history::before_read,
+inline constexpr ObjectHooks kErrorHistoryHooks{.exists = error_history::exists,
+                                                .before_read = error_history::before_read,
                                                 .before_write = error_history::before_write,
                                                 .after_write = error_history::after_write,
                                                 .memory = error_history::memory};

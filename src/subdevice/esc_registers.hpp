@@ -1,4 +1,5 @@
-// Typed (little-endian) access to ESC registers through EscAccess.
+// Access to the ESC under the lock: typed (little-endian) access to registers, and access to memory in pieces. Only
+// ProcessData uses EscAccess::read() and write() directly, because its caller holds the lock for a whole update.
 #pragma once
 
 #include "subdevice/esc_access.hpp"
@@ -8,10 +9,15 @@
 
 namespace margay::subdevice {
 
+// Pieces of EscAccess::kMostLockedBytes. Another context may execute between two pieces, so these two are for memory
+// that only step() uses.
+void read_memory(EscAccess& esc, std::uint16_t address, MutableBytes into);
+void write_memory(EscAccess& esc, std::uint16_t address, Bytes data);
+
 template <class T>
 [[nodiscard]] T read_register(EscAccess& esc, std::uint16_t address) {
     std::array<std::byte, sizeof(T)> bytes{};
-    esc.read(address, bytes);
+    read_memory(esc, address, bytes);
     return load_le<T>(bytes);
 }
 
@@ -19,7 +25,7 @@ template <class T>
 void write_register(EscAccess& esc, std::uint16_t address, T value) {
     std::array<std::byte, sizeof(T)> bytes{};
     store_le(MutableBytes(bytes), 0, value);
-    esc.write(address, bytes);
+    write_memory(esc, address, bytes);
 }
 
 }  // namespace margay::subdevice

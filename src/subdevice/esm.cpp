@@ -149,6 +149,7 @@ void Esm::drop_pending() {
 // The master has deactivated or changed a sync manager while the device uses it: the device falls back to a state that
 // does not need it.
 void Esm::watch_sync_managers(Time now) {
+    read_activations(esc_);
     const bool boot = status_.state == AlState::boot;
     if (has_mailbox(status_.state)) {
         const auto otherwise =
@@ -159,12 +160,6 @@ void Esm::watch_sync_managers(Time now) {
     if (has_process_data(status_.state)) {
         const auto fault = check_process_data(esc_, device_, client_.process_data_sizes());
         if (fault != AlStatusCode::none) fall_back(AlState::preop, fault, now);
-    } else {
-        // Reading the activate octets clears the event.
-        for (const auto* area : {&device_.outputs, &device_.inputs})
-            if (area->present()) (void)read_sync_manager(esc_, area->sync_manager);
-        if (!has_mailbox(status_.state))
-            for (const unsigned n : {0u, 1u}) (void)read_sync_manager(esc_, n);
     }
 }
 

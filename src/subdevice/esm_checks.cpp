@@ -9,8 +9,15 @@ namespace reg = wire::reg;
 
 SyncManager read_sync_manager(EscAccess& esc, unsigned n) {
     std::array<std::byte, reg::kSyncManagerStride> bytes{};
-    esc.read(reg::sync_manager(n).address, bytes);
+    read_memory(esc, reg::sync_manager(n).address, bytes);
     return wire::load_sync_manager(bytes);
+}
+
+void read_activations(EscAccess& esc) {
+    const auto count = read_register<std::uint8_t>(esc, reg::kSyncManagerCount.address);
+    for (unsigned n = 0; n < count; ++n)
+        (void)read_register<std::uint8_t>(
+            esc, static_cast<std::uint16_t>(reg::sync_manager(n).address + wire::SyncManagerLayout::activate::offset));
 }
 
 namespace {

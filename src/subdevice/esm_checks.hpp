@@ -12,6 +12,9 @@ namespace margay::subdevice {
 
 [[nodiscard]] wire::SyncManager read_sync_manager(EscAccess& esc, unsigned n);
 
+// Reads the activate octets of all SyncManagers, which clears the AL event of their changes.
+void read_activations(EscAccess& esc);
+
 // Compares SM0 and SM1 with the mailboxes of PREOP (or of BOOT): start, size, mode, direction, activation. Returns
 // `otherwise` on a difference.
 [[nodiscard]] AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStatusCode otherwise);

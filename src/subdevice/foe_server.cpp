@@ -15,6 +15,11 @@ void FoeServer::start(AlState state, const MailboxRoom& room) {
     receive_bytes_ = room.receive_bytes > foe::kHeaderBytes ? room.receive_bytes - foe::kHeaderBytes : 0;
 }
 
+void FoeServer::state_changed(AlState state) {
+    if (state != state_) end();
+    state_ = state;
+}
+
 void FoeServer::end() {
     if (transfer_ != Transfer::none) store_.give_up();
     transfer_ = Transfer::none;

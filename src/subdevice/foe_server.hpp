@@ -71,7 +71,8 @@ class FoeStore {
     // All `bytes` octets have been passed to write(). Return busy() while the file is checked and stored.
     [[nodiscard]] virtual FoeAnswer finish_write(std::size_t bytes, Time now) = 0;
 
-    // The transfer ended early: an error on either side, a new request, or a state change.
+    // The transfer ended early: an error on either side, a new request, or a change of the AL state (also when the new
+    // state would allow the transfer: the client must send its request again).
     virtual void give_up() = 0;
 
   protected:
@@ -83,7 +84,8 @@ class FoeServer final : public MailboxServer {
     explicit FoeServer(FoeStore& store) : store_(store) {}
 
     void start(AlState state, const MailboxRoom& room) override;
-    void state_changed(AlState state) override { state_ = state; }
+    void stop() override { end(); }
+    void state_changed(AlState state) override;
     std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
 
   private:

@@ -4,6 +4,7 @@
 #include "subdevice/esm_checks.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay::subdevice {
 
@@ -40,6 +41,9 @@ void Mailbox::start(AlState state) {
 }
 
 void Mailbox::stop() {
+    if (running_)
+        for (const auto& line : protocols_)
+            if (serves(line)) line.server->stop();
     forget();
     running_ = false;
 }
@@ -51,7 +55,7 @@ void Mailbox::state_changed(AlState state) {
 }
 
 void Mailbox::forget() {
-    first_ = kept_ = boxed_ = queued_ = received_bytes_ = 0;
+    first_ = kept_ = boxed_ = queued_ = received_bytes_ = parked_bytes_ = 0;
     last_received_ = last_sent_ = 0;
     lost_ = false;
 }
@@ -62,7 +66,7 @@ Time Mailbox::step(Time now, std::uint32_t events) {
     if ((events & wire::al_event::kSmActivation) != 0) watch_repeat();
     Time next = kNever;
     do {
-        if (received_bytes_ != 0) dispatch(now);
+        deliver(now);
         next = kNever;
         for (const auto& line : protocols_)
             if (serves(line)) next = std::min(next, line.server->step(*this, now));
@@ -79,7 +83,11 @@ std::uint8_t Mailbox::status(unsigned sync_manager) {
 // When SM1 is empty again, the master has read the reply. The reply is kept for a repeat.
 void Mailbox::watch_fetched() {
     if (boxed_ == 0 || (status(1) & wire::sm_status::kMailboxFull) != 0) return;
-    if (kept_ != 0) first_ = (first_ + 1) % slots_;
+    if (kept_ != 0) {
+        // The slot of the reply kept so far becomes the last free slot.
+        if (parked_bytes_ != 0) std::copy_n(slot(slots_ - 1).begin(), parked_bytes_, slot(0).begin());
+        first_ = (first_ + 1) % slots_;
+    }
     kept_ = 1;
     boxed_ = 0;
 }
@@ -89,7 +97,7 @@ void Mailbox::watch_fetched() {
 void Mailbox::watch_repeat() {
     std::array<std::byte, 10> octets{};  // from the activate octet of SM0 to the PDI control octet of SM1
     const auto from = static_cast<std::uint16_t>(reg::sync_manager(0).address + Layout::activate::offset);
-    esc_.read(from, octets);
+    read_memory(esc_, from, octets);
     const auto receive_activate = std::to_integer<std::uint8_t>(octets[0]);
     const auto activate = std::to_integer<std::uint8_t>(octets[8]);
     const auto pdi_control = std::to_integer<std::uint8_t>(octets[9]);
@@ -117,7 +125,7 @@ void Mailbox::put_next() {
     if (boxed_ != 0 || queued_ == 0) return;
     const auto message = slot(kept_);
     const auto bytes = wire::kMailboxHeaderBytes + wire::load_mailbox_header(message).length;
-    esc_.write(send_.physical_start, message.first(bytes));
+    write_memory(esc_, send_.physical_start, message.first(bytes));
     if (bytes < send_.length_bytes)  // a write to the last octet marks the mailbox as full
         write_register(esc_, static_cast<std::uint16_t>(send_.physical_start + send_.length_bytes - 1),
                        std::uint8_t{0});
@@ -129,14 +137,14 @@ void Mailbox::put_next() {
 // Reads a message from SM0 when there is one and when a slot for its reply is free. Returns true when rx_ contains a
 // message.
 bool Mailbox::fetch() {
-    if (received_bytes_ != 0 || used() == slots_ || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
+    if (received_bytes_ != 0 || full() || (status(0) & wire::sm_status::kMailboxFull) == 0) return false;
     const std::size_t size = receive_.length_bytes;
-    esc_.read(receive_.physical_start, rx_.first(wire::kMailboxHeaderBytes));
+    read_memory(esc_, receive_.physical_start, rx_.first(wire::kMailboxHeaderBytes));
     const auto announced = wire::kMailboxHeaderBytes + wire::load_mailbox_header(rx_).length;
     const auto bytes = std::min(size, announced);
     if (bytes > wire::kMailboxHeaderBytes)
-        esc_.read(static_cast<std::uint16_t>(receive_.physical_start + wire::kMailboxHeaderBytes),
-                  rx_.subspan(wire::kMailboxHeaderBytes, bytes - wire::kMailboxHeaderBytes));
+        read_memory(esc_, static_cast<std::uint16_t>(receive_.physical_start + wire::kMailboxHeaderBytes),
+                    rx_.subspan(wire::kMailboxHeaderBytes, bytes - wire::kMailboxHeaderBytes));
     if (bytes < size)  // a read of the last octet marks the mailbox as empty
         (void)read_register<std::uint8_t>(esc_, static_cast<std::uint16_t>(receive_.physical_start + size - 1));
     received_bytes_ = bytes;
@@ -144,35 +152,73 @@ bool Mailbox::fetch() {
     return true;
 }
 
+std::uint32_t Mailbox::events() const {
+    const bool takes = !running_ || (received_bytes_ == 0 && !full());
+    return (takes ? wire::al_event::sync_manager(0) : 0) | (boxed_ != 0 ? wire::al_event::sync_manager(1) : 0);
+}
+
+// The parked message was received before the message in rx_.
+void Mailbox::deliver(Time now) {
+    if (parked_bytes_ != 0 && used() + 1 < slots_) {
+        const auto message = slot(slots_ - 1).first(parked_bytes_);
+        auto* const server = server_of(wire::load_mailbox_header(message).type);
+        if (!server->busy()) {
+            pass_on(message, server, now);
+            parked_bytes_ = 0;
+        }
+    }
+    if (received_bytes_ != 0) dispatch(now);
+}
+
 void Mailbox::dispatch(Time now) {
-    if (used() == slots_) return;  // no slot for a reply: the message waits in rx_
+    if (full()) return;  // no slot for a reply: the message waits in rx_
     const auto header = wire::load_mailbox_header(rx_);
     // A master that did not see that its write arrived sends the message again with the same counter.
     const bool repeated = header.counter != 0 && header.counter == last_received_;
     const auto message = wire::load_mailbox_message(rx_.first(received_bytes_));
-    auto* const server = message ? server_of(header.type) : nullptr;
-    if (!repeated && server != nullptr && header.channel == 0 && server->busy()) return;
-
-    received_bytes_ = 0;
+    auto* const server = message && header.channel == 0 && !message->data.empty() ? server_of(header.type) : nullptr;
+    if (!repeated && server != nullptr) {
+        const bool behind = parked_bytes_ != 0 && wire::load_mailbox_header(slot(slots_ - 1)).type == header.type;
+        if (server->busy() && !behind) return park();
+        if (behind) return;
+    }
+    const auto bytes = std::exchange(received_bytes_, std::size_t{0});
     if (repeated) {
         ++counters_.duplicates;
         return;
     }
     last_received_ = header.counter;
-    if (!message) return reply_error(MailboxErrorCode::invalid_size);
-    if (header.type == MailboxType::error) return;  // an error message gets no reply
-    if (header.channel != 0) return reply_error(MailboxErrorCode::invalid_channel);
-    if (server == nullptr) return reply_error(MailboxErrorCode::unsupported_protocol);
-    if (message->data.empty()) return reply_error(MailboxErrorCode::size_too_short);
-    if (const auto error = server->receive(*message, *this, now)) reply_error(*error);
+    pass_on(rx_.first(bytes), server, now);
 }
 
-void Mailbox::reply_error(MailboxErrorCode code) {
+// Copies the message into the last free slot when another slot stays free for replies.
+void Mailbox::park() {
+    if (parked_bytes_ != 0 || used() + 2 > slots_) return;
+    parked_bytes_ = std::exchange(received_bytes_, std::size_t{0});
+    std::copy_n(rx_.begin(), parked_bytes_, slot(slots_ - 1).begin());
+    last_received_ = wire::load_mailbox_header(rx_).counter;
+}
+
+// `server` is nullptr when the message has an error.
+void Mailbox::pass_on(MutableBytes bytes, MailboxServer* server, Time now) {
+    const auto header = wire::load_mailbox_header(bytes);
+    const auto message = wire::load_mailbox_message(bytes);
+    if (!message) return reply_error(MailboxErrorCode::invalid_size, bytes);
+    if (header.type == MailboxType::error) return;  // an error message gets no reply
+    if (header.channel != 0) return reply_error(MailboxErrorCode::invalid_channel, bytes);
+    if (server == nullptr)
+        return reply_error(server_of(header.type) == nullptr ? MailboxErrorCode::unsupported_protocol
+                                                             : MailboxErrorCode::size_too_short,
+                           bytes);
+    if (const auto error = server->receive(*message, *this, now)) reply_error(*error, bytes);
+}
+
+void Mailbox::reply_error(MailboxErrorCode code, Bytes request) {
     const auto data = open();
     if (data.empty()) return;
     wire::MailboxErrorLayout::type::store(data, wire::kMailboxErrorTypeCommand);
     wire::MailboxErrorLayout::detail::store(data, code);
-    commit(MailboxType::error, wire::kMailboxErrorBytes, wire::load_mailbox_header(rx_).address);
+    commit(MailboxType::error, wire::kMailboxErrorBytes, wire::load_mailbox_header(request).address);
     ++counters_.errors;
 }
 
@@ -183,7 +229,7 @@ MailboxServer* Mailbox::server_of(MailboxType type) const {
 }
 
 MutableBytes Mailbox::open() {
-    if (!running_ || used() == slots_) return {};
+    if (!running_ || full()) return {};
     return slot(used()).subspan(wire::kMailboxHeaderBytes, send_.length_bytes - wire::kMailboxHeaderBytes);
 }
 

@@ -13,7 +13,8 @@
 namespace margay::subdevice {
 
 // Memory of a mailbox. `Bytes` is the size of the largest mailbox of any state. `Slots` is the number of stored
-// replies; one slot always keeps the reply that the master read last, for a repeat.
+// replies; one slot always keeps the reply that the master read last, for a repeat. With three slots and more, one slot
+// can keep a request whose server is busy, so that the other servers go on.
 template <std::size_t Bytes, std::size_t Slots>
 struct MailboxMemory {
     static_assert(Slots >= 2, "one reply is kept for repetition, so that one slot would never be free");
@@ -54,6 +55,10 @@ class Mailbox final : public Outbox {
     [[nodiscard]] MutableBytes open() override;
     void commit(wire::MailboxType type, std::size_t bytes, std::uint16_t address) override;
 
+    // The AL events that step() needs now: SM0 unless no message can be taken (its event stays active until the message
+    // is read), SM1 while a reply waits for the master (its event stays active until the next reply is written).
+    [[nodiscard]] std::uint32_t events() const;
+
     [[nodiscard]] bool running() const { return running_; }
     // The master has deactivated a sync manager. The state machine may not have noticed it yet.
     [[nodiscard]] bool sync_manager_lost() const { return lost_; }
@@ -64,12 +69,16 @@ class Mailbox final : public Outbox {
     void watch_fetched();
     void put_next();
     bool fetch();
+    void deliver(Time now);
     void dispatch(Time now);
-    void reply_error(wire::MailboxErrorCode code);
+    void park();
+    void pass_on(MutableBytes message, MailboxServer* server, Time now);
+    void reply_error(wire::MailboxErrorCode code, Bytes request);
     void forget();
     [[nodiscard]] MailboxServer* server_of(wire::MailboxType type) const;
     [[nodiscard]] bool serves(const MailboxProtocol& line) const { return state_ != AlState::boot || line.in_boot; }
     [[nodiscard]] std::size_t used() const { return kept_ + boxed_ + queued_; }
+    [[nodiscard]] bool full() const { return used() + (parked_bytes_ != 0 ? 1 : 0) == slots_; }
     [[nodiscard]] MutableBytes slot(std::size_t n) const {
         return tx_.subspan((first_ + n) % slots_ * rx_.size(), rx_.size());
     }
@@ -89,6 +98,8 @@ class Mailbox final : public Outbox {
     std::size_t boxed_ = 0;
     std::size_t queued_ = 0;
     std::size_t received_bytes_ = 0;  // octets of the message in rx_; 0: no message
+    // Octets of the message in the last free slot, which waits until its server is not busy; 0: no message.
+    std::size_t parked_bytes_ = 0;
     std::uint8_t last_received_ = 0;  // mailbox counters of the last messages
     std::uint8_t last_sent_ = 0;
     bool running_ = false;

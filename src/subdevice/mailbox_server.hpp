@@ -38,6 +38,9 @@ class MailboxServer {
     // earlier master.
     virtual void start(AlState state, const MailboxRoom& room) = 0;
 
+    // The mailbox has stopped (the device goes to INIT). The server must end unfinished transfers.
+    virtual void stop() {}
+
     // AL status reports a new state (PREOP, SAFEOP or OP).
     virtual void state_changed(AlState state) { (void)state; }
 
@@ -46,7 +49,8 @@ class MailboxServer {
     virtual std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out,
                                                           Time now) = 0;
 
-    // True while the server cannot accept another message. The message then stays in the receive mailbox.
+    // True while the server cannot accept another message. Messages for other servers are passed on in the meantime
+    // when a slot of the outbox can keep the message; with MailboxMemory of two slots they wait.
     [[nodiscard]] virtual bool busy() const { return false; }
 
     // Called after receive() and in every step of the device, for delayed replies and unsolicited messages. Returns the

@@ -18,12 +18,7 @@ void ObjectDictionary::restore_defaults(std::uint16_t access) {
             if (entry.storage != Storage::image || (access != 0 && (entry.access & access) == 0)) continue;
             for (unsigned n = entry.subindex; n <= entry.last(); ++n) {
                 const auto memory = in_image(entry, n);
-                for (std::size_t i = 0; i < memory.size(); ++i) {
-                    const auto octet = i < 8 && entry.text.empty() ? static_cast<std::uint8_t>(entry.initial >> (8 * i))
-                                       : i < entry.text.size()     ? static_cast<std::uint8_t>(entry.text[i])
-                                                                   : std::uint8_t{0};
-                    memory[i] = std::byte{octet};
-                }
+                for (std::size_t i = 0; i < memory.size(); ++i) memory[i] = entry.initial_octet(i);
             }
         }
 }

@@ -17,6 +17,7 @@
 #pragma once
 
 #include "subdevice/description.hpp"
+#include "subdevice/esc_access.hpp"
 #include "util/bytes.hpp"
 #include "wire/coe.hpp"
 
@@ -69,6 +70,11 @@ struct Entry {
     [[nodiscard]] constexpr std::uint32_t bytes() const { return (bits + 7) / 8; }
     [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
     [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
+    // Octet `n` of the initial value.
+    [[nodiscard]] constexpr std::byte initial_octet(std::size_t n) const {
+        if (n < text.size()) return static_cast<std::byte>(text[n]);
+        return n < 8 && text.empty() ? static_cast<std::byte>(initial >> (8 * n)) : std::byte{0};
+    }
 
     // Return a copy of the entry: with limits for downloads, with another data type, or for `n` subindices.
     [[nodiscard]] constexpr Entry within(std::int64_t least, std::int64_t most) const {
@@ -124,6 +130,8 @@ struct HookAnswer {
 
 // Hooks of an object. They are called from Device::step() in the order of the members. Each may be nullptr.
 struct ObjectHooks {
+    // False: the device does not have the object, and an SDO access is aborted with Abort::no_object.
+    bool (*exists)(const ObjectAccess&) = nullptr;
     HookAnswer (*before_read)(const ObjectAccess&) = nullptr;  // may update the value
     HookAnswer (*before_write)(const ObjectAccess&,
                                Bytes data) = nullptr;    // `data`: one value, or the data of a complete access
@@ -188,7 +196,7 @@ template <class F>
 
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
-    requires std::same_as<typename F::Type, std::uint8_t>
+requires std::same_as<typename F::Type, std::uint8_t>
 [[nodiscard]] constexpr Entry flag(std::uint8_t subindex, std::string_view name, std::uint16_t access,
                                    unsigned bits = 1, std::uint8_t initial = 0) {
     Entry e = value<F>(subindex, name, access, initial);
@@ -312,11 +320,17 @@ class ObjectDictionary {
     void block_downloads(const PdoMapping* outputs) { blocked_ = outputs; }
     [[nodiscard]] bool blocked(std::uint16_t index, unsigned subindex) const;
 
+    // The lock that is held while a value is copied, because an interrupt handler may change the value; nullptr: none.
+    // ProcessData sets it.
+    void set_lock(EscAccess* lock) { lock_ = lock; }
+    [[nodiscard]] EscAccess* lock() const { return lock_; }
+
   private:
     std::span<const Object> objects_;
     MutableBytes image_;
     Application* application_;
     const PdoMapping* blocked_ = nullptr;
+    EscAccess* lock_ = nullptr;
 };
 
 // ------------------------------------------------------------------ objects generated from the description

@@ -9,8 +9,6 @@ namespace margay::subdevice {
 
 namespace {
 
-constexpr std::uint32_t kGap = 0xFFFFFFFF;
-
 constexpr bool is_output_pdo(std::uint16_t index) { return index >= 0x1600 && index < 0x1800; }
 constexpr bool is_input_pdo(std::uint16_t index) { return index >= 0x1A00 && index < 0x1C00; }
 
@@ -54,8 +52,16 @@ Abort check_order(const ObjectAccess& access) {
 }
 
 std::size_t max_bits(const ObjectAccess& access, bool outputs) {
+    if (access.application == nullptr) return SIZE_MAX;
     const auto& device = access.application->description();
     return std::size_t{outputs ? device.outputs.max_bytes : device.inputs.max_bytes} * 8;
+}
+
+// Memory of the value; empty when it has none.
+MutableBytes memory_of(ObjectDictionary& dictionary, const Object& object, const Entry& entry, std::uint8_t subindex) {
+    if (entry.storage != Storage::provided) return dictionary.in_image(entry, subindex);
+    return object.hooks->memory(
+        {.object = object, .subindex = subindex, .dictionary = dictionary, .application = dictionary.application()});
 }
 
 }  // namespace
@@ -71,18 +77,25 @@ bool MappingReader::next() {
     return true;
 }
 
-Abort check_mappable(const ObjectDictionary& dictionary, MappingEntry entry, bool outputs) {
+Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outputs) {
     if (entry.index == 0) return Abort::none;
     const auto* const object = dictionary.find(entry.index);
     if (object == nullptr) return Abort::no_object;
     const auto* const found = object->entry(entry.subindex);
     if (found == nullptr) return Abort::no_subindex;
     const auto wanted = outputs ? od::kRxMappable : od::kTxMappable;
-    if ((found->access & wanted) == 0 || found->storage != Storage::image) return Abort::cannot_be_mapped;
+    if ((found->access & wanted) == 0 || found->bits == 0) return Abort::cannot_be_mapped;
+    if (memory_of(dictionary, *object, *found, entry.subindex).size() < found->bytes()) return Abort::cannot_be_mapped;
     return found->bits == entry.bits ? Abort::none : Abort::length_mismatch;
 }
 
-Abort PdoMapping::build(const ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
+namespace {
+MutableBytes octets_of(const MappedEntry& mapped) {
+    return {mapped.octets, mapped.octets != nullptr ? (std::size_t{mapped.bits} + 7) / 8 : 0};
+}
+}  // namespace
+
+Abort PdoMapping::build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
     count_ = 0;
     bits_ = 0;
     MappingReader reader(dictionary, assignment);
@@ -91,11 +104,11 @@ Abort PdoMapping::build(const ObjectDictionary& dictionary, std::uint16_t assign
         const auto wrong = check_mappable(dictionary, entry, is_output_pdo(reader.pdo()));
         if (wrong != Abort::none) return wrong;
         if (count_ == memory_.size() || bits_ + entry.bits > max_bytes * 8) return Abort::exceeds_pdo;
-        MappedEntry mapped{entry.index, entry.subindex, entry.bits, kGap, 0};
+        MappedEntry mapped{entry.index, entry.subindex, entry.bits};
         if (entry.index != 0) {
-            const auto& found = *dictionary.find(entry.index)->entry(entry.subindex);
-            mapped.offset = found.offset + (std::uint32_t{entry.subindex} - found.subindex) * found.bytes();
-            mapped.initial = static_cast<std::uint32_t>(found.initial);
+            const auto& object = *dictionary.find(entry.index);
+            mapped.entry = object.entry(entry.subindex);
+            mapped.octets = memory_of(dictionary, object, *mapped.entry, entry.subindex).data();
         }
         memory_[count_++] = mapped;
         bits_ += entry.bits;
@@ -109,28 +122,27 @@ bool PdoMapping::maps(std::uint16_t index, unsigned subindex) const {
                        [=](const MappedEntry& m) { return m.index == index && m.subindex == subindex; });
 }
 
-void PdoMapping::unpack(Bytes from, MutableBytes image) const {
+void PdoMapping::unpack(Bytes from) const {
     std::size_t bit = 0;
     for (const auto& m : memory_.first(count_)) {
-        if (m.offset != kGap) copy_bits(image, std::size_t{m.offset} * 8, from, bit, m.bits);
+        if (m.octets != nullptr) copy_bits(octets_of(m), 0, from, bit, m.bits);
         bit += m.bits;
     }
 }
 
-void PdoMapping::pack(Bytes image, MutableBytes to) const {
+void PdoMapping::pack(MutableBytes to) const {
     std::fill(to.begin(), to.end(), std::byte{0});
     std::size_t bit = 0;
     for (const auto& m : memory_.first(count_)) {
-        if (m.offset != kGap) copy_bits(to, bit, image, std::size_t{m.offset} * 8, m.bits);
+        if (m.octets != nullptr) copy_bits(to, bit, octets_of(m), 0, m.bits);
         bit += m.bits;
     }
 }
 
-void PdoMapping::reset(MutableBytes image) const {
+void PdoMapping::reset() const {
     for (const auto& m : memory_.first(count_)) {
-        if (m.offset == kGap) continue;
-        for (std::size_t i = 0; i < (std::size_t{m.bits} + 7) / 8; ++i)
-            image[m.offset + i] = static_cast<std::byte>(i < 4 ? m.initial >> (8 * i) : 0);
+        const auto octets = octets_of(m);
+        for (std::size_t i = 0; i < octets.size(); ++i) octets[i] = m.entry->initial_octet(i);
     }
 }
 

@@ -46,16 +46,17 @@ class MappingReader {
 };
 
 // Checks whether an object can be mapped into a PDO of this direction. Returns cannot_be_mapped, length_mismatch,
-// no_object, no_subindex, or none if it can.
-[[nodiscard]] Abort check_mappable(const ObjectDictionary& dictionary, MappingEntry entry, bool outputs);
+// no_object, no_subindex, or none if it can. The value must be in the image, or ObjectHooks::memory must return memory
+// that has at least the size of the entry and stays valid as long as the value is mapped.
+[[nodiscard]] Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outputs);
 
 // One entry of the process image.
 struct MappedEntry {
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     std::uint8_t bits = 0;
-    std::uint32_t offset = 0;  // of the value, in octets from the start of the dictionary's image
-    std::uint32_t initial = 0;
+    std::byte* octets = nullptr;   // memory of the value; nullptr: a gap
+    const Entry* entry = nullptr;  // contains the initial value
 };
 
 class PdoMapping {
@@ -65,16 +66,16 @@ class PdoMapping {
 
     // Reads assignment and mapping. Abort::exceeds_pdo: the mapping has more entries than the memory can hold, or more
     // octets than `max_bytes`.
-    [[nodiscard]] Abort build(const ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
+    [[nodiscard]] Abort build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
 
     [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
     [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
 
-    // Copy between the process image (bytes() octets) and the image of the dictionary.
-    void unpack(Bytes from, MutableBytes image) const;
-    void pack(Bytes image, MutableBytes to) const;
+    // Copy between the process image (bytes() octets) and the memory of the mapped values.
+    void unpack(Bytes from) const;
+    void pack(MutableBytes to) const;
     // Sets the mapped values to their initial values in the tables.
-    void reset(MutableBytes image) const;
+    void reset() const;
 
   private:
     std::span<MappedEntry> memory_;
@@ -82,9 +83,10 @@ class PdoMapping {
     std::size_t bits_ = 0;
 };
 
-// --- Objects of a device whose PDOs the master may change: the values are in the image, and hooks check the rules ---
-
-// Subindex 0 is the count (one octet), the other subindices are values of equal size.
+// --- Objects of a device whose PDOs the master may change ---
+// Subindex 0 is the count (one octet in the image), the other subindices are values of equal size in the image. The
+// hooks check each download: kPdoMappingHooks belongs to the objects 0x16xx and 0x1Axx, kPdoAssignmentHooks to 0x1C12
+// and 0x1C13. Without an application, the hooks do not know the largest size of the process data, and do not check it.
 namespace pdo_rules {
 [[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);
@@ -92,7 +94,7 @@ namespace pdo_rules {
 inline constexpr ObjectHooks kPdoMappingHooks{.before_write = pdo_rules::mapping};
 inline constexpr ObjectHooks kPdoAssignmentHooks{.before_write = pdo_rules::assignment};
 
-// Entries of fixed objects: mapping and assignment are constants.
+// Entries of objects that no master changes: mapping entry and assigned PDO are constants of the table.
 [[nodiscard]] constexpr Entry mapped(std::uint8_t n, std::uint16_t index, std::uint8_t subindex, std::uint8_t bits) {
     return constant(n, "Mapping entry", MappingEntry{index, subindex, bits}.word());
 }

@@ -2,6 +2,7 @@
 
 #include "subdevice/esc_registers.hpp"
 #include "subdevice/esm_checks.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include <algorithm>
 
@@ -12,7 +13,7 @@ namespace al_event = wire::al_event;
 
 namespace {
 
-constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when SM2 raises no events
+constexpr Duration kPollEvery = std::chrono::milliseconds(1);  // used when a SyncManager raises no events
 // after this number of cycle times without SYNC0, SYNC0 counts as lost
 constexpr int kLostSyncs = 3;
 
@@ -26,6 +27,7 @@ std::uint8_t sm_status_of(EscAccess& esc, unsigned n) {
 }  // namespace
 
 ProcessDataSizes ProcessData::sizes() {
+    if (running_) return sizes_;  // interrupt handlers use the mapping
     const auto& device = application_.description();
     const ProcessDataSizes most{device.outputs.max_bytes, device.inputs.max_bytes, AlStatusCode::none};
     sizes_ = application_.process_data_sizes().value_or(most);
@@ -48,27 +50,85 @@ ProcessDataSizes ProcessData::sizes() {
     return sizes_;
 }
 
+// ------------------------------------------------------------------ start and stop
+
 void ProcessData::start(Time now) {
     const auto& device = application_.description();
-    const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
-    constexpr auto kBoth = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
-    mode_ = device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
-    sync_cycle_ = Duration{read_register<std::uint32_t>(esc_, reg::kSync0CycleTime.address)};
-    outputs_seen_ = sync_seen_ = outputs_valid_ = false;
-    missed_ = 0;
-    silent_ = has_outputs() &&
-              (read_sync_manager(esc_, device.outputs.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
+    outputs_seen_ = outputs_expired_ = sync_seen_ = outputs_valid_ = false;
+    missed_ = syncs_ = 0;
+    const auto raises_no_event = [this](const ProcessDataArea& area) {
+        return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
+    };
+    unseen_ = sizes_.outputs_bytes == 1;
+    silent_ = has_outputs() && (unseen_ || raises_no_event(device.outputs));
+    inputs_silent_ = sizes_.inputs_bytes == 1 || (sizes_.inputs_bytes != 0 && raises_no_event(device.inputs));
+    read_sync_settings();
     running_ = true;
     last_sync_ = now;
-    next_cycle_ = kNever;
     next_watch_ = kNever;
     next_poll_ = silent_ ? now + kPollEvery : kNever;
     process(part::kApplication | part::kInputs, now);
 }
 
-AlStatusCode ProcessData::missing() const {
-    if (has_outputs() && !outputs_seen_) return AlStatusCode::no_valid_outputs;
+void ProcessData::read_sync_settings() {
+    const auto& device = application_.description();
+    const auto activation = read_register<std::uint8_t>(esc_, reg::kSyncActivation.address);
+    constexpr auto kBoth = wire::sync_activation::kCyclic | wire::sync_activation::kSync0;
+    mode_ = device.dc.supported && (activation & kBoth) == kBoth ? SyncMode::dc_sync0 : SyncMode::process_data;
+    acknowledged_sync_ = read_register<std::uint16_t>(esc_, reg::kSyncPulseLength.address) == 0;
+    sync_cycle_ns_ = read_register<std::uint32_t>(esc_, reg::kSync0CycleTime.address);
+    syncs_per_frame_ = 1;
+    if (mode_ == SyncMode::dc_sync0 && sync_cycle_ns_ != 0) {
+        const auto frame = static_cast<std::uint32_t>(dictionary_.number(kOutputSyncParameters, sync_subindex::kCycle));
+        const auto sync1 = read_register<std::uint32_t>(esc_, reg::kSync1CycleTime.address);
+        const bool sync1_on = (activation & wire::sync_activation::kSync1) != 0;
+        if (frame > sync_cycle_ns_) {
+            syncs_per_frame_ = (frame - sync_cycle_ns_ / 2) / sync_cycle_ns_ + 1;
+        } else if (frame == 0 && sync1_on && sync1 >= sync_cycle_ns_) {
+            // A SYNC1 cycle time of n SYNC0 cycles: SYNC1 occurs at each (n + 1)th SYNC0.
+            syncs_per_frame_ = sync1 / sync_cycle_ns_ + 1;
+        }
+    }
+    const auto* const setting = dictionary_.find(kSyncErrorSetting);
+    sync_error_limit_ = setting != nullptr
+                            ? static_cast<unsigned>(dictionary_.number(kSyncErrorSetting, sync_subindex::kErrorLimit))
+                            : device.sync_error_limit;
+    find_sync_objects();
+}
+
+void ProcessData::find_sync_objects() {
+    const auto memory = [this](std::uint16_t index, std::uint8_t subindex, std::size_t bytes) -> MutableBytes {
+        const auto* const object = dictionary_.find(index);
+        const auto* const entry = object != nullptr ? object->entry(subindex) : nullptr;
+        if (entry == nullptr || entry->bytes() != bytes) return {};
+        return dictionary_.in_image(*entry, subindex);
+    };
+    missed_object_ = memory(kOutputSyncParameters, sync_subindex::kMissedFrames, 2);
+    sync_error_object_ = memory(kOutputSyncParameters, sync_subindex::kSyncError, 1);
+    if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{0};
+}
+
+AlStatusCode ProcessData::missing(Time now) {
+    if (has_outputs()) {
+        forget_old_outputs(now);
+        if (!outputs_seen_)
+            return outputs_expired_ ? AlStatusCode::sync_manager_watchdog : AlStatusCode::no_valid_outputs;
+    }
     return mode_ == SyncMode::dc_sync0 && !sync_seen_ ? AlStatusCode::no_sync_error : AlStatusCode::none;
+}
+
+// In SAFEOP. In OP, watch() takes the device to SAFEOP instead.
+void ProcessData::forget_old_outputs(Time now) {
+    if (!running_ || !outputs_seen_ || outputs_valid_) return;
+    const auto own = application_.description().output_timeout;
+    const bool too_old = own != Duration::zero() && now - last_outputs_ >= own;
+    if (too_old || (watchdog_time() != Duration::zero() && !watchdog_running())) forget_outputs(now);
+}
+
+void ProcessData::forget_outputs(Time now) {
+    outputs_seen_ = false;
+    outputs_expired_ = true;
+    arm(now);
 }
 
 // Watchdog time of the ESC for the outputs; zero when the master has disabled the watchdog.
@@ -81,9 +141,13 @@ Duration ProcessData::watchdog_time() {
     return std::chrono::nanoseconds(40) * (std::int64_t{divider} + 2) * time;
 }
 
+bool ProcessData::watchdog_running() {
+    return (read_register<std::uint16_t>(esc_, reg::kProcessDataWatchdogStatus.address) & 1) != 0;
+}
+
 void ProcessData::start_outputs(Time now) {
     outputs_valid_ = true;
-    missed_ = 0;
+    missed_ = syncs_ = 0;
     watchdog_ = has_outputs() ? watchdog_time() : Duration{};
     watched_ = watchdog_ != Duration::zero();
     if (const auto own = application_.description().output_timeout; own != Duration::zero() && has_outputs())
@@ -93,17 +157,18 @@ void ProcessData::start_outputs(Time now) {
     if (!has_outputs()) return;
     // The application starts with the last outputs that arrived in SAFEOP.
     if (!application_.unpack_outputs(outputs_.first(sizes_.outputs_bytes)) && output_mapped_)
-        output_map_.unpack(outputs_, dictionary_.image());
+        output_map_.unpack(outputs_);
 }
 
 void ProcessData::stop_outputs(Time now) {
     if (!outputs_valid_) return;
     outputs_valid_ = false;
-    outputs_seen_ = false;
+    outputs_seen_ = outputs_expired_ = false;
     next_watch_ = kNever;
     dictionary_.block_downloads(nullptr);
-    if (output_mapped_) output_map_.reset(dictionary_.image());
+    if (output_mapped_) output_map_.reset();
     application_.safe_outputs(now);
+    arm(now);
 }
 
 void ProcessData::stop() {
@@ -111,26 +176,46 @@ void ProcessData::stop() {
     next_cycle_ = next_poll_ = next_watch_ = kNever;
 }
 
+// ------------------------------------------------------------------ updates
+
 void ProcessData::process(unsigned parts, Time now) {
     if (!running_) return;
     if ((parts & part::kOutputs) != 0 && has_outputs()) take_outputs(now);
     if ((parts & part::kApplication) != 0) {
         application_.cycle(now, outputs_valid_);
-        const auto free_run = application_.description().free_run_cycle;
-        if (free_run != Duration::zero() && mode_ != SyncMode::dc_sync0) next_cycle_ = now + free_run;
+        arm(now);
     }
     if ((parts & part::kInputs) != 0 && sizes_.inputs_bytes != 0) give_inputs();
+}
+
+// Whether the cyclic data of the master do not drive the application: there are no outputs, or none have arrived yet,
+// or SYNC0 has not started. Then the inputs must stay up to date all the same.
+bool ProcessData::undriven() const {
+    return mode_ == SyncMode::dc_sync0 ? !sync_seen_ : !has_outputs() || !outputs_seen_;
+}
+
+// The time after which the application is called without an event; zero: never.
+Duration ProcessData::own_period() const {
+    const auto free_run = application_.description().free_run_cycle;
+    if (free_run != Duration::zero() && (mode_ != SyncMode::dc_sync0 || undriven())) return free_run;
+    return undriven() && sizes_.inputs_bytes != 0 && inputs_silent_ ? kPollEvery : Duration{};
+}
+
+void ProcessData::arm(Time now) {
+    const auto period = own_period();
+    next_cycle_ = period == Duration::zero() ? kNever : now + period;
 }
 
 void ProcessData::take_outputs(Time now) {
     const auto raw = outputs_.first(sizes_.outputs_bytes);
     esc_.read(application_.description().outputs.start, raw);
     outputs_seen_ = true;
+    outputs_expired_ = false;
     last_outputs_ = now;
-    missed_ = 0;
+    missed_ = syncs_ = 0;
     if (next_watch_ != kNever) next_watch_ = now + watchdog_;
     if (!outputs_valid_) return;  // SAFEOP: the outputs are read, but not applied
-    if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw, dictionary_.image());
+    if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw);
 }
 
 void ProcessData::give_inputs() {
@@ -138,19 +223,20 @@ void ProcessData::give_inputs() {
     if (!area.three_buffers && (sm_status_of(esc_, area.sync_manager) & wire::sm_status::kMailboxFull) != 0)
         return;  // one buffer, and the master has not read the last inputs
     const auto raw = inputs_.first(sizes_.inputs_bytes);
-    if (!application_.pack_inputs(raw) && input_mapped_) input_map_.pack(dictionary_.image(), raw);
+    if (!application_.pack_inputs(raw) && input_mapped_) input_map_.pack(raw);
     esc_.write(area.start, raw);
 }
 
 std::uint32_t ProcessData::events() const {
     if (!running_) return 0;
     const auto& device = application_.description();
-    std::uint32_t bits = mode_ == SyncMode::dc_sync0 ? al_event::kDcSync0 : 0;
-    if (has_outputs()) {
-        bits |= al_event::sync_manager(device.outputs.sync_manager);
-    } else if (mode_ == SyncMode::process_data && sizes_.inputs_bytes != 0) {
-        bits |= al_event::sync_manager(device.inputs.sync_manager);
+    std::uint32_t bits = 0;
+    if (mode_ == SyncMode::dc_sync0) {
+        if (!sync_by_pin_) bits |= al_event::kDcSync0;
+        if (device.dc.sync1 && !sync1_by_pin_) bits |= al_event::kDcSync1;
     }
+    if (has_outputs()) bits |= al_event::sync_manager(device.outputs.sync_manager);
+    if (inputs_drive()) bits |= al_event::sync_manager(device.inputs.sync_manager);
     return bits;
 }
 
@@ -158,49 +244,102 @@ bool ProcessData::outputs_waiting(std::uint32_t events) {
     if (!has_outputs()) return false;
     const auto n = application_.description().outputs.sync_manager;
     if ((events & al_event::sync_manager(n)) != 0) return true;
-    return silent_ && (sm_status_of(esc_, n) & wire::sm_status::kInterruptWrite) != 0;
+    if (!silent_) return false;
+    if (unseen_) return watchdog_time() == Duration::zero() || watchdog_running();
+    return (sm_status_of(esc_, n) & wire::sm_status::kInterruptWrite) != 0;
+}
+
+bool ProcessData::inputs_fetched(std::uint32_t events) const {
+    return inputs_drive() && (events & al_event::sync_manager(application_.description().inputs.sync_manager)) != 0;
 }
 
 void ProcessData::serve(Time now, std::uint32_t events) {
     if (!running_) return;
-    if (silent_) next_poll_ = now + kPollEvery;
-    const bool outputs = outputs_waiting(events);
+    bool outputs = false;
+    if (!unseen_ || now >= next_poll_) outputs = outputs_waiting(events);
+    if (silent_ && now >= next_poll_) next_poll_ = now + kPollEvery;
     if (mode_ == SyncMode::dc_sync0) {
         if (outputs) process(part::kOutputs, now);
-        if ((events & al_event::kDcSync0) == 0) return;
-        (void)read_register<std::uint8_t>(esc_, reg::kSync0Status.address);  // acknowledges the event
-        count_sync(now);
-        return process(part::kApplication | part::kInputs, now);
+        if ((events & al_event::kDcSync1) != 0 && !sync1_by_pin_ && application_.description().dc.sync1) {
+            acknowledge(reg::kSync1Status);
+            application_.sync1(now);
+        }
+        if ((events & al_event::kDcSync0) != 0 && !sync_by_pin_) {
+            acknowledge(reg::kSync0Status);
+            return serve_sync(now);
+        }
+    } else if (outputs) {
+        return process(part::kAll, now);
     }
-    if (outputs) return process(part::kAll, now);
-    const bool fetched =
-        !has_outputs() && (events & al_event::sync_manager(application_.description().inputs.sync_manager)) != 0;
-    if (fetched || next_cycle_ <= now) process(part::kApplication | part::kInputs, now);
+    if (inputs_fetched(events) || next_cycle_ <= now) process(part::kApplication | part::kInputs, now);
+}
+
+// ------------------------------------------------------------------ synchronization
+
+// Reading the status ends the signal and its AL event.
+void ProcessData::acknowledge(wire::Register status) { (void)read_register<std::uint8_t>(esc_, status.address); }
+
+void ProcessData::serve_sync(Time now) {
+    count_sync(now);
+    process(part::kApplication | part::kInputs, now);
+}
+
+void ProcessData::sync0(Time now) {
+    sync_by_pin_ = true;
+    if (acknowledged_sync_) acknowledge(reg::kSync0Status);
+    if (!running_ || mode_ != SyncMode::dc_sync0) return;
+    // Outputs that have arrived belong to this SYNC0, although the handler of their event has not executed yet.
+    const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
+    if (!unseen_ && outputs_waiting(events)) process(part::kOutputs, now);
+    serve_sync(now);
+}
+
+void ProcessData::sync1(Time now) {
+    sync1_by_pin_ = true;
+    if (acknowledged_sync_) acknowledge(reg::kSync1Status);
+    if (running_ && mode_ == SyncMode::dc_sync0) application_.sync1(now);
 }
 
 void ProcessData::count_sync(Time now) {
+    const auto gap = (now - last_sync_).count();
+    if (sync_seen_ && sync_cycle_ns_ != 0 && gap > 0) {
+        const auto most = UINT32_MAX - sync_cycle_ns_ / 2;
+        const auto gap_ns = gap < std::int64_t{most} ? static_cast<std::uint32_t>(gap) : most;
+        const auto cycles = (gap_ns + sync_cycle_ns_ / 2) / sync_cycle_ns_;
+        if (cycles > 1) counters_.missed_syncs += cycles - 1;
+    }
     sync_seen_ = true;
     last_sync_ = now;
-    if (outputs_valid_ && has_outputs()) ++missed_;
+    if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;
+    syncs_ = 0;
+    if (++missed_ > 1) show_missed_frames();
+}
+
+// The first frame period after outputs is the period of these outputs.
+void ProcessData::show_missed_frames() {
+    ++counters_.missed_frames;
+    if (missed_object_.size() == 2) store_le(missed_object_, 0, static_cast<std::uint16_t>(counters_.missed_frames));
 }
 
 AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
     if ((events & al_event::kWatchdog) != 0) {
-        const auto status =
-            read_register<std::uint16_t>(esc_, reg::kProcessDataWatchdogStatus.address);  // clears the event
-        if (outputs_valid_ && watched_ && (status & 1) == 0) return AlStatusCode::sync_manager_watchdog;
+        const bool expired = !watchdog_running();  // clears the event
+        if (outputs_valid_ && watched_ && expired) return AlStatusCode::sync_manager_watchdog;
+        forget_old_outputs(now);
     }
     if (!outputs_valid_) return AlStatusCode::none;
     if (mode_ == SyncMode::dc_sync0) {
-        if (now - last_sync_ > kLostSyncs * sync_cycle_) return AlStatusCode::fatal_sync_error;
-        const auto limit = application_.description().sync_error_limit;
-        if (limit != 0 && missed_ > limit) return AlStatusCode::synchronization_error;
+        if (now - last_sync_ > Duration{kLostSyncs * std::int64_t{sync_cycle_ns_}})
+            return AlStatusCode::fatal_sync_error;
+        if (sync_error_limit_ != 0 && missed_ > sync_error_limit_) {
+            if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{1};
+            return AlStatusCode::synchronization_error;
+        }
     }
     if (next_watch_ > now) return AlStatusCode::none;
     const auto own = application_.description().output_timeout;
     if (own != Duration::zero() && now - last_outputs_ >= own) return AlStatusCode::sync_manager_watchdog;
-    if (watched_ && (read_register<std::uint16_t>(esc_, reg::kProcessDataWatchdogStatus.address) & 1) == 0)
-        return AlStatusCode::sync_manager_watchdog;
+    if (watched_ && !watchdog_running()) return AlStatusCode::sync_manager_watchdog;
     next_watch_ = now + watchdog_ / 8;  // the clock of the ESC and this clock may differ, so check again soon
     return AlStatusCode::none;
 }
@@ -208,7 +347,8 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
 Time ProcessData::watch_deadline() const {
     if (!outputs_valid_) return kNever;
     if (mode_ != SyncMode::dc_sync0) return next_watch_;
-    return std::min(next_watch_, last_sync_ + kLostSyncs * sync_cycle_ + std::chrono::nanoseconds(1));
+    const Duration lost{kLostSyncs * std::int64_t{sync_cycle_ns_} + 1};
+    return std::min(next_watch_, last_sync_ + lost);
 }
 
 }  // namespace margay::subdevice

@@ -4,6 +4,7 @@
 
 #include "subdevice/application.hpp"
 #include "subdevice/pdo_mapping.hpp"
+#include "wire/esc.hpp"
 
 #include <algorithm>
 
@@ -32,8 +33,15 @@ inline constexpr unsigned kInputs = 4;
 inline constexpr unsigned kAll = 7;
 }  // namespace part
 
+// Device calls these functions. A function that changes or reads what step() and the interrupt handlers share says so:
+// "locked" means that the caller holds the lock of the EscAccess.
 class ProcessData {
   public:
+    struct Counters {
+        std::uint32_t missed_syncs = 0;   // SYNC0 signals that were not seen, by the time between those that were
+        std::uint32_t missed_frames = 0;  // frame periods (see syncs_per_frame()) in OP without new outputs
+    };
+
     template <std::size_t O, std::size_t I, std::size_t E>
     ProcessData(EscAccess& esc, Application& application, ObjectDictionary& dictionary,
                 ProcessDataMemory<O, I, E>& memory)
@@ -43,43 +51,70 @@ class ProcessData {
           outputs_(memory.outputs),
           inputs_(memory.inputs),
           output_map_(memory.output_entries),
-          input_map_(memory.input_entries) {}
+          input_map_(memory.input_entries) {
+        dictionary.set_lock(&esc);
+    }
 
     // The sizes from assignment and mapping. When the dictionary has no assignment object, the size is that of
-    // Application::process_data_sizes(), or the maximum of the description.
+    // Application::process_data_sizes(), or the maximum of the description. In SAFEOP and OP the sizes stay those of
+    // the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
-    // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP.
+    // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
     void start(Time now);
-    // SAFEOP→OP: the condition that is not yet met (outputs or SYNC0 have not arrived); AlStatusCode::none when all are
-    // met.
-    [[nodiscard]] AlStatusCode missing() const;
-    void start_outputs(Time now);
-    void stop_outputs(Time now);
-    void stop();
+    // SAFEOP→OP: the condition that is not met: outputs have not arrived, or are too old (the watchdog of the ESC has
+    // expired, or DeviceDescription::output_timeout has passed), or SYNC0 has not arrived. AlStatusCode::none when all
+    // are met. Locked.
+    [[nodiscard]] AlStatusCode missing(Time now);
+    void start_outputs(Time now);  // locked
+    void stop_outputs(Time now);   // locked
+    void stop();                   // locked
 
-    // Executes parts of an update.
+    // Executes parts of an update. Locked.
     void process(unsigned parts, Time now);
-    // Executes the updates that the AL events and the sync mode require.
+    // Executes the updates that the AL events, the sync mode and the deadlines require. Locked.
     void serve(Time now, std::uint32_t events);
+    // The handlers of a SYNC0 or SYNC1 pin. Locked.
+    void sync0(Time now);
+    void sync1(Time now);
 
-    // watch() returns the AL status code of an error, or none. watch_deadline() is the time of its next call.
+    // watch() returns the AL status code of an error, or none. watch_deadline() is the time of its next call. Locked.
     [[nodiscard]] AlStatusCode watch(Time now, std::uint32_t events);
     [[nodiscard]] Time watch_deadline() const;
+    // The time of the next call of serve() without an event: the free run cycle, or polling of sync managers that raise
+    // no events. Locked.
     [[nodiscard]] Time serve_deadline() const { return running_ ? std::min(next_cycle_, next_poll_) : kNever; }
 
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }
     [[nodiscard]] bool has_outputs() const { return sizes_.outputs_bytes != 0; }
-    // AL events that process data use in the current mode; 0 below SAFEOP.
+    // AL events that process data use now; 0 below SAFEOP. Changes with each update. Locked.
     [[nodiscard]] std::uint32_t events() const;
+    // Number of SYNC0 signals in one frame period of the master (oversampling). It is the cycle time in object
+    // 0x1C32:02 divided by the SYNC0 cycle time; without that value, it follows from the SYNC1 cycle time; otherwise it
+    // is 1.
+    [[nodiscard]] std::uint32_t syncs_per_frame() const { return syncs_per_frame_; }
+    [[nodiscard]] const Counters& counters() const { return counters_; }
 
   private:
+    void read_sync_settings();
+    void find_sync_objects();
+    void show_missed_frames();
     void take_outputs(Time now);
     void give_inputs();
+    void forget_old_outputs(Time now);
+    void forget_outputs(Time now);
+    void acknowledge(wire::Register status);
     void count_sync(Time now);
+    void serve_sync(Time now);
+    void arm(Time now);
+    [[nodiscard]] bool undriven() const;
+    [[nodiscard]] Duration own_period() const;
     [[nodiscard]] bool outputs_waiting(std::uint32_t events);
+    [[nodiscard]] bool inputs_fetched(std::uint32_t events) const;
+    [[nodiscard]] bool inputs_drive() const { return undriven() && sizes_.inputs_bytes != 0 && !inputs_silent_; }
     [[nodiscard]] Duration watchdog_time();
+    [[nodiscard]] bool watchdog_running();
 
     EscAccess& esc_;
     Application& application_;
@@ -94,18 +129,30 @@ class ProcessData {
     bool running_ = false;
     bool outputs_valid_ = false;  // true in OP
     bool outputs_seen_ = false;
+    bool outputs_expired_ = false;  // outputs were seen, but they are too old
     bool sync_seen_ = false;
-    bool silent_ = false;   // SM2 does not raise events
-    bool watched_ = false;  // the watchdog of the ESC monitors the outputs
+    bool silent_ = false;         // SM2 does not raise events
+    bool unseen_ = false;         // SM2 has one octet: nothing tells that outputs have arrived
+    bool inputs_silent_ = false;  // SM3 does not raise events
+    bool watched_ = false;        // the watchdog of the ESC monitors the outputs
+    bool sync_by_pin_ = false;    // sync0() was called, so the AL event is ignored
+    bool sync1_by_pin_ = false;
+    bool acknowledged_sync_ = false;  // SYNC signals stay active until their status is read
     SyncMode mode_ = SyncMode::process_data;
-    Duration sync_cycle_{};
+    std::uint32_t sync_cycle_ns_ = 0;
+    std::uint32_t syncs_per_frame_ = 1;
+    std::uint32_t syncs_ = 0;  // SYNC0 signals of the present frame period
     Duration watchdog_{};
-    unsigned missed_ = 0;  // SYNC0 events since the last outputs
+    unsigned missed_ = 0;  // frame periods since the last outputs
+    unsigned sync_error_limit_ = 0;
     Time last_outputs_{};
     Time last_sync_{};
-    Time next_cycle_ = kNever;  // of the free run cycle
+    Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SM2 does not raise events
     Time next_watch_ = kNever;
+    MutableBytes missed_object_;      // memory of 0x1C32:0B; empty: the object does not exist
+    MutableBytes sync_error_object_;  // memory of 0x1C32:20
+    Counters counters_;
 };
 
 }  // namespace margay::subdevice

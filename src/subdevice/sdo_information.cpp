@@ -1,7 +1,5 @@
 #include "subdevice/sdo_information.hpp"
 
-#include "util/text_writer.hpp"
-
 #include <algorithm>
 
 namespace margay::subdevice {
@@ -107,9 +105,13 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     if ((told & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
     text_ = entry->name;
     if (entry->count > 1) {
-        TextWriter name(made_up_);
-        name << "SubIndex " << (subindex < 100 ? "0" : "") << (subindex < 10 ? "0" : "") << std::uint64_t{subindex};
-        text_ = name.text();
+        // Without TextWriter, whose division of 64 bits is large on a microcontroller.
+        constexpr std::string_view kPattern = "SubIndex 000";
+        std::copy(kPattern.begin(), kPattern.end(), made_up_.begin());
+        unsigned rest = subindex;
+        for (std::size_t digit = kPattern.size(); rest != 0; rest /= 10)
+            made_up_[--digit] = static_cast<char>('0' + rest % 10);
+        text_ = {made_up_.data(), kPattern.size()};
     }
     begin(InfoOpcode::entry_response, head_bytes_ + text_.size(), out);
 }

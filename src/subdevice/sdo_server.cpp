@@ -65,15 +65,23 @@ Abort SdoServer::find(std::uint8_t command, Bytes data, bool write) {
     object_ = dictionary_.find(index_);
     entry_ = nullptr;
     if (object_ == nullptr) return Abort::no_object;
+    const auto* const hooks = object_->hooks;
+    if (hooks != nullptr && hooks->exists != nullptr && !hooks->exists(access(Time{}, write))) return Abort::no_object;
     if (complete_) {
         const bool possible = complete_access_ && subindex_ <= 1 && object_->code != ObjectCode::variable;
-        if (!possible) return Abort::unsupported_access;
+        return possible ? check_access(write) : Abort::unsupported_access;
+    }
+    entry_ = object_->entry(subindex_);
+    return entry_ == nullptr ? Abort::no_subindex : check_access(write);
+}
+
+// Whether the present state allows the access to the object.
+Abort SdoServer::check_access(bool write) const {
+    if (complete_) {
         for (unsigned n = subindex_; write && n <= object_->max_subindex(); ++n)
             if (dictionary_.blocked(index_, n)) return Abort::mapped_to_rx_pdo;
         return Abort::none;
     }
-    entry_ = object_->entry(subindex_);
-    if (entry_ == nullptr) return Abort::no_subindex;
     if (!write) return check_readable(*entry_, state_);
     const auto refused = check_writable(*entry_, state_);
     if (refused != Abort::none) return refused;
@@ -95,6 +103,7 @@ ObjectAccess SdoServer::access(Time now, bool write, std::size_t bytes) const {
 // ------------------------------------------------------------------ upload
 
 void SdoServer::upload(Outbox& out, Time now) {
+    if (const auto refused = check_access(false); refused != Abort::none) return abort(refused, out);
     const auto* const hooks = object_->hooks;
     if (hooks != nullptr && hooks->before_read != nullptr) {
         const auto reply = hooks->before_read(access(now));
@@ -108,6 +117,7 @@ void SdoServer::upload(Outbox& out, Time now) {
 }
 
 void SdoServer::upload_now(Outbox& out, Time now) {
+    const Guard guard(dictionary_.lock());  // the value is copied as a whole
     if (complete_) {
         const auto all = gather(access(now), staging_);
         if (all.abort != Abort::none) return abort(all.abort, out);
@@ -151,6 +161,7 @@ bool SdoServer::toggle_right(std::uint8_t command, Outbox& out) {
 void SdoServer::upload_segment(std::uint8_t command, Outbox& out) {
     if (transfer_ != Transfer::upload) return abort(Abort::unknown_command, out);
     if (!toggle_right(command, out)) return;
+    const Guard guard(dictionary_.lock());
     const auto at = out.open();
     const auto bytes = std::min(source_.size(), at.size() - coe::kSegmentHeaderBytes);
     const auto padded = std::max(bytes, coe::kMinSegmentDataBytes);
@@ -228,6 +239,8 @@ void SdoServer::download_segmented(std::size_t size, Bytes first, Outbox& out) {
 void SdoServer::download_segment(std::uint8_t command, Bytes data, Outbox& out, Time now) {
     if (transfer_ != Transfer::download) return abort(Abort::unknown_command, out);
     if (!toggle_right(command, out)) return;
+    // The state may have changed since the transfer began.
+    if (const auto refused = check_access(true); refused != Abort::none) return abort(refused, out);
     auto segment = data.subspan(coe::kSegmentHeaderBytes);
     const std::size_t unused = (command >> sdo::kSegmentUnusedShift) & 7u;
     if (segment.size() == coe::kMinSegmentDataBytes) segment = segment.first(segment.size() - unused);
@@ -235,7 +248,10 @@ void SdoServer::download_segment(std::uint8_t command, Bytes data, Outbox& out, 
     const auto left = target_.size() - arrived_;
     if (segment.size() > left) return abort(Abort::length_too_high, out);
     if (last && segment.size() < left) return abort(Abort::length_too_low, out);
-    std::copy(segment.begin(), segment.end(), target_.begin() + static_cast<std::ptrdiff_t>(arrived_));
+    {
+        const Guard guard(dictionary_.lock());
+        std::copy(segment.begin(), segment.end(), target_.begin() + static_cast<std::ptrdiff_t>(arrived_));
+    }
     arrived_ += segment.size();
     toggle_ = !toggle_;
     if (last) return finish_download(out, now);
@@ -253,6 +269,7 @@ void SdoServer::finish_download(Outbox& out, Time now) {
 
 HookAnswer SdoServer::store(Bytes data, Time now) {
     const auto what = access(now, true, data.size());
+    if (const auto refused = check_access(true); refused != Abort::none) return refused;
     const auto wrong = complete_ ? check_complete(what, data) : check_value(what, *entry_, data);
     if (wrong != Abort::none) return wrong;
     const auto* const hooks = object_->hooks;
@@ -260,10 +277,13 @@ HookAnswer SdoServer::store(Bytes data, Time now) {
         const auto reply = hooks->before_write(what, data);
         if (reply.waits() || reply.abort != Abort::none) return reply;
     }
-    if (complete_) {
-        scatter(what, data);
-    } else {
-        store_value(what, *entry_, data);
+    {
+        const Guard guard(dictionary_.lock());
+        if (complete_) {
+            scatter(what, data);
+        } else {
+            store_value(what, *entry_, data);
+        }
     }
     if (hooks != nullptr && hooks->after_write != nullptr) hooks->after_write(what);
     return Abort::none;

@@ -36,6 +36,7 @@ class SdoServer {
     void finish_download(Outbox& out, Time now);
     [[nodiscard]] HookAnswer store(Bytes data, Time now);
     [[nodiscard]] Abort find(std::uint8_t command, Bytes data, bool write);
+    [[nodiscard]] Abort check_access(bool write) const;
     [[nodiscard]] Abort check_room(std::size_t size);
     [[nodiscard]] ObjectAccess access(Time now, bool write = false, std::size_t bytes = 0) const;
     [[nodiscard]] bool toggle_right(std::uint8_t command, Outbox& out);

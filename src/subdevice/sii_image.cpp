@@ -99,6 +99,13 @@ SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool 
             outputs ? SmType::outputs : SmType::inputs};
 }
 
+std::uint16_t pdi_configuration(const DcDescription& dc, const BoardDescription& board) {
+    const SyncPin signal{.output = true, .event = true};
+    const auto sync0 = board.sync0.value_or(dc.supported ? signal : SyncPin{});
+    const auto sync1 = board.sync1.value_or(dc.supported && dc.sync1 ? signal : SyncPin{});
+    return static_cast<std::uint16_t>(board.pdi_configuration | (sync0.bits() << 8) | (sync1.bits() << 12));
+}
+
 // The SyncManager category: the place of an entry is the number of its SyncManager. Those between that the device does
 // not use are of type unused.
 class SyncManagerTable {
@@ -136,7 +143,7 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
                                    std::span<sii::PdoEntryDescription> entries, MutableBytes eeprom) {
     sii::Description d;
     d.configuration = {.pdi_control = board.pdi_control,
-                       .pdi_configuration = board.pdi_configuration,
+                       .pdi_configuration = pdi_configuration(device.dc, board),
                        .sync_pulse_length_10ns = board.sync_pulse_length_10ns,
                        .alias = board.alias};
     d.identity = {device.vendor_id, device.product_code, device.revision, device.serial};

@@ -11,6 +11,10 @@ using wire::MailboxErrorCode;
 void SoeServer::start(AlState state, const MailboxRoom& room) {
     (void)room;
     state_ = state;
+    stop();
+}
+
+void SoeServer::stop() {
     sending_ = too_long_ = false;
     to_come_ = 0;
     note_count_ = 0;
@@ -150,6 +154,7 @@ SoeError SoeServer::add_element(std::uint8_t element) {
 
 SoeError SoeServer::add_value() {
     const auto& p = *parameter_;
+    const Guard guard(lock_);
     bool fits = true;
     const auto add_idn = [&](Idn idn) {
         std::array<std::byte, 2> octets{};
@@ -232,8 +237,11 @@ SoeError SoeServer::store(Bytes data, Time now) {
         if (error != SoeError::none) return error;
     }
     const auto at = drive_->image.subspan(p.offset, p.image_bytes());
-    std::ranges::copy(data, at.begin());
-    if (p.attribute.list) soe::ListLayout::most_bytes::store(at, p.most_bytes);
+    {
+        const Guard guard(lock_);
+        std::ranges::copy(data, at.begin());
+        if (p.attribute.list) soe::ListLayout::most_bytes::store(at, p.most_bytes);
+    }
     if (drive_->application != nullptr) drive_->application->after_write(access(now));
     return SoeError::none;
 }

@@ -1,6 +1,7 @@
 // Servo drive profile over EtherCAT: the server for mailbox type SoE (ETG.1000.6 "Servo drive profile over EtherCAT").
 #pragma once
 
+#include "subdevice/esc_access.hpp"
 #include "subdevice/mailbox_server.hpp"
 #include "subdevice/soe_parameters.hpp"
 
@@ -66,10 +67,14 @@ class SoeApplication {
 class SoeServer final : public MailboxServer {
   public:
     // `staging` stores values that are transferred in fragments, in both directions. Larger values cannot be read or
-    // written.
-    SoeServer(std::span<const SoeDrive> drives, MutableBytes staging) : drives_(drives), staging_(staging) {}
+    // written. `lock` is held while a value is copied, because an interrupt handler may change the value; nullptr: no
+    // interrupt handler uses the values.
+    SoeServer(std::span<const SoeDrive> drives, MutableBytes staging, EscAccess* lock = nullptr)
+        : drives_(drives), staging_(staging), lock_(lock) {}
 
     void start(AlState state, const MailboxRoom& room) override;
+    // A procedure command goes on: the drive executes it, not the mailbox.
+    void stop() override;
     void state_changed(AlState state) override { state_ = state; }
     std::optional<wire::MailboxErrorCode> receive(const wire::MailboxMessage& message, Outbox& out, Time now) override;
     [[nodiscard]] bool busy() const override { return sending_; }
@@ -107,6 +112,7 @@ class SoeServer final : public MailboxServer {
 
     std::span<const SoeDrive> drives_;
     MutableBytes staging_;
+    EscAccess* lock_;
     AlState state_ = AlState::init;
 
     // The current request.

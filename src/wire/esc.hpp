@@ -136,6 +136,10 @@ inline constexpr Register kLatch0PositiveEdge{0x09B0, 8};
 inline constexpr Register kLatch0NegativeEdge{0x09B8, 8};
 inline constexpr Register kLatch1PositiveEdge{0x09C0, 8};
 inline constexpr Register kLatch1NegativeEdge{0x09C8, 8};
+// Local times of the last buffer events of any SyncManager.
+inline constexpr Register kEcatBufferChangeTime{0x09F0, 4};  // begin of the frame that handed over a buffer
+inline constexpr Register kPdiBufferStartTime{0x09F8, 4};    // the PDI opened a buffer
+inline constexpr Register kPdiBufferChangeTime{0x09FC, 4};   // the PDI handed over a buffer
 
 // ESC specific
 inline constexpr Register kProductId{0x0E00, 8};
@@ -215,11 +219,31 @@ inline constexpr std::uint32_t kWatchdog = 0x00000040;
 [[nodiscard]] constexpr std::uint32_t sync_manager(unsigned n) { return 0x00000100u << n; }
 }  // namespace al_event
 
-// 0x0981 activation of the DC cyclic unit.
+// 0x0151 SYNC and latch configuration, four bits per pin (pin 1: shifted by 4).
+namespace sync_latch {
+inline constexpr std::uint8_t kSync0Output = 0x04;
+inline constexpr std::uint8_t kSync0Event = 0x08;  // SYNC0 is mapped to the AL event request
+inline constexpr std::uint8_t kSync1Output = 0x40;
+inline constexpr std::uint8_t kSync1Event = 0x80;
+}  // namespace sync_latch
+
+// 0x0980 cyclic unit control: the units that the PDI controls, not the master.
+namespace cyclic_unit {
+inline constexpr std::uint8_t kSyncIsPdis = 0x01;
+inline constexpr std::uint8_t kLatch0IsPdis = 0x10;
+inline constexpr std::uint8_t kLatch1IsPdis = 0x20;
+}  // namespace cyclic_unit
+
+// 0x0981 activation of the DC cyclic unit. Bits 3 to 7: features::kEnhancedSyncActivation.
 namespace sync_activation {
 inline constexpr std::uint8_t kCyclic = 0x01;
 inline constexpr std::uint8_t kSync0 = 0x02;
 inline constexpr std::uint8_t kSync1 = 0x04;
+inline constexpr std::uint8_t kAutoActivation = 0x08;   // a write to the start time sets kCyclic
+inline constexpr std::uint8_t kExtendStartTime = 0x10;  // a start time of 32 bits is extended to 64 bits
+inline constexpr std::uint8_t kPlausibility = 0x20;     // signals begin at once when the start time is not near
+inline constexpr std::uint8_t kNearFuture = 0x40;  // near is about 2.1 s (2^31 ns); 0: half of the width of the clock
+inline constexpr std::uint8_t kDebugPulse = 0x80;  // one pulse of the enabled signals at once; reads as 0
 }  // namespace sync_activation
 
 // 0x0502 SII control and status.

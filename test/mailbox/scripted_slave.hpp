@@ -88,6 +88,7 @@ class ScriptedSlave final : public sim::Firmware {
         boxed_ = false;
     }
 
+    [[nodiscard]] bool polls() const override { return true; }
     Time step(Time now) override {
         now_ = now;
         serve_repeat();

@@ -57,6 +57,7 @@ class StackSlave final : public sim::Firmware {
         device->start(now);
     }
     Time step(Time now) override { return device->step(now); }
+    [[nodiscard]] bool polls() const override { return true; }
 
     subdevice::testing::BenchApplication application;
     std::array<std::byte, subdevice::testing::Values::bytes> image{};

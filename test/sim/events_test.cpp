@@ -45,7 +45,7 @@ TEST_F(Processor, AlControlEventComesAndGoes) {
     EXPECT_EQ(rig.put<std::uint16_t>(0, 0x0120, 0x0002), 1);
     EXPECT_EQ(al_events() & 1, 1u);
     rig.pass(1ms);
-    EXPECT_EQ(firmware().steps, before + 1) << "the event has woken the firmware";
+    EXPECT_GT(firmware().steps, before) << "the event has woken the firmware";
     EXPECT_EQ(al_events() & 1, 1u) << "read by the master it stays";
     (void)rig.pdi_get<std::uint16_t>(0, 0x0120);
     EXPECT_EQ(al_events() & 1, 0u);

@@ -27,11 +27,11 @@ bool Spy::starts_sm(std::uint16_t address, std::size_t length, bool outputs) {
     const auto count =
         std::min<unsigned>(subdevice::read_register<std::uint8_t>(*esc_, reg::kSyncManagerCount.address), 16);
     for (unsigned n = 0; n < count; ++n) {
+        // Without the activate octet: reading it would clear an event that the program waits for.
         std::array<std::byte, reg::kSyncManagerStride> raw{};
-        esc_->read(reg::sync_manager(n).address, raw);
+        esc_->read(reg::sync_manager(n).address, MutableBytes(raw).first(wire::SyncManagerLayout::activate::offset));
         const auto sm = wire::load_sync_manager(raw);
-        if (sm.enabled() && !sm.mailbox() && sm.physical_start == address && sm.length_bytes == length &&
-            sm.ecat_writes() == outputs)
+        if (!sm.mailbox() && sm.physical_start == address && sm.length_bytes == length && sm.ecat_writes() == outputs)
             return true;
     }
     return false;
@@ -49,7 +49,8 @@ void Spy::read(std::uint16_t address, MutableBytes into) noexcept {
 
 void Spy::write(std::uint16_t address, Bytes data) noexcept {
     esc_->write(address, data);
-    if (address < 0x1000 || !starts_sm(address, data.size(), false)) return;
+    const bool plain = address == 0x1000 && data.size() == 1;  // inputs of one octet, shown while the SM is off too
+    if (address < 0x1000 || (!plain && !starts_sm(address, data.size(), false))) return;
     Value value(data.begin(), data.end());
     if (!shown_.empty() && shown_.back().value == value) return;
     if (shown_.size() == kMostShown) shown_.pop_front();

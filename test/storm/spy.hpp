@@ -20,6 +20,7 @@ class Spy final : public sim::Firmware, private subdevice::EscAccess {
 
     void start(subdevice::EscAccess& esc, Time now) override;
     Time step(Time now) override { return inner_->step(now); }
+    [[nodiscard]] bool polls() const override { return inner_->polls(); }
     bool add_quirk(sim::Quirk quirk, std::vector<std::byte>& sii) override { return inner_->add_quirk(quirk, sii); }
     [[nodiscard]] sim::ProcessDataFirmware* process_data() override { return inner_->process_data(); }
 

@@ -5,6 +5,7 @@
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
+#include "subdevice/sync_objects.hpp"
 
 #include "mail_hand.hpp"
 
@@ -41,7 +42,8 @@ struct Values {
     using slow = Field<std::uint32_t, 111>;
     static constexpr std::size_t label = 115;  // 20 octets
     static constexpr std::size_t block = 135;  // 300 octets
-    static constexpr std::size_t bytes = 435;
+    static constexpr std::size_t sync = 435;
+    static constexpr std::size_t bytes = sync + SyncValues<sync>::bytes;
 };
 
 class BenchApplication;
@@ -118,6 +120,9 @@ inline constexpr Entry kSlow[] = {value<Values::slow>(0, "Slow", od::kReadWrite,
 inline constexpr Entry kVast[] = {provided(0, "Vast", DataType::domain, 0, od::kReadWrite)};
 inline constexpr Entry kInputs[] = {entry_count(2), value<Values::in_a>(1, "In a", od::kRead | od::kTxMappable),
                                     value<Values::in_b>(2, "In b", od::kRead | od::kTxMappable)};
+inline constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
+inline constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
+inline constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
 inline constexpr Entry kOutputs[] = {entry_count(4),
                                      value<Values::out_a>(1, "Out a", od::kReadWrite | od::kRxMappable, 9),
                                      value<Values::out_b>(2, "Out b", od::kReadWrite | od::kRxMappable),
@@ -130,6 +135,7 @@ inline constexpr Object kObjects[] = {
     array(0x1003, "Pre-defined error field", kErrors, &kErrorHistoryHooks),
     variable(0x1008, "Device name", kName),
     record(0x1018, "Identity", kIdentity, nullptr, DataType::identity),
+    record(0x10F1, "Sync error setting", kSyncError),
     record(0x10F3, "Diagnosis history", kDiagnosis, &kDiagnosisHooks),
     record(0x1600, "RxPDO", kRx, &kPdoMappingHooks, DataType::pdo_mapping),
     record(0x1601, "RxPDO fixed", kRxFixed, nullptr, DataType::pdo_mapping),
@@ -137,6 +143,8 @@ inline constexpr Object kObjects[] = {
     array(0x1C00, "Sync manager types", kSmTypes),
     array(0x1C12, "RxPDO assignment", kRxAssign, &kPdoAssignmentHooks),
     array(0x1C13, "TxPDO assignment", kTxAssign, &kPdoAssignmentHooks),
+    record(0x1C32, "SM output parameter", kOutputSync),
+    record(0x1C33, "SM input parameter", kInputSync),
     variable(0x2000, "Setting", kSetting),
     variable(0x2001, "Big", kBig),
     variable(0x2002, "Label", kLabel),
@@ -166,6 +174,7 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
         last_valid = outputs_valid;
     }
     void safe_outputs(Time) override { ++safe; }
+    void sync1(Time) override { ++syncs1; }
 
     DeviceDescription description_value = table::kDevice;
     Verdict (*transition_hook)(Transition, Time) = nullptr;
@@ -175,6 +184,7 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     unsigned writes = 0;
     unsigned cycles = 0;
     unsigned safe = 0;
+    unsigned syncs1 = 0;
     bool last_valid = false;
 };
 

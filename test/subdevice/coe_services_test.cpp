@@ -246,6 +246,58 @@ TEST(Diagnosis, OverwritesOrWaitsForAcknowledgeAsTheMasterWantsIt) {
     EXPECT_EQ(download(bench, 0x10F3, 5, number(0x100, 2)).abort, Abort::value_range);
 }
 
+TEST(Diagnosis, InOverwriteModeReadingTheNewestMessageClearsTheFlag) {
+    Bench bench;
+    auto& diagnosis = *bench.application.diagnosis();
+    EXPECT_TRUE(diagnosis.add({.code = 1}));
+    EXPECT_TRUE(diagnosis.add({.code = 2}));
+    EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 1u);
+    (void)upload(bench, 0x10F3, 6);
+    EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 1u) << "the newest is in subindex 7";
+    (void)upload(bench, 0x10F3, 7);
+    EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 0u);
+    EXPECT_TRUE(diagnosis.add({.code = 3}));
+    EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 1u);
+    EXPECT_EQ(download(bench, 0x10F3, 5, number(0x10, 2)).abort, Abort::none);
+    (void)upload(bench, 0x10F3, 8);
+    EXPECT_EQ(upload(bench, 0x10F3, 4).number(), 1u) << "acknowledge mode: only an acknowledge clears it";
+}
+
+TEST(Diagnosis, TheEmergencyFlagSendsEmergencies) {
+    Bench bench;
+    auto& diagnosis = *bench.application.diagnosis();
+    EXPECT_TRUE(diagnosis.add({.code = 0xE8001234}));
+    (void)bench.step();
+    EXPECT_TRUE(bench.fetch().empty());
+    EXPECT_EQ(download(bench, 0x10F3, 5, number(0x01, 2)).abort, Abort::none);
+    EXPECT_TRUE(diagnosis.add({.code = 0xE8008130, .type = DiagnosisType::error, .text_id = 0x0102}));
+    (void)bench.step();
+    EXPECT_EQ(bench.receive(), raw({0, 0x10, 0x30, 0x81, 0, 0x02, 0x01, 0x02, 0, 0}));
+    std::array<std::byte, 64> memory{};
+    const DiagnosisHistory without(memory, 2);
+    EXPECT_EQ(without.check_write(5, raw({1, 0})), Abort::value_range) << "there are no emergencies to send";
+    EXPECT_EQ(without.check_write(5, raw({0x1E, 0})), Abort::none);
+}
+
+TEST(Diagnosis, NewestMessageAndNewMessagesCanBeMapped) {
+    Bench bench;
+    ASSERT_EQ(download(bench, 0x1A00, 0, number(0, 1)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 1, number(0x10F30208, 4)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 2, number(0x10F30401, 4)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 3, number(0x0000000F, 4)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 0, number(3, 1)).abort, Abort::none);
+    EXPECT_EQ(download(bench, 0x1A00, 0, number(0, 1)).abort, Abort::none);
+    EXPECT_EQ(download(bench, 0x1A00, 1, number(0x10F30108, 4)).abort, Abort::cannot_be_mapped);
+    EXPECT_EQ(download(bench, 0x1A00, 1, number(0x10F30208, 4)).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 0, number(3, 1)).abort, Abort::none);
+    bench.esc.configure(3, {0x1300, 3, 0x20, 1});
+    EXPECT_TRUE(bench.application.diagnosis()->add({.code = 1}));
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    std::vector<std::byte> inputs(3);
+    ASSERT_TRUE(bench.esc.ecat_read(0x1300, inputs));
+    EXPECT_EQ(inputs, raw({6, 1, 0}));
+}
+
 // --- PDO configuration ---
 
 TEST(PdoRules, ZeroFirstThenEntriesThenTheCount) {

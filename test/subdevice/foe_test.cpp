@@ -251,6 +251,37 @@ TEST_F(FoeTest, ErrorsOfTheStoreEndTheTransfer) {
     EXPECT_EQ(store.files.count("y"), 0u);
 }
 
+TEST_F(FoeTest, EveryChangeOfTheStateEndsATransferAtOnce) {
+    const auto open = [&] { expect(exchange(packet(Opcode::write, 0, letters("x"))), Opcode::acknowledge, 0); };
+    open();
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(store.given_up, 1) << "PREOP to SAFEOP";
+    expect_error(exchange(packet(Opcode::data, 1, pattern(3))), FoeError::illegal);
+    open();
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 0, 1})));
+    ASSERT_EQ(bench.request(8).state, AlState::op);
+    EXPECT_EQ(store.given_up, 2) << "SAFEOP to OP";
+    open();
+    ASSERT_EQ(bench.request(1).state, AlState::init);
+    EXPECT_EQ(store.given_up, 3) << "INIT, without waiting for the next PREOP";
+    bench.configure(kMailbox);
+    ASSERT_EQ(bench.request(2).state, AlState::preop);
+    EXPECT_EQ(store.given_up, 3);
+}
+
+TEST_F(FoeTest, AnSdoHookDelaysNoFile) {
+    store.files["f"] = pattern(3);
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x2007, 0)));
+    (void)bench.step();
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0)));  // waits for the SDO before it
+    bench.settle();
+    EXPECT_EQ(read_file("f"), pattern(3));
+    bench.esc.time = bench.application.slow_until;
+    bench.settle();
+    EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x2007);
+    EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x1000);
+}
+
 TEST_F(FoeTest, ClientsOutOfStep) {
     expect_error(exchange(packet(Opcode::acknowledge, 0)), FoeError::illegal);
     expect_error(exchange(packet(Opcode::data, 1, pattern(3))), FoeError::illegal);

@@ -71,7 +71,7 @@ class ReportingApplication : public Application {
     std::array<std::byte, std::size_t{4} * Errors> history_{};
     std::array<std::byte, std::size_t{32} * Messages> messages_{};
     Emergencies emergencies_{queue_, history_};
-    DiagnosisHistory diagnosis_{messages_, Messages};
+    DiagnosisHistory diagnosis_{messages_, Messages, &emergencies_};
 };
 
 }  // namespace margay::subdevice::testing

@@ -27,6 +27,7 @@ class PlainEsc final : public EscAccess {
         ecat_set<std::uint16_t>(0x0400, 0x09C2);
         ecat_set<std::uint16_t>(0x0420, 1000);
         ecat_set<std::uint16_t>(0x0440, 1);
+        memory_[0x0005] = std::byte{8};
     }
 
     // Accesses of the slave.
@@ -40,9 +41,9 @@ class PlainEsc final : public EscAccess {
             const auto activate = wire::reg::sync_manager(n).address + 6u;
             if (address <= activate && address + into.size() > activate) clear(al_event::kSmActivation);
             const auto sm = sync_manager(n);
-            if (!sm.enabled() || !sm.ecat_writes() || !hits_last(sm, address, into.size())) continue;
-            clear(al_event::sync_manager(n));
-            set_full(n, false);
+            if (!sm.enabled() || !sm.ecat_writes()) continue;
+            if (address == sm.physical_start) opened(n, 1);
+            if (hits_last(sm, address, into.size())) set_full(n, false);
         }
     }
     void write(std::uint16_t address, Bytes data) noexcept override {
@@ -55,7 +56,7 @@ class PlainEsc final : public EscAccess {
             }
             const auto sm = sync_manager(n);
             if (!sm.enabled() || sm.ecat_writes()) continue;
-            if (address == sm.physical_start) clear(al_event::sync_manager(n));
+            if (address == sm.physical_start) opened(n, 2);
             if (sm.mailbox() && hits_last(sm, address, data.size())) set_full(n, true);
         }
     }
@@ -70,7 +71,7 @@ class PlainEsc final : public EscAccess {
             for (std::size_t i = 0; i < data.size(); ++i) memory_[address + i] = data[i];
             if (hits_last(sm, address, data.size())) {
                 if (sm.mailbox()) set_full(n, true);
-                raise(al_event::sync_manager(n));
+                handed_over(n, sm, 1);
             }
             return true;
         }
@@ -90,7 +91,7 @@ class PlainEsc final : public EscAccess {
             for (std::size_t i = 0; i < into.size(); ++i) into[i] = memory_[address + i];
             if (hits_last(sm, address, into.size())) {
                 set_full(n, false);
-                raise(al_event::sync_manager(n));
+                handed_over(n, sm, 2);
             }
             return true;
         }
@@ -142,6 +143,16 @@ class PlainEsc final : public EscAccess {
     static bool hits_last(const wire::SyncManager& sm, unsigned address, std::size_t size) {
         const unsigned last = unsigned{sm.physical_start} + sm.length_bytes - 1u;
         return sm.length_bytes != 0 && address <= last && address + size > last;
+    }
+    // Status bits 0 (written) and 1 (read) of a SyncManager, and its AL event when the control octet enables it.
+    void handed_over(unsigned n, const wire::SyncManager& sm, unsigned bit) {
+        if (sm.length_bytes == 1) return;  // not activated: only a watchdog trigger
+        memory_[status_of(n)] |= static_cast<std::byte>(bit);
+        if ((sm.control & wire::sm_control::kPdiInterrupt) != 0) raise(al_event::sync_manager(n));
+    }
+    void opened(unsigned n, unsigned bit) {
+        memory_[status_of(n)] &= ~static_cast<std::byte>(bit);
+        clear(al_event::sync_manager(n));
     }
     void clear(std::uint32_t bits) { store_le(MutableBytes(memory_), 0x0220, events() & ~bits); }
     void set_full(unsigned n, bool full) {

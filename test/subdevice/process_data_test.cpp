@@ -289,13 +289,20 @@ TEST_P(InterruptTest, StepLeavesProcessDataToTheInterrupt) {
 }
 
 TEST_P(InterruptTest, TheMaskAsksForWhatTheModeNeeds) {
-    const auto background = GetParam() == RunMode::interrupts
-                                ? wire::al_event::kAlControl | wire::al_event::kSmActivation |
-                                      wire::al_event::sync_manager(0) | wire::al_event::sync_manager(1)
-                                : 0u;
-    EXPECT_EQ(mask(), background);
+    const bool all = GetParam() == RunMode::interrupts;
+    const auto background =
+        all ? wire::al_event::kAlControl | wire::al_event::kSmActivation | wire::al_event::sync_manager(0) : 0u;
+    const auto process_data = wire::al_event::sync_manager(2) | (all ? wire::al_event::kWatchdog : 0u);
+    EXPECT_EQ(mask(), background) << "nobody waits for the master to read a reply";
     (void)bench.request(4);
-    EXPECT_EQ(mask(), background | wire::al_event::sync_manager(2));
+    EXPECT_EQ(mask(), background | process_data | wire::al_event::sync_manager(3)) << "no outputs yet";
+    put_outputs(bench, 1, 1, 1);
+    (void)bench.device->interrupt(bench.esc.time);
+    EXPECT_EQ(mask(), background | process_data) << "the outputs drive the application";
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0)));
+    (void)bench.step();
+    EXPECT_EQ(mask(), background | process_data | (all ? wire::al_event::sync_manager(1) : 0u));
+    (void)bench.receive();
     (void)bench.request(2);
     EXPECT_EQ(mask(), background);
 }

@@ -219,7 +219,7 @@ TEST(SdoComplete, BitsArePackedAndWriteOnlyEntriesReadAsZero) {
     EXPECT_EQ(upload(bench, 0x2006, 3).number(), 0x09090909u);
 }
 
-TEST(SdoHooks, MayTakeTheirTimeAndEverythingElseWaitsInOrder) {
+TEST(SdoHooks, MayTakeTheirTimeAndOtherSdosWaitInOrder) {
     Bench bench;
     ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x2007, 0)));
     EXPECT_EQ(bench.step(), bench.application.slow_until);
@@ -227,12 +227,26 @@ TEST(SdoHooks, MayTakeTheirTimeAndEverythingElseWaitsInOrder) {
     bench.settle();
     EXPECT_TRUE(bench.fetch().empty());
     ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1001, 0)));
-    EXPECT_FALSE(bench.put(raw({0}))) << "one in the device's hand, one in the mailbox, no more";
+    bench.settle();
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x1000, 0)));
+    bench.settle();
+    EXPECT_FALSE(bench.put(raw({0}))) << "the server, a slot, the receive buffer and the mailbox have one each";
     bench.esc.time = bench.application.slow_until;
     bench.settle();
     EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x2007);
     EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x1000);
     EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x1001);
+    bench.settle();
+    EXPECT_EQ(wire::coe::SdoLayout::index::load(bench.receive()), 0x1000);
+}
+
+TEST(SdoHooks, EmergenciesDoNotWaitForThem) {
+    Bench bench;
+    ASSERT_TRUE(bench.send(wire::MailboxType::coe, sdo_request(0x40, 0x2007, 0)));
+    (void)bench.step();
+    ASSERT_TRUE(bench.application.emergencies()->raise({.error_code = 0x8130}));
+    (void)bench.step();
+    EXPECT_EQ(wire::coe::load_header(bench.receive()).service, wire::coe::Service::emergency);
 }
 
 TEST(SdoHooks, ADownloadThatWaitsKeepsItsData) {
@@ -260,6 +274,27 @@ TEST(SdoHooks, AHookWithoutEndIsGivenUp) {
     bench.settle();
     EXPECT_EQ(abort_of(bench.receive()), Abort::timeout);
     EXPECT_EQ(upload(bench, 0x1000).abort, Abort::none);
+}
+
+TEST(SdoStates, ASegmentedDownloadEndsWhenTheStateForbidsIt) {
+    Bench bench(64);
+    const auto segment = [&](int command, std::size_t bytes) {
+        std::vector<std::byte> data(3 + bytes);
+        data[1] = std::byte{0x20};
+        data[2] = static_cast<std::byte>(command);
+        return abort_of(bench.exchange(data));
+    };
+    // The number of entries and the entries of 0x1600 may be written in PREOP only.
+    ASSERT_EQ(abort_of(bench.exchange(sdo_request(0x31, 0x1600, 0, 14))), Abort::none);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(segment(0x01, 14), Abort::device_state);
+    EXPECT_EQ(Values::rx_count::load(bench.image), 3) << "nothing has changed";
+
+    ASSERT_EQ(bench.request(2).state, AlState::preop);
+    ASSERT_EQ(abort_of(bench.exchange(sdo_request(0x21, 0x1600, 1, 4))), Abort::none);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    EXPECT_EQ(segment(0x01 | (3 << 1), 7), Abort::device_state);
+    EXPECT_EQ(Values::rx_first::load(bench.image), 0x70000108u);
 }
 
 TEST(SdoStates, AccessFollowsTheState) {

@@ -48,7 +48,8 @@ bool OddPdi::repeats() {
 }
 
 void OddPdi::write(std::uint16_t address, Bytes data) noexcept {
-    if (quirks_.has(Quirk::empty_repeats)) {
+    // Reading the registers of SM1 clears the event of its activation, so that other writes must not do it.
+    if (quirks_.has(Quirk::empty_repeats) && address >= reg::kProcessRam) {
         const auto box = subdevice::read_sync_manager(*esc_, 1);
         const bool inside = address >= box.physical_start && address < box.physical_start + box.length_bytes;
         if (inside && repeats()) return;

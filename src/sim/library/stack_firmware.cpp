@@ -46,7 +46,7 @@ void StackFirmware::start(subdevice::EscAccess& esc, Time now) {
     auto& pdi = odd ? static_cast<subdevice::EscAccess&>(odd_pdi_) : esc;
     process_data_.emplace(pdi, *model_, dictionary_, process_memory_);
     mailbox_.emplace(pdi, MutableBytes(receive_), MutableBytes(send_), odd ? odd_protocols_ : protocols_);
-    device_.emplace(pdi, *model_, *process_data_, &*mailbox_);
+    device_.emplace(pdi, *model_, *process_data_, &*mailbox_, nullptr, subdevice::RunMode::interrupts);
     model_->begin({&esc, &dictionary_, &*device_}, now);
     device_->start(now);
 }
@@ -57,6 +57,8 @@ Time StackFirmware::step(Time now) {
         start(*esc_, now);
     }
     const auto beside = model_->advance(now);
+    // The handler of the PDI interrupt, and the task that it wakes.
+    (void)device_->interrupt(now);
     const auto next = std::min({beside, device_->step(now), odd_pdi_.next()});
     if (!model_->wants_restart()) return next;
     away_until_ = now + model_->restart_time();

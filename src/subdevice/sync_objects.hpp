@@ -1,0 +1,90 @@
+// The objects of ETG.1020 that a master uses to read and set the synchronization of a device: 0x10F1 "Sync error
+// setting", 0x1C32 "Sync manager 2 parameter", 0x1C33 "Sync manager 3 parameter". All of them are optional. A device
+// that has them places their values in its image; ProcessData finds them by index and subindex:
+//
+//     struct Values {
+//         static constexpr std::size_t sync = 4;  // after the values of the device
+//         static constexpr std::size_t bytes = sync + SyncValues<sync>::bytes;
+//     };
+//     constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
+//     constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
+//     constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
+//     … record(0x10F1, "Sync error setting", kSyncError), … record(0x1C32, "Output sync", kOutputSync), …
+#pragma once
+
+#include "subdevice/object_dictionary.hpp"
+
+namespace margay::subdevice {
+
+inline constexpr std::uint16_t kSyncErrorSetting = 0x10F1;
+inline constexpr std::uint16_t kOutputSyncParameters = 0x1C32;
+inline constexpr std::uint16_t kInputSyncParameters = 0x1C33;
+
+namespace sync_subindex {
+// 0x10F1. The limit is the number of consecutive frame periods without new outputs that are tolerated in OP with DC;
+// 0: no limit. It is taken over at PREOP→SAFEOP.
+inline constexpr std::uint8_t kErrorLimit = 2;
+// 0x1C32 and 0x1C33.
+inline constexpr std::uint8_t kType = 1;             // 0 free run, 1 SM event, 2 DC SYNC0
+inline constexpr std::uint8_t kCycle = 2;            // cycle time of the master in ns; 0: unknown
+inline constexpr std::uint8_t kSupported = 4;        // bit 0 free run, bit 1 SM event, bits 2 and 3 DC (01: SYNC0)
+inline constexpr std::uint8_t kMinCycle = 5;         // in ns
+inline constexpr std::uint8_t kMissedFrames = 0x0B;  // frame periods without new outputs
+inline constexpr std::uint8_t kSyncError = 0x20;     // the device left OP because of such periods
+}  // namespace sync_subindex
+
+// Values in the image from `Offset` on.
+template <std::size_t Offset>
+struct SyncValues {
+    using error_limit = Field<std::uint16_t, Offset>;
+    using output_type = Field<std::uint16_t, Offset + 2>;
+    using output_cycle = Field<std::uint32_t, Offset + 4>;
+    using missed_frames = Field<std::uint16_t, Offset + 8>;
+    using sync_error = Field<std::uint8_t, Offset + 10>;
+    using input_type = Field<std::uint16_t, Offset + 11>;
+    using input_cycle = Field<std::uint32_t, Offset + 13>;
+    static constexpr std::size_t bytes = 17;
+};
+
+namespace sync_entry {
+[[nodiscard]] constexpr std::uint16_t supported(const DeviceDescription& d) {
+    return static_cast<std::uint16_t>((d.free_run_cycle != Duration::zero() ? 1u : 0u) | 2u |
+                                      (d.dc.supported ? 4u : 0u));
+}
+[[nodiscard]] constexpr std::uint32_t min_cycle_ns(const DeviceDescription& d) {
+    return static_cast<std::uint32_t>(d.dc.min_cycle.count());
+}
+}  // namespace sync_entry
+
+template <std::size_t Offset>
+[[nodiscard]] constexpr std::array<Entry, 2> sync_error_entries(const DeviceDescription& d) {
+    return {entry_count(2), value<typename SyncValues<Offset>::error_limit>(
+                                sync_subindex::kErrorLimit, "Sync error counter limit", od::kReadWritePreop,
+                                static_cast<std::uint16_t>(d.sync_error_limit))};
+}
+
+template <std::size_t Offset>
+[[nodiscard]] constexpr std::array<Entry, 7> sync_output_entries(const DeviceDescription& d) {
+    using V = SyncValues<Offset>;
+    using namespace sync_subindex;
+    return {entry_count(kSyncError),
+            value<typename V::output_type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+            value<typename V::output_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
+            constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
+            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
+            value<typename V::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
+            flag<typename V::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
+}
+
+template <std::size_t Offset>
+[[nodiscard]] constexpr std::array<Entry, 5> sync_input_entries(const DeviceDescription& d) {
+    using V = SyncValues<Offset>;
+    using namespace sync_subindex;
+    return {entry_count(kMinCycle),
+            value<typename V::input_type>(kType, "Synchronization type", od::kReadWritePreop, 1),
+            value<typename V::input_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
+            constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
+            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d))};
+}
+
+}  // namespace margay::subdevice
