@@ -3,6 +3,7 @@
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/survey.hpp"
 #include "network/wanted.hpp"
@@ -16,42 +17,6 @@ namespace margay {
 namespace {
 
 namespace reg = wire::reg;
-namespace sii = wire::sii;
-
-// The station address of the newcomer that is being identified. Each newcomer gets another one: a slave that was
-// disconnected as a newcomer and comes back must not be taken for the present one.
-StationAddress newcomer_address(const Network& network) {
-    constexpr std::uint16_t kNewcomers = 0x0D00;  // below the marks of unknown slaves
-    return {static_cast<std::uint16_t>(kNewcomers | network.newcomers)};
-}
-
-// A slave that has its own address in the ring is not lost: the supervision reads its state and readmits it.
-bool is_lost(const Network& network, const Slave& slave) {
-    return slave.al.state == AlState::none && !network.marks(slave).in_use && (slave.ring_position == 0 || !slave.seen);
-}
-
-bool is_the_wanted_one(const Slave& slave, const Slave& guest) {
-    return slave.wanted == nullptr || difference(guest, *slave.wanted).code == Errc::none;
-}
-
-// The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
-// come back too: then it is this slave again, and held as before.
-bool fits(const Slave& slave, const Slave& guest) {
-    const bool same = slave.identity.vendor == guest.identity.vendor &&
-                      slave.identity.product == guest.identity.product &&
-                      slave.identity.revision == guest.identity.revision;
-    if (slave.seen && slave.other && same && slave.alias == guest.alias) return true;
-    if (slave.seen && !slave.other && !same) return false;
-    return is_the_wanted_one(slave, guest);
-}
-
-bool anywhere(const Network& network, const Slave& slave) {
-    return slave.wanted != nullptr && is_located(network.expected, *slave.wanted);
-}
-std::uint8_t group_of(const Slave& slave) {
-    return slave.wanted != nullptr ? slave.wanted->hot_connect : std::uint8_t{0};
-}
-bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
 
 // Marks a search as executing, until it is destroyed. No scan begins meanwhile.
 class Searching {
@@ -135,162 +100,6 @@ Task<Result<>> miss_absent(Network& network) {
             note_lost(network, slave);
     }
     co_return Result<>();
-}
-
-// ------------------------------------------------------------------ identification of a newcomer
-
-// Gives its address to a newcomer. The same frame checks that the ring is as it was read: the number of slaves,
-// the address of the newcomer and that of the slave above it, which may be the head of its group; and that no slave has
-// the newcomer's address. Otherwise the slave that
-// received the address gets its previous address back.
-Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
-    ++network.newcomers;
-    const RingPosition at{n};
-    const std::uint16_t parent =
-        network.ring[n].parent == 0 ? n : static_cast<std::uint16_t>(network.ring[n].parent - 1);
-    std::array<std::byte, 1> type{};
-    std::array<std::byte, 2> above{};
-    std::array<std::byte, 2> before{};
-    std::array<std::byte, 2> after{};
-    std::array<std::byte, 1> other{};
-    store_le<std::uint16_t>(after, 0, newcomer_address(network).value);
-    Link& link = network.engine.link();
-    Datagram count(link, wire::Command::BRD, {std::uint16_t{0}, reg::kType.address}, MutableBytes(type));
-    Datagram head(link, wire::Command::APRD, {RingPosition{parent}, reg::kStationAddress.address}, MutableBytes(above));
-    Datagram guest(link, wire::Command::FPRD, {newcomer_address(network), reg::kType.address}, MutableBytes(other));
-    Datagram look(link, wire::Command::APRD, {at, reg::kStationAddress.address}, MutableBytes(before), Repeat::no);
-    Datagram write(link, wire::Command::APWR, {at, reg::kStationAddress.address}, Bytes(after), Repeat::no);
-    co_await together(count, head, guest, look, write);
-    bool came = true;
-    for (const Datagram* d : {&count, &head, &guest, &look, &write}) came &= d->reply().ok();
-    const bool same = count.reply().wkc == network.ring_count && guest.reply().wkc == 0 &&
-                      load_le<std::uint16_t>(above) == network.ring[parent].address &&
-                      load_le<std::uint16_t>(before) == network.ring[n].address;
-    if (came && same) co_return Result<>();
-    Datagram undo(link, wire::Command::FPWR, {newcomer_address(network), reg::kStationAddress.address}, Bytes(before));
-    if (look.reply().ok()) co_await undo;
-    co_return Error{.code = Errc::unstable, .step = Step::recover};
-}
-
-Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to) {
-    const Station station{network.engine, from, 0};
-    auto written = co_await write<std::uint16_t>(station, reg::kStationAddress, to, Step::recover);
-    // Two slaves had the address: both are newcomers for the next search.
-    if (written.error().code == Errc::working_counter && written.error().actual > 1 && to != 0) {
-        const Station both{network.engine, {to}, 0};
-        auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
-        (void)reset;
-    }
-    co_return written;
-}
-
-Task<Result<Identity>> read_identity(Station station) {
-    auto taken = co_await sii_assign(station, false);
-    if (!taken) co_return taken.error();
-    std::array<std::byte, sii::kIdentityBytes> octets{};
-    SiiReader reader(station);
-    auto read = co_await reader.read(sii::word::kIdentity, octets);
-    auto offered = co_await sii_assign(station, true);
-    if (!read) co_return read.error();
-    if (!offered) co_return offered.error();
-    co_return sii::load_identity(octets);
-}
-
-// Reads the identity of the guest. The whole SII is read only if a lost slave is recognised by its device id.
-Task<Result<>> read_newcomer(Network& network) {
-    Slave& guest = network.guest;
-    guest = Slave{};
-    guest.station_address = newcomer_address(network);
-    const Station station = network.station(guest);
-    auto al = co_await read_al_status(station);
-    if (!al) co_return al.error();
-    const bool by_id = std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return is_lost(network, s) && s.wanted != nullptr && s.wanted->device_id;
-    });
-    if (by_id) {
-        auto assigned = co_await sii_assign(station, false);
-        if (!assigned) co_return assigned;
-        auto surveyed = co_await survey(network, guest);
-        if (!surveyed) co_return surveyed;
-        // A failed read is not an answer. A missing device id, or a contradictory SII, is an answer.
-        if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
-        auto offered = co_await sii_assign(station, true);
-        if (!offered) co_return offered;
-    } else {
-        auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
-        if (!alias) co_return alias.error();
-        guest.alias = *alias;
-        auto identity = co_await read_identity(station);
-        if (!identity) co_return identity.error();
-        guest.identity = *identity;
-    }
-    guest.al = *al;
-    co_return Result<>();
-}
-
-// The result of the identification: the guest is `slave`; or it is none of them, but at the place of `instead_of`.
-struct Verdict {
-    Slave* slave = nullptr;
-    Slave* instead_of = nullptr;
-};
-
-// Returns the last slave before a place of the ring for which the condition holds.
-template <class Holds>
-const Slave* last_before(Network& network, std::size_t n, Holds holds) {
-    while (n-- > 0)
-        if (const std::uint16_t slave = network.ring[n].slave; slave != 0 && holds(network.slave(slave)))
-            return &network.slave(slave);
-    return nullptr;
-}
-
-// Returns the lost slave that the guest is: the search begins behind `after`, then continues with the others.
-template <class Holds>
-Verdict choose(Network& network, const Slave* after, Holds holds) {
-    Verdict verdict;
-    for (const bool behind : {true, false}) {
-        for (Slave& slave : network.slaves()) {
-            if (!is_lost(network, slave) || !holds(slave) ||
-                (after == nullptr || slave.number > after->number) != behind)
-                continue;
-            if (fits(slave, network.guest)) return {&slave, nullptr};
-            if (verdict.instead_of == nullptr && behind) verdict.instead_of = &slave;
-        }
-    }
-    return verdict;
-}
-
-Verdict identify_newcomer(Network& network, std::uint16_t n) {
-    for (Slave& slave : network.slaves()) {
-        if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
-        return fits(slave, network.guest) ? Verdict{&slave, nullptr} : Verdict{nullptr, &slave};
-    }
-    if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
-        const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
-        const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
-        const Verdict verdict = choose(network, last_before(network, n, in_group), member);
-        if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
-    }
-    Verdict verdict = choose(network, last_before(network, n, of_the_line), of_the_line);
-    // An optional slave that has never been present is not reported as replaced by another slave.
-    if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
-        verdict.instead_of = nullptr;
-    return verdict;
-}
-
-// A ring that changes while it is read shows a slave twice, or in a place that the slave has left; and a slave may be
-// readmitted while the newcomer is read. The newcomer is that slave if no slave answers at the address of the slave.
-Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n) {
-    const Verdict verdict = identify_newcomer(network, n);
-    if (verdict.slave != nullptr) co_return verdict;
-    for (Slave& slave : network.slaves()) {
-        const bool may_be = slave.al.state == AlState::none || network.ring[n].address == slave.station_address.value;
-        if (slave.ring_position == 0 || !slave.seen || !may_be || !fits(slave, network.guest)) continue;
-        auto there = co_await read_al_status(network.station(slave));
-        if (there) continue;
-        if (!does_not_answer(there.error())) co_return there.error();
-        co_return Verdict{&slave, nullptr};
-    }
-    co_return verdict;
 }
 
 // ------------------------------------------------------------------ result of the identification
@@ -403,15 +212,6 @@ Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
     co_return admitted ? Result<bool>(true) : Result<bool>(admitted.error());
 }
 
-Task<Result<bool>> is_the_same(Network& network, Slave& slave) {
-    const Station station = network.station(slave);
-    auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
-    if (!alias) co_return alias.error();
-    auto identity = co_await read_identity(station);
-    if (!identity) co_return identity.error();
-    co_return *alias == slave.alias&&* identity == slave.identity;
-}
-
 }  // namespace
 
 Task<Result<BroadcastState>> read_all_states(Network& network) {
@@ -479,7 +279,11 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     if (!mapped) {
         auto same = co_await is_the_same(network, slave);
         if (!same) co_return Result<>();  // the next look repeats the check
-        if (!*same) co_return co_await rename(network, slave.station_address, 0);
+        if (!*same) {
+            auto unmapped = co_await unmap(network.station(slave));
+            if (!unmapped) co_return Result<>();
+            co_return co_await rename(network, slave.station_address, 0);
+        }
     }
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;

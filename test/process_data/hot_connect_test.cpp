@@ -498,10 +498,20 @@ TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
         const auto foreign = make({.product = 0x900});
         power(foreign, true);
         segment.slave(foreign).registers().set<std::uint16_t>(0x0010, address);
+        for (std::uint16_t octet = 0; octet < 16;
+             ++octet) {  // as if it came from the place of slave 3 in another machine
+            std::array<std::byte, 1> value{};
+            segment.slave(line[2]).read(static_cast<std::uint16_t>(0x0600 + octet), value);
+            segment.slave(foreign).registers().set<std::uint8_t>(static_cast<std::uint16_t>(0x0600 + octet),
+                                                                 std::to_integer<std::uint8_t>(value[0]));
+        }
         plug({line[2], 1}, foreign);
         segment.reconsider();
         cycles(2000);
         EXPECT_EQ(*cycle(), 9U);
+        std::array<std::byte, 1> active{};
+        segment.slave(foreign).read(0x060C, active);
+        EXPECT_EQ(active[0], std::byte{0}) << "an unknown slave gets no outputs";
         EXPECT_TRUE(in_op(1) && in_op(2) && in_op(3)) << joined(events());
         EXPECT_FALSE(ctx->slave(4).seen);
         EXPECT_EQ(told(events(), "a slave that is not in the list of expected slaves"), 1);

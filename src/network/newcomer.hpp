@@ -1,0 +1,51 @@
+// A slave in the ring without a known station address: its own address while it is identified, its identity, and which
+// slave of the network it is.
+#pragma once
+
+#include "network/network.hpp"
+
+namespace margay {
+
+// The station address of the newcomer that is being identified. Each newcomer gets another one: a slave that was
+// disconnected as a newcomer and comes back must not be taken for the present one.
+[[nodiscard]] StationAddress newcomer_address(const Network& network);
+
+// A slave that has its own address in the ring is not lost: the supervision reads its state and readmits it.
+[[nodiscard]] bool is_lost(const Network& network, const Slave& slave);
+
+// Whether the guest has the identity that the application expects at the place of the slave.
+[[nodiscard]] bool is_the_wanted_one(const Slave& slave, const Slave& guest);
+
+// Changes the station address of the slave at `from`. If two slaves have that address, both become newcomers, and the
+// error is working_counter.
+[[nodiscard]] Task<Result<>> rename(Network& network, StationAddress from, std::uint16_t to);
+
+// Clears the FMMUs of a slave that is not known: it must not receive the outputs of a slave that is lost, and its
+// working counter must not stand for that slave.
+[[nodiscard]] Task<Result<>> unmap(Station station);
+
+// Gives newcomer_address() to the slave at place `n` of the ring, counted from 0. The same frame checks that the ring
+// is as it was read: the number of slaves, the address of the newcomer and that of the slave above it, which may be the
+// head of its group; and that no slave has the newcomer's address. Otherwise the slave gets its previous address back.
+// Errors: unstable.
+[[nodiscard]] Task<Result<>> address_newcomer(Network& network, std::uint16_t n);
+
+// Reads the identity of the newcomer into Network::guest. The whole SII is read only if a lost slave is recognised by
+// its device id.
+[[nodiscard]] Task<Result<>> read_newcomer(Network& network);
+
+// The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`.
+struct Verdict {
+    Slave* slave = nullptr;
+    Slave* instead_of = nullptr;
+};
+
+// Finds the slave that the newcomer at place `n` is. A ring that changes while it is read shows a slave twice, or in a
+// place that the slave has left; and a slave may be readmitted while the newcomer is read. The newcomer is that slave
+// if no slave answers at the address of the slave.
+[[nodiscard]] Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n);
+
+// Reads alias and identity of a slave that answers at its address, and compares them with what is known of it.
+[[nodiscard]] Task<Result<bool>> is_the_same(Network& network, Slave& slave);
+
+}  // namespace margay
