@@ -244,10 +244,12 @@ class Mapping {
     Mapping& operator=(const Mapping&) = delete;
     ~Mapping() {
         group_.mapping = false;
-        if (group_.mapped) return;
-        for (Slave& slave : network_.slaves())
-            if (network_.marks(slave).image_group == group_.number)
+        if (group_.mapped) settle(group_);
+        for (Slave& slave : network_.slaves()) {
+            if (slave.config.group == group_.number && slave.takes_part) note_joining(group_, slave);
+            if (!group_.mapped && network_.marks(slave).image_group == group_.number)
                 slave.image.outputs.bytes = slave.image.inputs.bytes = {};
+        }
     }
 
   private:

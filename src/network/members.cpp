@@ -15,14 +15,19 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
     counter = static_cast<std::uint16_t>(more ? counter + by : counter - by);
 }
 
+}  // namespace
+
 void settle(ProcessGroup& group) {
-    // Without datagrams no working counter shows that a wanted slave is missing.
-    group.complete = group.mapped && (!group.statuses.empty() || group.expected_wkc == 0);
+    // Without datagrams no working counter shows that a wanted slave is missing. During a mapping slaves answer that
+    // are not in SAFEOP yet.
+    group.complete = group.mapped && !group.mapping && (!group.statuses.empty() || group.expected_wkc == 0);
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
     const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
     if (group.special != special) group.special = special;
     for (PreparedFrame& frame : group.prepared) frame.settle();
 }
+
+namespace {
 
 // Adds the share of the slave to the expected working counters, or subtracts it. A slave without a place is also added
 // to `full`: a cycle without its data is not complete.

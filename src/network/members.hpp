@@ -8,6 +8,9 @@
 
 namespace margay {
 
+// Call it when something has changed that decides whether the cycles of the group can be right.
+void settle(ProcessGroup& group);
+
 // Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 

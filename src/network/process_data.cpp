@@ -215,7 +215,7 @@ Error nothing_sent(const ProcessGroup& group) {
 }
 
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
-    if (!slave.takes_part || group.cycle_received == 0) return false;
+    if (!slave.takes_part || group.cycle_received == 0 || group.mapping) return false;
     if (static_cast<std::int32_t>(group.cycle_received - slave.image.joined_after) <= 0) return false;
     const bool has_inputs = slave.image.inputs.bits > 0;
     const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;

@@ -41,7 +41,7 @@ struct ProcessGroup : Group {
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
     bool was_mapped = false;        // since the last scan: when it is not mapped now, its data is missing
-    bool complete = false;          // mapped, and the working counters contain every wanted slave
+    bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
     std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
