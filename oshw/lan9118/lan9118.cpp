@@ -39,6 +39,7 @@ constexpr std::uint32_t kIrqEnable = 1U << 8;
 constexpr std::uint32_t kIrqPushPull = 1U << 0;
 constexpr std::uint32_t kIrqActiveHigh = 1U << 4;
 constexpr std::uint32_t kRxStatusLevel = 1U << 3;  // interrupt: more frames than the level in FIFO_INT
+constexpr std::uint32_t kSoftware = 1U << 31;      // interrupt: its enable bit was written
 constexpr std::uint32_t kMacBusy = 1U << 31;
 constexpr std::uint32_t kMacRead = 1U << 30;
 
@@ -198,33 +199,38 @@ SendStatus Lan9118::send(std::span<const std::byte> frame) noexcept {
     return SendStatus::sent;
 }
 
-// Allows the interrupt when no frame is there.
-bool Lan9118::frame_there() noexcept {
-    const auto some = [&] { return (read(kRxFifoInf) >> 16 & 0xFF) != 0; };
-    if (some()) return true;
-    write(kIntSts, kRxStatusLevel);
-    write(kIntEn, kRxStatusLevel);
-    return some();  // a frame that came before the interrupt was allowed
+bool Lan9118::frame_there() const noexcept { return (read(kRxFifoInf) >> 16 & 0xFF) != 0; }
+
+// A wait() must end at once while frames are in the FIFO. The controller reports an arriving frame only, so for frames
+// that are there already its software interrupt is used. A frame that arrives after the first line is reported.
+void Lan9118::allow_interrupt() noexcept {
+    write(kIntSts, kRxStatusLevel | kSoftware);
+    write(kIntEn, frame_there() ? kRxStatusLevel | kSoftware : kRxStatusLevel);
 }
 
 std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
-    while (frame_there()) {
-        const auto status = read(kRxStatusFifo);
-        const std::size_t length = status >> 16 & 0x3FFF;  // with FCS
-        const bool good = (status & kStatusError) == 0 && length >= kLeastBytes + kFcsBytes;
-        const auto wanted = good ? std::min(length - kFcsBytes, into.size()) : 0;
-        auto* at = into.data();
-        for (std::size_t octet = 0; octet < length; octet += 4) {
-            const auto word = read(kRxDataFifo);
-            if (octet >= wanted) continue;  // the FCS, or what does not fit
-            const auto some = std::min<std::size_t>(4, wanted - octet);
-            std::memcpy(at, &word, some);
-            at += some;
-        }
-        if (good) return wanted;
-        ++damaged_;
+    std::size_t length = 0;
+    while (length == 0 && frame_there()) length = take_frame(into);
+    allow_interrupt();
+    return length;
+}
+
+// Reads the oldest frame from the FIFO. Returns 0 for a damaged frame.
+std::size_t Lan9118::take_frame(std::span<std::byte> into) noexcept {
+    const auto status = read(kRxStatusFifo);
+    const std::size_t length = status >> 16 & 0x3FFF;  // with FCS
+    const bool good = (status & kStatusError) == 0 && length >= kLeastBytes + kFcsBytes;
+    const auto wanted = good ? std::min(length - kFcsBytes, into.size()) : 0;
+    auto* at = into.data();
+    for (std::size_t octet = 0; octet < length; octet += 4) {
+        const auto word = read(kRxDataFifo);
+        if (octet >= wanted) continue;  // the FCS, or what does not fit
+        const auto some = std::min<std::size_t>(4, wanted - octet);
+        std::memcpy(at, &word, some);
+        at += some;
     }
-    return 0;
+    if (!good) ++damaged_;
+    return wanted;
 }
 
 LinkState Lan9118::link_state() noexcept {

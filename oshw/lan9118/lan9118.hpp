@@ -26,8 +26,8 @@ class Lan9118 final : public Nic {
     // One sentence about the last failed open(); empty after success.
     [[nodiscard]] std::string_view problem() const noexcept { return problem_; }
 
-    // To be called by the interrupt of the controller. Blocks the interrupt in the controller until receive() has found
-    // the FIFO empty; the interrupt then calls wake() of the osal. A program without this interrupt polls.
+    // To be called by the interrupt of the controller. Blocks the interrupt in the controller until the next
+    // receive(); the interrupt then calls wake() of the osal. A program without this interrupt polls.
     void on_interrupt() noexcept;
 
     // Copies the frame into the FIFO of the controller; busy if it has no room for the whole frame.
@@ -59,7 +59,9 @@ class Lan9118 final : public Nic {
     Result<> fail(std::string_view what) noexcept;
     void start() noexcept;
     void read_sent_states() noexcept;
-    [[nodiscard]] bool frame_there() noexcept;
+    [[nodiscard]] bool frame_there() const noexcept;
+    [[nodiscard]] std::size_t take_frame(std::span<std::byte> into) noexcept;
+    void allow_interrupt() noexcept;
 
     volatile std::uint32_t* registers_;
     MacAddress mac_;

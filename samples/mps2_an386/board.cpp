@@ -12,6 +12,7 @@ constexpr std::uintptr_t kTimer0 = 0x40000000;
 constexpr std::uintptr_t kTimer1 = 0x40001000;
 constexpr std::uintptr_t kUart0 = 0x40004000;
 constexpr std::uintptr_t kLan9118 = 0x40200000;
+constexpr unsigned kTimer1Interrupt = 9;
 constexpr unsigned kEthernetInterrupt = 13;
 
 struct Uart {
@@ -44,6 +45,12 @@ void start_counter(Timer& timer) {
     timer.control = 1;
 }
 
+void allow_interrupt(unsigned number, unsigned priority) {
+    reinterpret_cast<volatile std::uint8_t*>(0xE000E400)[number] =
+        static_cast<std::uint8_t>(priority << 5);  // NVIC_IPR
+    *at(0xE000E100) = 1U << number;                // NVIC_ISER0
+}
+
 }  // namespace
 
 void start() {
@@ -70,11 +77,17 @@ void start_tick() {
 
 volatile std::uint32_t* ethernet() { return at(kLan9118); }
 
-void allow_ethernet_interrupt(unsigned priority) {
-    reinterpret_cast<volatile std::uint8_t*>(0xE000E400)[kEthernetInterrupt] =  // NVIC_IPR
-        static_cast<std::uint8_t>(priority << 5);
-    *at(0xE000E100) = 1U << kEthernetInterrupt;  // NVIC_ISER0
+void allow_ethernet_interrupt(unsigned priority) { allow_interrupt(kEthernetInterrupt, priority); }
+
+void start_cycle_timer(margay::Duration period, unsigned priority) {
+    Timer& cycle = timer(kTimer1);
+    cycle.control = 0;
+    cycle.reload = static_cast<std::uint32_t>(period.count() / (1'000'000'000 / kHertz)) - 1;
+    cycle.value = cycle.reload;
+    cycle.control = 1 | 1 << 3;  // enable, interrupt
+    allow_interrupt(kTimer1Interrupt, priority);
 }
+void clear_cycle_timer() { timer(kTimer1).interrupt = 1; }
 
 void idle(const std::atomic<bool>& woken) {
     // With interrupts blocked, an interrupt still ends WFI. It is taken after `cpsie`.

@@ -23,6 +23,11 @@ void print(std::string_view line);
 [[nodiscard]] std::uint32_t second_counter();
 void start_second_counter();
 
+// Uses the second counter as a timer that calls timer1_handler() once a period; the handler calls
+// clear_cycle_timer(). `priority` as below.
+void start_cycle_timer(margay::Duration period, unsigned priority);
+void clear_cycle_timer();
+
 // Interrupts 1000 times a second: systick_handler().
 void start_tick();
 
