@@ -1,5 +1,5 @@
 // A master on a microcontroller without an operating system: it brings the slaves to OP, exchanges process data every
-// 10 ms, reads an object of slave 5 beside the cycle once a second, and prints what happens to the slaves.
+// 10 ms, reads an object of slave 4 beside the cycle once a second, and prints what happens to the slaves.
 #include "board.hpp"
 
 #include <margay/margay.hpp>
@@ -40,22 +40,29 @@ void read_vendor() {
     if (upload.busy()) return;
     TextWriter text(line);
     if (upload.state() == RequestState::success)
-        (text << "slave 5: vendor ").hex(load_le<std::uint32_t>(vendor), 8);
+        (text << "slave 4: vendor ").hex(load_le<std::uint32_t>(vendor), 8);
     else if (upload.state() == RequestState::error)
-        text << "slave 5: " << describe(upload.error(), sentence);
+        text << "error: " << describe(upload.error(), sentence);
     if (!text.text().empty()) board::print(text.text());
-    upload.slave = 5;
+    upload.slave = 4;
     upload.index = 0x1018;  // identity
     upload.subindex = 1;
     upload.data = vendor;
     (void)submit(ctx, upload);
 }
 
+std::uint64_t first_input() {
+    for (const Slave& slave : ctx.slaves())
+        if (!slave.image.inputs.bytes.empty()) return std::to_integer<std::uint64_t>(slave.image.inputs.bytes[0]);
+    return 0;
+}
+
 // The application: once a cycle.
 bool work(const CycleInfo& cycle) {
     image[0] = static_cast<std::byte>(cycle.number >> 6);  // the first outputs
     if (cycle.number % 100 == 0) {
-        print("cycle ", cycle.number, all_right(ctx) ? ": all right" : ": not all right");
+        print("cycle ", cycle.number, all_right(ctx) ? ": all right" : ": not all right", ", first input ",
+              first_input());
         read_vendor();
     }
     print_problems();

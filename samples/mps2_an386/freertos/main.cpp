@@ -1,5 +1,5 @@
 // A master on FreeRTOS with two tasks. The cycle task owns the context: a hardware timer wakes it every 10 ms, with the
-// higher priority. The reader task reads an object of slave 5 once a second, by calls that sleep until the cycle task
+// higher priority. The reader task reads an object of slave 4 once a second, by calls that sleep until the cycle task
 // has executed the request.
 #include "osal/freertos/freertos_osal.hpp"
 #include "oshw/lan9118/lan9118.hpp"
@@ -29,6 +29,12 @@ void print_problems() {
     char sentence[160];
     while (const auto error = ctx.errors().take()) print("error: ", describe(*error, sentence));
     while (const auto event = ctx.events().take()) print("event: ", describe(*event, sentence));
+}
+
+std::uint64_t first_input() {
+    for (const Slave& slave : ctx.slaves())
+        if (!slave.image.inputs.bytes.empty()) return std::to_integer<std::uint64_t>(slave.image.inputs.bytes[0]);
+    return 0;
 }
 
 Result<> bring_up() {
@@ -61,7 +67,8 @@ void cycle(void*) {
         image[0] = static_cast<std::byte>(n >> 6);  // the first outputs
         (void)send_processdata(ctx);
         (void)receive_processdata(ctx, kPeriod / 2);
-        if (n % 100 == 0) print("cycle ", n, all_right(ctx) ? ": all right" : ": not all right");
+        if (n % 100 == 0)
+            print("cycle ", n, all_right(ctx) ? ": all right" : ": not all right", ", first input ", first_input());
         print_problems();
     }
 }
@@ -70,10 +77,10 @@ void read(void*) {
     while (!running) vTaskDelay(10);
     for (;; vTaskDelay(1000)) {
         char text[160];
-        const auto vendor = SDOread<std::uint32_t>(ctx, 5, 0x1018, 1);
+        const auto vendor = SDOread<std::uint32_t>(ctx, 4, 0x1018, 1);
         if (vendor) {
             TextWriter line(text);
-            (line << "slave 5: vendor ").hex(*vendor, 8);
+            (line << "slave 4: vendor ").hex(*vendor, 8);
             print(line.text());
         } else {
             print("error: ", describe(vendor.error(), text));
