@@ -75,6 +75,8 @@ void start_tick() {
     *at(0xE000E010) = 7;                  // SYST_CSR: processor clock, interrupt, enable
 }
 
+void stop_tick() { *at(0xE000E010) = 0; }
+
 volatile std::uint32_t* ethernet() { return at(kLan9118); }
 
 void allow_ethernet_interrupt(unsigned priority) { allow_interrupt(kEthernetInterrupt, priority); }

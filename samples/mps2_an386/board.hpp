@@ -30,6 +30,7 @@ void clear_cycle_timer();
 
 // Interrupts 1000 times a second: systick_handler().
 void start_tick();
+void stop_tick();
 
 // The registers of the LAN9118; its interrupt calls ethernet_handler().
 [[nodiscard]] volatile std::uint32_t* ethernet();

@@ -18,7 +18,6 @@ Lan9118 nic(board::ethernet(), {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59});
 StaticContext<kLimits> ctx;
 std::byte image[256];
 std::byte vendor[4];
-SuperviseRequest supervision;
 SdoUpload upload;
 char line[200];
 char sentence[160];
@@ -69,15 +68,20 @@ bool work(const CycleInfo& cycle) {
     return true;
 }
 
-Result<> run() {
+Result<> start() {
     if (const auto opened = nic.open(osal); !opened) return print("LAN9118: ", nic.problem()), opened;
     board::allow_ethernet_interrupt();
-    if (const auto ready = init(ctx, nic, osal); !ready) return ready;
+    return init(ctx, nic, osal);
+}
+
+// Can be repeated: slaves without power or a cable come later.
+Result<> bring_up_and_run() {
     const auto slaves = config_init(ctx);
     if (!slaves) return slaves.error();
     const auto octets = config_map(ctx, image);
     if (!octets) return octets.error();
     print(std::uint64_t{*slaves}, " slaves, ", std::uint64_t{*octets}, " octets of process data");
+    SuperviseRequest supervision;
     if (const auto begun = submit(ctx, supervision); !begun) return begun;
     if (const auto op = reach(ctx, AlState::op, std::chrono::seconds(20)); !op) return op;
     print("all slaves are in OP");
@@ -94,10 +98,14 @@ extern "C" void ethernet_handler() {
 
 int main() {
     board::start_tick();
-    for (;;) {
-        const auto ended = run();
-        if (!ended) print("ended: ", describe(ended.error(), sentence));
+    auto done = start();
+    while (done) {
+        done = bring_up_and_run();
+        if (done) break;
+        print("will be repeated: ", describe(done.error(), sentence));
         print_problems();
-        osal.wait(osal.now() + std::chrono::seconds(1), -1);
+        osal.wait(osal.now() + std::chrono::milliseconds(500), -1);
+        done = {};
     }
+    if (!done) print("ended: ", describe(done.error(), sentence));
 }

@@ -15,6 +15,7 @@ namespace margay::qemu {
 namespace {
 
 const std::string kVirtualSegment = std::string(MARGAY_BIN_DIR) + "/virtual_segment";
+const std::string kSegment = MARGAY_SOURCE_DIR "/samples/mps2_an386/segment.toml";
 constexpr const char* kTap = "ecat-tap";
 
 std::string content_of(const std::string& path) {
@@ -68,9 +69,9 @@ void Machine::start(const std::filesystem::path& image_path, const std::string& 
     segment_commands_ = open_pipe(file("segment"));
     qemu_commands_ = open_pipe(file("monitor"));
     segment_ = std::make_unique<process::Child>(
-        home, std::vector<std::string>{"/bin/sh", "-c",
-                                       "exec " + kVirtualSegment + " " + kTap + " demo < " + file("segment")});
-    if (!segment_->says("serving 5 slaves on", std::chrono::seconds(30))) {
+        home, std::vector<std::string>{
+                  "/bin/sh", "-c", "exec " + kVirtualSegment + " " + kTap + " " + kSegment + " < " + file("segment")});
+    if (!segment_->says("serving 4 slaves on", std::chrono::seconds(30))) {
         missing_ = "the segment does not start: " + segment_->errors();
         return;
     }

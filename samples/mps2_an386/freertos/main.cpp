@@ -37,25 +37,33 @@ std::uint64_t first_input() {
     return 0;
 }
 
-Result<> bring_up() {
+Result<> start() {
     if (const auto opened = nic.open(osal); !opened) return print("LAN9118: ", nic.problem()), opened;
     board::allow_ethernet_interrupt(6);
-    if (const auto ready = init(ctx, nic, osal); !ready) return ready;
+    return init(ctx, nic, osal);
+}
+
+// Can be repeated: slaves without power or a cable come later.
+Result<> bring_up() {
     const auto slaves = config_init(ctx);
     if (!slaves) return slaves.error();
     const auto octets = config_map(ctx, image);
     if (!octets) return octets.error();
     print(std::uint64_t{*slaves}, " slaves, ", std::uint64_t{*octets}, " octets of process data");
-    if (const auto begun = submit(ctx, supervision); !begun) return begun;
-    return reach(ctx, AlState::op, 20s, {.period = kPeriod});
+    if (const auto op = reach(ctx, AlState::op, 20s, {.period = kPeriod}); !op) return op;
+    return submit(ctx, supervision);
 }
 
 void cycle(void*) {
-    if (const auto up = bring_up(); !up) {
-        char sentence[160];
-        print("ended: ", describe(up.error(), sentence));
-        print_problems();
+    char sentence[160];
+    if (const auto started = start(); !started) {
+        print("ended: ", describe(started.error(), sentence));
         vTaskSuspend(nullptr);
+    }
+    for (auto up = bring_up(); !up; up = bring_up()) {
+        print("will be repeated: ", describe(up.error(), sentence));
+        print_problems();
+        vTaskDelay(500);
     }
     print("all slaves are in OP");
     board::start_cycle_timer(kPeriod, 6);
