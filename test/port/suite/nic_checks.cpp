@@ -14,12 +14,18 @@ void address_is_free(Run& run) {
     if ((mac[0] & 3) != 0) run.fail("the first octet is ", std::uint64_t{mac[0]}, "; bits 0 and 1 must be 0");
 }
 
+// Waits for a change of the link, which ends no wait().
+template <class Done>
+bool becomes(Run& run, Done done) {
+    const Time until = run.osal.now() + run.port.longest_plugging;
+    while (!done())
+        if (run.osal.now() >= until || !run.wait_until(run.osal.now() + 1ms)) return false;
+    return true;
+}
+
 void link_comes_up(Run& run) {
     Nic& nic = *run.port.nic;
-    const bool up = run.wait_for(run.osal.now() + run.port.longest_plugging, [&] {
-        run.osal.wait(run.osal.now() + 1ms, -1);
-        return nic.link_state() != LinkState::down;
-    });
+    const bool up = becomes(run, [&] { return nic.link_state() != LinkState::down; });
     if (!up) run.fail("the link is down; connect a slave");
 }
 
@@ -130,21 +136,16 @@ void cable_is_seen(Run& run) {
     Nic& nic = *run.port.nic;
     if (nic.link_state() == LinkState::unknown) return run.skip("link_state() is always unknown");
     FarEnd far(run);
-    const auto becomes = [&](LinkState state) {
-        return run.wait_for(run.osal.now() + run.port.longest_plugging, [&] {
-            run.osal.wait(run.osal.now() + 1ms, -1);
-            return nic.link_state() == state;
-        });
-    };
     run.port.plug(run.port.user, false);
-    const bool down = becomes(LinkState::down);
+    const bool down = becomes(run, [&] { return nic.link_state() == LinkState::down; });
     // Calls without a link return like all others.
     const Time start = run.osal.now();
     for (unsigned n = 0; n < 10; ++n) (void)far.send(60, 0);
     const auto taken = run.osal.now() - start;
     run.port.plug(run.port.user, true);
     if (!down) run.fail("link_state() stays up without a cable");
-    if (!becomes(LinkState::up)) return run.fail("link_state() stays down after the cable was connected again");
+    if (!becomes(run, [&] { return nic.link_state() == LinkState::up; }))
+        return run.fail("link_state() stays down after the cable was connected again");
     if (taken > 1s) return run.fail("10 calls of send() without a cable take ", Run::microseconds(taken), " µs");
     // What was sent without a cable may come now, or never.
     far.allow_losses();
