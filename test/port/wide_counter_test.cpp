@@ -24,12 +24,12 @@ TEST(WideCounter, CountsOnWhenTheCounterBeginsAgain) {
 }
 
 TEST(WideCounter, HasNoErrorThatGrows) {
-    // A tick of 1/7.37 MHz is not a whole number of nanoseconds. Read after each tick, for ten seconds.
+    // A tick of 1/7.37 MHz is not a whole number of nanoseconds. Read after each tick, for a second.
     constexpr std::uint32_t kHertz = 7'372'800;
     WideCounter wide(kHertz);
     Time now{};
-    for (std::uint32_t tick = 1; tick <= 10 * kHertz; ++tick) now = wide.extend(tick);
-    EXPECT_EQ(now, Time(10s));
+    for (std::uint32_t tick = 1; tick <= kHertz; ++tick) now = wide.extend(tick);
+    EXPECT_EQ(now, Time(1s));
 }
 
 TEST(WideCounter, LastsForFastCounters) {

@@ -51,8 +51,8 @@ void check(void*) {
     port.longest_plugging = 60s;
     // QEMU executes each access to the FIFO as a call of a function, on a machine that does other work too.
     port.longest_call = 2ms;
-    port.latest = 20ms;
-    port.burst = 6;  // frames of full size in the receive FIFO of 10560 octets
+    port.latest = 200ms;  // QEMU shares the processors of the PC; a real board keeps the default
+    port.burst = 6;       // frames of full size in the receive FIFO of 10560 octets
     const auto verdict = port::check_port(port);
     print(verdict.failed == 0 ? "the port passes" : "the port fails");
     vTaskSuspend(nullptr);
