@@ -1,7 +1,7 @@
 // What the programs with FreeRTOS share: a task with static memory, and printing.
 #pragma once
 
-#include "board.hpp"
+#include "mps2_an386/board.hpp"
 #include "util/text_writer.hpp"
 
 #include <FreeRTOS.h>

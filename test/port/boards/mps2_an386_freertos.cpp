@@ -1,9 +1,9 @@
 // Runs the conformance suite for ports (test/port) in a task of FreeRTOS.
 #include "port/suite/port_suite.hpp"
 
+#include "mps2_an386/freertos/tasks.hpp"
 #include "osal/freertos/freertos_osal.hpp"
 #include "oshw/lan9118/lan9118.hpp"
-#include "tasks.hpp"
 
 using namespace margay;
 using namespace std::chrono_literals;

@@ -1,5 +1,5 @@
 // Runs the conformance suite for ports (test/port) on the board.
-#include "board.hpp"
+#include "mps2_an386/board.hpp"
 
 #include "port/suite/port_suite.hpp"
 
