@@ -1,5 +1,5 @@
 // The lives of contexts, requests and handles: each may end at any moment, and a time may be as long as a Duration.
-#include "osal/linux/linux_osal.hpp"
+#include "real_osal.hpp"
 #include "segment/bench.hpp"
 
 #include <margay/hooked_slave.hpp>
@@ -184,7 +184,7 @@ class SleeperOsal final : public Osal {
     void wake_sleepers(const void* word) noexcept override { real_.wake_sleepers(word); }
 
   private:
-    LinuxOsal real_;
+    RealOsal real_;
 };
 
 TEST(LifetimeThreads, AThreadThatSleepsReturnsWhenTheContextGoesAway) {

@@ -1,6 +1,6 @@
 // The thread that owns a context, and the calls that other threads may make. These tests use real time, because two
 // threads cannot share a clock that each of them moves. No result depends on durations.
-#include "osal/linux/linux_osal.hpp"
+#include "real_osal.hpp"
 #include "segment/bench.hpp"
 
 #include <atomic>
@@ -40,7 +40,7 @@ class CountingOsal final : public Osal {
     }
 
   private:
-    LinuxOsal real_;
+    RealOsal real_;
     std::uintptr_t owner_ = real_.thread_number();
 };
 

@@ -1,6 +1,6 @@
 // Requests of several real threads: nothing that one of them submits, cancels or destroys is lost. These tests use real
 // time. No result depends on durations: a request that is lost is busy until the limit of a test.
-#include "osal/linux/linux_osal.hpp"
+#include "real_osal.hpp"
 #include "segment/bench.hpp"
 
 #include <margay/spsc_ring.hpp>
@@ -22,7 +22,7 @@ constexpr Duration kLost = 5s;  // a request that is still busy then is taken fo
 
 class Threads : public testing::Test {
   protected:
-    LinuxOsal osal;
+    RealOsal osal;
     sim::Segment segment;
     SimulatedNic wire{segment, osal};
     std::unique_ptr<HostContext> own = std::make_unique<HostContext>(Limits{.slaves = 8});

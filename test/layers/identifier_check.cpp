@@ -34,7 +34,8 @@ const std::set<std::string>& wire_layers() {
 const std::set<std::string>& timeless_layers() {
     static const auto names = [] {
         auto all = core_layers();
-        all.insert({"sim", "osal", "osal/virtual", "oshw", "oshw/simulated", "oshw/filters"});
+        all.insert({"sim", "osal", "osal/virtual", "osal/bare", "osal/freertos", "oshw", "oshw/simulated",
+                    "oshw/filters", "oshw/lan9118"});
         return all;
     }();
     return names;
@@ -43,7 +44,7 @@ const std::set<std::string>& timeless_layers() {
 const std::set<std::string>& library_layers() {
     static const auto names = [] {
         auto all = timeless_layers();
-        all.insert({"osal/linux", "oshw/linux", "oshw/pcap"});
+        all.insert({"osal/linux", "osal/posix", "oshw/linux", "oshw/pcap"});
         return all;
     }();
     return names;

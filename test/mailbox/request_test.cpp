@@ -1,6 +1,6 @@
 // Requests: their states, reuse, other threads, and the blocking calls.
 #include "mailbox/mailbox_bus.hpp"
-#include "osal/linux/linux_osal.hpp"
+#include "real_osal.hpp"
 
 #include <atomic>
 #include <thread>
@@ -169,7 +169,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
 
 // Real time, because two threads cannot share a clock that each of them moves. No result depends on durations.
 TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
-    LinuxOsal osal;
+    RealOsal osal;
     sim::Segment segment;
     auto firmware = std::make_unique<StackSlave>(128);
     auto esc = std::make_unique<sim::Esc>(StackSlave::chip(), firmware->sii());

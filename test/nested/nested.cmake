@@ -63,6 +63,11 @@ margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-ea
                      CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
               TARGETS margay_wire margay margay_subdevice)
 
+# The programs for a board that QEMU knows; test/qemu runs them.
+margay_nested(embedded/mps2_builds SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ FIXTURE mps2_images
+              COST 300 DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_FREERTOS_DIR=${MARGAY_FREERTOS_DIR} MARGAY_WERROR=ON
+                     CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+
 # The memory that a device with CoE and FoE needs on a microcontroller.
 add_test(NAME embedded/footprint
          COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"

@@ -57,14 +57,14 @@ class Child {
     int wait(std::chrono::seconds limit);
     // Waits until standard output contains `text`. Returns false after `limit`, or when the program ended before.
     bool says(const std::string& text, std::chrono::seconds limit);
+    // Whether the program has ended, without waiting.
+    bool ended();
     void terminate();
 
     [[nodiscard]] std::string output() const;
     [[nodiscard]] std::string errors() const;
 
   private:
-    bool ended();
-
     pid_t id_ = -1;
     int exit_code_ = -1;
     std::string folder_;

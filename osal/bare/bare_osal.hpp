@@ -1,0 +1,45 @@
+// Osal without an operating system: a counter of the board, and sleeping until the next interrupt.
+//
+// There is one thread. Interrupts call wake(), and nothing else of the library.
+#pragma once
+
+#include "osal/osal.hpp"
+#include "osal/wide_counter.hpp"
+
+namespace margay {
+
+// What the board provides.
+struct BareBoard {
+    // A counter of 32 bits that counts up without a pause, 1 MHz or faster for distributed clocks. See WideCounter for
+    // how often now() must be called.
+    std::uint32_t (*counter)() = nullptr;
+    std::uint32_t hertz = 0;
+    // Stops the processor until the next interrupt, but not if `woken` is true. An interrupt between the comparison and
+    // the instruction that sleeps must not be missed: block interrupts, compare, sleep (WFI of an Arm processor returns
+    // for a blocked interrupt too), and allow interrupts. nullptr: wait() returns at once.
+    void (*idle)(const std::atomic<bool>& woken) = nullptr;
+    // At least this often an interrupt occurs, for example of a periodic timer. wait() never sleeps when less than this
+    // time is left, so it is never late; the processor then polls.
+    Duration tick = std::chrono::milliseconds(1);
+};
+
+class BareOsal final : public Osal {
+  public:
+    explicit BareOsal(const BareBoard& board) noexcept : board_(board), counter_(board.hertz) {}
+
+    // Not callable from an interrupt.
+    [[nodiscard]] Time now() noexcept override { return counter_.extend(board_.counter()); }
+
+    // Returns after one interrupt at the latest. `nic_handle` has no meaning: the interrupt of the NIC calls wake().
+    void wait(Time until, int nic_handle) noexcept override;
+
+    // For interrupts.
+    void wake() noexcept override { woken_.store(true, std::memory_order_release); }
+
+  private:
+    BareBoard board_;
+    WideCounter counter_;
+    std::atomic<bool> woken_{false};
+};
+
+}  // namespace margay

@@ -1,0 +1,34 @@
+// What the programs with FreeRTOS share: a task with static memory, and printing.
+#pragma once
+
+#include "mps2_an386/board.hpp"
+#include "util/text_writer.hpp"
+
+#include <FreeRTOS.h>
+#include <task.h>
+
+#include <array>
+#include <cstddef>
+
+template <std::size_t Words>
+struct StaticTask {
+    std::array<StackType_t, Words> stack;
+    StaticTask_t memory;
+    TaskHandle_t handle = nullptr;
+
+    // A higher priority is a higher number.
+    void start(const char* name, UBaseType_t priority, void (*body)(void*)) {
+        handle = xTaskCreateStatic(body, name, Words, nullptr, priority, stack.data(), &memory);
+    }
+};
+
+// Lines of two tasks do not mix.
+template <class... Parts>
+void print(const Parts&... parts) {
+    std::array<char, 200> line;
+    margay::TextWriter text(line);
+    (text << ... << parts);
+    vTaskSuspendAll();
+    board::print(text.text());
+    (void)xTaskResumeAll();
+}

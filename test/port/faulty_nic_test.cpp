@@ -1,0 +1,361 @@
+// The suite finds faulty NICs: each of these has one fault that drivers really have.
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/filter_nic.hpp"
+#include "oshw/frame_queue.hpp"
+#include "port/host.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace margay::port {
+namespace {
+
+using namespace std::chrono_literals;
+using Names = std::vector<std::string>;
+using Frame = std::span<const std::byte>;
+using Memory = std::span<std::byte>;
+
+// The virtual clock and the simulated slave are right. Only the NIC between them is faulty.
+struct FaultyNics : testing::Test {
+    Host host;
+    VirtualOsal osal;
+    sim::Segment segment;
+    SimulatedNic wire{segment, osal, {.queue_frames = 16}};
+
+    void SetUp() override { put_slave_into(segment, osal.now()); }
+
+    Names failures(Nic& nic) {
+        struct Bench {
+            Host& host;
+            sim::Segment& segment;
+        } bench{host, segment};
+        auto port = host.without_threads(osal, &nic);
+        port.user = &bench;
+        port.print = [](void* user, std::string_view line) {
+            static_cast<Bench*>(user)->host.lines.emplace_back(line);
+        };
+        port.plug = [](void* user, bool in) { static_cast<Bench*>(user)->segment.set_cable({0, 0}, in); };
+        const auto verdict = check_port(port);
+        EXPECT_EQ(verdict.failed, host.failed().size());
+        return host.failed();
+    }
+    void expect_found(Nic& nic, const std::string& check) {
+        const auto all = failures(nic);
+        EXPECT_TRUE(std::ranges::count(all, check) == 1) << "not found: " << check << "\n" << host.text();
+    }
+};
+
+TEST_F(FaultyNics, TheSoundOneFailsNothing) { EXPECT_EQ(failures(wire), Names{}) << host.text(); }
+
+TEST_F(FaultyNics, TheLastOctetOfAnOddFrameIsLost) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            std::array<std::byte, 2048> copy{};
+            std::ranges::copy(frame, copy.begin());
+            if (frame.size() % 2 != 0) copy[frame.size() - 1] = std::byte{0x77};
+            return inner().send(std::span(copy).first(frame.size()));
+        }
+    } nic{wire};
+    expect_found(nic, "frames of every size come back unchanged");
+}
+
+TEST_F(FaultyNics, AnUnalignedFrameIsSentFromTheWordBefore) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            const auto off = reinterpret_cast<std::uintptr_t>(frame.data()) % 4;
+            return inner().send(off == 3 ? Frame(frame.data() - off, frame.size()) : frame);
+        }
+    } nic{wire};
+    expect_found(nic, "frames of every size come back unchanged");
+}
+
+TEST_F(FaultyNics, TheLengthIncludesTheFcs) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::size_t receive(Memory into) noexcept override {
+            const auto length = inner().receive(into);
+            return length == 0 ? 0 : std::min(length + 4, into.size());
+        }
+    } nic{wire};
+    expect_found(nic, "frames of every size come back unchanged");
+}
+
+TEST_F(FaultyNics, AFullQueueLosesFramesSilently) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        unsigned queued = 0;
+        SendStatus send(Frame frame) noexcept override {
+            return queued++ >= 4 ? SendStatus::sent : inner().send(frame);
+        }
+        std::size_t receive(Memory into) noexcept override {
+            queued = 0;
+            return inner().receive(into);
+        }
+    } nic{wire};
+    expect_found(nic, "a burst comes back complete and in order");
+}
+
+TEST_F(FaultyNics, AFullQueueIsCalledAFailure) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            const auto status = inner().send(frame);
+            return status == SendStatus::busy ? SendStatus::failed : status;
+        }
+    } nic{wire};
+    expect_found(nic, "send() is busy when the queue is full, and never waits");
+}
+
+TEST_F(FaultyNics, ABusyFrameIsSentAllTheSame) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        unsigned sent = 0;
+        SendStatus send(Frame frame) noexcept override {
+            const auto status = inner().send(frame);
+            return ++sent % 8 == 0 ? SendStatus::busy : status;
+        }
+    } nic{wire};
+    expect_found(nic, "send() is busy when the queue is full, and never waits");
+}
+
+TEST_F(FaultyNics, HalfAFrameGoesOutWhenTheQueueIsNearlyFull) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        unsigned queued = 0;
+        SendStatus send(Frame frame) noexcept override {
+            return inner().send(++queued == 7 && frame.size() > 1000 ? frame.first(frame.size() / 2) : frame);
+        }
+        std::size_t receive(Memory into) noexcept override {
+            queued = 0;
+            return inner().receive(into);
+        }
+    } nic{wire};
+    expect_found(nic, "a burst comes back complete and in order");
+}
+
+TEST_F(FaultyNics, TheMemoryOfASentFrameIsReadLater) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        Frame kept;
+        SendStatus send(Frame frame) noexcept override {
+            if (frame.size() < 14 || frame.size() > 1518) return SendStatus::failed;
+            if (!kept.empty()) (void)inner().send(kept);
+            kept = frame;
+            return SendStatus::sent;
+        }
+        std::size_t receive(Memory into) noexcept override {
+            if (!kept.empty()) (void)inner().send(std::exchange(kept, {}));
+            return inner().receive(into);
+        }
+    } nic{wire};
+    expect_found(nic, "a slave answers");
+}
+
+TEST_F(FaultyNics, SendWaitsForTheWire) {
+    struct Slow : FilterNic {
+        Slow(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
+        VirtualOsal& clock;
+        SendStatus send(Frame frame) noexcept override {
+            clock.advance(frame.size() * 80ns);
+            return inner().send(frame);
+        }
+    } nic{wire, osal};
+    expect_found(nic, "send() is busy when the queue is full, and never waits");
+}
+
+TEST_F(FaultyNics, ReceiveWaits) {
+    struct Slow : FilterNic {
+        Slow(Nic& inner, VirtualOsal& osal) : FilterNic(inner), clock(osal) {}
+        VirtualOsal& clock;
+        std::size_t receive(Memory into) noexcept override {
+            const auto length = inner().receive(into);
+            if (length == 0) clock.advance(1ms);
+            return length;
+        }
+    } nic{wire, osal};
+    expect_found(nic, "receive() without a frame returns 0 at once");
+}
+
+TEST_F(FaultyNics, ReceiveWritesBehindTheMemory) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::size_t receive(Memory into) noexcept override {
+            // Whole words, also for a length that is not a multiple of 4.
+            const auto length = inner().receive(into);
+            if (length == into.size()) into.data()[length] = std::byte{0};
+            return length;
+        }
+    } nic{wire};
+    expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
+}
+
+TEST_F(FaultyNics, TheRestOfACutFrameComesNext) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        std::array<std::byte, 2048> all{};
+        std::size_t begin = 0;
+        std::size_t end = 0;
+        std::size_t receive(Memory into) noexcept override {
+            if (begin == end) {
+                begin = 0;
+                end = inner().receive(all);
+            }
+            const auto length = std::min(end - begin, into.size());
+            std::copy_n(all.begin() + static_cast<std::ptrdiff_t>(begin), length, into.begin());
+            begin += length;
+            return length;
+        }
+        Time next_arrival() const noexcept override { return begin != end ? Time{} : inner().next_arrival(); }
+    } nic{wire};
+    // The rest has no EtherType of EtherCAT, so that only a NIC for EtherCAT alone would notice it: the core drops it.
+    EXPECT_EQ(failures(nic), Names{}) << host.text();
+}
+
+TEST_F(FaultyNics, ACutFrameLocksTheReceiver) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        bool locked = false;
+        std::size_t receive(Memory into) noexcept override {
+            if (locked) return 0;
+            const auto length = inner().receive(into);
+            locked = length == into.size() && length != 0;
+            return length;
+        }
+        Time next_arrival() const noexcept override { return locked ? kNever : inner().next_arrival(); }
+    } nic{wire};
+    expect_found(nic, "a long frame is cut to the memory, and its rest is gone");
+}
+
+TEST_F(FaultyNics, FramesAreDoubled) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            if (frame.size() > 1000) (void)inner().send(frame);
+            return inner().send(frame);
+        }
+    } nic{wire};
+    expect_found(nic, "frames of different sizes follow each other");
+}
+
+TEST_F(FaultyNics, FramesOvertakeEachOther) {
+    // The descriptors are read from the wrong end.
+    struct Stack : FilterNic {
+        using FilterNic::FilterNic;
+        std::vector<std::vector<std::byte>> frames;
+        std::size_t receive(Memory into) noexcept override {
+            std::vector<std::byte> next(2048);
+            while (const auto length = inner().receive(next)) frames.emplace_back(next.begin(), next.begin() + length);
+            if (frames.empty()) return 0;
+            const auto last = frames.back();
+            frames.pop_back();
+            std::copy_n(last.begin(), std::min(last.size(), into.size()), into.begin());
+            return std::min(last.size(), into.size());
+        }
+        Time next_arrival() const noexcept override { return frames.empty() ? inner().next_arrival() : Time{}; }
+    } nic{wire};
+    expect_found(nic, "a burst comes back complete and in order");
+}
+
+TEST_F(FaultyNics, TheReceiveQueueIsSmallerThanSaid) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        unsigned queued = 0;
+        std::size_t receive(Memory into) noexcept override {
+            std::array<std::byte, 2048> lost{};
+            while (queued > 4) {
+                (void)inner().receive(lost);
+                --queued;
+            }
+            queued = 0;
+            return inner().receive(into);
+        }
+        SendStatus send(Frame frame) noexcept override {
+            ++queued;
+            return inner().send(frame);
+        }
+    } nic{wire};
+    expect_found(nic, "a burst comes back complete and in order");
+}
+
+TEST_F(FaultyNics, TheSourceAddressHasTheMark) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        MacAddress source_mac() const noexcept override { return {2, 0, 0, 0, 0, 1}; }
+    } nic{wire};
+    expect_found(nic, "source_mac() leaves the mark of the slaves free");
+}
+
+TEST_F(FaultyNics, OwnFramesComeBack) {
+    struct Hub : FilterNic {
+        using FilterNic::FilterNic;
+        std::vector<std::byte> echo;
+        SendStatus send(Frame frame) noexcept override {
+            echo.assign(frame.begin(), frame.end());
+            return inner().send(frame);
+        }
+        std::size_t receive(Memory into) noexcept override {
+            if (echo.empty()) return inner().receive(into);
+            const auto frame = std::exchange(echo, {});
+            const auto length = std::min(frame.size(), into.size());
+            std::copy_n(frame.begin(), length, into.begin());
+            return length;
+        }
+        bool hides_own_frames() const noexcept override { return says_hidden; }
+        bool says_hidden = true;
+    } nic{wire};
+    expect_found(nic, "frames of every size come back unchanged");
+    host.lines.clear();
+    nic.says_hidden = false;
+    EXPECT_EQ(failures(nic), Names{}) << "a NIC that does not hide its echo is right: " << host.text();
+}
+
+TEST_F(FaultyNics, WhatIsNotAFrameIsAccepted) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        SendStatus send(Frame frame) noexcept override {
+            if (frame.size() > 1518) return SendStatus::sent;
+            return inner().send(frame);
+        }
+    } nic{wire};
+    expect_found(nic, "send() refuses what is not a frame");
+}
+
+TEST_F(FaultyNics, AFrameDoesNotEndAWait) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        Time next_arrival() const noexcept override { return kNever; }  // in virtual time: no wake-up by the frame
+    } nic{wire};
+    expect_found(nic, "a frame ends a wait()");
+}
+
+TEST_F(FaultyNics, TheLinkIsAlwaysUp) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        LinkState link_state() noexcept override { return LinkState::up; }
+    } nic{wire};
+    expect_found(nic, "link_state() follows the cable");
+}
+
+TEST_F(FaultyNics, TheLinkStaysDown) {
+    struct : FilterNic {
+        using FilterNic::FilterNic;
+        bool was_down = false;  // the latched bit of a PHY, never cleared
+        LinkState link_state() noexcept override {
+            was_down = was_down || inner().link_state() == LinkState::down;
+            return was_down ? LinkState::down : LinkState::up;
+        }
+    } nic{wire};
+    expect_found(nic, "link_state() follows the cable");
+}
+
+TEST_F(FaultyNics, NothingIsConnected) {
+    segment.set_cable({0, 0}, false);
+    expect_found(wire, "link_state() is up with a cable");
+    EXPECT_EQ(std::ranges::count(host.failed(), "a slave answers"), 1) << host.text();
+}
+
+}  // namespace
+}  // namespace margay::port

@@ -1,0 +1,76 @@
+// Frames to the slave at the far end of the cable and back, with a comparison of each octet.
+//
+// A frame has one NOP datagram. Its data begins with the number of the frame; the rest depends on this number and the
+// size. Slaves return it unchanged except for the mark in the source address and the event field of the datagram. The
+// working counter stays 0.
+#pragma once
+
+#include "run.hpp"
+
+namespace margay::port {
+
+class FarEnd {
+  public:
+    explicit FarEnd(Run& run) : run_(run), nic_(*run.port.nic) { drain(); }
+
+    // Sends one frame once. `alignment`: 0 to 3, the address of the frame modulo 4.
+    SendStatus send(std::size_t size, std::size_t alignment);
+    // Sends octets that are not a legal frame.
+    SendStatus send_raw(std::size_t size);
+    // Repeats a busy frame until it is accepted.
+    bool send_patiently(std::size_t size, std::size_t alignment);
+    // Receives the replies to the next `count` frames, in order.
+    bool collect(std::size_t count);
+    // Receives replies until no more comes.
+    bool collect_rest();
+    // Receives the next reply into a memory that is too small.
+    bool receive_cut(std::size_t bytes);
+    bool exchange(std::size_t size, std::size_t alignment) { return send_patiently(size, alignment) && collect(1); }
+    // From now on replies may be missing.
+    void allow_losses() { losses_ = true; }
+
+    // Fetches frames that an earlier check has left behind.
+    void drain();
+    // Fails the check with the reason that the last function found.
+    void report() {
+        if (number_ == kNoNumber)
+            run_.fail(what_);
+        else
+            run_.fail(what_, number_, unit_);
+    }
+
+    // Memory for receive().
+    [[nodiscard]] std::span<std::byte> memory() { return std::span(received_).subspan(kGuard, kMost); }
+
+  private:
+    static constexpr std::size_t kMost = 1600;
+    static constexpr std::size_t kGuard = 16;  // octets before and behind the memory that receive() must not touch
+    static constexpr std::byte kGuardValue{0xA5};
+    static constexpr std::size_t kRemembered = 512;
+    static constexpr std::uint64_t kNoNumber = ~std::uint64_t{0};
+
+    // The outcome of fetching one frame.
+    enum class Got : std::uint8_t { nothing, reply, fault };
+
+    bool fault(std::string_view what, std::uint64_t number = kNoNumber, std::string_view unit = {});
+    void fill(std::span<std::byte> frame, std::uint32_t number) const;
+    Got fetch(std::size_t room);
+    Got match(std::size_t length, std::size_t room);
+    Got compare(std::uint32_t number, std::size_t length, std::size_t room);
+    bool await_reply(std::size_t room);
+
+    Run& run_;
+    Nic& nic_;
+    std::uint32_t next_sent_ = 0;      // number of the next frame; busy frames get no number
+    std::uint32_t next_received_ = 0;  // number of the next expected reply
+    bool losses_ = false;
+    std::string_view what_;
+    std::uint64_t number_ = kNoNumber;
+    std::string_view unit_;
+    std::array<std::uint16_t, kRemembered> sizes_{};
+    alignas(8) std::array<std::byte, 2048> sent_{};
+    alignas(8) std::array<std::byte, kMost + 2 * kGuard> received_{};
+    std::array<std::byte, 1514> expected_{};
+};
+
+}  // namespace margay::port

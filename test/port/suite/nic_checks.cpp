@@ -1,0 +1,176 @@
+// The checks of a NIC.
+#include "far_end.hpp"
+
+namespace margay::port {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kSmallest = 28;  // Ethernet header, EtherCAT header, a datagram without data
+constexpr std::size_t kLargest = 1514;
+
+void address_is_free(Run& run) {
+    const auto mac = run.port.nic->source_mac();
+    if ((mac[0] & 3) != 0) run.fail("the first octet is ", std::uint64_t{mac[0]}, "; bits 0 and 1 must be 0");
+}
+
+// Waits for a change of the link, which ends no wait().
+template <class Done>
+bool becomes(Run& run, Done done) {
+    const Time until = run.osal.now() + run.port.longest_plugging;
+    while (!done())
+        if (run.osal.now() >= until || !run.wait_until(run.osal.now() + 1ms)) return false;
+    return true;
+}
+
+void link_comes_up(Run& run) {
+    Nic& nic = *run.port.nic;
+    const bool up = becomes(run, [&] { return nic.link_state() != LinkState::down; });
+    if (!up) run.fail("the link is down; connect a slave");
+}
+
+void a_slave_answers(Run& run) {
+    FarEnd far(run);
+    // The first frames after a link has come up may be lost in a switch or in a slave that starts.
+    for (unsigned n = 0; n < 20; ++n)
+        if (far.exchange(60, 0)) return;
+    run.fail("no frame comes back; is there a slave at the cable?");
+}
+
+void nothing_to_receive(Run& run) {
+    FarEnd far(run);
+    far.drain();
+    Durations taken;
+    while (!taken.full()) {
+        const Time start = run.osal.now();
+        const auto length = run.port.nic->receive(far.memory());
+        taken.add(run.osal.now() - start);
+        if (length != 0)
+            return run.fail("it returned a frame of ", std::uint64_t{length}, " octets that was never sent");
+    }
+    if (taken.median() > run.port.longest_call)
+        run.fail("it takes ", Run::microseconds(taken.median()), " µs; receive() must not wait");
+}
+
+void every_size(Run& run) {
+    FarEnd far(run);
+    std::size_t alignment = 0;
+    for (std::size_t size = kSmallest; size <= kLargest; size += size < 80 || size > 1500 ? 1 : 61)
+        if (!far.exchange(size, alignment++ % 4)) return far.report();
+}
+
+void every_size_while_busy(Run& run) {
+    // Frames of different sizes follow each other, so that the end of one frame and the begin of the next one are
+    // found.
+    FarEnd far(run);
+    constexpr std::array<std::size_t, 8> kSizes{1514, 28, 61, 1513, 62, 1001, 63, 64};
+    for (unsigned round = 0; round < 6; ++round) {
+        const auto count = std::min(run.port.burst, kSizes.size());
+        for (std::size_t n = 0; n < count; ++n)
+            if (!far.send_patiently(kSizes[(n + round) % kSizes.size()], n % 4)) return far.report();
+        if (!far.collect(count)) return far.report();
+    }
+}
+
+void burst_is_complete(Run& run) {
+    FarEnd far(run);
+    for (const std::size_t size : {kLargest, std::size_t{60}}) {
+        for (std::size_t n = 0; n < run.port.burst; ++n)
+            if (!far.send_patiently(size, 0)) return far.report();
+        // All replies are in the NIC before the first one is fetched.
+        (void)run.wait_until(run.osal.now() + run.port.reply / 4);
+        if (!far.collect(run.port.burst)) return far.report();
+    }
+}
+
+void full_is_busy(Run& run) {
+    // Many more frames than a NIC stores. Frames may be lost here because nobody fetches them. But send() either takes
+    // a whole frame or says busy, a busy frame is not on the wire, and no frame is changed, doubled or overtaken.
+    FarEnd far(run);
+    Durations taken;
+    for (unsigned n = 0; n < 300; ++n) {
+        const Time start = run.osal.now();
+        const auto status = far.send(kLargest, n % 4);
+        taken.add(run.osal.now() - start);
+        if (status == SendStatus::failed)
+            return run.fail("send() returned failed for frame ", std::uint64_t{n}, "; a full queue is busy");
+    }
+    far.allow_losses();
+    (void)run.wait_until(run.osal.now() + run.port.reply / 4);
+    if (!far.collect_rest()) return far.report();
+    if (taken.median() > run.port.longest_call)
+        return run.fail("send() takes ", Run::microseconds(taken.median()), " µs; it must not wait for the wire");
+    if (!far.exchange(100, 0)) far.report();
+}
+
+void cut_to_the_memory(Run& run) {
+    FarEnd far(run);
+    if (!far.send_patiently(1000, 0)) return far.report();
+    if (!far.receive_cut(100)) return far.report();
+    if (!far.exchange(500, 0)) far.report();
+}
+
+void illegal_sizes(Run& run) {
+    FarEnd far(run);
+    for (const std::size_t size : {std::size_t{0}, std::size_t{13}, std::size_t{1519}, std::size_t{2040}})
+        if (far.send_raw(size) == SendStatus::sent)
+            return run.fail("send() accepted ", std::uint64_t{size}, " octets; 14 to 1518 are a frame");
+    if (!far.exchange(kLargest, 0)) far.report();
+}
+
+void frame_ends_wait(Run& run) {
+    FarEnd far(run);
+    Nic& nic = *run.port.nic;
+    for (unsigned n = 0; n < 5; ++n) {
+        if (!far.send_patiently(60, 0)) return far.report();
+        const Time start = run.osal.now();
+        run.osal.wait(std::min(start + 3s, nic.next_arrival()), nic.wait_handle());
+        const auto taken = run.osal.now() - start;
+        if (!far.collect(1)) return far.report();
+        if (taken > 1500ms) return run.fail("wait() returned ", Run::microseconds(taken), " µs after its begin");
+    }
+}
+
+void cable_is_seen(Run& run) {
+    if (run.port.plug == nullptr) return run.skip("the port has no plug()");
+    Nic& nic = *run.port.nic;
+    if (nic.link_state() == LinkState::unknown) return run.skip("link_state() is always unknown");
+    FarEnd far(run);
+    run.port.plug(run.port.user, false);
+    const bool down = becomes(run, [&] { return nic.link_state() == LinkState::down; });
+    // Calls without a link return like all others.
+    const Time start = run.osal.now();
+    for (unsigned n = 0; n < 10; ++n) (void)far.send(60, 0);
+    const auto taken = run.osal.now() - start;
+    run.port.plug(run.port.user, true);
+    if (!down) run.fail("link_state() stays up without a cable");
+    if (!becomes(run, [&] { return nic.link_state() == LinkState::up; }))
+        return run.fail("link_state() stays down after the cable was connected again");
+    if (taken > 1s) return run.fail("10 calls of send() without a cable take ", Run::microseconds(taken), " µs");
+    // What was sent without a cable may come now, or never.
+    far.allow_losses();
+    (void)run.wait_until(run.osal.now() + run.port.reply);
+    if (!far.collect_rest()) return far.report();
+    for (unsigned n = 0; n < 20; ++n)
+        if (far.exchange(60, 0)) return;
+    run.fail("no frame comes back after the cable was connected again");
+}
+
+}  // namespace
+
+void check_nic(Run& run) {
+    run.check("source_mac() leaves the mark of the slaves free", address_is_free);
+    run.check("link_state() is up with a cable", link_comes_up);
+    run.check("a slave answers", a_slave_answers);
+    run.check("receive() without a frame returns 0 at once", nothing_to_receive);
+    run.check("frames of every size come back unchanged", every_size);
+    run.check("frames of different sizes follow each other", every_size_while_busy);
+    run.check("a burst comes back complete and in order", burst_is_complete);
+    run.check("send() is busy when the queue is full, and never waits", full_is_busy);
+    run.check("a long frame is cut to the memory, and its rest is gone", cut_to_the_memory);
+    run.check("send() refuses what is not a frame", illegal_sizes);
+    run.check("a frame ends a wait()", frame_ends_wait);
+    run.check("link_state() follows the cable", cable_is_seen);
+}
+
+}  // namespace margay::port

@@ -1,0 +1,65 @@
+// The conformance suite for ports: it checks an Osal and a Nic against the contracts in osal/osal.hpp and oshw/nic.hpp.
+// It needs no test framework, no heap and no exceptions, so that it also runs on a microcontroller.
+//
+// The far end of the cable is any EtherCAT slave: a real one, `virtual_segment` on another computer, or the simulated
+// segment. The suite sends frames with one NOP datagram, which every slave returns with unchanged data.
+//
+// To run it, describe the port and call check_port(). Each check prints one line: "ok", "FAIL" with the reason, or
+// "skip" with what the port would have to provide. README.md beside this folder says more.
+#pragma once
+
+#include "osal/osal.hpp"
+#include "oshw/nic.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace margay::port {
+
+// What the suite needs to know of a port. All functions receive `user`; those that are nullptr cause skipped checks.
+struct Port {
+    Osal* osal = nullptr;
+    Nic* nic = nullptr;  // nullptr: only the Osal is checked
+    void* user = nullptr;
+
+    // Prints one line; the text contains no line end.
+    void (*print)(void* user, std::string_view line) = nullptr;
+
+    // Calls `function(argument)` once, about `delay` later, outside the calling thread: in another thread or task, or
+    // in an interrupt. A task needs a priority above that of the caller, which polls for the end of some calls. For the
+    // checks of wake(), sleep_while() and thread_number().
+    void (*call_later)(void* user, Duration delay, void (*function)(void*), void* argument) = nullptr;
+    // call_later() uses another thread or task, not an interrupt. Then threads must have different numbers.
+    bool several_threads = false;
+
+    // A second clock that does not depend on the clock of the osal, for example another timer of the board.
+    Duration (*second_clock)(void* user) = nullptr;
+
+    // Plugs the cable in or pulls it out, or asks a person to do it. Returns at once; the suite waits for the result.
+    void (*plug)(void* user, bool in) = nullptr;
+    Duration longest_plugging = std::chrono::seconds(10);  // a person needs longer
+
+    // How long send() and receive() may take in the median. The default is below the 123 µs that a frame of full size
+    // needs on the wire, so that a send() that waits for the end of the frame is found.
+    Duration longest_call = std::chrono::microseconds(100);
+    // How much later than requested wait() and sleep_while() may return in the median.
+    Duration latest = std::chrono::milliseconds(2);
+    // How long a reply may take. An event that has not occurred after ten of these periods does not occur any more.
+    Duration reply = std::chrono::milliseconds(200);
+    // How many frames the NIC can store between two calls of receive(): at least as many as the application sends
+    // between two polls.
+    std::size_t burst = 8;
+};
+
+struct Verdict {
+    unsigned passed = 0;
+    unsigned failed = 0;
+    unsigned skipped = 0;
+};
+
+// Runs all checks and prints the verdict. Takes some seconds. `port.osal` and `port.print` are required. The thread
+// that calls it must be the only one that uses the NIC.
+[[nodiscard]] Verdict check_port(const Port& port);
+
+}  // namespace margay::port
