@@ -75,11 +75,11 @@ TEST(FaultyOsals, TheClockIsTooFast) {
     expect_found(osal, "now() counts at the rate of a second clock");
 }
 
-TEST(FaultyOsals, TheWaitIsRoundedUpToTicksOf10Ms) {
+TEST(FaultyOsals, TheWaitIsRoundedUpToTicksOf200Ms) {
     struct : FaultyOsal {
         void wait(Time until, int handle) noexcept override {
             if (until == kNever) return real.wait(until, handle);
-            if (until > real.now()) real.wait(Time((until.time_since_epoch() / 10ms + 1) * 10ms), handle);
+            if (until > real.now()) real.wait(Time((until.time_since_epoch() / 200ms + 1) * 200ms), handle);
         }
     } osal;
     expect_found(osal, "wait() returns in time");
@@ -89,7 +89,7 @@ TEST(FaultyOsals, TheWaitForThePastTakesATick) {
     struct : FaultyOsal {
         void wait(Time until, int handle) noexcept override {
             if (until == kNever) return real.wait(until, handle);
-            real.wait(std::max(until, real.now() + 10ms), handle);
+            real.wait(std::max(until, real.now() + 80ms), handle);
         }
     } osal;
     expect_found(osal, "wait() for a time in the past returns at once");
@@ -155,7 +155,7 @@ TEST(FaultyOsals, ASleepDoesNotCompareTheWord) {
 TEST(FaultyOsals, ASleepIsLate) {
     struct : FaultyOsal {
         void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override {
-            real.sleep_while(word, value, until + 20ms);
+            real.sleep_while(word, value, until + 150ms);
         }
     } osal;
     expect_found(osal, "sleep_while() returns in time");

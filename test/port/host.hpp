@@ -39,7 +39,7 @@ class Host {
         };
         port.several_threads = true;
         port.second_clock = [](void*) -> Duration { return std::chrono::steady_clock::now().time_since_epoch(); };
-        port.latest = std::chrono::milliseconds(5);  // the machine of the tests is busy
+        port.latest = std::chrono::milliseconds(50);  // the machine of the tests is busy
         return port;
     }
     [[nodiscard]] Port without_threads(Osal& osal, Nic* nic) {
