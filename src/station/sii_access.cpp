@@ -135,7 +135,8 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         const bool waiting = ordered_ == at;
         if (waiting) co_await engine.sleep_until(ordered_at_ + wait_);
         const std::uint32_t order = !waiting ? at : sure_ ? block_after(at, end, then) : kNone;
-        const Time sent = engine.now();
+        const Time sent =
+            engine.now();  // a look that was sent before the end decides nothing: the program may have paused
         const bool look = waiting || !idle_;
         idle_ = false;
         auto visit = co_await VisitAwaiter(station_, look, order, at);
@@ -148,14 +149,14 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         block_words_ = (visit->status & control::kReads8Bytes) != 0 ? 4 : 2;
         if ((visit->status & control::kBusy) != 0) {
             if (waiting) note_busy(sent);
-            if (engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
+            if (sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {
             nacks_ = nacks_ < kNackTries ? static_cast<std::uint8_t>(nacks_ + 1) : nacks_;
-            if (nacks_ == kNackTries && engine.now() >= give_up) co_return failure(Errc::sii_nack, at);
+            if (nacks_ == kNackTries && sent >= give_up) co_return failure(Errc::sii_nack, at);
             ordered_ = kNone;
             co_await engine.sleep_for(kNackPause);
         } else if (waiting) {
-            if (!accept(*visit, order, sent) && engine.now() >= give_up) co_return failure(Errc::sii_busy, at);
+            if (!accept(*visit, order, sent) && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else {
             ordered_ = at;
             ordered_at_ = sent;

@@ -20,10 +20,11 @@ using Word = std::array<std::byte, sii::kWordBytes>;
 // Waits until the interface is ready and returns its status.
 Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
     for (;;) {
+        const Time sent = station.engine.now();  // see SiiReader::read()
         auto status = co_await ::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii);
         if (!status) co_return status.error();
         if ((*status & control::kBusy) == 0) co_return *status;
-        if (station.engine.now() >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
+        if (sent >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
         co_await station.engine.sleep_for(kPause);
     }
 }

@@ -262,6 +262,22 @@ TEST_F(Interrupted, AnSiiReadThatEndsEarlyGivesTheEepromBack) {
     }
 }
 
+// A program that is not scheduled for longer than the time limits of the EEPROM, at any moment of the scan.
+TEST_F(Interrupted, AProgramThatPausesDuringAScanFindsTheEepromReady) {
+    for (auto& esc : escs) esc = &plug("odd_device");
+    switch_on();
+    ASSERT_TRUE(init(ctx, wire, osal));
+    for (int pause = 0; pause < 400; pause += 3) {
+        ScanRequest scan;
+        ASSERT_TRUE(submit(ctx, scan));
+        steps(pause);
+        osal.advance(300ms);
+        segment.advance(osal.now());
+        ASSERT_TRUE(ends(scan));
+        ASSERT_EQ(scan.state(), RequestState::success) << pause << ": " << words(scan.error());
+    }
+}
+
 // ------------------------------------------------------------------ the supervision
 
 TEST_F(Interrupted, TheEventThatASupervisionHasEndedSaysWhy) {
