@@ -196,8 +196,10 @@ class Running {
     ~Running() {
         (void)remove(master_.queue.running, request_);
         token_.reset();
-        if (needs_ == Needs::segment) master_.network.segment_in_use = false;
-        if (needs_ == Needs::segment) master_.network.supervision_turn = true;
+        if (needs_ == Needs::segment) {
+            master_.network.segment_in_use = false;
+            master_.network.supervision_turn = true;
+        }
         if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
             error_ = {
                 .code = RequestAccess::why(request_), .step = operation(request_).step, .slave = slave_of(request_)};

@@ -87,7 +87,7 @@ Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState stat
 
 Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until) {
     const Station station = network.station(slave);
-    if (limited(slave, state) != state) co_return above_highest(station, slave, state);
+    if (limited(slave, state) != state) co_return above_highest(slave, state);
     if (slave.al.state == AlState::none) {
         auto now = co_await read_al_status(station);
         if (!now) co_return now;
@@ -122,11 +122,12 @@ void settle_request(Network& network, Slave& slave) {
         (void)network.settling.start(follow_transition(network, slave));
 }
 
-Error above_highest(const Station& station, const Slave& slave, AlState state) {
-    Error error = station.error(Errc::above_highest, Step::request_state);
-    error.expected = static_cast<std::uint32_t>(slave.config.highest);
-    error.actual = static_cast<std::uint32_t>(state);
-    return error;
+Error above_highest(const Slave& slave, AlState state) {
+    return {.code = Errc::above_highest,
+            .step = Step::request_state,
+            .slave = slave.number,
+            .expected = static_cast<std::uint32_t>(slave.config.highest),
+            .actual = static_cast<std::uint32_t>(state)};
 }
 
 Duration al_timeout(const Slave& slave, AlState state) {

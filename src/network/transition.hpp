@@ -30,6 +30,6 @@ void settle_request(Network& network, Slave& slave);
 [[nodiscard]] AlState limited(const Slave& slave, AlState wanted);
 
 // The error when a state above the slave's highest state is requested.
-[[nodiscard]] Error above_highest(const Station& station, const Slave& slave, AlState state);
+[[nodiscard]] Error above_highest(const Slave& slave, AlState state);
 
 }  // namespace margay

@@ -133,11 +133,7 @@ Error start_up_refusal(const Slave& slave) {
 
 Error target_refusal(const Slave& slave, AlState state) {
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
-    if (limited(slave, state) == state) return {};
-    Error error = fault(slave, Errc::above_highest, Step::request_state);
-    error.expected = static_cast<std::uint32_t>(slave.config.highest);
-    error.actual = static_cast<std::uint32_t>(state);
-    return error;
+    return limited(slave, state) == state ? Error{} : above_highest(slave, state);
 }
 
 Error refusal(const Network& network, const Slave& slave, AlState state) {
