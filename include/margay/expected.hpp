@@ -21,7 +21,10 @@ namespace margay {
 //    matches an entry behind it, the optional slave is regarded as missing.
 // 2. The numbers after the highest position belong to the slaves with position 0, members of groups included, in the
 //    order of the list.
-// 3. The last numbers belong to unexpected slaves, in the order of the ring.
+// 3. An unexpected slave of the line gets the number of a position that the list leaves out, if there is one at its
+// place;
+//    all other unexpected slaves get the last numbers, in the order of the ring. slave(n) of a position that the list
+//    leaves out and that no slave has is neither expected nor present: `wanted` is nullptr, its AL state NONE.
 //
 // An expected slave that is missing has its number too: its Slave has AL state NONE, ring position 0, and its
 // configuration. If the configuration describes its process data, config_map() reserves its part of the image. When the
@@ -45,7 +48,8 @@ struct ExpectedSlave {
     // Number of a hot connect group, not 0: slaves that are connected and disconnected together, at any port of the
     // segment. The members are neighbours in the list and have the same number. The first is the head and is identified
     // by alias or device id. The others have position 0 and follow behind the head in this order. The whole group may
-    // be missing. A member that is missing while the head is present is an error, unless the member is optional.
+    // be missing. A member that is missing while the head is present is an error, unless the member is optional; the
+    // expected working counters then count that member.
     std::uint8_t hot_connect = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
     // memory.

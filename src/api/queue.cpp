@@ -200,15 +200,21 @@ class Running {
             master_.network.segment_in_use = false;
             master_.network.supervision_turn = true;
         }
-        if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
-            error_ = {
-                .code = RequestAccess::why(request_), .step = operation(request_).step, .slave = slave_of(request_)};
+        if (error_.code == Errc::canceled && error_.step == Step::none) error_ = error_of_cut();
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
     void done(const Error& error) { error_ = error; }
 
   private:
+    // The sequence of the request was destroyed. If it waited for a hook when its time was over, the hook is the cause.
+    [[nodiscard]] Error error_of_cut() const {
+        const Errc why = RequestAccess::why(request_);
+        const std::uint16_t hooked = master_.network.slave_of_cut_hook;
+        if (why == Errc::timeout && hooked != 0) return {.code = why, .step = Step::application_hook, .slave = hooked};
+        return {.code = why, .step = operation(request_).step, .slave = slave_of(request_)};
+    }
+
     Master& master_;
     Request& request_;
     Needs needs_;
@@ -247,6 +253,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         if (ends(*request)) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
+                master.network.slave_of_cut_hook = 0;
                 std::exchange(RequestAccess::sequence(*request), {}).destroy();
             } else {
                 (void)remove(list, *request);
@@ -376,6 +383,8 @@ Result<> submit(Context& ctx, Request& request) {
     else if (master->owned_by_caller())
         refused = wanted.check(master->network, request);
     if (refused.code == Errc::none) {
+        const bool uses_wishes = wanted.operation == Operation::scan || wanted.operation == Operation::map;
+        if (uses_wishes && master->owned_by_caller()) note_lost_wishes(ctx, wanted.step);
         if (enqueue(*master, request)) return Result<>();
         refused = {.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
         refused.expected = RequestQueue::kPlaces + 1;

@@ -237,6 +237,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.ring_position == 0) {
             const Error error = missing_error(network, slave);
+            network.marks(slave).awaited = error.code != Errc::none;
             if (error.code != Errc::none) faults.note(network, slave, error);
         }
         Error error;

@@ -1,5 +1,6 @@
 #include "network/members.hpp"
 
+#include "network/expectation.hpp"
 #include "network/wanted.hpp"
 
 namespace margay {
@@ -53,6 +54,7 @@ void count(ProcessGroup& group, const Slave& slave, bool more) {
 void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     if (slave.takes_part == takes_part) return;
     slave.takes_part = takes_part;
+    if (takes_part) network.marks(slave).awaited = true;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
     const auto fmmus = make_fmmus(slave, group->layout);
@@ -74,6 +76,15 @@ void update_counted(Network& network, Slave& slave) {
     slave.counted = counted;
     count(*group, slave, counted);
     settle(*group);
+}
+
+void forget_awaited_members(Network& network, const Slave& lost) {
+    if (lost.wanted == nullptr || lost.wanted->hot_connect == 0 || !is_located(network.expected, *lost.wanted)) return;
+    for (Slave& slave : network.slaves()) {
+        if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
+        network.marks(slave).awaited = false;
+        update_counted(network, slave);
+    }
 }
 
 void begin_counting(Network& network, ProcessGroup& group) {

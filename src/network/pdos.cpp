@@ -7,6 +7,7 @@
 #include "network/entries.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdo_sii.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 
 namespace margay {
@@ -220,7 +221,8 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
-    const Error wrong = check_pdo_lists(slave);
+    Error wrong = invalid_setting(slave);
+    if (wrong.code == Errc::none) wrong = check_pdo_lists(slave);
     if (!said && !known) config.sm_count = 0;
     if (wrong.code != Errc::none) co_return wrong;
     auto written = co_await write_pdos(network, slave);

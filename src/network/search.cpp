@@ -258,6 +258,7 @@ void note_lost(Network& network, Slave& slave) {
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
+    forget_awaited_members(network, slave);
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {

@@ -9,6 +9,8 @@
 namespace margay {
 
 struct SlaveMarks {
+    // The list of start-up commands when the slave left INIT last.
+    const StartupCommand* started_with = nullptr;
     // The transition that was requested and is not confirmed yet; its after-commands are pending.
     Transition requested = Transition::none;
     // The state to which the supervision brought the slave last without an error.
@@ -19,7 +21,10 @@ struct SlaveMarks {
     bool in_use : 1 = false;         // see SlaveToken
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
-    bool held_back : 1 = false;         // brought to PREOP while it was held: its start-up commands were left out
+    // Member of a hot connect group: its absence makes cycles wrong while the head is present, because the slave has
+    // taken part since the group was connected, or is known not to be there.
+    bool awaited : 1 = false;
+    bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

@@ -162,6 +162,8 @@ void report_missing(Watch& watch) {
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
         network.marks(slave).missing_reported = true;
+        network.marks(slave).awaited = true;
+        update_counted(network, slave);
         network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
     }
 }

@@ -250,7 +250,7 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
     Output<std::uint8_t> nobody{7, 0x7000, 1};
     Output<std::uint32_t> wished{1, 0x7777};
     wished.optional = true;
-    EntryHandle* const entries[] = {&enable, &missing, &nowhere, &nobody, &wished, nullptr};
+    EntryHandle* const entries[] = {&enable, &missing, &nowhere, &nobody, &wished};
     const auto mapped = map(entries);
     ASSERT_FALSE(mapped.ok());
     EXPECT_EQ(mapped.error().code, Errc::entry_not_mapped);
