@@ -15,7 +15,7 @@ static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
-static_assert(sizeof(SlaveMarks) <= 8, "context_bytes(): kMarksBytes");
+static_assert(sizeof(SlaveMarks) <= 12, "context_bytes(): kMarksBytes");
 static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) +
                       ProcessTables::datagrams_for(1) *

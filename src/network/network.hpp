@@ -88,7 +88,7 @@ struct Network {
     [[nodiscard]] StationAddress station_address(std::size_t number) const {
         return {static_cast<std::uint16_t>(settings.first_station_address + number - 1)};
     }
-    // By position; 1 is the first slave.
+    // By number; 1 is the first slave.
     [[nodiscard]] Slave& slave(std::size_t number) { return table[number - 1]; }
     // The marks of a slave of the table; `guest` has none.
     [[nodiscard]] SlaveMarks& marks(std::size_t number) { return mark_table[number - 1]; }
