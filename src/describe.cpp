@@ -21,7 +21,7 @@ bool is_command(Step step) { return step >= Step::command_ip && step <= Step::co
 
 bool is_entry(Errc code) { return code >= Errc::entry_not_mapped && code <= Errc::entry_stale; }
 
-// The object of an entry, or its position in the assignment: "0x1C12:1, entry 3".
+// The object of an entry, or its place in the assignment: "0x1C12:1, entry 3".
 void write_entry_place(TextWriter& out, const Error& e) {
     (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
     if (e.detail != 0) out << ", entry " << e.detail;
@@ -215,7 +215,7 @@ std::string_view argument_text(Argument argument) {
 void write_argument(TextWriter& out, const Error& e) {
     if (e.step == Step::identify && e.actual != 0) {
         out << " (entry " << e.actual
-            << " of the list: without position, alias or device id, in a place that is taken, or apart from "
+            << " of the list: without number, alias or device id, with the number of another entry, or apart from "
                "its hot connect group)";
         return;
     }

@@ -10,7 +10,7 @@
 // returns a part of the context.
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
-// `position` is a place in the ring, which the standard counts with auto-increment addresses.
+// `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
 #pragma once
 
 #include <margay/coe.hpp>
@@ -74,7 +74,7 @@ Result<std::uint16_t> config_init(Context& ctx);
 // the slaves were scanned already, config_map() and reach() still compare them with the earlier list, or with no list.
 // Slaves that differ from the list are held (see Tolerance). `slaves` is the caller's memory and must live until the
 // end of the config_init() that follows the next expect(). Never waits. Errors: wrong_state before init(), not_owner,
-// invalid_argument (an entry has no position, alias or device id; two entries have one position; the members of a hot
+// invalid_argument (an entry has no number, alias or device id; two entries have the same number; the members of a hot
 // connect group are not neighbours; actual: the number of the entry).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 

@@ -95,7 +95,7 @@ void accept(RequestQueue& queue, Request& request, Time now) {
     insert(queue, request);
 }
 
-void take_submitted(RequestQueue& queue, Time now) {
+void accept_submitted(RequestQueue& queue, Time now) {
     if (!queue.any_submitted.exchange(false, std::memory_order_acquire)) return;
     for (auto& place : queue.submitted)
         if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
@@ -341,7 +341,7 @@ bool withdraw_submitted(RequestQueue& queue, Request& request) {
 
 Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
-    take_submitted(queue, now);
+    accept_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
         end_some(master, queue.waiting, Errc::canceled, asked);
@@ -364,7 +364,7 @@ bool begins_at_once(Master& master) {
 }
 
 void cancel_queued(Master& master) {
-    take_submitted(master.queue, Time{});
+    accept_submitted(master.queue, Time{});
     end_some(master, master.queue.waiting, Errc::canceled, [](Request&) { return true; });
 }
 

@@ -164,7 +164,7 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
 Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
     const Station station = network.station(slave);
     auto before = co_await read_al_status(station);
-    take_al_status(slave.al, before);
+    update_al_status(slave.al, before);
     if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -180,7 +180,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
         auto mapped = co_await write_fmmus(station, slave, layout, true);

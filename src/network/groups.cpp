@@ -88,6 +88,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
         return error;
     }
     group.slaves = network.slaves();
+    group.marks = network.mark_table;
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
@@ -118,7 +119,7 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
 // FMMUs must not answer at the addresses of the new mapping.
 Task<Result<>> leave_group(Network& network, Slave& slave) {
     slave.takes_part = false;
-    slave.counted = false;
+    network.marks(slave).counted = false;
     if (slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing

@@ -105,7 +105,7 @@ class Planner {
         return frames;
     }
 
-    // The last position from `at` to `most` that divides no slave's data.
+    // The last octet from `at` to `most` that divides no slave's data.
     [[nodiscard]] std::uint32_t slave_boundary(const Range& range, std::uint32_t at, std::uint32_t most) const {
         std::uint32_t cut = most;
         for (bool moved = true; moved && cut > at;) {

@@ -70,10 +70,10 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
 void update_counted(Network& network, Slave& slave) {
     const bool has_share = exchanges(slave) || slave.unplaced;
     const bool counted = has_share && (slave.takes_part || is_wanted_in_exchange(network, slave));
-    if (!has_share || counted == slave.counted) return;
+    if (!has_share || counted == network.marks(slave).counted) return;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
-    slave.counted = counted;
+    network.marks(slave).counted = counted;
     count(*group, slave, counted);
     settle(*group);
 }
@@ -89,7 +89,7 @@ void forget_awaited_members(Network& network, const Slave& lost) {
 
 void begin_counting(Network& network, ProcessGroup& group) {
     for (Slave& slave : network.slaves())
-        if (slave.config.group == group.number) slave.counted = exchanges(slave);
+        if (slave.config.group == group.number) network.marks(slave).counted = exchanges(slave);
     settle(group);
     for (Slave& slave : network.slaves())
         if (slave.config.group == group.number) update_counted(network, slave);
@@ -97,8 +97,8 @@ void begin_counting(Network& network, ProcessGroup& group) {
 
 void forget_unplaced(Network& network, Slave& slave) {
     ProcessGroup* group = group_of(network, slave);
-    if (group != nullptr && slave.unplaced && slave.counted) count(*group, slave, false);
-    if (slave.unplaced) slave.counted = false;
+    if (group != nullptr && slave.unplaced && network.marks(slave).counted) count(*group, slave, false);
+    if (slave.unplaced) network.marks(slave).counted = false;
     slave.unplaced = false;
     if (group != nullptr) settle(*group);
 }

@@ -56,7 +56,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         co_return co_await around_transition(network, slave, which, Moment::after);
     }
     auto seen = co_await read_al_status(station);
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     co_return state.error();
 }
 

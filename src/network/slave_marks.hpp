@@ -16,6 +16,8 @@ struct SlaveMarks {
     // The state to which the supervision brought the slave last without an error.
     AlState settled = AlState::none;
     static constexpr std::uint16_t kNoGroup = 0xFFFF;
+    // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
+    std::uint32_t joined_after = 0;
     std::uint16_t image_group = kNoGroup;  // the group whose image the slave was laid out in last
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool in_use : 1 = false;         // see SlaveToken
@@ -24,6 +26,7 @@ struct SlaveMarks {
     // Member of a hot connect group: its absence makes cycles wrong while the head is present, because the slave has
     // taken part since the group was connected, or is known not to be there.
     bool awaited : 1 = false;
+    bool counted : 1 = false;    // the expected working counters of its group include its share
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 

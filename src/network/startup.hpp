@@ -13,7 +13,7 @@ namespace margay {
 [[nodiscard]] Error invalid_commands(const Slave& slave);
 
 // Executes the commands in their order. Stops at the first failure of a command that must not fail; its error contains
-// the transition (step), the position in the list, and the object or register. Other failures are reported in errors().
+// the transition (step), the place in the list, and the object or register. Other failures are reported in errors().
 [[nodiscard]] Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment);
 
 }  // namespace margay

@@ -34,9 +34,9 @@ bool may_be_missing(Network& network, const Slave& slave) {
 
 // The error that ended the start-up of the slave, where known.
 Error start_up_error(const Slave& slave, const Error& otherwise) {
-    const bool told = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
-                      slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
-    return told ? slave.error : otherwise;
+    const bool failed = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
+                        slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
+    return failed ? slave.error : otherwise;
 }
 
 Error state_trouble(const Network& network, const Slave& slave, AlState wanted) {

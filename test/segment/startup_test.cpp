@@ -67,7 +67,7 @@ TEST_F(Startup, CommandsRunInTheirOrderAtTheirTransitions) {
     };
     static constexpr SlaveSetup kSetup{.startup = kList};
     static constexpr SlaveConfiguration kConfig{.setup = &kSetup};
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .config = &kConfig}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .config = &kConfig}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
@@ -346,7 +346,7 @@ TEST_F(Startup, AMailboxOrCompleteAccessIsLeftAloneWhereTheApplicationSaysSo) {
     plug_odd({});
     static constexpr SlaveConfiguration kNoMailbox{.no_mailbox = true};
     static constexpr SlaveConfiguration kSingly{.no_complete_access = true};
-    const ExpectedSlave expected[] = {{.position = 1, .config = &kNoMailbox}, {.position = 2, .config = &kSingly}};
+    const ExpectedSlave expected[] = {{.number = 1, .config = &kNoMailbox}, {.number = 2, .config = &kSingly}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
@@ -473,7 +473,7 @@ TEST_F(Startup, ParametersOfDrivesDecideOnTheirTelegramsAndAreReplayed) {
     };
     static constexpr SlaveSetup kSetup{.startup = kCommands};
     static constexpr SlaveConfiguration kConfig{.setup = &kSetup};
-    const ExpectedSlave expected[] = {{.position = 1, .config = &kConfig}};
+    const ExpectedSlave expected[] = {{.number = 1, .config = &kConfig}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
