@@ -12,30 +12,9 @@ struct HookAccess {
     [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
 };
 
-// Completes an error that a hook returns: slave, and step if the hook has not set one.
-[[nodiscard]] inline Result<> of_slave(const Result<>& done, const Slave& slave) {
-    if (done) return done;
-    Error error = done.error();
-    error.slave = slave.number;
-    if (error.step == Step::none) error.step = Step::application_hook;
-    return error;
-}
-
-// Calls a hook and waits for its end: a plain function is called again while it returns Errc::busy. `args` are values.
-// Without a hook: success.
-template <class... Args>
-Task<> call_hook(Network& network, const Slave& slave, Hook<Args...> hook, void* user, Args... args) {
-    const HookedSlave hooked = HookAccess::slave(network, slave.number);
-    if (hook.sequence() != nullptr) {
-        auto done = co_await hook.sequence()(hooked, args..., user);
-        co_return of_slave(done, slave);
-    }
-    while (hook.plain() != nullptr) {
-        const Result<> done = hook.plain()(hooked, args..., user);
-        if (done.error().code != Errc::busy) co_return of_slave(done, slave);
-        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    }
-    co_return Result<>();
-}
+// Calls the hook of a transition and waits for its end: a plain function is called again while it returns Errc::busy.
+// Transition::none: the hook preop_to_safeop. Without a hook: success.
+[[nodiscard]] Task<> call_hook(Network& network, const Slave& slave, Transition which = Transition::none,
+                               Moment moment = Moment::before);
 
 }  // namespace margay

@@ -67,12 +67,12 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
     if (high(sums)) {
         auto cleared = co_await read_and_clear(network, slave, octets);
         if (!cleared) cleared = co_await read_and_clear(network, slave, octets);
-        if (!cleared) co_return Result<>();
+        if (!cleared) co_return Nothing{};
     } else {
         Datagram look(network.engine.link(), wire::Command::FPRD, {slave.station_address, reg::kRxErrorCounter.address},
                       MutableBytes(octets));
         auto reply = co_await look;
-        if (!reply.ok() || reply.wkc != 1) co_return Result<>();
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};
     }
     const bool cleared = high(sums);
     std::array<std::uint8_t, kOctets> more{};
@@ -87,7 +87,7 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
         count_port(network, slave, port, more, sums.ports[port]);
     sums.processing_unit += more[kProcessing];
     sums.pdi += more[kPdi];
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums
             co_await crew.one();
     }
     co_await crew.all();
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay
