@@ -185,7 +185,8 @@ void EntryQuery::decode(Bytes all) {
 
 // ------------------------------------------------------------------ over the bus
 
-Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, const MailPatience& patience) {
+Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about,
+                               const MailPatience& patience) {
     const auto complete = [&](Error error) {
         error.slave = channel.station().number;
         error.step = Step::sdo_information;

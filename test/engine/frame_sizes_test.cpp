@@ -54,7 +54,7 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("sii_write", 512, sii_write(station, 4, word));
     expect("sii_assign", 512, sii_assign(station, false));
     expect("read_sii_contents", 512, read_sii_contents(station, slave));
-    expect("scan", 1024, scan(network));
+    expect("scan", 512, scan(network));
     expect("count_slaves", 512, count_slaves(network));
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));
