@@ -32,7 +32,8 @@ Result<> start() {
 
 Result<> exchange() {
     if (const auto sent = send_processdata(ctx); !sent) return sent;
-    if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received) return received.error();
+    if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received)
+        return received.error();
     return Result<>();
 }
 
