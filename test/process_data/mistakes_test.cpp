@@ -198,7 +198,7 @@ TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
     const ExpectedSlave unknown[] = {{.number = 1}, {.product = 0x101}};
     EXPECT_EQ(words(expect(*ctx, unknown).error()),
               "comparing with what is expected: argument out of range (entry 2 of the list: without number, alias or "
-              "device id, in a place that is taken, or apart from its hot connect group)");
+              "device id, with the number of another entry, or apart from its hot connect group)");
 }
 
 TEST_F(Mistakes, AnEntryOfASlaveThatDoesNotExistIsNamed) {
