@@ -91,8 +91,16 @@ set(flags_of_clang_RelWithDebInfo CMAKE_CXX_FLAGS_RELWITHDEBINFO=-DNDEBUG)
 set(flags_of_clang_MinSizeRel CMAKE_CXX_FLAGS_MINSIZEREL=-DNDEBUG)
 set(gcc g++)
 set(clang clang++-16)
+set(families gcc clang)
+foreach(version 13 14)  # newer compilers, where the system has them
+  find_program(MARGAY_GCC_${version} g++-${version})
+  if(MARGAY_GCC_${version})
+    set(gcc_${version} g++-${version})
+    list(APPEND families gcc_${version})
+  endif()
+endforeach()
 foreach(type Release RelWithDebInfo MinSizeRel Debug)
-  foreach(family gcc clang)
+  foreach(family IN LISTS families)
     if(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
       margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
                     DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF
