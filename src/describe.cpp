@@ -190,7 +190,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
         case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
-        case Argument::watchdog_time: return "process_data_watchdog must be at most 6.5535 s";
+        case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
         case Argument::sync_manager_twice: return "SlaveConfiguration::sms has this SyncManager twice";
         case Argument::pdi_watchdog: return "SlaveTimes::pdi_watchdog must be zero to 65535 units of the divider";
         case Argument::state_time: return "the times of SlaveTimes must not be negative";

@@ -18,6 +18,7 @@ class [[nodiscard]] Result {
     constexpr Result() = default;  // success with a default value
     constexpr Result(T value) : value_(std::move(value)) {}
     constexpr Result(const Error& error) : error_(error) {}
+    using Value = T;
 
     [[nodiscard]] constexpr bool ok() const { return error_.code == Errc::none; }
     [[nodiscard]] constexpr explicit operator bool() const { return ok(); }
@@ -32,8 +33,8 @@ class [[nodiscard]] Result {
     [[nodiscard]] constexpr const Error& error() const { return error_; }
 
   private:
-    T value_{};
     Error error_{};
+    [[no_unique_address]] T value_{};  // Nothing takes no memory
 };
 
 }  // namespace margay

@@ -34,13 +34,19 @@ namespace detail {
 void release_frame(void* frame) noexcept;
 [[noreturn]] void exception_left_sequence() noexcept;
 
+// The functions of this class that each sequence calls are out of line: they are compiled once, not for each sequence.
 struct PromiseBase : ListNode {
     std::coroutine_handle<> continuation;  // the coroutine that awaits the task,
     Crew* crew = nullptr;                  // or the crew that the task belongs to: then
     std::coroutine_handle<> self;          // the node of this object is in the list of the crew
+    Error error;                           // the error that the task has returned
 
-    PromiseBase() = default;
+    PromiseBase() noexcept;
     ~PromiseBase();
+    PromiseBase(const PromiseBase&) = delete;
+    PromiseBase& operator=(const PromiseBase&) = delete;
+
+    void return_value(const Error& returned) noexcept;
 
     // Both are inlined: GCC does not know that they belong together, and would warn in the sources of users.
     template <class First, class... Rest>
@@ -57,7 +63,31 @@ struct PromiseBase : ListNode {
 
   protected:
     // For Task: called at the end of a task. Returns the coroutine that continues.
-    [[nodiscard]] std::coroutine_handle<> ended(std::coroutine_handle<> own, const Error& error) noexcept;
+    [[nodiscard]] std::coroutine_handle<> ended(std::coroutine_handle<> own) noexcept;
+};
+
+// Destroys the coroutine of a task, if there is one.
+void end_task(std::coroutine_handle<>& handle) noexcept;
+
+// The promise of a task that returns a Result<T>.
+template <class T>
+struct Promise : PromiseBase {
+    T value{};
+
+    using PromiseBase::return_value;
+    void return_value(const T& returned) noexcept { value = returned; }
+    [[gnu::noinline]] void return_value(const Result<T>& returned) noexcept {
+        error = returned.error();
+        value = *returned;
+    }
+    [[nodiscard]] Result<T> result() const { return error.code == Errc::none ? Result<T>(value) : Result<T>(error); }
+};
+template <>
+struct Promise<Nothing> : PromiseBase {
+    using PromiseBase::return_value;
+    void return_value(Nothing) noexcept {}
+    void return_value(const Result<>& returned) noexcept { PromiseBase::return_value(returned.error()); }
+    [[nodiscard]] Result<> result() const { return error; }
 };
 
 }  // namespace detail
@@ -65,17 +95,14 @@ struct PromiseBase : ListNode {
 template <class T = Result<>>
 class [[nodiscard]] Task {
   public:
-    struct promise_type : detail::PromiseBase {
-        T value{};
-
+    struct promise_type : detail::Promise<typename T::Value> {
         static Task get_return_object_on_allocation_failure() noexcept { return Task(); }
         Task get_return_object() noexcept { return Task(std::coroutine_handle<promise_type>::from_promise(*this)); }
-        void return_value(T result) noexcept { value = std::move(result); }
 
         struct Final {
             bool await_ready() noexcept { return false; }
             std::coroutine_handle<> await_suspend(std::coroutine_handle<promise_type> own) noexcept {
-                return own.promise().ended(own, own.promise().value.error());
+                return own.promise().ended(own);
             }
             void await_resume() noexcept {}
         };
@@ -91,26 +118,26 @@ class [[nodiscard]] Task {
         }
         return *this;
     }
-    ~Task() { reset(); }
+    ~Task() { detail::end_task(handle_); }
 
     // False if the arena had no memory for the task.
     [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
     [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
     // The value of a finished task.
-    [[nodiscard]] T result() const { return handle_ ? handle_.promise().value : T(Error{.code = Errc::capacity}); }
+    [[nodiscard, gnu::noinline]] T result() const {
+        return handle_ ? promise().result() : T(Error{.code = Errc::capacity});
+    }
     // The coroutine of the task. Destroying it destroys the task, wherever the Task object is.
     [[nodiscard]] std::coroutine_handle<> handle() const { return handle_; }
     // Begins a task that no coroutine awaits; its owner calls done() to find its end.
     void start() {
         if (handle_) handle_.resume();
     }
-    void reset() {
-        if (handle_) std::exchange(handle_, {}).destroy();
-    }
+    void reset() { detail::end_task(handle_); }
 
     bool await_ready() const noexcept { return !handle_; }
     std::coroutine_handle<> await_suspend(std::coroutine_handle<> waiting) noexcept {
-        handle_.promise().continuation = waiting;
+        promise().continuation = waiting;
         return handle_;
     }
     T await_resume() noexcept { return result(); }
@@ -118,7 +145,10 @@ class [[nodiscard]] Task {
   private:
     friend class Crew;
     explicit Task(std::coroutine_handle<promise_type> handle) : handle_(handle) {}
-    std::coroutine_handle<promise_type> handle_;
+    [[nodiscard]] promise_type& promise() const {
+        return std::coroutine_handle<promise_type>::from_address(handle_.address()).promise();
+    }
+    std::coroutine_handle<> handle_;  // of a promise_type
 };
 
 }  // namespace margay

@@ -109,7 +109,7 @@ static Task<Result<>> run(Network& network, EntryRequest& request) {
         place_of(slave, network.process.groups[slave.config.group], address, EntryAccess::found(other ? in : first));
     if (!place) co_return place.error();
     request.place = *place;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 static Task<Result<>> run(Network& network, EntryNameRequest& request) {

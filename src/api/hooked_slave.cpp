@@ -69,7 +69,7 @@ Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t 
 
 Task<> sleep_for(HookedSlave hooked, Duration duration) {
     co_await network_of(hooked).engine.sleep_for(duration);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace

@@ -226,7 +226,7 @@ Task<Result<>> drive(Master& master, Request& request) {
     Running running(master, request);
     auto result = co_await operation(request).sequence(master.network, request);
     running.done(result.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // False: the arena has no memory for the request now.

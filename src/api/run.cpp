@@ -23,10 +23,10 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
 }
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
-    if (slave.al.state == AlState::none) co_return Result<>();
+    if (slave.al.state == AlState::none) co_return Nothing{};
     auto done = co_await bring_back(network, slave);
     if (!done) faults.note(network, slave, done.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // The first slave that has not reached its target, and whether waiting can help.
@@ -223,15 +223,15 @@ static Error check(Network& network, const TargetRequest& request) {
 
 static Task<Result<>> run(Network& network, TargetRequest& request) {
     set_targets(network, request.slave, request.wanted);
-    if (network.supervised) co_return Result<>();
+    if (network.supervised) co_return Nothing{};
     FirstFault faults;
     if (request.slave != 0) {
         auto one = co_await bring_one(network, network.slave(request.slave), faults);
         if (!one) co_return one;
         faults.keep(state_error(network, network.slave(request.slave)));
     } else {
-        auto all = co_await for_each_slave(
-            network, [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); });
+        const auto bring = [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); };
+        auto all = co_await for_each_slave(network, bring);
         if (!all) co_return all;
         for (const Slave& slave : network.slaves()) faults.keep(state_error(network, slave));
     }

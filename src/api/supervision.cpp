@@ -70,14 +70,15 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
     if (!states) co_return states.error();
     if (network
             .supervised) {  // slaves that answer at their address again; without a supervision the reading has done it
-        auto back = co_await for_each_slave(network, [&network](Slave& s) { return readmit_if_there(network, s); });
+        const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
+        auto back = co_await for_each_slave(network, readmit);
         if (!back) co_return back;
     }
-    if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Result<>();
+    if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Nothing{};
     auto found = co_await find_lost(network);
     if (!found) co_return found.error();
     request.found = *found;
-    if (request.slave == 0) co_return Result<>();
+    if (request.slave == 0) co_return Nothing{};
     const Error absent = absence(network, request.slave);
     co_return absent.code == Errc::none ? Result<>() : Result<>(absent);
 }

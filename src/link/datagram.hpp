@@ -26,6 +26,9 @@ class Link;
 struct Waiter : ListNode {
     std::coroutine_handle<> handle;
     unsigned pending = 0;
+
+    Waiter() = default;
+    ~Waiter();  // out of line, as all that each sequence has for each datagram
 };
 
 // The result of a datagram. errc is none (only then wkc is valid), no_frame, nic, nic_busy, datagram_size, or canceled.
@@ -62,11 +65,10 @@ class Datagram : public ListNode {
   public:
     // Reads into `data`, or exchanges `data`. `data` outlives the datagram and has at most kMaxDatagramData octets.
     Datagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data,
-             Repeat repeat = Repeat::yes)
-        : link_(link), sent_data_(data), reply_data_(data), address_(address), command_(command), repeat_(repeat) {}
+             Repeat repeat = Repeat::yes);
     // Writes `data`, which outlives the datagram.
-    Datagram(Link& link, wire::Command command, wire::DatagramAddress address, Bytes data, Repeat repeat = Repeat::yes)
-        : link_(link), sent_data_(data), address_(address), command_(command), repeat_(repeat) {}
+    Datagram(Link& link, wire::Command command, wire::DatagramAddress address, Bytes data, Repeat repeat = Repeat::yes);
+    ~Datagram();
 
     // Appends the datagram to the queue of the link. `waiter` is resumed when the last datagram that it waits for has
     // ended. False: the datagram has more data than a frame can carry (Errc::datagram_size), and `waiter` does not wait

@@ -14,6 +14,14 @@ void Engine::add_timer(Sleep::Timer& timer) {
         timers_.insert_before(*later, timer);
 }
 
+Engine::Sleep::Sleep(Engine& e, Time until) : engine(e) { timer.until = until; }
+
+bool Engine::Sleep::await_ready() const noexcept { return timer.until <= engine.now_; }
+
+void Engine::Sleep::await_suspend(std::coroutine_handle<> h) noexcept { engine.sleep(timer, h, timer.until); }
+
+Engine::Sleep Engine::sleep_for(Duration duration) { return {*this, later(now_, duration)}; }
+
 Time Engine::poll(Time now) {
     now_ = now;
     link_.receive(now, ready_);

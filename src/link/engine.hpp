@@ -44,9 +44,9 @@ class Engine {
         };
         Engine& engine;
         Timer timer;
-        Sleep(Engine& e, Time until) : engine(e) { timer.until = until; }
-        bool await_ready() const noexcept { return timer.until <= engine.now_; }
-        void await_suspend(std::coroutine_handle<> h) noexcept { engine.sleep(timer, h, timer.until); }
+        Sleep(Engine& e, Time until);
+        bool await_ready() const noexcept;
+        void await_suspend(std::coroutine_handle<> h) noexcept;
         void await_resume() const noexcept {}
     };
     // Awaitable: resumes in the next poll(); now() is the time of that poll() then.
@@ -58,7 +58,7 @@ class Engine {
     void wake(Sleep::Timer& timer) { ready_.push_back(timer); }
     [[nodiscard]] NextPoll next_poll() { return NextPoll(*this); }
     [[nodiscard]] Sleep sleep_until(Time until) { return {*this, until}; }
-    [[nodiscard]] Sleep sleep_for(Duration duration) { return {*this, later(now_, duration)}; }
+    [[nodiscard]] Sleep sleep_for(Duration duration);
 
     // For awaitables of other layers. sleep() resumes the timer's coroutine when its time has come; wake() resumes any
     // waiter in this poll() or in the next one, whatever it waits for. Neither resumes a coroutine during the call.

@@ -4,6 +4,16 @@
 
 namespace margay {
 
+Waiter::~Waiter() = default;
+
+Datagram::Datagram(Link& link, wire::Command command, wire::DatagramAddress address, MutableBytes data, Repeat repeat)
+    : link_(link), sent_data_(data), reply_data_(data), address_(address), command_(command), repeat_(repeat) {}
+
+Datagram::Datagram(Link& link, wire::Command command, wire::DatagramAddress address, Bytes data, Repeat repeat)
+    : link_(link), sent_data_(data), address_(address), command_(command), repeat_(repeat) {}
+
+Datagram::~Datagram() = default;
+
 bool DatagramWait::submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept {
     waiter_.handle = waiting;
     for (Datagram* datagram : datagrams) (void)datagram->submit(waiter_);

@@ -124,7 +124,7 @@ Task<Result<>> MailboxChannel::pump() {
             co_await Doze(*this, doze_until());
         }
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // ------------------------------------------------------------------ next action

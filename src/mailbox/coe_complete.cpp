@@ -30,7 +30,7 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
     return error;
 }
 
-Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, MailPatience patience) {
+Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
     auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
     if (!read) co_return read.error();
@@ -39,7 +39,7 @@ Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t ind
 
 // Returns how many octets of `left` belong to the value of this subindex; 0: the object has no such subindex.
 Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object, std::size_t left,
-                                      MailPatience patience) {
+                                      const MailPatience& patience) {
     if (const std::size_t fixed = element_bytes(object.index); fixed != 0) co_return std::min(fixed, left);
     std::array<std::byte, 8> now{};
     auto read = co_await sdo_upload_once(channel, object, now, patience);
@@ -50,7 +50,7 @@ Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object,
 }
 
 Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes value, unsigned count,
-                            MailPatience patience) {
+                            const MailPatience& patience) {
     std::size_t at = 0;
     for (unsigned n = 1; n <= count && at < value.size(); ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
@@ -63,11 +63,11 @@ Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes val
         if (!written) co_return written;
         at += *bytes;
     }
-    if (at == value.size()) co_return Result<>();
+    if (at == value.size()) co_return Nothing{};
     co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, at, value.size());
 }
 
-Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::uint8_t count, MailPatience patience) {
+Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::uint8_t count, const MailPatience& patience) {
     const std::array<std::byte, 1> octet{std::byte{count}};
     auto written = co_await sdo_download_once(channel, {.index = index}, octet, patience);
     if (written || !is(written.error(), coe::Abort::read_only)) co_return written;
@@ -78,7 +78,7 @@ Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::ui
 }  // namespace
 
 Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into,
-                                            MailPatience patience) {
+                                            const MailPatience& patience) {
     auto count = co_await read_count(channel, object.index, patience);
     if (!count) co_return count.error();
     std::size_t at = object.subindex == 0 ? kCountBytes : 0;
@@ -95,7 +95,7 @@ Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject o
     co_return at;
 }
 
-Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
     const bool with_count = object.subindex == 0;
     if (with_count && value.size() < kCountBytes)
         co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, kCountBytes, value.size());

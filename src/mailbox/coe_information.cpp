@@ -185,7 +185,7 @@ void EntryQuery::decode(Bytes all) {
 
 // ------------------------------------------------------------------ over the bus
 
-Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, MailPatience patience) {
+Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about, const MailPatience& patience) {
     const auto complete = [&](Error error) {
         error.slave = channel.station().number;
         error.step = Step::sdo_information;
@@ -206,7 +206,7 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     }
     if (failed.code != Errc::none) co_return complete(failed);
     if (query.error().code != Errc::none) co_return complete(query.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -117,6 +117,6 @@ class EntryQuery final : public DescriptionQuery {
 
 // Executes a query. `index` and `subindex` of `about` are copied to the error.
 [[nodiscard]] Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObject about,
-                                             MailPatience patience);
+                                             const MailPatience& patience);
 
 }  // namespace margay

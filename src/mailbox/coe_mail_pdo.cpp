@@ -54,7 +54,7 @@ Error pdo_error(Error error, MailboxChannel& channel, std::uint16_t number) {
 
 }  // namespace
 
-Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data, MailPatience patience) {
+Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes data, const MailPatience& patience) {
     if (coe::kHeaderBytes + data.size() > channel.send_room()) {
         Error error = channel.station().error(Errc::capacity, Step::mailbox_send, number);
         error.expected = static_cast<std::uint32_t>(coe::kHeaderBytes + data.size());
@@ -65,11 +65,11 @@ Task<Result<>> send_rx_pdo(MailboxChannel& channel, std::uint16_t number, Bytes 
     MailExchange exchange(channel, wire::MailboxType::coe, pdo, {.patience = patience, .reply = false});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t number, MutableBytes into,
-                                       MailPatience patience) {
+                                       const MailPatience& patience) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return pdo_error(refused, channel, number);

@@ -9,8 +9,8 @@ constexpr std::uint16_t kSmTypes = 0x1C00;
 constexpr std::uint16_t kAssignment = 0x1C10;
 
 // Returns the bits of the PDO at.pdo. Gaps are entries with index 0, and count.
-Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience, EntrySink* sink) {
-    SdoList<std::uint32_t> entries(channel, at.pdo, patience);
+Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience, EntrySink* sink) {
+    SdoList entries(channel, at.pdo, 4, patience);
     auto count = co_await entries.open();
     if (!count) co_return count.error();
     std::uint32_t bits = 0;
@@ -29,16 +29,16 @@ Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, Mai
 }
 
 // Returns the bits of all PDOs that are assigned to a SyncManager.
-Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at, MailPatience patience,
+Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience,
                                           EntrySink* sink) {
-    SdoList<std::uint16_t> pdos(channel, static_cast<std::uint16_t>(kAssignment + at.sync_manager), patience);
+    SdoList pdos(channel, static_cast<std::uint16_t>(kAssignment + at.sync_manager), 2, patience);
     auto count = co_await pdos.open();
     if (!count) co_return count.error();
     for (unsigned n = 1; n <= *count; ++n) {
         auto pdo = co_await pdos.element(n);
         if (!pdo) co_return pdo.error();
         if (*pdo == 0) continue;
-        at.pdo = *pdo;
+        at.pdo = static_cast<std::uint16_t>(*pdo);
         at.pdo_place = static_cast<std::uint8_t>(n);
         auto one = co_await pdo_bits(channel, at, patience, sink);
         if (!one) co_return one;
@@ -49,9 +49,9 @@ Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at
 
 }  // namespace
 
-Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPatience patience) {
+Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const MailPatience& patience) {
     types = {SmType::mailbox_out, SmType::mailbox_in, SmType::outputs, SmType::inputs};
-    SdoList<std::uint8_t> list(channel, kSmTypes, patience);
+    SdoList list(channel, kSmTypes, 1, patience);
     auto count = co_await list.open();
     if (!count && !is_refusal(count.error())) co_return count.error();
     if (!count || *count == 0) co_return false;
@@ -65,7 +65,7 @@ Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPa
 }
 
 Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types, FoundSms& found,
-                                   MailPatience patience, EntrySink* entries) {
+                                   const MailPatience& patience, EntrySink* entries) {
     bool any = false;
     for (std::uint8_t n = 0; n < types.size(); ++n) {
         const bool outputs = types[n] == SmType::outputs;

@@ -9,12 +9,12 @@ namespace margay {
 
 // Reads the type of each SyncManager from 0x1C00. False when the slave has no such object: `types` then contains the
 // defaults of the standard. Errors: anything but an abort.
-[[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, MailPatience patience);
+[[nodiscard]] Task<Result<bool>> read_sm_types(MailboxChannel& channel, SmTypes& types, const MailPatience& patience);
 
 // Finds the length of the PDOs that are assigned to each SyncManager. `entries` (may be nullptr, outlives the task)
 // receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
 // may contain it. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
-                                                 FoundSms& found, MailPatience patience, EntrySink* entries = nullptr);
+                                                 FoundSms& found, const MailPatience& patience, EntrySink* entries = nullptr);
 
 }  // namespace margay

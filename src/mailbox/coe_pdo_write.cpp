@@ -51,9 +51,8 @@ struct Difference {
     std::uint32_t has = 0;
 };
 
-template <class T>
-Task<Result<Difference>> compare(MailboxChannel& channel, WantedList wanted, MailPatience patience) {
-    SdoList<T> list(channel, wanted.index(), patience);
+Task<Result<Difference>> compare(MailboxChannel& channel, WantedList wanted, const MailPatience& patience) {
+    SdoList list(channel, wanted.index(), wanted.element_bytes(), patience);
     auto count = co_await list.open();
     if (!count && !is_refusal(count.error())) co_return count.error();
     if (!count) co_return Difference{.any = true, .readable = false};
@@ -70,14 +69,14 @@ Task<Result<Difference>> compare(MailboxChannel& channel, WantedList wanted, Mai
     co_return Difference{};
 }
 
-Task<Result<>> write_empty(MailboxChannel& channel, std::uint16_t index, MailPatience patience) {
+Task<Result<>> write_empty(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     static constexpr std::array kZero{std::byte{0}};
     co_return co_await sdo_download_once(channel, {.index = index}, kZero, patience);
 }
 
 // Writes the list by complete access if the slave supports it. Otherwise, or when the slave refuses it, element by
 // element: the error then contains the element that the slave refuses.
-Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, MailPatience patience) {
+Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, const MailPatience& patience) {
     ArenaBuffer buffer(channel.arena());
     if (!buffer.reserve(wanted.bytes()))
         co_return channel.station().error(Errc::capacity, Step::sdo_download, wanted.index());
@@ -104,10 +103,10 @@ Error with_difference(Error error, const Difference& difference) {
     return error;
 }
 
-Task<Result<>> write_mapping(MailboxChannel& channel, const Pdo& pdo, MailPatience patience) {
+Task<Result<>> write_mapping(MailboxChannel& channel, const Pdo& pdo, const MailPatience& patience) {
     auto written = co_await write_list(channel, {.mapping = &pdo}, patience);
     if (written || !is_refusal(written.error()) || written.error().subindex != 0) co_return written;
-    auto difference = co_await compare<std::uint32_t>(channel, {.mapping = &pdo}, patience);
+    auto difference = co_await compare(channel, {.mapping = &pdo}, patience);
     co_return difference ? with_difference(written.error(), *difference) : written.error();
 }
 
@@ -122,25 +121,25 @@ struct Differing {
 };
 
 Task<Result<>> compare_mappings(MailboxChannel& channel, const SmPdos& wanted, Differing& differing,
-                                MailPatience patience) {
+                                const MailPatience& patience) {
     for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {
         if (wanted.pdos[n].entries.empty()) continue;
-        auto difference = co_await compare<std::uint32_t>(channel, {.mapping = &wanted.pdos[n]}, patience);
+        auto difference = co_await compare(channel, {.mapping = &wanted.pdos[n]}, patience);
         if (!difference) co_return difference.error();
         if (difference->any) differing.set(n);
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
 
-Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, MailPatience patience) {
+Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, const MailPatience& patience) {
     Differing differing;
     auto compared = co_await compare_mappings(channel, wanted, differing, patience);
     if (!compared) co_return compared;
-    auto assignment = co_await compare<std::uint16_t>(channel, {.assignment = &wanted}, patience);
+    auto assignment = co_await compare(channel, {.assignment = &wanted}, patience);
     if (!assignment) co_return assignment.error();
-    if (!assignment->any && !differing.any()) co_return Result<>();
+    if (!assignment->any && !differing.any()) co_return Nothing{};
     auto emptied =
         co_await write_empty(channel, static_cast<std::uint16_t>(kAssignment + wanted.sync_manager), patience);
     // An assignment may be fixed while its mappings are writable.
@@ -151,7 +150,7 @@ Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, Mail
         auto written = co_await write_mapping(channel, wanted.pdos[n], patience);
         if (!written) co_return written;
     }
-    if (fixed) co_return Result<>();
+    if (fixed) co_return Nothing{};
     co_return co_await write_list(channel, {.assignment = &wanted}, patience);
 }
 

@@ -12,6 +12,6 @@ namespace margay {
 // values are not written, so fixed PDOs are no failure if they are the wanted ones. Otherwise the order is: empty the
 // assignment, empty, fill and count the mappings, fill and count the assignment. Errors (sdo_abort …) contain the
 // object and the subindex that failed.
-[[nodiscard]] Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, MailPatience patience);
+[[nodiscard]] Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, const MailPatience& patience);
 
 }  // namespace margay

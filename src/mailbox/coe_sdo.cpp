@@ -39,7 +39,7 @@ void ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
     transfer.restart();
 }
 
-Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience patience, Step step) {
+Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience, Step step) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused, channel, transfer.object(), step);
@@ -58,7 +58,7 @@ Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, MailPatience 
         }
     }
     if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, transfer.object(), step);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 coe::Abort abort_of(const Error& error) {
@@ -91,20 +91,20 @@ bool may_be_complete_access(const Error& error) {
 }
 
 Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into,
-                                          MailPatience patience) {
+                                          const MailPatience& patience) {
     SdoUploadTransfer transfer(object, into);
     auto done = co_await run(channel, transfer, patience, Step::sdo_upload);
     if (!done) co_return done.error();
     co_return transfer.bytes();
 }
 
-Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
     SdoDownloadTransfer transfer(object, value);
     co_return co_await run(channel, transfer, patience, Step::sdo_download);
 }
 
 Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into,
-                                     MailPatience patience) {
+                                     const MailPatience& patience) {
     Error first;
     if (!object.complete || channel.whole_objects()) {
         auto done = co_await sdo_upload_once(channel, object, into, patience);
@@ -117,7 +117,7 @@ Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, 
     co_return singly;
 }
 
-Task<Result<>> sdo_download(MailboxChannel& channel, SdoObject object, Bytes value, MailPatience patience) {
+Task<Result<>> sdo_download(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
     Error first;
     if (!object.complete || channel.whole_objects()) {
         auto done = co_await sdo_download_once(channel, object, value, patience);

@@ -10,17 +10,17 @@ namespace margay {
 // complete access, single accesses replace it; see sdo_upload_singly(). Errors: sdo_abort (detail: the abort code),
 // capacity (expected: octets of the value), protocol, mailbox_error, timeout, mailbox_full …
 [[nodiscard]] Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into,
-                                                   MailPatience patience);
+                                                   const MailPatience& patience);
 
 // Writes `value`, which outlives the task. Single accesses replace a refused complete access.
 [[nodiscard]] Task<Result<>> sdo_download(MailboxChannel& channel, SdoObject object, Bytes value,
-                                          MailPatience patience);
+                                          const MailPatience& patience);
 
 // The same without single accesses as replacement.
 [[nodiscard]] Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into,
-                                                        MailPatience patience);
+                                                        const MailPatience& patience);
 [[nodiscard]] Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value,
-                                               MailPatience patience);
+                                               const MailPatience& patience);
 
 // Whether the abort may mean that complete access is not possible.
 [[nodiscard]] bool may_be_complete_access(const Error& error);

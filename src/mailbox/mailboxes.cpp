@@ -102,7 +102,7 @@ Task<Result<>> Mailboxes::watch_all() {
         const bool any = (std::to_integer<unsigned>(status[0]) & wire::sm_status::kMailboxFull) != 0;
         if (!reply.ok() || any) wake_channels(any);
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Parked channels look themselves now; of the other channels a few look, in turn.
@@ -177,7 +177,7 @@ Task<Result<>> Mailboxes::forward(MailboxChannel& to, MailboxChannel& from, wire
                            .reply = false});
     const Error failed = co_await exchange;
     if (failed.code != Errc::none) ++from.statistics().undeliverable;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

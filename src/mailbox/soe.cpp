@@ -18,17 +18,17 @@ Error complete(Error error, const MailboxChannel& channel, const SoeTarget& targ
 }
 
 // Sends all messages except the last one. The slave does not reply to these.
-Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfer, MailPatience patience) {
+Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfer, const MailPatience& patience) {
     while (!transfer.at_last()) {
         MailExchange fragment(channel, wire::MailboxType::soe, transfer, {.patience = patience, .reply = false});
         const Error failed = co_await fragment;
         if (failed.code != Errc::none) co_return failed;
         transfer.advance();
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
-Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, MailPatience patience) {
+Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, const MailPatience& patience) {
     MailExchange exchange(channel, wire::MailboxType::soe, transfer, {.patience = patience, .key = transfer.key()});
     const Error failed = co_await exchange;
     co_return failed.code != Errc::none ? failed : transfer.error();
@@ -59,7 +59,7 @@ class CommandGuard {
 }  // namespace
 
 Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, MutableBytes into,
-                                   MailPatience patience) {
+                                   const MailPatience& patience) {
     constexpr Step kStep = Step::soe_read;
     MailSession session(channel, wire::MailboxType::soe, patience.priority, patience.give_up);
     const Error refused = co_await session;
@@ -74,7 +74,7 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     co_return transfer.bytes();
 }
 
-Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, MailPatience patience) {
+Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, const MailPatience& patience) {
     constexpr Step kStep = Step::soe_write;
     MailSession session(channel, wire::MailboxType::soe, patience.priority, patience.give_up);
     const Error refused = co_await session;
@@ -90,10 +90,10 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
         asked = co_await ask(channel, transfer, patience);
     }
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
-Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, MailPatience patience) {
+Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const MailPatience& patience) {
     constexpr Duration kLongestPause = std::chrono::milliseconds(32);
     std::array<std::byte, 2> octets{};
     store_le<std::uint16_t>(octets, 0, soe_command::kSet | soe_command::kEnable);
@@ -125,7 +125,7 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, MailPatien
     if ((seen & soe_command::kFailed) != 0)
         co_return complete({.code = Errc::command_failed, .detail = seen}, channel, target, Step::soe_command);
     if (!taken_back) co_return complete(taken_back.error(), channel, target, Step::soe_command);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {

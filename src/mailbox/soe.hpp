@@ -10,15 +10,15 @@ namespace margay {
 // soe_error (detail: the SoE error code), capacity (expected: octets of the elements), protocol, mailbox_error,
 // timeout, mailbox_full …
 [[nodiscard]] Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, MutableBytes into,
-                                                 MailPatience patience);
+                                                 const MailPatience& patience);
 
 // Writes `value`, which outlives the task.
-[[nodiscard]] Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, MailPatience patience);
+[[nodiscard]] Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, const MailPatience& patience);
 
 // Executes a procedure command: sets it, waits until its data state reports the end, and clears it. A command that is
 // given up is cleared too, whatever the reason. Errors: those of reading and writing, command_failed (detail: the data
 // state). Between its reads other requests to the slave have their turn.
-[[nodiscard]] Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, MailPatience patience);
+[[nodiscard]] Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const MailPatience& patience);
 
 // SoE mail that is not a reply: notifications and emergencies are passed to the slave's hook.
 [[nodiscard]] bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail);

@@ -37,7 +37,7 @@ Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& lis
         co_return error;
     }
     list.count = length / 2;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Returns the bits of the listed parameters, and of the control or status word that is first without being listed.

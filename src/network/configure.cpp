@@ -43,7 +43,7 @@ Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed)
     if (error.code != Errc::none) co_return error;
     const Error second = error_of_reply(station, write_all.reply(), kStep, place.address);
     if (second.code != Errc::none) co_return second;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 using FmmuBytes = std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride>;
@@ -60,7 +60,7 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     const auto fmmus = make_fmmus(slave, layout);
     if (!fmmus) co_return fmmus.error();
     const std::size_t count = fmmu_count(slave);
-    if (count == 0) co_return Result<>();
+    if (count == 0) co_return Nothing{};
     FmmuBytes bytes{};
     if (active) store(bytes, *fmmus);
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
@@ -68,7 +68,7 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     auto reply = co_await write_all;
     const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
     if (error.code != Errc::none) co_return error;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Converts a time to units of the watchdogs, rounded up.
@@ -81,7 +81,7 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
     const SlaveTimes times = slave.config.times();
     const auto outputs = slave.config.process_data_watchdog;
     const auto pdi = times.pdi_watchdog;
-    if (!outputs && !pdi && !times.watchdog_divider) co_return Result<>();
+    if (!outputs && !pdi && !times.watchdog_divider) co_return Nothing{};
     const std::uint16_t divider = times.watchdog_divider.value_or(kDividerFor100us);
     const Duration unit = watchdog_unit(times);
     auto divided = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, divider, kStep);
@@ -90,7 +90,7 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
         auto written = co_await write<std::uint16_t>(station, reg::kPdiWatchdogTime, watchdog_units(*pdi, unit), kStep);
         if (!written) co_return written;
     }
-    if (!outputs) co_return Result<>();
+    if (!outputs) co_return Nothing{};
     auto written =
         co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, watchdog_units(*outputs, unit), kStep);
     co_return written;
@@ -101,7 +101,7 @@ Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed)
         auto written = co_await write_sync_manager(station, slave.config.sms[n], fed);
         if (!written) co_return written;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
@@ -140,7 +140,7 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     // The write fails on a slave without FMMUs, which has nothing to clear.
     if (error.code != Errc::none && count != 0) co_return error;
     set_takes_part(network, slave, false);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout) {

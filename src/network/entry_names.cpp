@@ -23,7 +23,7 @@ std::size_t copy_text(std::string_view text, std::span<char> into) {
 
 // The name of the entry itself, otherwise that of its object.
 Task<Result<std::size_t>> name_by_dictionary(MailboxChannel& channel, SdoObject object, std::span<char> into,
-                                             MailPatience patience) {
+                                             const MailPatience& patience) {
     EntryQuery entry(object.index, object.subindex, false);
     auto asked = co_await ask_information(channel, entry, object, patience);
     if (!asked && !is_refusal(asked.error())) co_return asked.error();
@@ -59,7 +59,7 @@ Task<Result<>> look_through_pdos(SiiReader& reader, sii::CategoryPlace place, Sd
         const sii::PdoEntry entry = sii::load_pdo_entry(octets);
         if (entry.index == object.index && entry.subindex == object.subindex) name.number = entry.name;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> look_through_categories(SiiReader& reader, const Slave& slave, SdoObject object, SiiName& name) {
@@ -75,7 +75,7 @@ Task<Result<>> look_through_categories(SiiReader& reader, const Slave& slave, Sd
         auto looked = co_await look_through_pdos(reader, *place, object, name);
         if (!looked) co_return looked;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Reads one octet of a category. The reader caches the block that it has read last.
@@ -131,7 +131,7 @@ Task<Result<std::size_t>> name_by_sii(Station station, const Slave& slave, SdoOb
 }  // namespace
 
 Task<Result<std::size_t>> find_entry_name(Network& network, Slave& slave, std::uint16_t index, std::uint8_t subindex,
-                                          std::span<char> into, MailPatience patience) {
+                                          std::span<char> into, const MailPatience& patience) {
     const SdoObject object{.index = index, .subindex = subindex};
     const bool informs = network.has_mailbox(slave) && network.mailbox(slave).is_open() &&
                          (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0 &&

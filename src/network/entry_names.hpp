@@ -12,6 +12,6 @@ namespace margay {
 // name. Errors: those of reading; it is no error that the dictionary does not have the object.
 [[nodiscard]] Task<Result<std::size_t>> find_entry_name(Network& network, Slave& slave, std::uint16_t index,
                                                         std::uint8_t subindex, std::span<char> into,
-                                                        MailPatience patience);
+                                                        const MailPatience& patience);
 
 }  // namespace margay

@@ -104,12 +104,12 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
 // Calls the hook of a slave. The slave is brought back to PREOP first, in case the group was mapped before.
 Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults) {
     slave.hook_failed = false;
-    if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Result<>();
+    if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Nothing{};
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         (void)back;  // an error is found again by the configuration of the slave
     }
-    auto done = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
+    auto done = co_await call_hook(network, slave);
     slave.hook_failed = !done.ok();
     if (!done) faults.note(network, slave, done.error());
     co_return done;
@@ -130,7 +130,7 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
     }
     slave.image = {};
     network.marks(slave).image_group = SlaveMarks::kNoGroup;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // The application has set other start-up commands since the slave left INIT, and some of them are for that transition.
@@ -154,24 +154,24 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         network.marks(slave).held_back || slave.al.state == AlState::init || has_late_commands(network, slave);
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)
-        co_return Result<>();
+        co_return Nothing{};
     auto done = co_await restart(network, slave);
     if (!done) faults.note(network, slave, done.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Finds the process data of the slave. For a slave that cannot be read a place is reserved, if its sizes are known.
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    if (slave.config.group != number) co_return Result<>();
+    if (slave.config.group != number) co_return Nothing{};
     slave.unplaced = false;
     const Error wrong = invalid_setting(slave);
     slave.pdos_failed = wrong.code != Errc::none;
     if (slave.pdos_failed) {
         slave.unplaced = !keep_place(slave);
         faults.note(network, slave, wrong);
-        co_return Result<>();
+        co_return Nothing{};
     }
-    if (slave.config.highest < AlState::safeop) co_return Result<>();
+    if (slave.config.highest < AlState::safeop) co_return Nothing{};
     const bool by_slave =
         slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
     if (slave.held && by_slave) {  // the sizes were read from the slave at this place, which is not the wanted one
@@ -181,17 +181,17 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.held || slave.al.state == AlState::none) {
         const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
         slave.unplaced = !nobodys && !keep_place(slave);
-        co_return Result<>();
+        co_return Nothing{};
     }
     forget_kept_place(slave);
     auto hook = co_await prepare_slave(network, slave, faults);
     (void)hook;  // a place is reserved for the slave nevertheless
     auto found = co_await discover_pdos(network, slave);
-    if (found) co_return Result<>();
+    if (found) co_return Nothing{};
     slave.pdos_failed = true;
     slave.unplaced = !keep_place(slave);
     faults.note(network, slave, found.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Removes the slave from the exchange and brings it to PREOP at the highest, also if an earlier mapping has brought it
@@ -206,21 +206,21 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
         (void)cleared;  // a slave that does not answer does not take part
     }
     set_takes_part(network, slave, false);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    if (slave.config.group != number) co_return Result<>();
+    if (slave.config.group != number) co_return Nothing{};
     if (slave.held || slave.hook_failed || slave.pdos_failed || slave.al.state == AlState::none ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
-    if (done) co_return Result<>();
+    if (done) co_return Nothing{};
     faults.note(network, slave, done.error());
     auto cleared = co_await clear_fmmus(network, slave);
     (void)cleared;  // a slave that does not answer does not take part
     set_takes_part(network, slave, false);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Keeps the errors of all other slaves that are not as wanted; most of them were reported before.
@@ -292,11 +292,11 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     const Error wrong = invalid_setting(network, network.process.groups[number]);
     if (wrong.code != Errc::none) co_return wrong;
     FirstFault faults;
-    auto started = co_await for_each_slave(
-        network, [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); });
+    const auto start = [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); };
+    auto started = co_await for_each_slave(network, start);
     if (!started) co_return started.error();
-    auto discovered = co_await for_each_slave(
-        network, [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); });
+    const auto find = [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); };
+    auto discovered = co_await for_each_slave(network, find);
     if (!discovered) co_return discovered.error();
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
@@ -310,8 +310,8 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
         co_return laid_out.error();
     }
     const Error entries = place_entries(network, network.process.groups[number]);
-    auto configured = co_await for_each_slave(
-        network, [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); });
+    const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
+    auto configured = co_await for_each_slave(network, set);
     if (!configured) co_return configured.error();
     use_status_bits(network, number);
     keep_others(network, number, faults);

@@ -98,12 +98,12 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, std::span<LineEr
     if (high(sums)) {
         auto cleared = co_await read_and_clear(network, slave, octets);
         if (!cleared) cleared = co_await read_and_clear(network, slave, octets);
-        if (!cleared) co_return Result<>();
+        if (!cleared) co_return Nothing{};
     } else {
         Datagram look(network.engine.link(), wire::Command::FPRD, {slave.station_address, reg::kRxErrorCounter.address},
                       MutableBytes(octets));
         auto reply = co_await look;
-        if (!reply.ok() || reply.wkc != 1) co_return Result<>();
+        if (!reply.ok() || reply.wkc != 1) co_return Nothing{};
     }
     const bool cleared = high(sums);
     std::array<std::uint8_t, kOctets> more{};
@@ -117,7 +117,7 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, std::span<LineEr
     for (std::uint8_t port = 0; port < sums.ports.size(); ++port) count_port(network, slave, port, more, all);
     sums.processing_unit += more[kProcessing];
     sums.pdi += more[kPdi];
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -130,7 +130,7 @@ Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums
         if (!crew.start(read_line_errors(network, slave, sums)) && crew.running() > 0) co_await crew.one();
     }
     co_await crew.all();
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -133,21 +133,21 @@ struct Network {
     void note(const Error& error) { (void)(is_warning(error.code) ? warnings : errors).add(error); }
 };
 
-// Executes make(slave) for every slave, as many at the same time as the network allows. The tasks store their own
+// Begins the task of one slave; `what` belongs to the caller of for_each_slave().
+using SlaveTask = Task<Result<>> (*)(Slave& slave, const void* what);
+
+// Executes make(slave, what) for every slave, as many at the same time as the network allows. The tasks store their own
 // results; the first error of a task is copied to `first` if that is not nullptr.
+[[nodiscard]] Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what,
+                                            Error* first = nullptr);
+
+// The same with a lambda, which must outlive the task: give it a name. There is one sequence for all lambdas.
 template <class Make>
-Task<Result<>> for_each_slave(Network& network, Make make, Error* first = nullptr) {
-    Crew crew(network.tasks);
-    for (Slave& slave : network.slaves()) {
-        while (crew.full()) co_await crew.one();
-        while (!crew.start(make(slave))) {
-            if (crew.running() == 0) co_return Error{.code = Errc::capacity};
-            co_await crew.one();
-        }
-    }
-    co_await crew.all();
-    if (first != nullptr) *first = crew.first_error();
-    co_return Result<>();
+[[nodiscard]] Task<Result<>> for_each_slave(Network& network, const Make& make, Error* first = nullptr) {
+    constexpr SlaveTask kCall = [](Slave& slave, const void* what) { return (*static_cast<const Make*>(what))(slave); };
+    return for_each_slave(network, kCall, &make, first);
 }
+template <class Make>
+Task<Result<>> for_each_slave(Network& network, const Make&& make, Error* first = nullptr) = delete;
 
 }  // namespace margay

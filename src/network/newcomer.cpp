@@ -145,7 +145,7 @@ Task<Result<>> address_newcomer(Network& network, std::uint16_t n) {
     const bool same = count.reply().wkc == network.ring_count && guest.reply().wkc == 0 &&
                       load_le<std::uint16_t>(above) == network.ring[parent].address &&
                       load_le<std::uint16_t>(before) == network.ring[n].address;
-    if (came && same) co_return Result<>();
+    if (came && same) co_return Nothing{};
     Datagram undo(link, wire::Command::FPWR, {newcomer_address(network), reg::kStationAddress.address}, Bytes(before));
     if (look.reply().ok()) co_await undo;
     co_return Error{.code = Errc::unstable, .step = Step::recover};
@@ -181,7 +181,7 @@ Task<Result<>> read_newcomer(Network& network) {
         guest.identity = *identity;
     }
     guest.al = *al;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n) {

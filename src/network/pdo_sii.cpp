@@ -92,7 +92,7 @@ Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlac
             walk.add(sii::load_pdo_entry(entry));
         }
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
@@ -108,7 +108,7 @@ Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
         auto added = co_await add_pdos(reader, slave, *place, walk);
         if (!added) co_return added;
     }
-    if (chain.fault() == sii::Fault::none) co_return Result<>();
+    if (chain.fault() == sii::Fault::none) co_return Nothing{};
     co_return fault(reader.station(), chain.fault(), chain.header_word());
 }
 
@@ -136,7 +136,7 @@ void apply_sm_types(const Slave& slave, FoundSms& found) {
 }  // namespace
 
 Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found, EntrySink* entries) {
-    if (!slave.sii_read) co_return Result<>();  // the scan has reported the reason
+    if (!slave.sii_read) co_return Nothing{};  // the scan has reported the reason
     auto taken = co_await sii_assign(station, false);
     if (!taken) co_return taken;
     SiiReader reader(station);
@@ -147,11 +147,11 @@ Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& fo
     if (!read) co_return read;
     if (!given_back) co_return given_back;
     apply_sm_types(slave, found);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> walk_list_by_sii(Station station, const Slave& slave, const SmPdos& list, EntrySink& entries) {
-    if (!slave.sii_read) co_return Result<>();
+    if (!slave.sii_read) co_return Nothing{};
     auto taken = co_await sii_assign(station, false);
     if (!taken) co_return taken;
     SiiReader reader(station);

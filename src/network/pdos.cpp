@@ -64,7 +64,7 @@ struct Findings {
 };
 
 Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, bool compare, EntrySink* entries) {
-    if (!has_dictionary(network, slave)) co_return Result<>();
+    if (!has_dictionary(network, slave)) co_return Nothing{};
     MailboxChannel& channel = network.mailbox(slave);
     SmTypes types{};
     auto said = co_await read_sm_types(channel, types, startup_patience(slave));
@@ -81,12 +81,12 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     auto by_coe = co_await ask_dictionary(network, slave, found, compare, entries);
     if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
     if (!by_coe) network.note(slave, by_coe.error());
-    if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Result<>();
+    if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
     auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
     if (!by_soe) network.note(slave, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
@@ -107,7 +107,7 @@ Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntryMa
         auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, *sink);
         if (!walked) co_return walked;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
@@ -196,7 +196,7 @@ MailPatience startup_patience(const Slave& slave) {
 }
 
 Task<Result<>> write_pdos(Network& network, Slave& slave) {
-    if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Result<>();
+    if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Nothing{};
     // PDOs can be written in PREOP only.
     if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -209,7 +209,7 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
         if (error.step == Step::sdo_download) error.step = Step::configure_pdos;
         co_return error;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
@@ -233,7 +233,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
         entries.forget();
         if (!said) co_return asked;
         network.note(slave, asked.error());  // the values of the application have precedence
-        co_return Result<>();
+        co_return Nothing{};
     }
     Result<> read;
     if (found.source == ConfigurationSource::sii || compare || sink != nullptr)

@@ -40,7 +40,7 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
     const Station station = network.station(slave);
     const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
-    if (count == 0) co_return Result<>();
+    if (count == 0) co_return Nothing{};
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
                    Bytes(kNone).first(count * reg::kSyncManagerStride));
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
@@ -48,7 +48,7 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     co_await together(write, sync);  // not every slave has a SYNC unit
     const Error error = error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
     if (error.code != Errc::none) co_return error;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Reads the identity of a slave that was missing during the scan.
@@ -65,7 +65,7 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     if (other.code == Errc::none) {
         slave.other = false;
         slave.held = false;
-        co_return Result<>();
+        co_return Nothing{};
     }
     slave.seen = false;
     co_return other;
@@ -110,7 +110,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
         co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
-    if (!is_mapped(network, slave)) co_return Result<>();
+    if (!is_mapped(network, slave)) co_return Nothing{};
     ProcessGroup& group = network.process.groups[slave.config.group];
     const Error entries = place_entries(network, group, &slave);
     if (entries.code != Errc::none) co_return entries;  // outputs that the application writes would have no effect
@@ -121,15 +121,15 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
 
 // From PREOP to SAFEOP: calls the hook, finds the process data if it was not read yet, and configures the slave.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
-    auto hook = co_await call_hook(network, slave, slave.hooks.preop_to_safeop, slave.hooks.user);
+    auto hook = co_await call_hook(network, slave);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
-    if (!is_mapped(network, slave)) co_return Result<>();  // the hook may have changed the group
+    if (!is_mapped(network, slave)) co_return Nothing{};  // the hook may have changed the group
     if (slave.pdos_failed || slave.place_kept || slave.unplaced || !network.marks(slave).pdos_compared) {
         auto taken_in = co_await discover_late_slave(network, slave);
         if (!taken_in) co_return taken_in;
     }
-    if (!is_mapped(network, slave)) co_return Result<>();
+    if (!is_mapped(network, slave)) co_return Nothing{};
     const AlStatus before = slave.al;
     auto configured =
         co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
@@ -207,7 +207,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
         auto changed = co_await change(network, slave, to);
         configured = changed.ok();
     }
-    if (configured && !to_be_asked) co_return Result<>();
+    if (configured && !to_be_asked) co_return Nothing{};
     // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
     const bool waits = slave.al.state == AlState::preop && !slave.al.error &&
                        network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&

@@ -28,16 +28,17 @@ Task<Result<>> wait_for_link(Network& network) {
         if (network.engine.now() >= give_up) co_return segment_error(Errc::link_down, Step::wait_link);
         co_await network.engine.sleep_for(std::chrono::milliseconds(10));
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Writes to all slaves at once. Slaves without the register are not an error.
-template <std::size_t N>
-Task<Result<>> broadcast_write(Network& network, std::uint16_t address, std::array<std::byte, N> data) {
-    Datagram write(network.engine.link(), Command::BWR, DatagramAddress(std::uint16_t{0}, address), Bytes(data));
+Task<Result<>> broadcast_write(Network& network, wire::Register place, std::uint16_t value) {
+    std::array<std::byte, 2> data{};
+    store_le<std::uint16_t>(data, 0, value);
+    Datagram write(network.engine.link(), Command::BWR, broadcast(place), Bytes(data).first(place.length));
     auto reply = co_await write;
     if (!reply.ok()) co_return segment_error(reply.errc, Step::reset_slaves);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Waits until all slaves report INIT. A slave that does not is found later, when its own state is read.
@@ -69,13 +70,13 @@ Task<Result<>> clear_slaves(Network& network) {
     co_await together(fmmus, sms, sync, force, assign);
     for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign})
         if (!datagram->reply().ok()) co_return segment_error(datagram->reply().errc, Step::reset_slaves);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> assign_address(Network& network, Slave& slave) {
     std::array<std::byte, 2> address{};
     store_le<std::uint16_t>(address, 0, slave.station_address.value);
-    if (slave.ring_position == 0) co_return Result<>();
+    if (slave.ring_position == 0) co_return Nothing{};
     const RingPosition place{static_cast<std::uint16_t>(slave.ring_position - 1)};
     Datagram write(network.engine.link(), Command::APWR, DatagramAddress(place, reg::kStationAddress.address),
                    Bytes(address));
@@ -83,15 +84,15 @@ Task<Result<>> assign_address(Network& network, Slave& slave) {
     const Error error =
         error_of_reply(network.station(slave), reply, Step::assign_address, reg::kStationAddress.address);
     if (error.code != Errc::none) network.note(slave, error);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // A held slave without a mailbox stays in INIT.
 Task<Result<>> start_mailbox(Network& network, Slave& slave, FirstFault& faults) {
-    if (slave.ring_position == 0 || (slave.held && !slave.mailbox.present())) co_return Result<>();
+    if (slave.ring_position == 0 || (slave.held && !slave.mailbox.present())) co_return Nothing{};
     auto done = co_await bring_to_preop(network, slave);
     if (!done) faults.note(network, slave, done.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -110,12 +111,12 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
 }
 
 Task<Result<bool>> reset_slaves(Network& network) {
-    constexpr auto kInit = static_cast<std::byte>(AlState::init);
-    constexpr auto kAndAcknowledge = std::byte{wire::al::kErrorAcknowledge};
+    constexpr auto kInit = static_cast<std::uint16_t>(AlState::init);
+    constexpr std::uint16_t kAndAcknowledge = wire::al::kErrorAcknowledge;
     // INIT with the error acknowledged, then without: slaves that mirror AL control would keep the acknowledge bit as
     // an error, and some old slaves require the second write.
-    for (const std::byte state : {kInit | kAndAcknowledge, kInit}) {
-        auto init = co_await broadcast_write(network, reg::kAlControl.address, std::array{state, std::byte{0}});
+    for (const unsigned state : {kInit | kAndAcknowledge, +kInit}) {
+        auto init = co_await broadcast_write(network, reg::kAlControl, static_cast<std::uint16_t>(state));
         if (!init) co_return init.error();
     }
     auto in_init = co_await wait_for_init(network);
@@ -154,8 +155,9 @@ Task<Result<>> arrange(Network& network) {
     auto moved = number_slaves(network);
     if (!moved) co_return moved.error();
     store_topology(network.seen_ring(), network.slaves());
-    if (!*moved) co_return Result<>();
-    co_return co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
+    if (!*moved) co_return Nothing{};
+    const auto assign = [&network](Slave& s) { return assign_address(network, s); };
+    co_return co_await for_each_slave(network, assign);
 }
 
 // The table is valid only after a complete scan: the destructor clears it otherwise.
@@ -206,12 +208,13 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     auto reset = co_await reset_slaves(network);
     if (!reset) co_return reset.error();
     begin_table(network, *count, *reset);
-    auto addressed = co_await for_each_slave(network, [&network](Slave& s) { return assign_address(network, s); });
+    const auto assign = [&network](Slave& s) { return assign_address(network, s); };
+    auto addressed = co_await for_each_slave(network, assign);
     if (!addressed) co_return addressed.error();
-    auto identified = co_await for_each_slave(network, [&network](Slave& s) { return survey(network, s); });
+    const auto identify = [&network](Slave& s) { return survey(network, s); };
+    auto identified = co_await for_each_slave(network, identify);
     if (!identified) co_return identified.error();
-    constexpr std::byte kOffered{wire::sii_config::kOfferedToPdi};
-    auto offered = co_await broadcast_write(network, reg::kSiiConfig.address, std::array{kOffered});
+    auto offered = co_await broadcast_write(network, reg::kSiiConfig, wire::sii_config::kOfferedToPdi);
     if (!offered) co_return offered.error();
     auto again = co_await count_slaves(network);
     if (!again) co_return again;
@@ -221,8 +224,8 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     FirstFault faults;
     keep_unasked(network, faults);
     compare_with_expected(network, faults);
-    auto started =
-        co_await for_each_slave(network, [&network, &faults](Slave& s) { return start_mailbox(network, s, faults); });
+    const auto start = [&network, &faults](Slave& s) { return start_mailbox(network, s, faults); };
+    auto started = co_await for_each_slave(network, start);
     if (!started) co_return started.error();
     scanning.done();
     if (faults.error().code != Errc::none) co_return faults.error();

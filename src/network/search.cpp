@@ -45,7 +45,7 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
         if (d->reply().wkc != 1) co_return Error{.code = Errc::unstable, .step = Step::recover};
     }
     network.ring[n] = {.address = load_le<std::uint16_t>(address), .dl_status = load_le<std::uint16_t>(dl_status)};
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Assigns the places of the ring to the slaves that answer, by their station addresses; of two places with the same
@@ -88,7 +88,7 @@ Task<Result<>> read_ring(Network& network) {
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
     network.ring_count = roll->count;
     recognise(network);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Notes the slaves that are absent from the ring and not reported lost yet: a newcomer may be one of them.
@@ -99,7 +99,7 @@ Task<Result<>> miss_absent(Network& network) {
         if (does_not_answer(there.error()) && !network.marks(slave).in_use && slave.al.state != AlState::none)
             note_lost(network, slave);
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // ------------------------------------------------------------------ result of the identification
@@ -114,7 +114,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.ring[n].address = slave.station_address.value;
     store_topology(network.seen_ring(), network.slaves());
     // The slave was never reported lost.
-    if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Result<>();
+    if (slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
@@ -127,7 +127,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
         slave.held = false;
         slave.dl = {.fmmus = 16, .sync_managers = 16};
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 void report_other_slave(Network& network, Slave& slave) {
@@ -177,12 +177,12 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_o
     auto marked = co_await rename(network, network.guest.station_address, mark);
     if (!marked) co_return marked;
     network.ring[n].address = mark;
-    if (!at_once && !again) co_return Result<>();
+    if (!at_once && !again) co_return Nothing{};
     if (instead_of != nullptr)
         report_other_slave(network, *instead_of);
     else
         report_stranger(network, n);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // A newcomer below an unidentified slave cannot be identified: the slave above may be the head of its group.
@@ -262,9 +262,9 @@ void note_lost(Network& network, Slave& slave) {
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
-    if (slave.al.state != AlState::none || !slave.seen) co_return Result<>();
+    if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
     auto seen = co_await read_al_status(network.station(slave));
-    if (!seen || slave.al.state != AlState::none || network.marks(slave).in_use) co_return Result<>();
+    if (!seen || slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     co_return co_await readmit_slave(network, slave, *seen);
 }
 
@@ -279,10 +279,10 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     }
     if (!mapped) {
         auto same = co_await is_the_same(network, slave);
-        if (!same) co_return Result<>();  // the next look repeats the check
+        if (!same) co_return Nothing{};  // the next look repeats the check
         if (!*same) {
             auto unmapped = co_await unmap(network.station(slave));
-            if (!unmapped) co_return Result<>();
+            if (!unmapped) co_return Nothing{};
             co_return co_await rename(network, slave.station_address, 0);
         }
     }
@@ -290,7 +290,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     slave.al = now;
     network.marks(slave).attempts = 0;
     if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -74,7 +74,7 @@ Task<Result<>> write_register_of(Station station, const StartupCommand& command)
     auto reply = co_await write;
     const Error error = error_of_reply(station, reply, Step::none, command.index);
     if (error.code != Errc::none) co_return error;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 std::uint32_t lowest_bits(const std::array<std::byte, 8>& bytes) { return load_le<std::uint32_t>(bytes); }
@@ -95,7 +95,7 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
             wanted[n] = command.value[n] & command.mask[n];
             same = same && seen[n] == wanted[n];
         }
-        if (same) co_return Result<>();
+        if (same) co_return Nothing{};
         if (station.engine.now() >= give_up) {
             error = station.error(Errc::check_failed, Step::none, command.index);
             error.expected = lowest_bits(wanted);
@@ -138,7 +138,7 @@ Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& com
         case StartupCommand::Kind::write_parameter:
         case StartupCommand::Kind::execute_parameter: co_return co_await mail(network, slave, command);
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -183,7 +183,7 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
         if (!command.may_fail) co_return error;
         network.note(error);
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

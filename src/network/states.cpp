@@ -18,12 +18,12 @@ constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
 Task<Result<>> read_state(Network& network, Slave& slave) {
     if (slave.al.state == AlState::none && !slave.seen)
-        co_return Result<>();  // an expected slave that has not come yet
+        co_return Nothing{};  // an expected slave that has not come yet
     auto seen = co_await read_al_status(network.station(slave));
     note_reading(network, slave, seen);
     if (!seen && !does_not_answer(seen.error())) co_return seen.error();
     settle_request(network, slave);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
@@ -50,7 +50,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (slave.al.state == AlState::none && (slave.config.optional || !slave.seen))
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
-    if (network.supervised && slave.target != AlState::none) co_return Result<>();  // set_target() has its own target
+    if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
     if (process) {
         const Error failed = start_up_refusal(slave);
         if (failed.code != Errc::none) co_return failed;
@@ -62,7 +62,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
 Task<Result<>> write_and_keep(Network& network, Slave& slave, AlState state, FirstFault& faults) {
     auto written = co_await write_state_of_all(network, slave, state);
     faults.keep(written.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // The lowest state of the slaves. Slaves that are missing and may be missing are left out. Slaves that have reached
@@ -99,8 +99,8 @@ constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 Task<Result<AlStatus>> read_states(Network& network, Time until) {
     const std::uint32_t scans = network.scans;
     Error first;
-    auto all = co_await for_each_slave(
-        network, [&network](Slave& s) { return read_state(network, s); }, &first);
+    const auto read = [&network](Slave& s) { return read_state(network, s); };
+    auto all = co_await for_each_slave(network, read, &first);
     if (!all) co_return all.error();
     while (network.settling.running() > 0 && network.engine.now() < until)
         co_await network.engine.sleep_until(std::min(until, later(network.engine.now(), kFirstPause)));
@@ -122,11 +122,11 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
                         .expected = static_cast<std::uint32_t>(network.target),
                         .actual = static_cast<std::uint32_t>(state)};
     FirstFault faults;
-    auto all = co_await for_each_slave(
-        network, [&network, state, &faults](Slave& s) { return write_and_keep(network, s, state, faults); });
+    const auto write = [&network, state, &faults](Slave& s) { return write_and_keep(network, s, state, faults); };
+    auto all = co_await for_each_slave(network, write);
     if (!all) co_return all;
     if (faults.error().code != Errc::none) co_return faults.error();
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Time until) {

@@ -55,35 +55,35 @@ std::uint16_t answering(Network& network) {
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
-        co_return Result<>();
+        co_return Nothing{};
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) {
         if (!does_not_answer(seen.error()) || !was_there || slave.al.state == AlState::none ||
             network.marks(slave).in_use)
-            co_return Result<>();
+            co_return Nothing{};
         note_lost(network, slave);
-        co_return Result<>();
+        co_return Nothing{};
     }
-    if (network.marks(slave).in_use) co_return Result<>();  // meanwhile: the reading may be older than a change
+    if (network.marks(slave).in_use) co_return Nothing{};  // meanwhile: the reading may be older than a change
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
-        if (network.is_reserved()) co_return Result<>();
+        if (network.is_reserved()) co_return Nothing{};
         co_return co_await readmit_slave(network, slave, *seen);
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     if (!network.is_reserved()) settle_request(network, slave);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
 Task<Result<>> check_fmmus(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
-        co_return Result<>();
+        co_return Nothing{};
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
-    if (!same || *same) co_return Result<>();
+    if (!same || *same) co_return Nothing{};
     set_takes_part(network, slave, false);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 bool needs_help(const Network& network, const Slave& slave) {
@@ -119,7 +119,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
         if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
-        co_return Result<>();
+        co_return Nothing{};
     }
     // That the slave is gone again is reported by the next look.
     if (!does_not_answer(done.error())) {
@@ -133,7 +133,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
     watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> search(Watch& watch) {
@@ -144,7 +144,7 @@ Task<Result<>> search(Watch& watch) {
     watch.search_at = later(now, found.error().code == Errc::unstable ? watch.wanted.interval : watch.wanted.retry);
     watch.walked = found ? watch.network.ring_count : kNotWalked;
     if (found && *found > 0) watch.groups_at = later(now, watch.wanted.retry);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Reports members of hot connect groups that have not come with their heads.
@@ -245,17 +245,19 @@ bool walk_is_due(Watch& watch, const BroadcastState& roll) {
 
 Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool unexpected) {
     Network& network = watch.network;
-    auto looked = co_await for_each_slave(network, [&network](Slave& s) { return look_at(network, s); });
+    const auto look = [&network](Slave& s) { return look_at(network, s); };
+    auto looked = co_await for_each_slave(network, look);
     if (!looked) co_return looked;
     watch.looks = unexpected ? watch.looks + 1 : 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
-        auto doubted = co_await for_each_slave(network, [&network](Slave& s) { return check_fmmus(network, s); });
+        const auto doubt = [&network](Slave& s) { return check_fmmus(network, s); };
+        auto doubted = co_await for_each_slave(network, doubt);
         if (!doubted) co_return doubted;
     }
     report_count(watch, roll.count);
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // One roll and the actions that follow from it.
@@ -265,7 +267,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     if (!roll) {
         report_silent_segment(watch);
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-        co_return Result<>();
+        co_return Nothing{};
     }
     (void)count_lost_frames(watch);
     if (std::exchange(watch.silent, false)) {
@@ -288,7 +290,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Until the next cycle, or for the interval when there are no cycles.

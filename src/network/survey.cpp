@@ -51,7 +51,7 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     slave.dl_status = load_le<std::uint16_t>(dl_status);
     slave.device_emulation =
         (std::to_integer<std::uint8_t>(configuration[0]) & wire::esc_configuration::kDeviceEmulation) != 0;
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
@@ -77,16 +77,16 @@ Task<Result<>> survey(Network& network, Slave& slave) {
     auto esc = co_await read_esc(network, slave);
     if (!esc) {
         network.note(slave, esc.error());
-        co_return Result<>();
+        co_return Nothing{};
     }
     auto sii = co_await read_sii_contents(network.station(slave), slave);
     if (!sii) network.note(slave, sii.error());
     slave.seen = sii || sii.error().step == Step::parse_sii;
-    if (!id_is_wanted(network, slave)) co_return Result<>();
+    if (!id_is_wanted(network, slave)) co_return Nothing{};
     auto id = co_await read_device_id(network.station(slave), slave);
     if (id) slave.device_id = *id;
     if (!id && id.error().code != Errc::unsupported) network.note(slave, id.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -52,7 +52,7 @@ Task<Result<>> follow_transition(Network& network, Slave& slave) {
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -68,12 +68,12 @@ std::string_view initials(Transition one) {
 }
 
 Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
-    if (!concerns(slave, which, moment)) co_return Result<>();
+    if (!concerns(slave, which, moment)) co_return Nothing{};
     const bool up = goes_up(which);
     auto done = co_await run_commands(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
     if (slave.hooks.transition && (done || !up)) {
-        done = co_await call_hook(network, slave, slave.hooks.transition, slave.hooks.user, which, moment);
+        done = co_await call_hook(network, slave, which, moment);
         if (!done && !up) network.note(slave, done.error());
     }
     co_return up ? done : Result<>();

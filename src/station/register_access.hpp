@@ -20,57 +20,59 @@ struct Station {
     StationAddress address;
     std::uint16_t number = 0;  // of the slave, for errors
     [[nodiscard]] Arena& arena() const { return engine.arena(); }
-    [[nodiscard]] Error error(Errc code, Step step, std::uint16_t index = 0) const {
-        return {.code = code, .step = step, .slave = number, .index = index};
-    }
+    [[nodiscard]] Error error(Errc code, Step step, std::uint16_t index = 0) const;
 };
 
 // Converts the reply to a datagram for one station into an error. Code none: the slave took part.
-[[nodiscard]] inline Error error_of_reply(const Station& station, Reply reply, Step step,
-                                          std::uint16_t register_address) {
-    if (reply.ok() && reply.wkc == 1) return {};
-    if (!reply.ok()) {
-        Error error = station.error(reply.errc, step, register_address);
-        error.detail = reply.detail();
-        return error;
-    }
-    Error error = station.error(Errc::working_counter, step, register_address);
-    error.expected = 1;
-    error.actual = reply.wkc;
-    return error;
-}
+[[nodiscard]] Error error_of_reply(const Station& station, Reply reply, Step step, std::uint16_t register_address);
+[[nodiscard]] Error error_of_reply(const Station& station, const Datagram& datagram, Step step,
+                                   std::uint16_t register_address);
 
 // Whether the error shows that the slave does not answer at its address: the frame came back with a working counter of
 // zero. A lost frame or a full arena says nothing about the slave.
-[[nodiscard]] inline bool does_not_answer(const Error& error) {
-    return error.code == Errc::working_counter && error.actual == 0;
-}
+[[nodiscard]] bool does_not_answer(const Error& error);
 
 // Whether one datagram can access these octets of the register space.
 [[nodiscard]] constexpr bool is_register_range(std::uint16_t address, std::size_t bytes) {
     return bytes > 0 && bytes <= wire::kMaxDatagramData && address + bytes <= 0x10000;
 }
 
-template <class T>
-class ReadRegister : public DatagramWait {
+// What the awaitables of registers have in common: the values of the registers, of 1 to 8 octets, are in `bytes_`.
+class RegisterWait : public DatagramWait {
   public:
-    ReadRegister(const Station& station, std::uint16_t address, Step step)
-        : station_(station),
-          address_(address),
-          step_(step),
-          datagram_(station.engine.link(), wire::Command::FPRD, {station.address, address}, MutableBytes(bytes_)) {}
-    bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
-    Result<T> await_resume() const noexcept {
-        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
-        return error.code == Errc::none ? Result<T>(load_le<T>(bytes_)) : Result<T>(error);
-    }
+    ~RegisterWait();
+    RegisterWait(const RegisterWait&) = delete;
+    RegisterWait& operator=(const RegisterWait&) = delete;
+    [[nodiscard]] bool await_suspend(std::coroutine_handle<> h) noexcept;
+
+  protected:
+    static constexpr std::size_t kMostBytes = 8;
+
+    RegisterWait(const Station& station, std::uint16_t address, std::size_t bytes, Step step);  // reads
+    RegisterWait(const Station& station, std::uint16_t address, std::uint32_t value, std::size_t bytes,
+                 Step step);                                                                      // writes
+    RegisterWait(const Station& station, std::uint16_t address, Bytes bytes, Step step);          // writes
+    [[nodiscard]] Error error() const noexcept;
+    [[nodiscard]] Bytes bytes() const { return bytes_; }
 
   private:
     Station station_;
     std::uint16_t address_;
     Step step_;
-    std::array<std::byte, sizeof(T)> bytes_{};
+    std::array<std::byte, kMostBytes> bytes_{};
     Datagram datagram_;
+};
+
+template <class T>
+class ReadRegister : public RegisterWait {
+  public:
+    static_assert(sizeof(T) <= kMostBytes);
+    ReadRegister(const Station& station, std::uint16_t address, Step step)
+        : RegisterWait(station, address, sizeof(T), step) {}
+    [[gnu::noinline]] Result<T> await_resume() const noexcept {
+        const Error failed = error();
+        return failed.code == Errc::none ? Result<T>(load_le<T>(bytes())) : Result<T>(failed);
+    }
 };
 
 template <class T>
@@ -78,39 +80,22 @@ template <class T>
     return {station, r.address, step};
 }
 
-// Writes octets that the awaitable itself contains.
-template <std::size_t N>
-class WriteRegister : public DatagramWait {
+class WriteRegister : public RegisterWait {
   public:
-    WriteRegister(const Station& station, std::uint16_t address, const std::array<std::byte, N>& bytes, Step step)
-        : station_(station),
-          address_(address),
-          step_(step),
-          bytes_(bytes),
-          datagram_(station.engine.link(), wire::Command::FPWR, {station.address, address}, Bytes(bytes_)) {}
-    bool await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
-    Result<> await_resume() const noexcept {
-        const Error error = error_of_reply(station_, datagram_.reply(), step_, address_);
-        return error.code == Errc::none ? Result<>() : Result<>(error);
-    }
-
-  private:
-    Station station_;
-    std::uint16_t address_;
-    Step step_;
-    std::array<std::byte, N> bytes_;
-    Datagram datagram_;
+    WriteRegister(const Station& station, std::uint16_t address, std::uint32_t value, std::size_t bytes, Step step)
+        : RegisterWait(station, address, value, bytes, step) {}
+    WriteRegister(const Station& station, std::uint16_t address, Bytes bytes, Step step)
+        : RegisterWait(station, address, bytes, step) {}
+    Result<> await_resume() const noexcept { return error(); }
 };
 
 template <class T>
-[[nodiscard]] WriteRegister<sizeof(T)> write(const Station& station, wire::Register r, T value, Step step) {
-    std::array<std::byte, sizeof(T)> bytes{};
-    store_le<T>(bytes, 0, value);
-    return {station, r.address, bytes, step};
+[[nodiscard]] WriteRegister write(const Station& station, wire::Register r, T value, Step step) {
+    static_assert(sizeof(T) <= sizeof(std::uint32_t));
+    return {station, r.address, value, sizeof(T), step};
 }
-template <std::size_t N>
-[[nodiscard]] WriteRegister<N> write_bytes(const Station& station, std::uint16_t address,
-                                           const std::array<std::byte, N>& bytes, Step step) {
+// Writes octets that outlive the awaitable.
+[[nodiscard]] inline WriteRegister write_bytes(const Station& station, std::uint16_t address, Bytes bytes, Step step) {
     return {station, address, bytes, step};
 }
 

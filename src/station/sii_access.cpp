@@ -162,7 +162,7 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
             ordered_at_ = sent;
         }
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 Task<Result<>> sii_assign(Station station, bool to_pdi) {
@@ -174,7 +174,7 @@ Task<Result<>> sii_assign(Station station, bool to_pdi) {
     auto assigned = co_await write<std::uint8_t>(
         station, reg::kSiiConfig, to_pdi ? wire::sii_config::kOfferedToPdi : std::uint8_t{0}, Step::read_sii);
     if (!assigned) co_return assigned.error();
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace margay

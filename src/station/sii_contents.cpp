@@ -233,7 +233,7 @@ Task<Result<>> Contents::categories() {
 }
 
 Task<Result<>> Contents::name() {
-    if (name_ == 0 || strings_.words == 0) co_return Result<>();
+    if (name_ == 0 || strings_.words == 0) co_return Nothing{};
     StringPicker picker(name_);
     const std::uint32_t end = strings_.word + strings_.words;
     for (std::uint32_t word = strings_.word; word < end && !picker.done(); word += kBlockBytes / sii::kWordBytes) {
@@ -245,7 +245,7 @@ Task<Result<>> Contents::name() {
         picker.take(part);
     }
     slave_.name_bytes = static_cast<std::uint8_t>(sii::to_utf8(picker.text(), slave_.name_text).size());
-    if (picker.found()) co_return Result<>();
+    if (picker.found()) co_return Nothing{};
     co_return error(picker.done() ? sii::Fault::string_missing : sii::Fault::string_past_end, strings_.word, name_);
 }
 

@@ -50,7 +50,7 @@ Task<Result<>> write_until_acknowledged(Station station, std::uint32_t word, Wor
         if (!status) co_return status.error();
         if ((*status & control::kWriteEnableError) != 0)
             co_return station.error(Errc::sii_write_denied, Step::write_sii);
-        if ((*status & control::kMissingAcknowledge) == 0) co_return Result<>();
+        if ((*status & control::kMissingAcknowledge) == 0) co_return Nothing{};
         if (tries >= kNackTries && station.engine.now() >= give_up)
             co_return station.error(Errc::sii_nack, Step::write_sii);
         co_await station.engine.sleep_for(kPause);
@@ -72,7 +72,7 @@ Task<Result<>> write_word(Station station, std::uint32_t word, Word data) {
         error.expected = load_le<std::uint16_t>(data);
         error.actual = load_le<std::uint16_t>(back);
     }
-    if (error.code == Errc::none) co_return Result<>();
+    if (error.code == Errc::none) co_return Nothing{};
     error.step = Step::write_sii;
     error.set_word(word);
     co_return error;
@@ -97,7 +97,7 @@ Task<Result<>> undo(Station station, const sii::AreaPlan& plan, std::size_t coun
         auto written = co_await write_word(station, writes[n].word, word_octets(writes[n].before));
         if (!written && !by_eeprom(written.error().code)) co_return written;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 // Writes the part of `data` (from `word` on) that is in the configuration area.
@@ -123,7 +123,7 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
         (void)undone;  // the caller needs the first error; a read returns the current words
         co_return written;
     }
-    co_return Result<>();
+    co_return Nothing{};
 }
 
 }  // namespace
@@ -138,7 +138,7 @@ Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, Reason
         auto written = co_await write_word(station, at, {data[offset], data[offset + 1]});
         if (!written) co_return written;
     }
-    if (word >= std::min(end, sii::word::kIdentity)) co_return Result<>();
+    if (word >= std::min(end, sii::word::kIdentity)) co_return Nothing{};
     const Errc code = ends();
     if (code != Errc::none) co_return sii_error(station, code, Step::write_sii, word);
     co_return co_await write_area(station, word, data);

@@ -22,14 +22,22 @@ void release_frame(void* frame) noexcept {
 
 void exception_left_sequence() noexcept { __builtin_trap(); }
 
+void end_task(std::coroutine_handle<>& handle) noexcept {
+    if (handle) std::exchange(handle, {}).destroy();
+}
+
+PromiseBase::PromiseBase() noexcept = default;
+
 PromiseBase::~PromiseBase() {
     if (crew != nullptr) crew->member_gone();
 }
 
-std::coroutine_handle<> PromiseBase::ended(std::coroutine_handle<> own, const Error& error) noexcept {
+void PromiseBase::return_value(const Error& returned) noexcept { error = returned; }
+
+std::coroutine_handle<> PromiseBase::ended(std::coroutine_handle<> own) noexcept {
     if (crew == nullptr) return continuation ? continuation : std::noop_coroutine();
     Crew& ours = *crew;
-    const Error kept = error;  // `error` is in the frame, so copy it before the frame is destroyed
+    const Error kept = error;  // it is in the frame, so copy it before the frame is destroyed
     own.destroy();
     return ours.member_ended(kept);
 }

@@ -57,8 +57,8 @@ class Crew {
     template <class T>
     [[nodiscard]] bool start(Task<T> task) {
         if (!task) return false;
+        detail::PromiseBase& member = task.promise();
         auto handle = std::exchange(task.handle_, {});
-        detail::PromiseBase& member = handle.promise();
         member.crew = this;
         member.self = handle;
         members_.push_back(member);

@@ -95,6 +95,29 @@ TEST_F(Mistakes, ACycleWithinACycleIsRefused) {
     EXPECT_TRUE(run_cycle(*ctx, {}, nothing).ok()) << "afterwards it is allowed again";
 }
 
+bool end_at_once(const CycleInfo& cycle) { return cycle.number < 3; }
+
+TEST_F(Mistakes, TheWorkOfACycleMayBeAPlainFunction) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_TRUE(run_cycle(*ctx, {}, end_at_once).ok());
+    EXPECT_EQ(ctx->group(0).cycles_sent, 3U);
+}
+
+TEST_F(Mistakes, WishesWrittenBeforeASubmittedScanAreWarnedOf) {
+    ctx->slave(1).config.group = 1;
+    ScanRequest scan;
+    ASSERT_TRUE(submit(*ctx, scan).ok());
+    ASSERT_TRUE(wait(*ctx, scan).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+    ctx->slave(9).hooks.preop_to_safeop = [](HookedSlave, void*) { return Result<>(); };
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(*ctx, map).ok());
+    ASSERT_TRUE(wait(*ctx, map).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+}
+
 TEST_F(Mistakes, ValuesOutOfRangeAreRefused) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());

@@ -1,0 +1,19 @@
+#include "network/network.hpp"
+
+namespace margay {
+
+Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what, Error* first) {
+    Crew crew(network.tasks);
+    for (Slave& slave : network.slaves()) {
+        while (crew.full()) co_await crew.one();
+        while (!crew.start(make(slave, what))) {
+            if (crew.running() == 0) co_return Error{.code = Errc::capacity};
+            co_await crew.one();
+        }
+    }
+    co_await crew.all();
+    if (first != nullptr) *first = crew.first_error();
+    co_return Nothing{};
+}
+
+}  // namespace margay

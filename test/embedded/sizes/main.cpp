@@ -1,0 +1,98 @@
+// A master on a microcontroller, as small as it can be: it scans, maps, brings the slaves to OP and exchanges process
+// data. The definitions WITH_… add one feature each. QEMU can run it, but the purpose is its size.
+#include "board.hpp"
+
+#include <margay/margay.hpp>
+#include "oshw/lan9118/lan9118.hpp"
+
+using namespace margay;
+
+namespace {
+
+constexpr Limits kLimits{.slaves = 8, .frames = 8, .groups = 1, .process_frames = 2, .emergencies = 2};
+
+BareOsal osal(board::description());
+Lan9118 nic(board::ethernet(), {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59});
+StaticContext<kLimits> ctx;
+std::byte image[256];
+[[maybe_unused]] std::byte value[4];
+
+void tell([[maybe_unused]] const Error& error) {
+#ifdef WITH_TEXTS
+    static char sentence[160];
+    board::print(describe(error, sentence));
+#endif
+}
+
+Result<> start() {
+    if (const auto opened = nic.open(osal); !opened) return opened;
+    board::allow_ethernet_interrupt();
+    return init(ctx, nic, osal);
+}
+
+Result<> exchange() {
+    if (const auto sent = send_processdata(ctx); !sent) return sent;
+    if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received) return received.error();
+    return Result<>();
+}
+
+// Process data is exchanged from SAFEOP on; the slaves enter OP after they have received outputs.
+Result<> bring_up() {
+    const auto slaves = config_init(ctx);
+    if (!slaves) return slaves.error();
+    const auto octets = config_map(ctx, image);
+    if (!octets) return octets.error();
+    for (int cycle = 0; cycle < 100; ++cycle) (void)exchange();
+    if (const auto asked = writestate(ctx, 0, AlState::op); !asked) return asked;
+    for (int cycle = 0; cycle < 1000; ++cycle) {
+        (void)exchange();
+        const auto lowest = readstate(ctx);
+        if (lowest && lowest->state == AlState::op) break;
+    }
+    return Result<>();
+}
+
+// One call of each function that a program with this feature needs.
+Result<> use_features() {
+#ifdef WITH_SDO
+    if (const auto read = SDOread(ctx, 4, 0x1018, 1, false, value); !read) return read.error();
+#endif
+#ifdef WITH_SDO_WRITE
+    if (const auto written = SDOwrite(ctx, 4, 0x6060, 0, false, value); !written) return written;
+#endif
+#ifdef WITH_SDO_INFORMATION
+    const auto objects = read_object_list(ctx, 4, ObjectList::all, nullptr, nullptr);
+    if (!objects) return objects.error();
+#endif
+#ifdef WITH_SOE
+    if (const auto read = SoEread(ctx, 4, 0, Idn::standard(1), soe_element::kValue, value); !read) return read.error();
+#endif
+    return Result<>();
+}
+
+Result<> run() {
+    if (const auto up = bring_up(); !up) return up;
+    if (const auto done = use_features(); !done) return done;
+#ifdef WITH_SUPERVISION
+    static SuperviseRequest supervision;
+    if (const auto begun = submit(ctx, supervision); !begun) return begun;
+#endif
+    for (;;) {
+        (void)exchange();
+        const Time next = poll(ctx, osal.now());
+        osal.wait(next, -1);
+    }
+}
+
+}  // namespace
+
+extern "C" void ethernet_handler() {
+    nic.on_interrupt();
+    osal.wake();
+}
+
+int main() {
+    board::start_tick();
+    if (const auto done = start(); !done) tell(done.error());
+    for (;;) tell(run().error());
+}
