@@ -5,7 +5,8 @@
 #
 #   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
 #
-#   --quick      leaves out the sanitizers and the builds of all build types: all tests run in build/
+#   --quick      all tests run in build/ only; leaves out the sanitizers (the fuzz harnesses too), clang, and the builds of
+#                all build types
 #   --no-skips   a test that is skipped fails the run
 #
 # Tests that lack something (tshark, clang 16, an ARM compiler, QEMU, network namespaces) are skipped and say so. The last
@@ -87,7 +88,7 @@ run() {
 
 # In build/ each source of the library is compiled alone: its archives are what is installed.
 if [ $quick = yes ]; then
-    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE build_types "$@"
+    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE 'build_types|sanitized' "$@"
 else
     # A sanitized program takes long to start. Arguments can select single tests: then each test is an entry of ctest.
     shards=4

@@ -82,6 +82,7 @@ set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archive
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
                      CMAKE_CXX_FLAGS_DEBUG=-g0)
+set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 
 # The parts in each build type by both compilers, warnings being errors. The two that are missing here are the build that
 # this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug). Debug information takes time and causes no warning; so
@@ -113,10 +114,11 @@ endforeach()
 # One harness a file; its corpus is read, never written.
 margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs COST 500
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_UNITY=ON MARGAY_PCH=ON)
+set_tests_properties(fuzz/builds PROPERTIES LABELS sanitized)
 file(GLOB harnesses CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/*.cpp)
 foreach(source IN LISTS harnesses)
   get_filename_component(harness ${source} NAME_WE)
   add_test(NAME fuzz/${harness} COMMAND ${CMAKE_COMMAND} "-DPROGRAM=${PROJECT_BINARY_DIR}/nested/fuzz_builds/fuzz_${harness}"
            "-DCORPUS=${CMAKE_CURRENT_SOURCE_DIR}/fuzz/corpus/${harness}" -P ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.cmake)
-  set_tests_properties(fuzz/${harness} PROPERTIES FIXTURES_REQUIRED fuzz_programs SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 300)
+  set_tests_properties(fuzz/${harness} PROPERTIES LABELS sanitized FIXTURES_REQUIRED fuzz_programs SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 300)
 endforeach()
