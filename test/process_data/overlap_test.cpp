@@ -300,18 +300,27 @@ struct Guarded final : Nic, Osal {
     }
 };
 
+// Three slaves behind this NIC; two cycles can be in flight.
+class OverlappedBusThreads : public OverlappedBus {
+  protected:
+    SimulatedNic line{bus.segment, bus.osal};
+    Guarded guarded{line, bus.osal};
+
+    void SetUp() override {
+        for (int i = 0; i < 3; ++i) bus.add(16, 16);
+        bus.segment.power_up(bus.osal.now());
+        bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
+        ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
+        ASSERT_TRUE(config_init(ctx()).ok());
+        map(2);
+    }
+    void TearDown() override { bus.ctx.reset(); }  // before the NIC is destroyed
+};
+
 // One thread sends as fast as possible. The owner receives, polls, and reads the states. Every cycle comes back
 // complete and in order.
-TEST_F(OverlappedBus, TwoThreads) {
+TEST_F(OverlappedBusThreads, OneSendsAndTheOwnerReceives) {
     constexpr std::uint32_t kCycles = 3000;
-    for (int i = 0; i < 3; ++i) bus.add(16, 16);
-    bus.segment.power_up(bus.osal.now());
-    SimulatedNic line(bus.segment, bus.osal);
-    Guarded guarded(line, bus.osal);
-    bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
-    ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
-    ASSERT_TRUE(config_init(ctx()).ok());
-    map(2);
 
     bool sent_well = true;
     std::thread sender([&] {
@@ -349,20 +358,11 @@ TEST_F(OverlappedBus, TwoThreads) {
     std::array<std::byte, 1> last{};
     bus.segment.slave(0).read(0x1100, last);
     EXPECT_EQ(last[0], std::byte{(kCycles - 1) & 0xFF});
-    bus.ctx.reset();  // before the NIC is destroyed
 }
 
 // A slave is lost and comes back while one thread sends and the owner receives and supervises.
-TEST_F(OverlappedBus, TwoThreadsWhileASlaveIsLostAndComesBack) {
+TEST_F(OverlappedBusThreads, ASlaveIsLostAndComesBack) {
     constexpr std::uint32_t kMostCycles = 400'000;  // on a busy machine the threads take turns slowly
-    for (int i = 0; i < 3; ++i) bus.add(16, 16);
-    bus.segment.power_up(bus.osal.now());
-    SimulatedNic line(bus.segment, bus.osal);
-    Guarded guarded(line, bus.osal);
-    bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
-    ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
-    ASSERT_TRUE(config_init(ctx()).ok());
-    map(2);
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx(), supervision).ok());
     std::atomic<bool> enough = false;
@@ -394,7 +394,6 @@ TEST_F(OverlappedBus, TwoThreadsWhileASlaveIsLostAndComesBack) {
     EXPECT_GT(others_fresh, 100U);
     EXPECT_EQ(ctx().slave(3).al.state, AlState::op);
     supervision.cancel();
-    bus.ctx.reset();  // before the NIC is destroyed
 }
 
 }  // namespace
