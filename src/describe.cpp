@@ -191,11 +191,12 @@ std::string_view argument_text(Argument argument) {
         case Argument::soe_drive: return "a slave has drives 0 to 7";
         case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
         case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
+        case Argument::sync_manager_count: return "SlaveConfiguration::sm_count must be at most 8";
         case Argument::sync_manager_twice: return "SlaveConfiguration::sms has this SyncManager twice";
         case Argument::pdi_watchdog: return "SlaveTimes::pdi_watchdog must be zero to 65535 units of the divider";
         case Argument::state_time: return "the times of SlaveTimes must not be negative";
         case Argument::mailbox_time: return "SlaveTimes::mailbox must not be negative";
-        case Argument::command_transition: return "the start-up command has no transition";
+        case Argument::command_transition: return "has no transition";
         case Argument::command_time: return "the timeout of a start-up command must not be negative";
         case Argument::command_value:
             return "the value of the start-up command has a size that the command cannot have";
@@ -205,7 +206,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::reserve_bytes: return "GroupConfiguration::reserve_bytes leaves no space in the frame";
         case Argument::dc_reference: return "GroupConfiguration::dc_reference is a slave without a DC clock";
         case Argument::copy:
-            return "GroupConfiguration::copies: the bits are not part of the slave's data in this group";
+            return "GroupConfiguration::copies: at least 1 bit, and only bits of the slave's data in this group";
         case Argument::entry_handle: return "GroupConfiguration::entries has a null pointer";
         case Argument::empty_group: return "no slave has this group in SlaveConfiguration::group";
     }
@@ -219,11 +220,13 @@ void write_argument(TextWriter& out, const Error& e) {
                "its hot connect group)";
         return;
     }
-    const auto argument = static_cast<Argument>(is_command(e.step) ? e.actual : e.detail);
+    const bool of_command = is_command(e.step) || (e.step == Step::map_process_data && e.place != 0);
+    const auto argument = static_cast<Argument>(of_command ? e.actual : e.detail);
     const auto text = argument_text(argument);
     if (text.empty()) return;
-    out << ": " << text;
-    if (argument == Argument::command_transition) out << " (no. " << unsigned{e.place} << ")";
+    out << ": ";
+    if (argument == Argument::command_transition) out << "no. " << unsigned{e.place} << " of the start-up commands ";
+    out << text;
     if (argument <= Argument::limit_process_frames)
         out << " is " << e.actual << ", it must be 1 to " << e.expected;
     else if (argument == Argument::sii_words && e.expected != UINT32_MAX)

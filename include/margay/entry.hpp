@@ -66,7 +66,7 @@ struct EntryPlace {
     std::uint8_t group = 0;
     Direction direction = Direction::outputs;
     // CoE data type as the SII describes an entry of this index, subindex and size; 0: unknown, no check of the type.
-    // For slaves with CoE only handles have it (config_map() looks into the SII), not places that find_entry() returns.
+    // If the slave has CoE, config_map() sets it in handles; find_entry() does not set it.
     std::uint8_t data_type = 0;
     std::uint32_t offset_bits = 0;  // from the start of the group's image; bit 0 is the lowest bit of the first octet
     std::uint32_t bits = 0;

@@ -243,6 +243,7 @@ enum class Argument : std::uint8_t {
     soe_drive,        // the number of the drive
     highest,          // members of SlaveConfiguration
     watchdog_time,
+    sync_manager_count,
     sync_manager_twice,
     pdi_watchdog,  // members of SlaveTimes
     state_time,

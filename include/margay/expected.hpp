@@ -20,8 +20,8 @@ namespace margay {
 //    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
 //    slave but matches an entry behind it, the optional slave is regarded as missing.
 // 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.
-// 3. An unexpected slave of the line has a number that the list leaves out, if there is one at its place; all other
-//    unexpected slaves have the last numbers, in the order of the ring. slave(n) of a number that the list leaves out
+// 3. If the list skips a number, the unexpected slave found at this place of the line gets that number. All other
+//    unexpected slaves get the last numbers, in the order of the ring. slave(n) of a number that the list leaves out
 //    and that no slave has is neither expected nor present: `wanted` is nullptr, its AL state is NONE.
 //
 // An expected slave that is missing has its number too: its Slave has AL state NONE, ring position 0, and its
@@ -46,8 +46,8 @@ struct ExpectedSlave {
     // Number of a hot connect group, not 0: slaves that are connected and disconnected together, at any port of the
     // segment. The members are neighbours in the list and have the same number. The first is the head and is identified
     // by alias or device id. The others have number 0 and follow behind the head in this order. The whole group may
-    // be missing. A member that is missing while the head is present is an error, unless the member is optional;
-    // the expected working counters count that member.
+    // be missing. If the head is present, a missing member that is not optional is an error, and the expected
+    // working counters include it. While a group that was connected starts up, they do not.
     std::uint8_t hot_connect = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
     // memory.

@@ -104,7 +104,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - every error of the slave's hook, of the search for its PDOs, or of its configuration;
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
 // - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
-//   start-up command place: its number in the list);
+//   start-up command actual: the Argument, place: its number in the list);
 // - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
@@ -112,7 +112,8 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // counters count every wanted slave: while one of them does not take part, receive_processdata() returns an error.
 //
 // Errors of the whole group, after which no slave of the group is mapped: wrong_state (no slaves yet), unknown_group,
-// invalid_argument (a value in group(n).config; a SyncManager twice in slave(n).config; detail: the Argument),
+// invalid_argument (a value in group(n).config; a SyncManager twice in slave(n).config; no slave belongs to the group,
+// which reads no register either; detail: the Argument),
 // image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory, too_many_frames
 // (limits().process_frames), unknown_slave (of a copy, or dc_reference), capacity (the memory of the SharedImage).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
@@ -132,12 +133,13 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // request is sent to the other slaves nevertheless. While a supervision keeps another state, writestate() fails with
 // Errc::supervised: use set_target().
 //
-// The commands and the hook after the transition are executed by the first of these that sees the new state:
-// readstate(), statecheck(), or the supervision.
+// The commands and the hook after the transition begin when the first of these sees the new state: readstate(),
+// statecheck(), or the supervision. They continue during all later calls of poll(). As long as they execute, other
+// requests that need the slave wait; after 10 s such a request ends them, and errors() has the error of the hook.
 //
-// statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error, or until `timeout` is
-// over. Returns what it read last. A timeout is no error: compare the returned state. Commands and a hook that take
-// longer than the timeout continue during later calls of poll().
+// statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
+// hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns what it read last. A
+// timeout is no error: compare the returned state.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);
@@ -174,7 +176,8 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // `timeout` at most. Other frames that arrive are kept for poll(), which is to be called between cycles. Errors:
 // - wrong_state before init(), not_owner.
 // - unknown_group: the group does not exist or is not mapped.
-// - invalid_argument: `timeout` is negative, and the frames are not back yet. The cycle stays on the wire.
+// - invalid_argument: `timeout` is negative, and the frames are not back yet or cycles overlap. The cycle stays on the
+//   wire.
 // - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
 // - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old.
 // - working_counter (expected, actual): a slave did not take part. With detail Error::kOthersFresh, every slave that

@@ -155,8 +155,8 @@ struct Slave {
     Identity identity;
     DlInformation dl;
     AlStatus al;  // as read last
-    // The slave's position in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
-    // `number` as long as there are no hot connect groups and no missing slaves.
+    // The slave's position in the ring as found last, the first is 1; 0: the slave is not in the ring. It may
+    // differ from `number` when slaves are missing or unexpected, or are identified by something else than their place.
     std::uint16_t ring_position = 0;
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
     // slave.

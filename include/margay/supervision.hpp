@@ -28,7 +28,8 @@ struct LineErrors {
     struct CableEnd {
         std::uint16_t slave = 0;  // 0: the master, or no known slave
         std::uint8_t port = 0;
-        std::uint8_t reported = 0;  // interruptions that the other end has counted before this one
+        std::uint8_t reported =
+            0;  // interruptions that were reported already, because the other end counted them first
     };
     std::array<CableEnd, 4> other_ends{};  // the other ends of the cables at that time
     bool primed = false;                   // `last` contains values that were read

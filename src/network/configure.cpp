@@ -97,8 +97,8 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
 }
 
 Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
-    for (std::size_t n = 0; n < slave.config.sm_count; ++n) {
-        auto written = co_await write_sync_manager(station, slave.config.sms[n], fed);
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        auto written = co_await write_sync_manager(station, sm, fed);
         if (!written) co_return written;
     }
     co_return Nothing{};

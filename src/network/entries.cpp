@@ -183,7 +183,7 @@ Error check_entry_type(Error where, EntryKind kind, std::uint32_t type_bits, std
 Result<EntryPlace> place_of(const Slave& slave, const ProcessGroup& group, const EntryAddress& address,
                             const EntryAccess::Found& found) {
     if (!found.any) return fault(found.other_direction ? Errc::entry_direction : Errc::entry_not_mapped, address);
-    for (std::size_t n = 0; n < slave.config.sm_count; ++n) {
+    for (std::size_t n = 0; n < slave.config.used_sms().size(); ++n) {
         const ProcessSm& sm = slave.config.sms[n];
         const std::uint64_t end = std::uint64_t{found.offset_bits} + found.bits;
         if (sm.number != found.sync_manager || end > sm.bits || found.bits == 0) continue;

@@ -71,6 +71,8 @@ bool share_octets(Bytes a, Bytes b) {
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
+    const Error wrong = invalid_setting(network, group);
+    if (wrong.code != Errc::none) return wrong;
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
     for (Slave& slave : network.slaves())
@@ -269,9 +271,10 @@ class Mapping {
         group_.mapping = false;
         if (group_.mapped) settle(group_);
         for (Slave& slave : network_.slaves()) {
-            if (slave.config.group == group_.number && slave.takes_part) {
-                note_joining(group_, slave);
-                network_.marks(slave).awaited = true;
+            if (slave.config.group == group_.number) {
+                if (slave.takes_part) note_joining(group_, slave);
+                const bool should_be_there = missing_error(network_, slave).code != Errc::none;
+                if (slave.al.state != AlState::none || should_be_there) await_slave(network_, slave);
             }
             if (!group_.mapped && network_.marks(slave).image_group == group_.number)
                 slave.image.outputs.bytes = slave.image.inputs.bytes = {};
@@ -289,8 +292,6 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     Mapping mapping(network, number);
-    const Error wrong = invalid_setting(network, network.process.groups[number]);
-    if (wrong.code != Errc::none) co_return wrong;
     FirstFault faults;
     const auto start = [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); };
     auto started = co_await for_each_slave(network, start);

@@ -21,9 +21,7 @@ bool maps_bits(const Slave& slave) { return (slave.dl.features & wire::features:
 // Whether the slave's data occupies whole octets.
 bool whole_octets(const Slave& slave, Packing packing) { return packing == Packing::bytes || !maps_bits(slave); }
 
-std::span<const ProcessSm> process_sms(const Slave& slave) {
-    return std::span(slave.config.sms).first(slave.config.sm_count);
-}
+std::span<const ProcessSm> process_sms(const Slave& slave) { return slave.config.used_sms(); }
 
 bool wants_mailbox_status(const Slave& slave) { return slave.config.mailbox_status && slave.mailbox.present(); }
 

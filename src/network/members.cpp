@@ -78,13 +78,23 @@ void update_counted(Network& network, Slave& slave) {
     settle(*group);
 }
 
+bool is_head_of_group(Network& network, const Slave& slave) {
+    return slave.wanted != nullptr && slave.wanted->hot_connect != 0 && is_located(network.expected, *slave.wanted);
+}
+
 void forget_awaited_members(Network& network, const Slave& lost) {
-    if (lost.wanted == nullptr || lost.wanted->hot_connect == 0 || !is_located(network.expected, *lost.wanted)) return;
+    if (!is_head_of_group(network, lost)) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
         network.marks(slave).awaited = false;
+        network.marks(slave).missing_reported = false;
         update_counted(network, slave);
     }
+}
+
+void await_slave(Network& network, Slave& slave) {
+    network.marks(slave).awaited = true;
+    update_counted(network, slave);
 }
 
 void begin_counting(Network& network, ProcessGroup& group) {

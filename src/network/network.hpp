@@ -73,9 +73,15 @@ struct Network {
     Error supervision_error;              // why it has ended
     bool segment_in_use = false;          // a request that needs the whole segment is executing
     bool segment_wanted = false;          // such a request waits
+    bool group_is_back = false;           // the head of a hot connect group: its members should come with it
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
-    bool reaching = false;                // reach() has started the supervision itself
+    // What follows transitions (`settling`): when the last of it began. It may use its slaves for kLongestSettling
+    // before a request that needs them ends it.
+    Time settling_since{};
+    static constexpr Duration kLongestSettling = std::chrono::seconds(10);
+    Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
+    bool reaching = false;                              // reach() has started the supervision itself
     // What follows transitions that were requested without waiting. With the requests in execution the last members, so
     // that they are destroyed first.
     Crew settling;
@@ -138,8 +144,7 @@ using SlaveTask = Task<Result<>> (*)(Slave& slave, const void* what);
 
 // Executes make(slave, what) for every slave, as many at the same time as the network allows. The tasks store their own
 // results; the first error of a task is copied to `first` if that is not nullptr.
-[[nodiscard]] Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what,
-                                            Error* first = nullptr);
+[[nodiscard]] Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what, Error* first = nullptr);
 
 // The same with a lambda, which must outlive the task: give it a name. There is one sequence for all lambdas.
 template <class Make>

@@ -75,7 +75,7 @@ Error check_list(const Slave& slave, const SmPdos& list) {
 Error check_size(const Slave& slave, const SmPdos& list) {
     const ListedBits listed = listed_bits(list);
     if (listed.open != 0) return {};
-    for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count)) {
+    for (const ProcessSm& sm : slave.config.used_sms()) {
         if (sm.number != list.sync_manager || sm.bits == listed.bits) continue;
         Error error = fault(slave, Errc::pdo_size, sm_register(list));
         error.expected = sm.bits;

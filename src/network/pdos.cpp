@@ -150,8 +150,7 @@ static_assert(Slave::kSyncManagers <= SlaveConfiguration::kProcessSms);
 void compare_with_application(Network& network, const Slave& slave, const Findings& found) {
     const auto bits_of = [&](std::uint8_t n) {
         std::uint32_t bits = 0;
-        for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count))
-            bits += sm.number == n ? sm.bits : 0;
+        for (const ProcessSm& sm : slave.config.used_sms()) bits += sm.number == n ? sm.bits : 0;
         return bits;
     };
     const auto source =

@@ -42,7 +42,7 @@ struct ProcessGroup : Group {
     bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
-    bool was_mapped = false;        // since the last scan: when it is not mapped now, its data is missing
+    bool was_mapped = false;        // since run_cycle() began: when it is not mapped now, its data is missing
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back

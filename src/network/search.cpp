@@ -244,7 +244,9 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
         update_al_status(slave.al, seen);
-        if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
+        if (slave.al.state != AlState::none) return;
+        set_takes_part(network, slave, false);
+        forget_awaited_members(network, slave);
         return;
     }
     if (slave.al.state == AlState::none || network.marks(slave).in_use) return;
@@ -289,6 +291,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
+    network.group_is_back |= is_head_of_group(network, slave);
     if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);
     co_return Nothing{};
 }

@@ -28,6 +28,7 @@ Argument invalid_time(const SlaveTimes& times) {
 Argument invalid_configuration(const SlaveConfiguration& config) {
     const AlState highest = config.highest;
     if (highest != AlState::preop && highest != AlState::safeop && highest != AlState::op) return Argument::highest;
+    if (config.sm_count > SlaveConfiguration::kProcessSms) return Argument::sync_manager_count;
     const auto watchdog = config.process_data_watchdog;
     if (watchdog && *watchdog > watchdog_unit(config.times()) * kMostUnits) return Argument::watchdog_time;
     return invalid_time(config.times());

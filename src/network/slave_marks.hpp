@@ -21,11 +21,10 @@ struct SlaveMarks {
     std::uint16_t image_group = kNoGroup;  // the group whose image the slave was laid out in last
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool in_use : 1 = false;         // see SlaveToken
+    bool settling : 1 = false;       // what follows its last transition is being executed: see settle_request()
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
-    // Member of a hot connect group: its absence makes cycles wrong while the head is present, because the slave has
-    // taken part since the group was connected, or is known not to be there.
-    bool awaited : 1 = false;
+    bool awaited : 1 = false;    // member of a hot connect group whose start-up should have ended: see members.hpp
     bool counted : 1 = false;    // the expected working counters of its group include its share
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };

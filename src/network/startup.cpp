@@ -163,7 +163,7 @@ Error invalid_commands(const Slave& slave) {
                 .step = Step::map_process_data,
                 .slave = slave.number,
                 .place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255)),
-                .detail = error.actual};
+                .actual = error.actual};
     }
     return {};
 }

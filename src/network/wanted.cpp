@@ -14,7 +14,7 @@ Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .s
 // For slaves of a hot connect group, which may be missing as a whole.
 bool head_is_there(Network& network, std::uint8_t hot_connect) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return s.ring_position != 0 && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
+        return s.al.state != AlState::none && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
                is_located(network.expected, *s.wanted);
     });
 }
@@ -84,8 +84,7 @@ bool is_mapped(const Network& network, const Slave& slave) {
 }
 
 bool has_place(const Slave& slave) {
-    const bool wants = std::ranges::any_of(std::span(slave.config.sms).first(slave.config.sm_count),
-                                           [](const ProcessSm& sm) { return sm.bits != 0; });
+    const bool wants = std::ranges::any_of(slave.config.used_sms(), [](const ProcessSm& sm) { return sm.bits != 0; });
     return !slave.unplaced && (!wants || exchanges(slave));
 }
 

@@ -399,6 +399,76 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     expect_exchanged(5, g.a2);
 }
 
+// A member that is present and cannot be configured is counted, like a slave of the line.
+TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ctx->slave(5).config.highest = static_cast<AlState>(9);
+    EXPECT_FALSE(config_map(*ctx, image).ok());
+    EXPECT_EQ(ctx->group(0).expected_wkc, 15U);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(100);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
+    // After the group was away and is back, too.
+    pull(g.a);
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U) << "the whole group may be missing";
+    plug({line[1], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+}
+
+TEST_F(HotConnectGroups, MayBeRemovedWithoutASupervision) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_EQ(to_op().state, AlState::op);
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    cycles(5);
+    EXPECT_TRUE(readstate(*ctx).ok());
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
+    segment.disconnect({g.a2, 0});
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (int time = 0; time < 2; ++time) {
+        plug({line[0], 2}, g.a);
+        power(g.a, true);
+        ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+        cycles(2000);
+        EXPECT_EQ(cycle().error().code, Errc::working_counter) << time;
+        EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1) << time;
+        pull(g.a);
+        cycles(100);
+        EXPECT_EQ(*cycle(), 9U) << time;
+    }
+}
+
+// The head comes back with its address, because its power was kept; its member does not.
+TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    segment.disconnect({g.a2, 0});
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U);
+    (void)events();
+    plug({line[0], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 5: missing, though the head of its group, slave 4, is there"), 1) << joined(story);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+}
+
 // Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
 // for one. In the end every slave is in OP and exchanges its own process data.
 class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};
