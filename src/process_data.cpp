@@ -128,7 +128,7 @@ bool inputs_fresh(Context& ctx, std::uint16_t slave) {
     if (master == nullptr || slave < 1 || slave > master->network.count) return false;
     const Slave& asked = master->network.slave(slave);
     const auto groups = master->network.process.groups;
-    return asked.config.group < groups.size() && is_fresh(groups[asked.config.group], asked);
+    return asked.image.group < groups.size() && is_fresh(groups[asked.image.group], asked);
 }
 
 }  // namespace margay

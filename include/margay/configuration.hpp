@@ -78,6 +78,8 @@ struct SlaveConfiguration {
 
     ConfigurationSource source = ConfigurationSource::none;  // the source of `sms`
 
+    // The group that the slave is to belong to from the next config_map() of that group on. Until then it stays in the
+    // group that it was mapped with (Slave::image.group). When it leaves, that group continues without it.
     std::uint8_t group = 0;
     bool block_lrw : 1 = false;  // this slave does not support LRW: its group uses LRD and LWR
     // A bit of the image, in a datagram of its own, says whether the slave's mailbox has a message to read.

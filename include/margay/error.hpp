@@ -96,6 +96,8 @@ enum class Errc : std::uint8_t {
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
                          // gone. A scan deletes those of the scan before without a warning
+    start_up_unfinished,  // the slave is in its target state, and its commands or its hook after the transition have
+                          // not ended, or were ended by a timeout (expected, actual: the state)
     supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
                  // the requested one)
 };

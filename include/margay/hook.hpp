@@ -12,7 +12,9 @@
 //
 //     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {
-//         co_return co_await slave.sdo_write(0x6060, 0, std::int8_t{8});
+//         auto written = co_await slave.sdo_write(0x6060, 0, std::int8_t{8});
+//         if (!written) co_return written.error();
+//         co_return {};  // success
 //     }
 //     ctx.slave(1).hooks.preop_to_safeop = choose_mode;
 //

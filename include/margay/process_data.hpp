@@ -58,6 +58,9 @@ struct SlaveImage {
     ImagePart inputs;
     // The number of the bit in the image that is set while the slave's mailbox has a message to read.
     std::uint32_t mailbox_status_bit = kNone;
+    // The group whose image this is; kNoGroup: the slave is not part of an image.
+    static constexpr std::uint16_t kNoGroup = 0xFFFF;
+    std::uint16_t group = kNoGroup;
 };
 
 }  // namespace margay

@@ -142,7 +142,8 @@ struct SiiWriteRequest : SlaveRequest {
     std::span<const std::byte> data;
 };
 
-// Brings one slave to a state. `timeout` zero: the time that the standard allows for the transition. While a
+// Brings one slave to a state. `timeout` zero: the time that the standard allows for the transition. A hook that
+// executes when the time is over is ended a quarter of a second later. While a
 // supervision is busy, a slave that is lost is refused with missing_slave.
 struct StateRequest : SlaveRequest {
     StateRequest();

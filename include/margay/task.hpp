@@ -18,6 +18,7 @@
 #include <margay/detail/list.hpp>
 #include <margay/result.hpp>
 
+#include <concepts>
 #include <coroutine>
 #include <cstddef>
 #include <utility>
@@ -74,8 +75,15 @@ template <class T>
 struct Promise : PromiseBase {
     T value{};
 
-    using PromiseBase::return_value;
-    void return_value(const T& returned) noexcept { value = returned; }
+    // Templates, so that only the last one takes `co_return {}`.
+    template <std::same_as<Error> E>
+    void return_value(const E& returned) noexcept {
+        PromiseBase::return_value(returned);
+    }
+    template <std::same_as<T> Value>
+    void return_value(const Value& returned) noexcept {
+        value = returned;
+    }
     [[gnu::noinline]] void return_value(const Result<T>& returned) noexcept {
         error = returned.error();
         value = *returned;
@@ -84,9 +92,15 @@ struct Promise : PromiseBase {
 };
 template <>
 struct Promise<Nothing> : PromiseBase {
-    using PromiseBase::return_value;
+    template <std::same_as<Error> E>
+    void return_value(const E& returned) noexcept {
+        PromiseBase::return_value(returned);
+    }
+    template <std::same_as<Result<>> R>
+    void return_value(const R& returned) noexcept {
+        PromiseBase::return_value(returned.error());
+    }
     void return_value(Nothing) noexcept {}
-    void return_value(const Result<>& returned) noexcept { PromiseBase::return_value(returned.error()); }
     [[nodiscard]] Result<> result() const { return error; }
 };
 

@@ -4,6 +4,7 @@
 #include "network/entries.hpp"
 #include "network/entry_names.hpp"
 #include "network/pdos.hpp"
+#include "network/wanted.hpp"
 
 #include <margay/entry.hpp>
 #include <margay/margay.hpp>
@@ -83,12 +84,21 @@ Error error_at(Errc code, const EntryPlace& place) {
 static Error check(Network& network, const EntryRequest& r) {
     Error refused = check_slave(network, r.address.slave, Step::map_process_data);
     if (refused.code != Errc::none) return refused;
-    const std::uint8_t group = network.slave(r.address.slave).config.group;
-    if (group < network.process.groups.size() && network.process.groups[group].mapped) return {};
-    return {.code = Errc::unknown_group, .step = Step::map_process_data, .slave = r.address.slave, .index = group};
+    const Slave& slave = network.slave(r.address.slave);
+    if (network.supervised && slave.al.state == AlState::none)  // known to be lost: no need to wait for an answer
+        return {.code = Errc::missing_slave, .step = Step::map_process_data, .slave = r.address.slave};
+    if (is_mapped(network, slave)) return {};
+    return {.code = Errc::unknown_group,
+            .step = Step::map_process_data,
+            .slave = r.address.slave,
+            .index = slave.config.group};
 }
 static Error check(Network& network, const EntryNameRequest& r) {
-    return check_slave(network, r.slave, Step::discover_pdos);
+    const Error refused = check_slave(network, r.slave, Step::discover_pdos);
+    const bool lost =
+        refused.code == Errc::none && network.supervised && network.slave(r.slave).al.state == AlState::none;
+    if (!lost) return refused;
+    return {.code = Errc::missing_slave, .step = Step::discover_pdos, .slave = r.slave};
 }
 
 static Task<Result<>> run(Network& network, EntryRequest& request) {
@@ -106,7 +116,7 @@ static Task<Result<>> run(Network& network, EntryRequest& request) {
     Wanted& first = request.one_direction && request.wanted == Direction::inputs ? in : out;
     const bool other = !request.one_direction && !EntryAccess::found(first).any;
     const auto place =
-        place_of(slave, network.process.groups[slave.config.group], address, EntryAccess::found(other ? in : first));
+        place_of(slave, network.process.groups[slave.image.group], address, EntryAccess::found(other ? in : first));
     if (!place) co_return place.error();
     request.place = *place;
     co_return Nothing{};

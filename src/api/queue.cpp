@@ -210,6 +210,8 @@ class Running {
             give_turn(master_.network);
         }
         if (error_.code == Errc::canceled && error_.step == Step::none) error_ = error_of_cut();
+        if (error_.code == Errc::timeout && error_.step == Step::application_hook && error_.slave != 0)
+            master_.network.note(master_.network.slave(error_.slave), error_);
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
@@ -376,6 +378,12 @@ Time serve_queue(Master& master, Time now) {
     }
     reserve_segment(master, now);
     return first_deadline(master);
+}
+
+bool is_waiting(const RequestQueue& queue, Operation which) {
+    for (Request* r = queue.waiting; r != nullptr; r = next(*r))
+        if (operation(*r).operation == which) return true;
+    return false;
 }
 
 bool begins_at_once(Master& master) {

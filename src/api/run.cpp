@@ -187,6 +187,18 @@ Error unknown_states(const ReadStateRequest& look, const Error& exchanged) {
     return look.busy() ? Error{.code = Errc::timeout, .step = Step::read_state} : look.error();
 }
 
+// While run_cycle() executes.
+class RunningCycle {
+  public:
+    explicit RunningCycle(Network& network) : network_(network) { network_.in_run_cycle = true; }
+    RunningCycle(const RunningCycle&) = delete;
+    RunningCycle& operator=(const RunningCycle&) = delete;
+    ~RunningCycle() { network_.in_run_cycle = false; }
+
+  private:
+    Network& network_;
+};
+
 bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) {
     master_of(ctx)->in_work = true;
     const bool goes_on = work(ctx, cycle, user);
@@ -244,7 +256,8 @@ TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
 
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
     Master* master = master_of(ctx);
-    if (master != nullptr && master->owned_by_caller() && master->network.supervised) {
+    const bool owner = master != nullptr && master->owned_by_caller();
+    if (owner && (master->network.supervised || is_waiting(master->queue, Operation::supervise))) {
         const Error refused = check_target(master->network, slave, state);
         if (refused.code != Errc::none) return refused;
         set_targets(master->network, slave, state);
@@ -313,7 +326,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     Network& network = master_of(ctx)->network;
     if (!any_mapped(network)) return not_mapped(0);
     if (work == nullptr) return invalid(Argument::work, Step::exchange_process_data);
-    for (ProcessGroup& group : network.process.groups) group.was_mapped = group.mapped;
+    const RunningCycle running(network);
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule(osal.now(), settings.period);
     OverrunNews news(network);

@@ -150,8 +150,10 @@ void EntryMatcher::note_type(const FoundEntry& by_sii) {
 }
 
 std::span<EntryHandle* const> entries_of(const Network& network, const Slave& slave) {
-    if (slave.config.group >= network.process.groups.size()) return {};
-    return network.process.groups[slave.config.group].config.entries;
+    // During the first mapping the slave is not part of an image yet.
+    const std::uint16_t group = slave.image.group != SlaveImage::kNoGroup ? slave.image.group : slave.config.group;
+    if (group >= network.process.groups.size()) return {};
+    return network.process.groups[group].config.entries;
 }
 
 // ------------------------------------------------------------------ placing
@@ -213,8 +215,8 @@ Error place_entries(Network& network, ProcessGroup& group, const Slave* only) {
         error.expected = network.count;
         if (number >= 1 && number <= network.count) {
             const Slave& slave = network.slave(number);
-            error = slave.config.group == group.number ? bind(*handle, slave, group)
-                                                       : fault(Errc::entry_not_mapped, handle->address());
+            error = slave.image.group == group.number ? bind(*handle, slave, group)
+                                                      : fault(Errc::entry_not_mapped, handle->address());
             if (error.code == Errc::entry_not_mapped && may_wait(*handle, slave)) continue;
         }
         if (error.code == Errc::none) continue;

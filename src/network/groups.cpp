@@ -44,16 +44,12 @@ bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
 Result<> check_extras(ProcessGroup& group) {
     group.extras = !group.config.copies.empty() || group.config.shared != nullptr;
     for (const SlaveToSlave& copy : group.config.copies) {
-        for (const bool out : {false, true}) {
-            const std::uint16_t number = out ? copy.to_slave : copy.from_slave;
-            Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = number};
-            error.expected = static_cast<std::uint32_t>(group.slaves.size());
-            if (number < 1 || number > group.slaves.size()) return error;
-            const Slave& slave = group.slaves[number - 1U];
-            const std::uint64_t end = std::uint64_t{out ? copy.to_bit : copy.from_bit} + copy.bits;
-            const bool inside = end <= (out ? slave.image.outputs : slave.image.inputs).bits;
-            if (slave.config.group != group.number || !inside || copy.bits == 0) return invalid(Argument::copy, number);
-        }
+        const std::uint16_t number = invalid_end(group, copy);
+        if (number == 0 && copy.from_slave != 0 && copy.to_slave != 0) continue;
+        Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = number};
+        error.expected = static_cast<std::uint32_t>(group.slaves.size());
+        if (number < 1 || number > group.slaves.size()) return error;
+        return invalid(Argument::copy, number);
     }
     if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
         return Result<>();
@@ -75,8 +71,6 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (wrong.code != Errc::none) return wrong;
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
-    for (Slave& slave : network.slaves())
-        if (slave.config.group == number) network.marks(slave).image_group = number;
     group.layout = *layout;
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
@@ -94,7 +88,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
-        if (slave.config.group == number) slave.takes_part = exchanges(slave);
+        if (slave.image.group == number) slave.takes_part = exchanges(slave);
     const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
@@ -117,11 +111,21 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     co_return done;
 }
 
+// Copies of the group that name the slave are not executed any more.
+void report_copies(Network& network, const Slave& slave) {
+    const ProcessGroup& group = network.process.groups[slave.image.group];
+    const auto names = [&slave](const SlaveToSlave& copy) {
+        return copy.from_slave == slave.number || copy.to_slave == slave.number;
+    };
+    if (group.mapped && std::ranges::any_of(group.config.copies, names))
+        network.note(invalid(Argument::copy, slave.number));
+}
+
 // The slave was in the earlier mapping of a group, and the application has assigned it to another group since. Its
 // FMMUs must not answer at the addresses of the new mapping.
 Task<Result<>> leave_group(Network& network, Slave& slave) {
-    slave.takes_part = false;
-    network.marks(slave).counted = false;
+    report_copies(network, slave);
+    leave_counters(network, slave);
     if (slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
@@ -131,7 +135,6 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
         if (!back) network.note(slave, back.error());
     }
     slave.image = {};
-    network.marks(slave).image_group = SlaveMarks::kNoGroup;
     co_return Nothing{};
 }
 
@@ -144,16 +147,20 @@ bool has_late_commands(const Network& network, const Slave& slave) {
 
 // The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    if (slave.config.group != number && network.marks(slave).image_group == number)
-        co_return co_await leave_group(network, slave);
+    const bool leaves = slave.config.group != number && slave.image.group == number;
+    const bool comes = slave.config.group == number && slave.image.group != number;
+    if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
+        auto left = co_await leave_group(network, slave);
+        if (!left || leaves) co_return left;
+    }
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
     }
-    const bool due =
-        network.marks(slave).held_back || slave.al.state == AlState::init || has_late_commands(network, slave);
+    const bool due = network.marks(slave).held_back || slave.al.state == AlState::init ||
+                     has_late_commands(network, slave) || network.marks(slave).unfinished != Transition::none;
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
@@ -212,8 +219,9 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
 }
 
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    if (slave.config.group != number) co_return Nothing{};
-    if (slave.held || slave.hook_failed || slave.pdos_failed || slave.al.state == AlState::none ||
+    if (slave.image.group != number) co_return Nothing{};
+    const bool unfinished = network.marks(slave).unfinished != Transition::none;
+    if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || slave.al.state == AlState::none ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
@@ -247,7 +255,7 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
 void use_status_bits(Network& network, std::uint8_t number) {
     const ProcessGroup& group = network.process.groups[number];
     for (const Slave& slave : network.slaves()) {
-        if (slave.config.group != number || !network.has_mailbox(slave)) continue;
+        if (slave.image.group != number || !network.has_mailbox(slave)) continue;
         const std::uint32_t bit = slave.image.mailbox_status_bit;
         if (bit != SlaveImage::kNone && bit / 8 < group.image.size())
             network.mailbox(slave).use_status_bit(&group.image[bit / 8], bit % 8);
@@ -271,12 +279,12 @@ class Mapping {
         group_.mapping = false;
         if (group_.mapped) settle(group_);
         for (Slave& slave : network_.slaves()) {
-            if (slave.config.group == group_.number) {
+            if (slave.image.group == group_.number) {
                 if (slave.takes_part) note_joining(group_, slave);
                 const bool should_be_there = missing_error(network_, slave).code != Errc::none;
                 if (slave.al.state != AlState::none || should_be_there) await_slave(network_, slave);
             }
-            if (!group_.mapped && network_.marks(slave).image_group == group_.number)
+            if (!group_.mapped && slave.image.group == group_.number)
                 slave.image.outputs.bytes = slave.image.inputs.bytes = {};
         }
     }
@@ -304,7 +312,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     if (!laid_out) {
         unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
         for (Slave& slave : network.slaves())
-            if (slave.config.group == number) slave.image = {};
+            if (slave.image.group == number) slave.image = {};
         const std::uint16_t named = laid_out.error().slave;  // the caller notes errors of the group
         if (named != 0 && named <= network.count) network.note(network.slave(named), laid_out.error());
         if (named > network.count) network.note(laid_out.error());

@@ -13,7 +13,8 @@ class Execution {
     Execution(const Execution&) = delete;
     Execution& operator=(const Execution&) = delete;
     ~Execution() {
-        if (!over) network_.slave_of_cut_hook = slave_;
+        std::uint16_t& first = network_.slave_of_cut_hook;
+        if (!over && (first == 0 || slave_ < first)) first = slave_;
     }
     bool over = false;
 

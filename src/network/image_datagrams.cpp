@@ -117,7 +117,7 @@ class Planner {
                 moved = cut > at;
             };
             for (const Slave& slave : slaves_) {
-                if (slave.config.group != group_) continue;
+                if (slave.image.group != group_) continue;
                 if (range.command != Command::LRD) keep_whole(slave.image.outputs, 0);
                 if (range.command != Command::LWR) keep_whole(slave.image.inputs, layout_.input_shift_bytes());
             }
@@ -217,7 +217,7 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
     const bool block_lrw =
         wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
             const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;
-            return slave.config.group == group && cannot &&
+            return slave.image.group == group && cannot &&
                    (slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0);
         });
     const Ranges ranges = choose_ranges(layout, block_lrw);
@@ -228,7 +228,7 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
                      .expected = static_cast<std::uint32_t>(count),
                      .actual = static_cast<std::uint32_t>(into.size())};
     for (const Slave& slave : slaves) {
-        if (slave.config.group != group) continue;
+        if (slave.image.group != group) continue;
         const auto fmmus = make_fmmus(slave, layout);
         if (!fmmus) return fmmus.error();
         for (DatagramPlan& datagram : into.first(count))

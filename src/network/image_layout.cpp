@@ -156,11 +156,11 @@ struct Halves {
 Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
     Layer layer(wanted, 0, 0);
     for (Slave& slave : slaves)
-        if (slave.config.group == group) (void)layer.place(slave);
+        if (slave.image.group == group) (void)layer.place(slave);
     const std::uint64_t outputs = up_to_octet(layer.outputs_end());
     const std::uint64_t inputs = up_to_octet(layer.inputs_end());
     for (Slave& slave : slaves)
-        if (slave.config.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
+        if (slave.image.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
     const std::uint64_t with_status = up_to_octet(layer.inputs_end());
     return {{0, outputs}, {outputs, outputs + with_status}, with_status - inputs};
 }
@@ -176,14 +176,14 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
     };
     Layer layer(wanted, 0, halves.inputs.begin);
     for (Slave& slave : slaves) {
-        if (slave.config.group != group) continue;
+        if (slave.image.group != group) continue;
         const auto place = layer.place(slave);
         if (std::max(place.outputs.end, place.inputs.end) > room) return too_large();
         slave.image.outputs = part(place.outputs, image);
         slave.image.inputs = part(place.inputs, image);
     }
     for (Slave& slave : slaves) {
-        if (slave.config.group != group || !wants_mailbox_status(slave)) continue;
+        if (slave.image.group != group || !wants_mailbox_status(slave)) continue;
         const std::uint64_t bit = layer.place_mailbox_status(slave);
         if (bit >= room) return too_large();
         slave.image.mailbox_status_bit = static_cast<std::uint32_t>(bit);
@@ -278,13 +278,14 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
     for (Slave& slave : slaves) {
         if (slave.config.group != group) continue;
         slave.image = {};
+        slave.image.group = group;
         if (done) done = check_sync_managers(slave);
     }
     const auto halves = measure(slaves, group, wanted);
     if (done) done = place_all(slaves, group, wanted, image, halves);
     if (!done) {
         for (Slave& slave : slaves)
-            if (slave.config.group == group) slave.image = {};
+            if (slave.image.group == group) slave.image = {};
         return done.error();
     }
     return ImageLayout{.start = wanted.start,

@@ -7,8 +7,8 @@ namespace margay {
 namespace {
 
 ProcessGroup* group_of(Network& network, const Slave& slave) {
-    if (slave.config.group >= network.process.groups.size()) return nullptr;
-    ProcessGroup& group = network.process.groups[slave.config.group];
+    if (slave.image.group >= network.process.groups.size()) return nullptr;
+    ProcessGroup& group = network.process.groups[slave.image.group];
     return group.mapped ? &group : nullptr;
 }
 
@@ -78,6 +78,16 @@ void update_counted(Network& network, Slave& slave) {
     settle(*group);
 }
 
+void leave_counters(Network& network, Slave& slave) {
+    set_takes_part(network, slave, false);
+    ProcessGroup* group = group_of(network, slave);
+    const bool counted = network.marks(slave).counted;
+    network.marks(slave).counted = false;
+    if (group == nullptr || !counted) return;
+    count(*group, slave, false);
+    settle(*group);
+}
+
 bool is_head_of_group(Network& network, const Slave& slave) {
     return slave.wanted != nullptr && slave.wanted->hot_connect != 0 && is_located(network.expected, *slave.wanted);
 }
@@ -99,10 +109,10 @@ void await_slave(Network& network, Slave& slave) {
 
 void begin_counting(Network& network, ProcessGroup& group) {
     for (Slave& slave : network.slaves())
-        if (slave.config.group == group.number) network.marks(slave).counted = exchanges(slave);
+        if (slave.image.group == group.number) network.marks(slave).counted = exchanges(slave);
     settle(group);
     for (Slave& slave : network.slaves())
-        if (slave.config.group == group.number) update_counted(network, slave);
+        if (slave.image.group == group.number) update_counted(network, slave);
 }
 
 void forget_unplaced(Network& network, Slave& slave) {

@@ -21,6 +21,9 @@ void update_counted(Network& network, Slave& slave);
 // counted once in the first datagram: the cycle is not right without the slave.
 void begin_counting(Network& network, ProcessGroup& group);
 
+// Call it when the slave leaves its group: the group continues without it.
+void leave_counters(Network& network, Slave& slave);
+
 // Members of a hot connect group are counted while the head is present, except while the group starts up after it was
 // connected. await_slave(): the member has taken part, has failed to, or should have come with its head. Call
 // forget_awaited_members() when a slave is lost: without its head the whole group may be missing.

@@ -31,6 +31,13 @@ struct SlaveTable {
     std::span<SlaveMarks> marks;
 };
 
+// What follows a transition that nobody waits for: see settle_request().
+struct Settling : ListNode {
+    explicit Settling(std::uint16_t number) : slave(number) {}
+    std::uint16_t slave;
+    std::coroutine_handle<> sequence{};
+};
+
 struct Network {
     Network(Nic& nic, SlaveTable slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
             std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {},
@@ -76,12 +83,14 @@ struct Network {
     bool group_is_back = false;           // the head of a hot connect group: its members should come with it
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
-    // What follows transitions (`settling`): when the last of it began. It may use its slaves for kLongestSettling
-    // before a request that needs them ends it.
+    List<Settling> settlings;             // one for each sequence in `settling`
+    // When the last of them began. They may use their slaves for kLongestSettling before a request that needs one of
+    // these slaves ends them.
     Time settling_since{};
     static constexpr Duration kLongestSettling = std::chrono::seconds(10);
     Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
-    bool reaching = false;                              // reach() has started the supervision itself
+    bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
+    bool reaching = false;      // reach() has started the supervision itself
     // What follows transitions that were requested without waiting. With the requests in execution the last members, so
     // that they are destroyed first.
     Crew settling;

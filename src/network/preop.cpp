@@ -38,6 +38,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     }
     // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
+    network.marks(slave).unfinished = Transition::none;
     network.marks(slave).started_with = slave.config.startup().data();
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     auto before = co_await around_transition(network, slave, which, Moment::before);

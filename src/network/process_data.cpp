@@ -37,7 +37,7 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
         const bool counted = group.marks[slave.number - 1U].counted;
         const bool absent = slave.al.state == AlState::none || (counted && !slave.takes_part);
-        if (slave.config.group != group.number || !absent) continue;
+        if (slave.image.group != group.number || !absent) continue;
         if (slave.unplaced && counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
@@ -67,7 +67,7 @@ void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
         if (begin < stop) copy_bits(group.image, begin, inputs, begin - first, stop - begin);
     };
     for (const Slave& slave : group.slaves) {
-        if (slave.config.group != group.number || !slave.takes_part) continue;
+        if (slave.image.group != group.number || !slave.takes_part) continue;
         copy(slave.image.inputs.offset_bits, slave.image.inputs.bits);
         if (slave.image.mailbox_status_bit != SlaveImage::kNone) copy(slave.image.mailbox_status_bit, 1);
     }
@@ -265,14 +265,27 @@ void note_joining(const ProcessGroup& group, const Slave& slave) {
 void settle_lost_inputs(ProcessGroup& group) {
     if (group.config.lost_inputs == LostInputs::keep || !group.mapped) return;
     for (const Slave& slave : group.slaves)
-        if (slave.config.group == group.number && !slave.takes_part)
+        if (slave.image.group == group.number && !slave.takes_part)
             zero_bits(group.image, slave.image.inputs.offset_bits, slave.image.inputs.bits);
+}
+
+std::uint16_t invalid_end(const ProcessGroup& group, const SlaveToSlave& copy) {
+    for (const bool out : {false, true}) {
+        const std::uint16_t number = out ? copy.to_slave : copy.from_slave;
+        if (number < 1 || number > group.slaves.size()) return number;
+        const SlaveImage& image = group.slaves[number - 1U].image;
+        const std::uint64_t end = std::uint64_t{out ? copy.to_bit : copy.from_bit} + copy.bits;
+        if (image.group != group.number || copy.bits == 0 || end > (out ? image.outputs : image.inputs).bits)
+            return number;
+    }
+    return 0;
 }
 
 void set_outputs(ProcessGroup& group) {
     if (!group.mapped) return;
     if (group.config.shared != nullptr) group.config.shared->take_outputs(group.image.first(group.output_bytes));
     for (const SlaveToSlave& copy : group.config.copies) {
+        if (invalid_end(group, copy) != 0) continue;  // a slave has left the group, or the list has changed
         const ImagePart& from = group.slaves[copy.from_slave - 1U].image.inputs;
         const ImagePart& to = group.slaves[copy.to_slave - 1U].image.outputs;
         copy_bits(group.image, std::uint64_t{to.offset_bits} + copy.to_bit, group.image,

@@ -42,7 +42,7 @@ struct ProcessGroup : Group {
     bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
-    bool was_mapped = false;        // since run_cycle() began: when it is not mapped now, its data is missing
+    bool was_mapped = false;        // since the last scan, or since run_cycle() began: now its data is missing
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
@@ -74,6 +74,8 @@ void unprepare(ProcessGroup& group, Link& link, Time now);
 // number), unknown_group (not mapped).
 [[nodiscard]] Error not_sent(const ProcessGroup& group, Link& link);
 void set_outputs(ProcessGroup& group);
+// The slave of the copy whose bits are not part of its data in this group; 0: the copy can be executed.
+[[nodiscard]] std::uint16_t invalid_end(const ProcessGroup& group, const SlaveToSlave& copy);
 // For a group that is not special, or whose outputs are already set.
 [[nodiscard, gnu::always_inline]] inline Result<> send_frames(ProcessGroup& group, Link& link, Time now) {
     ++group.cycles_sent;

@@ -111,7 +111,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     if (!has_place(slave))
         co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
     if (!is_mapped(network, slave)) co_return Nothing{};
-    ProcessGroup& group = network.process.groups[slave.config.group];
+    ProcessGroup& group = network.process.groups[slave.image.group];
     const Error entries = place_entries(network, group, &slave);
     if (entries.code != Errc::none) co_return entries;  // outputs that the application writes would have no effect
     const bool lrw =
@@ -132,7 +132,7 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     if (!is_mapped(network, slave)) co_return Nothing{};
     const AlStatus before = slave.al;
     auto configured =
-        co_await configure_process_data(network, slave, network.process.groups[slave.config.group].layout, true);
+        co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);
     note_change(network, slave, before);
     co_return configured;
 }
@@ -198,21 +198,23 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     const bool to_be_asked = is_to_be_asked(network, slave);
     if (to == AlState::init || (to == AlState::preop && process && !to_be_asked))
         co_return co_await lower(network, slave, to);
-    bool configured = is_configured(slave);
+    const auto unfinished = [&] { return network.marks(slave).unfinished != Transition::none; };
+    bool configured = is_configured(slave) && !unfinished();
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
         configured = acknowledged.ok();
     }
     if (configured && slave.al.state != to) {
         auto changed = co_await change(network, slave, to);
+        if (!changed && unfinished()) co_return changed.error();  // in its state: the next attempt starts it again
         configured = changed.ok();
     }
     if (configured && !to_be_asked) co_return Nothing{};
     // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
-    const bool waits = slave.al.state == AlState::preop && !slave.al.error &&
+    const bool waits = slave.al.state == AlState::preop && !slave.al.error && !unfinished() &&
                        network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
                        to >= AlState::safeop;
-    const bool asks = to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error;
+    const bool asks = to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
     Result<> again;
     if (waits || asks) again = co_await back_to_safeop(network, slave);
     if (!asks && (!waits || !again)) again = co_await reconfigure(network, slave);

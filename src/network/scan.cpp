@@ -194,7 +194,10 @@ void keep_unasked(Network& network, FirstFault& faults) {
 Task<Result<std::uint16_t>> scan(Network& network) {
     Scanning scanning(network);
     network.expected = network.expected_next;
-    for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
+    for (ProcessGroup& group : network.process.groups) {
+        unprepare(group, network.engine.link(), network.engine.now());
+        group.was_mapped &= network.in_run_cycle;
+    }
     auto link = co_await wait_for_link(network);
     if (!link) co_return link.error();
     auto count = co_await count_slaves(network);

@@ -276,7 +276,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     const SlaveToken token(network.marks(slave));
     bool mapped = false;
     if (exchanges(slave) && is_mapped(network, slave) && !slave.held) {
-        auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
+        auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
         mapped = same && *same;
     }
     if (!mapped) {

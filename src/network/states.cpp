@@ -51,7 +51,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
     if (process) {
-        const Error failed = start_up_refusal(slave);
+        const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
     }
     co_return co_await write_state(network, slave, limited(slave, state));
@@ -92,9 +92,7 @@ AlStatus lowest(Network& network) {
 
 // What follows the last transition of the slave is being executed; slave 0: of any slave.
 bool is_settling(Network& network, std::uint16_t slave) {
-    return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return (slave == 0 || s.number == slave) && network.marks(s).settling;
-    });
+    return slave == 0 ? !network.settlings.empty() : find_settling(network, network.slave(slave)) != nullptr;
 }
 
 // A scan has begun: the table has other slaves now.

@@ -42,30 +42,39 @@ struct Watch {
     [[nodiscard]] Arena& arena() { return network.arena(); }
 };
 
-bool left_alone(const Network& network, const Slave& slave) {
-    return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
-}
-
 std::uint16_t answering(Network& network) {
     const auto slaves = network.slaves();
     return static_cast<std::uint16_t>(
         std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
+// Whether the supervision may look at the slave: nobody changes it now, or only what follows its last transition.
+bool may_look_at(Network& network, const Slave& slave) {
+    return !network.marks(slave).in_use || find_settling(network, slave) != nullptr;
+}
+
+// The slave has left the state that its hook follows: the hook ends.
+void end_settling_of(Network& network, const Slave& slave) {
+    if (Settling* settling = find_settling(network, slave)) settling->sequence.destroy();
+}
+
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (network.marks(slave).in_use || left_alone(network, slave) || (slave.al.state == AlState::none && !slave.seen))
+    if (!may_look_at(network, slave) || is_being_mapped(network, slave) ||
+        (slave.al.state == AlState::none && !slave.seen))
         co_return Nothing{};
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
+    // In use: the reading may be older than a change.
+    if (!may_look_at(network, slave) || (!seen && !does_not_answer(seen.error()))) co_return Nothing{};
     if (!seen) {
-        if (!does_not_answer(seen.error()) || !was_there || slave.al.state == AlState::none ||
-            network.marks(slave).in_use)
-            co_return Nothing{};
+        if (!was_there || slave.al.state == AlState::none) co_return Nothing{};
+        end_settling_of(network, slave);
         note_lost(network, slave);
         co_return Nothing{};
     }
-    if (network.marks(slave).in_use) co_return Nothing{};  // meanwhile: the reading may be older than a change
+    if (seen->state != slave.al.state) end_settling_of(network, slave);
+    if (network.marks(slave).in_use) co_return Nothing{};
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
         if (network.is_reserved()) co_return Nothing{};
         co_return co_await readmit_slave(network, slave, *seen);
@@ -78,18 +87,20 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
 
 // All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
 Task<Result<>> check_fmmus(Network& network, Slave& slave) {
-    if (network.marks(slave).in_use || !slave.takes_part || left_alone(network, slave) || !is_mapped(network, slave))
+    if (network.marks(slave).in_use || !slave.takes_part || is_being_mapped(network, slave) ||
+        !is_mapped(network, slave))
         co_return Nothing{};
-    auto same = co_await has_fmmus(network, slave, network.process.groups[slave.config.group].layout);
+    auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
     if (!same || *same) co_return Nothing{};
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }
 
 bool needs_help(const Network& network, const Slave& slave) {
-    if (network.marks(slave).in_use || slave.al.state == AlState::none || left_alone(network, slave)) return false;
+    if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
+    if (network.marks(slave).unfinished != Transition::none) return true;
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 

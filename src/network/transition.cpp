@@ -47,20 +47,10 @@ bool concerns(const Slave& slave, Transition which, Moment moment) {
            (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
 }
 
-class Settling {
-  public:
-    explicit Settling(SlaveMarks& marks) : token_(marks), marks_(marks) { marks_.settling = true; }
-    Settling(const Settling&) = delete;
-    Settling& operator=(const Settling&) = delete;
-    ~Settling() { marks_.settling = false; }
-
-  private:
-    SlaveToken token_;
-    SlaveMarks& marks_;
-};
-
 Task<Result<>> follow_transition(Network& network, Slave& slave) {
-    const Settling settling(network.marks(slave));
+    const SlaveToken token(network.marks(slave));
+    Settling settling(slave.number);
+    network.settlings.push_back(settling);
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
@@ -79,15 +69,41 @@ std::string_view initials(Transition one) {
     return row == nullptr ? "" : row->initials;
 }
 
+// While what follows a transition to a higher state executes. If it fails or is cut, the slave is in its state without
+// it. Transition::none: nothing is marked.
+class Following {
+  public:
+    Following(SlaveMarks& marks, Transition which) : marks_(marks), which_(which) {
+        marks_.following = which != Transition::none;
+    }
+    Following(const Following&) = delete;
+    Following& operator=(const Following&) = delete;
+    ~Following() {
+        if (which_ == Transition::none) return;
+        marks_.following = false;
+        if (!succeeded)
+            marks_.unfinished = which_;
+        else if (marks_.unfinished == which_)
+            marks_.unfinished = Transition::none;
+    }
+    bool succeeded = false;
+
+  private:
+    SlaveMarks& marks_;
+    Transition which_;
+};
+
 Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
     if (!concerns(slave, which, moment)) co_return Nothing{};
     const bool up = goes_up(which);
+    Following following(network.marks(slave), up && moment == Moment::after ? which : Transition::none);
     auto done = co_await run_commands(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
     if (slave.hooks.transition && (done || !up)) {
         done = co_await call_hook(network, slave, which, moment);
         if (!done && !up) network.note(slave, done.error());
     }
+    following.succeeded = done.ok();
     co_return up ? done : Result<>();
 }
 
@@ -120,6 +136,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
+    if (which != Transition::none && !goes_up(which)) network.marks(slave).unfinished = Transition::none;
     if (concerns(slave, which, Moment::after)) {
         auto after = co_await around_transition(network, slave, which, Moment::after);
         if (!after) co_return after.error();
@@ -132,15 +149,26 @@ void settle_request(Network& network, Slave& slave) {
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (!met || network.marks(slave).in_use || network.segment_in_use) return;
     network.settling_since = network.engine.now();
-    (void)network.settling.start(follow_transition(network, slave));
+    Task<Result<>> task = follow_transition(network, slave);
+    const std::coroutine_handle<> handle = task.handle();
+    (void)network.settling.start(std::move(task));
+    if (Settling* begun = find_settling(network, slave)) begun->sequence = handle;
+}
+
+Settling* find_settling(Network& network, const Slave& slave) {
+    for (Settling* s = network.settlings.front(); s != nullptr; s = network.settlings.after(*s))
+        if (s->slave == slave.number) return s;
+    return nullptr;
 }
 
 void end_settling(Network& network) {
-    network.settling.end_all([&network] {
-        const std::uint16_t number = std::exchange(network.slave_of_cut_hook, std::uint16_t{0});
-        if (number == 0) return;
-        network.note(network.slave(number), {.code = Errc::timeout, .step = Step::application_hook, .slave = number});
-    });
+    while (Settling* settling = network.settlings.front()) {
+        network.slave_of_cut_hook = 0;
+        settling->sequence.destroy();
+        if (const std::uint16_t number = network.slave_of_cut_hook; number != 0)
+            network.note(network.slave(number),
+                         {.code = Errc::timeout, .step = Step::application_hook, .slave = number});
+    }
 }
 
 Error above_highest(const Slave& slave, AlState state) {

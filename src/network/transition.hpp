@@ -23,6 +23,9 @@ namespace margay {
 // memory the next reading starts them.
 void settle_request(Network& network, Slave& slave);
 
+// What settle_request() has started for the slave; nullptr: nothing, or it is over.
+[[nodiscard]] Settling* find_settling(Network& network, const Slave& slave);
+
 // Ends everything that settle_request() has started, and reports the hooks that have not ended by themselves.
 void end_settling(Network& network);
 

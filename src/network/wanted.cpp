@@ -44,9 +44,12 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
     error.expected = static_cast<std::uint32_t>(wanted);
     error.actual = static_cast<std::uint32_t>(slave.al.state);
     error.detail = slave.al.code;
+    const SlaveMarks& marks = network.marks(slave);
     if (slave.al.error) return error;
-    if (slave.al.state == wanted) return {};
-    const bool failed = slave.hook_failed || slave.pdos_failed || network.marks(slave).attempts > 0;
+    if (slave.al.state == wanted && marks.unfinished == Transition::none && !marks.following) return {};
+    if (slave.al.state == wanted) error.code = Errc::start_up_unfinished;
+    const bool failed =
+        slave.hook_failed || slave.pdos_failed || marks.attempts > 0 || marks.unfinished != Transition::none;
     return failed ? start_up_error(slave, error) : error;
 }
 
@@ -80,7 +83,13 @@ Error missing_error(Network& network, const Slave& slave) {
 }
 
 bool is_mapped(const Network& network, const Slave& slave) {
-    return slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapped;
+    return slave.image.group < network.process.groups.size() && network.process.groups[slave.image.group].mapped;
+}
+
+bool is_being_mapped(const Network& network, const Slave& slave) {
+    return std::ranges::any_of(network.process.groups, [&slave](const ProcessGroup& group) {
+        return group.mapping && (group.number == slave.config.group || group.number == slave.image.group);
+    });
 }
 
 bool has_place(const Slave& slave) {
@@ -109,7 +118,9 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
                          !is_optional(*slave.wanted);
-    return (!slave.config.optional || awaited) && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
+    const bool leaving = slave.image.group != slave.config.group && is_being_mapped(network, slave);
+    return (!slave.config.optional || awaited) && !leaving && !nobody && !absent &&
+           wanted_state(network, slave) >= AlState::safeop;
 }
 
 Error state_error(Network& network, const Slave& slave) {
@@ -132,9 +143,11 @@ Error state_error(Network& network, const Slave& slave) {
     return fault(slave, Errc::working_counter, Step::exchange_process_data);
 }
 
-Error start_up_refusal(const Slave& slave) {
-    if (!slave.hook_failed && !slave.pdos_failed) return {};
-    return start_up_error(slave, fault(slave, Errc::wrong_state, Step::request_state));
+Error start_up_refusal(const Network& network, const Slave& slave) {
+    const bool unfinished = network.marks(slave).unfinished != Transition::none;
+    if (!slave.hook_failed && !slave.pdos_failed && !unfinished) return {};
+    const Errc code = unfinished ? Errc::start_up_unfinished : Errc::wrong_state;
+    return start_up_error(slave, fault(slave, code, Step::request_state));
 }
 
 Error target_refusal(const Slave& slave, AlState state) {
@@ -145,11 +158,9 @@ Error target_refusal(const Slave& slave, AlState state) {
 Error refusal(const Network& network, const Slave& slave, AlState state) {
     const Error never = target_refusal(slave, state);
     if (never.code != Errc::none) return never;
-    const Error failed = state >= AlState::safeop ? start_up_refusal(slave) : Error{};
+    const Error failed = state >= AlState::safeop ? start_up_refusal(network, slave) : Error{};
     if (failed.code != Errc::none) return failed;
-    const bool mapping =
-        slave.config.group < network.process.groups.size() && network.process.groups[slave.config.group].mapping;
-    if (!network.supervised || mapping || state == goal(network, slave)) return {};
+    if (!network.supervised || is_being_mapped(network, slave) || state == goal(network, slave)) return {};
     Error error = fault(slave, Errc::supervised, Step::request_state);
     error.actual = static_cast<std::uint32_t>(state);
     error.expected = static_cast<std::uint32_t>(goal(network, slave));

@@ -17,6 +17,8 @@ void update_held(Network& network);
 
 // Whether the group of the slave is mapped.
 [[nodiscard]] bool is_mapped(const Network& network, const Slave& slave);
+// Whether config_map() is executing for the group of the slave, or for the group that it is to belong to.
+[[nodiscard]] bool is_being_mapped(const Network& network, const Slave& slave);
 // Whether all process data of the slave has a place in the image.
 [[nodiscard]] bool has_place(const Slave& slave);
 [[nodiscard]] inline bool exchanges(const Slave& slave) {
@@ -39,9 +41,9 @@ void update_held(Network& network);
 // The reason why the slave is not in its wanted state, as far as known; code none when it is.
 [[nodiscard]] Error state_error(Network& network, const Slave& slave);
 
-// The reason why the slave must not be brought to SAFEOP or OP now: the error of its hook or of its PDOs; code none
-// when there is none.
-[[nodiscard]] Error start_up_refusal(const Slave& slave);
+// The reason why the slave must not be brought to SAFEOP or OP now: the error of its hook, of its PDOs, or of the
+// commands and the hook after its last transition; code none when there is none.
+[[nodiscard]] Error start_up_refusal(const Network& network, const Slave& slave);
 
 // The reason why this state cannot be the target of the slave: above_highest, other_slave or unexpected_slave (the
 // slave is held); code none when it can.

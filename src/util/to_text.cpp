@@ -85,6 +85,8 @@ std::string_view to_text(Errc code) {
         case Errc::configuration_lost:
             return "config or hooks of a slave that does not exist were written: write them after config_init(), to "
                    "slaves 1 and up, or use expect()";
+        case Errc::start_up_unfinished:
+            return "the commands or the hook after the transition have not ended, or were ended by a timeout";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";

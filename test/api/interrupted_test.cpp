@@ -197,7 +197,9 @@ TEST_F(Interrupted, AStatecheckDoesNotCutTheHookAfterTheTransition) {
         EXPECT_EQ(hook.calls, 1);
         EXPECT_EQ(hook.ends, 0);
     }
-    EXPECT_TRUE(readstate(ctx)) << "it waits for the hook";
+    EXPECT_TRUE(readstate(ctx));
+    EXPECT_EQ(hook.ends, 0) << "a reading does not wait for the hook";
+    EXPECT_TRUE(statecheck(ctx, 2, AlState::preop, 10s));
     EXPECT_EQ(hook.calls, 1);
     EXPECT_EQ(hook.ends, 1);
 }

@@ -106,7 +106,7 @@ TEST_F(Settings, OfASetupThatNoSlaveCanHave) {
 TEST_F(Settings, OfACommandThatIsNeverExecuted) {
     const std::string at = kMapping;
     const StartupCommand right = write_register(Transition::preop_to_safeop, 0x0F80, std::uint8_t{1});
-    EXPECT_EQ(map_with_command(StartupCommand{}), at + "the start-up command has no transition (no. 1)");
+    EXPECT_EQ(map_with_command(StartupCommand{}), at + "no. 1 of the start-up commands has no transition");
     EXPECT_EQ(
         map_with_command(right.within(-1ms)),
         "slave 2: command at PS (no. 1, register 0x0f80): argument out of range: the timeout of a start-up command "
@@ -143,8 +143,8 @@ TEST_F(Settings, OfAGroup) {
               at + "start: the image overlaps another one, or ends above 0xffffffff");
     static constexpr SlaveToSlave kNothing[] = {{.from_slave = 1, .to_slave = 2, .bits = 0}};
     EXPECT_EQ(group([](auto& c) { c.copies = kNothing; }),
-              "slave 1: mapping process data: argument out of range: GroupConfiguration::copies: the bits are not part "
-              "of the slave's data in this group");
+              "slave 1: mapping process data: argument out of range: GroupConfiguration::copies: at least 1 bit, and "
+              "only bits of the slave's data in this group");
     static constexpr EntryHandle* kNull[] = {nullptr};
     EXPECT_EQ(group([](auto& c) { c.entries = kNull; }), at + "entries has a null pointer");
     EXPECT_EQ(words(config_map(*ctx, std::span(image).subspan(32), 1).error()),

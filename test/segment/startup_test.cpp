@@ -80,6 +80,7 @@ TEST_F(Startup, CommandsRunInTheirOrderAtTheirTransitions) {
     EXPECT_EQ(ram(1, 15), 0) << "not yet";
     cycles(5);
     go(AlState::op);
+    cycles(5);
     EXPECT_EQ(ram(1, 1), 0x22);
     EXPECT_EQ(ram(1, 15), 0x33);
     EXPECT_EQ(beside_the_cycle(2, 0x7000, 21), 2U);

@@ -1,0 +1,121 @@
+// A slave whose commands or hook after a transition have failed, or were cut, is not as it is wanted.
+#include "segment/bench.hpp"
+
+#include <margay/hooked_slave.hpp>
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+class Unfinished : public SegmentTest {
+  protected:
+    std::array<std::byte, 512> image{};
+    SlaveSetup setup;
+    SlaveConfiguration config{.setup = &setup};
+
+    void begin(bool by_expect = false) {
+        plug("odd_device");
+        plug("odd_device");
+        switch_on();
+        ASSERT_TRUE(init(ctx, wire, osal));
+        const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .config = &config}};
+        if (by_expect) {
+            ASSERT_TRUE(expect(ctx, expected));
+        }
+        found = config_init(ctx).error();
+        if (by_expect) {
+            ASSERT_TRUE(expect(ctx, {}));
+        }
+    }
+    Error found;
+    std::string reached(Duration timeout = 3s) { return words(reach(ctx, AlState::op, timeout).error()); }
+    static constexpr std::string_view kRefused =
+        "object 0x5555:1): the slave aborted the transfer (abort code 0x06020000";
+};
+
+// A command of IP that fails: at the scan, at the mapping, and in reach().
+TEST_F(Unfinished, ACommandOfIpKeepsTheSlaveInPreop) {
+    static constexpr StartupCommand kWrong[] = {write_object(Transition::init_to_preop, 0x5555, 1, std::uint8_t{1})};
+    setup.startup = kWrong;
+    begin(true);
+    EXPECT_NE(words(found).find(kRefused), std::string::npos) << words(found);
+    const Error mapped = config_map(ctx, image).error();
+    EXPECT_NE(words(mapped).find(kRefused), std::string::npos) << words(mapped);
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::preop);
+    EXPECT_FALSE(ctx.slave(2).takes_part);
+    EXPECT_NE(reached().find(kRefused), std::string::npos);
+    EXPECT_FALSE(all_right(ctx));
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::preop);
+    EXPECT_EQ(ctx.slave(1).al.state, AlState::op);
+    setup.startup = {};
+    EXPECT_EQ(reached(), "no error");
+}
+
+// Commands after PREOP to SAFEOP and after SAFEOP to OP.
+TEST_F(Unfinished, ACommandAfterATransitionIsNotSkippedByTheNextAttempt) {
+    for (const Transition which : {Transition::preop_to_safeop, Transition::safeop_to_op}) {
+        const StartupCommand wrong[] = {write_object(which, 0x5555, 1, std::uint8_t{1}).afterwards()};
+        setup.startup = wrong;
+        if (ctx.slaves().empty()) begin();
+        ctx.slave(2).config.setup = &setup;
+        (void)config_map(ctx, image);
+        const std::string text = reached();
+        EXPECT_NE(text.find(kRefused), std::string::npos) << text;
+        EXPECT_FALSE(all_right(ctx));
+        SuperviseRequest supervision;
+        ASSERT_TRUE(submit(ctx, supervision));
+        EXPECT_NE(reached(5s).find(kRefused), std::string::npos);
+        bool told = false;
+        while (const auto event = ctx.events().take()) {
+            EXPECT_FALSE(event->kind == EventKind::recovered && event->slave == 2);
+            told |= event->kind == EventKind::recovery_failed && event->slave == 2;
+        }
+        EXPECT_TRUE(told);
+        setup.startup = {};
+        EXPECT_EQ(reached(), "no error");
+        EXPECT_TRUE(all_right(ctx));
+        supervision.cancel();
+        setup.startup = {};
+        ctx.slave(2).config.setup = nullptr;
+        ASSERT_TRUE(set_target(ctx, 0, AlState::preop));
+    }
+}
+
+// reach() waits for the hook after the transition.
+struct Slow {
+    int ended = 0;
+    Duration lasts = 300ms;
+    static Task<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
+        auto& my = *static_cast<Slow*>(user);
+        if (slave.number() != 2 || which != Transition::safeop_to_op || when != Moment::after) co_return {};
+        auto slept = co_await slave.sleep(my.lasts);
+        ++my.ended;
+        co_return slept;
+    }
+};
+TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
+    begin();
+    Slow slow;
+    ctx.slave(2).hooks.user = &slow;
+    ctx.slave(2).hooks.transition = Slow::hook;
+    ASSERT_TRUE(config_map(ctx, image));
+    EXPECT_EQ(reached(), "no error");
+    EXPECT_EQ(slow.ended, 1);
+    // A hook that is cut by the timeout of reach() is not forgotten.
+    ASSERT_TRUE(set_target(ctx, 0, AlState::preop));
+    slow.lasts = 1h;
+    EXPECT_EQ(
+        reached(1s),
+        "slave 2: requesting a state: the commands or the hook after the transition have not ended, or were ended "
+        "by a timeout");
+    EXPECT_FALSE(all_right(ctx));
+    slow.lasts = 10ms;
+    EXPECT_EQ(reached(), "no error");
+    EXPECT_EQ(slow.ended, 2);
+}
+
+}  // namespace
+}  // namespace margay
