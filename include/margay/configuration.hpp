@@ -60,15 +60,24 @@ struct SlaveTimes {
     std::optional<Duration> pdi_watchdog{};
 };
 
+namespace detail {
+struct PdoPart;
+struct StartupPart;
+extern const PdoPart kPdoPart;
+extern const StartupPart kStartupPart;
+}  // namespace detail
+using PdoLists = ListWithPart<SmPdos, detail::PdoPart, &detail::kPdoPart>;
+using StartupCommands = ListWithPart<StartupCommand, detail::StartupPart, &detail::kStartupPart>;
+
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its
 // lists are the caller's memory, and must live as long as the configuration of any slave points to it.
 struct SlaveSetup {
     // The PDOs of SyncManagers. The library writes them into the slave's object dictionary before it reads the process
     // data, and again when the slave comes back; PDOs that are right already are not written. SyncManagers that are not
     // listed keep their PDOs. For a slave without CoE the lists only describe its process data.
-    Borrowed<SmPdos> pdos{};
+    PdoLists pdos{};
     // Commands at transitions; see startup.hpp.
-    Borrowed<StartupCommand> startup{};
+    StartupCommands startup{};
     SlaveTimes times{};
 };
 
@@ -98,10 +107,12 @@ struct SlaveConfiguration {
     const SlaveSetup* setup = nullptr;
 
     [[nodiscard]] constexpr Borrowed<SmPdos> pdos() const {
-        return setup == nullptr ? Borrowed<SmPdos>() : setup->pdos;
+        if (setup == nullptr) return {};
+        return static_cast<const Borrowed<SmPdos>&>(setup->pdos);
     }
     [[nodiscard]] constexpr Borrowed<StartupCommand> startup() const {
-        return setup == nullptr ? Borrowed<StartupCommand>() : setup->startup;
+        if (setup == nullptr) return {};
+        return static_cast<const Borrowed<StartupCommand>&>(setup->startup);
     }
     [[nodiscard]] constexpr SlaveTimes times() const { return setup == nullptr ? SlaveTimes{} : setup->times; }
     // Appends a SyncManager. Returns false if there are kProcessSms already.

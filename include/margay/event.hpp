@@ -62,11 +62,9 @@ struct Event {
 std::string_view describe(const Event& event, std::span<char> out);
 
 // The events in the order in which they occurred. The thread that polls writes; one other thread may read. If no thread
-// reads, the queue keeps the oldest kCapacity events.
+// reads, the queue keeps the oldest Limits::events events.
 class EventQueue : public SpscRing<Event> {
   public:
-    static constexpr std::uint32_t kCapacity = 64;
-
     // Called by poll() for each event, in the thread that polls: must neither wait nor poll; an exception that leaves
     // it ends the program. Set it in that thread. The callback also receives the events that do not fit the ring.
     void (*callback)(const Event& event, void* user) = nullptr;

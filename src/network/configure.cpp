@@ -172,8 +172,8 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
     }
-    if (running && !slave.config.pdos().empty()) {
-        auto pdos = co_await write_pdos(network, slave);
+    if (running && pdo_part(slave) != nullptr) {
+        auto pdos = co_await pdo_part(slave)->write(network, slave);
         if (!pdos) co_return pdos;
     }
     auto written = co_await write_all(station, slave, layout, running);

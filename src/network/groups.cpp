@@ -65,6 +65,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     ProcessGroup& group = tables.groups[number];
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
+    if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
     for (Slave& slave : network.slaves())
         if (slave.config.group == number) network.marks(slave).image_group = number;
     group.layout = *layout;

@@ -81,7 +81,9 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
     if (!by_coe) network.note(slave, by_coe.error());
     if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
-    auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
+    const SoeFeature* const soe = network.mailboxes.soe;
+    if (soe == nullptr) co_return Nothing{};
+    auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
     if (!by_soe) network.note(slave, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
@@ -101,12 +103,8 @@ Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntryMa
     auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
     found.sii_read = read.ok() && slave.sii_read;
     if (!read || sink == nullptr) co_return read;
-    for (const SmPdos& list : slave.config.pdos()) {
-        if (listed_bits(list).open == 0) continue;
-        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, *sink);
-        if (!walked) co_return walked;
-    }
-    co_return Nothing{};
+    if (pdo_part(slave) == nullptr) co_return Nothing{};
+    co_return co_await pdo_part(slave)->walk(network, slave, *sink);
 }
 
 // The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
@@ -211,6 +209,22 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+namespace {
+
+// The entries of the PDOs that the lists name without their entries.
+Task<Result<>> walk_lists(Network& network, const Slave& slave, EntrySink& entries) {
+    for (const SmPdos& list : slave.config.pdos()) {
+        if (listed_bits(list).open == 0) continue;
+        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, entries);
+        if (!walked) co_return walked;
+    }
+    co_return Nothing{};
+}
+
+}  // namespace
+
+constinit const detail::PdoPart detail::kPdoPart{.check = check_pdo_lists, .write = write_pdos, .walk = walk_lists};
+
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     SlaveConfiguration& config = slave.config;
     const bool compare = !network.marks(slave).pdos_compared;
@@ -220,10 +234,12 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
-    const Error wrong = check_pdo_lists(slave);
+    const detail::PdoPart* const lists = pdo_part(slave);
+    const Error wrong = lists == nullptr ? Error{} : lists->check(slave);
     if (!said && !known) config.sm_count = 0;
     if (wrong.code != Errc::none) co_return wrong;
-    auto written = co_await write_pdos(network, slave);
+    Result<> written;
+    if (lists != nullptr) written = co_await lists->write(network, slave);
     if (!written || known || (said && !compare && sink == nullptr)) co_return written;
     Findings found;
     auto asked = co_await ask_by_mail(network, slave, found, compare, sink);

@@ -70,7 +70,9 @@ std::string_view initials(Transition one) {
 Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
     if (!concerns(slave, which, moment)) co_return Nothing{};
     const bool up = goes_up(which);
-    auto done = co_await run_commands(network, slave, which, moment);
+    Result<> done;
+    if (has_commands(slave, which, moment))
+        done = co_await slave.config.setup->startup.part()->run(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
     if (slave.hooks.transition && (done || !up)) {
         done = co_await call_hook(network, slave, which, moment);
