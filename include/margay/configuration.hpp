@@ -148,6 +148,23 @@ enum class LostInputs : std::uint8_t {
 class EntryHandle;
 class SharedImage;
 
+namespace detail {
+struct EntryPart;
+extern const EntryPart kEntryPart;
+}  // namespace detail
+
+// A list of entries; like a list of PDOs it names the part of the library that works with it.
+class EntryList : public std::span<EntryHandle* const> {
+  public:
+    constexpr EntryList() : part_(nullptr) {}
+    using std::span<EntryHandle* const>::span;
+    // nullptr: there was never a list.
+    [[nodiscard]] constexpr const detail::EntryPart* part() const { return empty() ? nullptr : part_; }
+
+  private:
+    const detail::EntryPart* part_ = &detail::kEntryPart;
+};
+
 // The configuration of one group: slaves that share an image and are exchanged together.
 struct GroupConfiguration {
     LogicalAddress start;  // logical address of the image
@@ -176,7 +193,7 @@ struct GroupConfiguration {
     SharedImage* shared = nullptr;    // lets another thread work on the image: see shared_image.hpp
     // Entries of process data that each config_map() finds: see entry.hpp. The list and the handles are the caller's
     // memory.
-    std::span<EntryHandle* const> entries{};
+    EntryList entries{};
 };
 
 }  // namespace margay

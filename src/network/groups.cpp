@@ -282,7 +282,9 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
         if (named > network.count) network.note(laid_out.error());
         co_return laid_out.error();
     }
-    const Error entries = place_entries(network, network.process.groups[number]);
+    ProcessGroup& group = network.process.groups[number];
+    const detail::EntryPart* const part = group.config.entries.part();
+    const Error entries = part == nullptr ? Error{} : part->place(network, group, nullptr);
     const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
     auto configured = co_await for_each_slave(network, set);
     if (!configured) co_return configured.error();

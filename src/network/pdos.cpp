@@ -92,14 +92,13 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
 
 // Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
 // their data types.
-Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntryMatcher* entries) {
-    if (entries != nullptr && found.source != ConfigurationSource::sii) {
-        EntryTypes types(*entries);
+Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* sink) {
+    if (sink != nullptr && found.source != ConfigurationSource::sii) {
+        EntryTypes types(*sink);
         auto compared = co_await find_sms_by_sii(network.station(slave), slave, found.sii, &types);
         found.sii_read = compared.ok() && slave.sii_read;
         co_return compared;
     }
-    EntrySink* const sink = entries;
     auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
     found.sii_read = read.ok() && slave.sii_read;
     if (!read || sink == nullptr) co_return read;
@@ -223,15 +222,16 @@ Task<Result<>> walk_lists(Network& network, const Slave& slave, EntrySink& entri
 
 }  // namespace
 
-constinit const detail::PdoPart detail::kPdoPart{.check = check_pdo_lists, .write = write_pdos, .walk = walk_lists};
+constinit const detail::PdoPart detail::kPdoPart{
+    .check = check_pdo_lists, .place = place_by_lists, .write = write_pdos, .walk = walk_lists};
 
-Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+namespace {
+
+Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     SlaveConfiguration& config = slave.config;
     const bool compare = !network.marks(slave).pdos_compared;
     network.marks(slave).pdos_compared = true;
     const bool said = by_application(config);
-    EntryMatcher entries(entries_of(network, slave), slave);
-    EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
     const detail::PdoPart* const lists = pdo_part(slave);
@@ -244,7 +244,7 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     Findings found;
     auto asked = co_await ask_by_mail(network, slave, found, compare, sink);
     if (!asked) {
-        entries.forget();
+        if (sink != nullptr) sink->forget();
         if (!said) co_return asked;
         network.note(slave, asked.error());  // the values of the application have precedence
         co_return Nothing{};
@@ -253,6 +253,22 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     if (found.source == ConfigurationSource::sii || compare || sink != nullptr)
         read = co_await read_sii(network, slave, found, sink);
     co_return select_source(network, slave, found, read, compare);
+}
+
+// The same, and finds the entries that the application has listed.
+Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
+    EntryMatcher entries(entries_of(network, slave), slave);
+    co_return co_await discover(network, slave, entries.wanted() ? &entries : nullptr);
+}
+
+}  // namespace
+
+constinit const detail::EntryPart detail::kEntryPart{.discover = discover_with_entries, .place = place_entries};
+
+Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+    const bool grouped = slave.config.group < network.process.groups.size();
+    const auto* part = grouped ? network.process.groups[slave.config.group].config.entries.part() : nullptr;
+    return part == nullptr ? discover(network, slave, nullptr) : part->discover(network, slave);
 }
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {

@@ -26,15 +26,4 @@ class EntryMatcher;
 // How long to wait for replies to mail during the start-up of the slave.
 [[nodiscard]] MailPatience startup_patience(const Slave& slave);
 
-// What is done with the PDO lists of a slave.
-struct detail::PdoPart {
-    Error (*check)(const Slave& slave);
-    Task<Result<>> (*write)(Network& network, Slave& slave);
-    Task<Result<>> (*walk)(Network& network, const Slave& slave, EntrySink& entries);
-};
-// nullptr: the slave has no lists.
-[[nodiscard]] inline const detail::PdoPart* pdo_part(const Slave& slave) {
-    return slave.config.pdos().empty() ? nullptr : slave.config.setup->pdos.part();
-}
-
 }  // namespace margay

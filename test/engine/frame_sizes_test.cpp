@@ -49,12 +49,11 @@ TEST_F(FrameSizes, OfEachSequence) {
     const Station station = network.station(slave);
     std::byte word[2]{};
 
-    expect("read_al_status", 512, read_al_status(station));
     expect("change_al_state", 512, change_al_state(station, AlState::preop, false, std::chrono::seconds(1)));
     expect("sii_write", 512, sii_write(station, 4, word));
     expect("sii_assign", 512, sii_assign(station, false));
     expect("read_sii_contents", 512, read_sii_contents(station, slave));
-    expect("scan", 1024, scan(network));
+    expect("scan", 512, scan(network));
     expect("count_slaves", 512, count_slaves(network));
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));

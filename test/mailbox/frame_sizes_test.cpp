@@ -35,12 +35,12 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("ask_information", 512, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));
-    expect("soe_write", 1024, soe_write(channel, {}, memory, {}));
-    expect("soe_execute", 1024, soe_execute(channel, {}, {}));
+    expect("soe_write", 512, soe_write(channel, {}, memory, {}));
+    expect("soe_execute", 512, soe_execute(channel, {}, {}));
     FoundSms found{};
     expect("find_sms_by_soe", 256, find_sms_by_soe(channel, bus.ctx->slave(1), found));
-    expect("find_sms_by_coe", 512, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
-    expect("write_sm_pdos", 1024, write_sm_pdos(channel, {}, {}));
+    expect("find_sms_by_coe", 256, find_sms_by_coe(channel, bus.ctx->slave(1), {}, found, {}));
+    expect("write_sm_pdos", 512, write_sm_pdos(channel, {}, {}));
     // One read that has started: its sequences, the pump and the mailbox.
     SdoUpload request;
     request.slave = 1;
