@@ -30,5 +30,5 @@ That was a simulated segment. What to try next:
   build/bin/segment_monitor sim:demo                  a live view; q ends it
   build/bin/eepromtool sim:demo 2 dump                what is in the EEPROM of the second slave
   sudo build/bin/slaveinfo eth0                       real slaves, on the interface that they are connected to
-  sh test/run.sh --quick                              all tests
+  sh test/run.sh --quick                              the tests, without sanitizers
 END

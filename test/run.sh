@@ -1,11 +1,12 @@
 #!/bin/sh
-# Builds everything and runs all tests: without sanitizers in build/, then under AddressSanitizer and
-# UndefinedBehaviorSanitizer in build-sanitized/, then the tests with threads under ThreadSanitizer in build-threads/.
-# Stops at the first of these runs that fails.
+# Builds everything and runs all tests, each once: those that measure optimised code, execute programs or need real time
+# without sanitizers in build/, all others under AddressSanitizer and UndefinedBehaviorSanitizer in build-sanitized/, then
+# the tests with threads again under ThreadSanitizer in build-threads/. Stops at the first of these runs that fails.
 #
 #   sh test/run.sh [--quick] [--no-skips] [ctest arguments …]
 #
-#   --quick      leaves out the sanitizers and the builds of all build types
+#   --quick      all tests run in build/ only; leaves out the sanitizers (the fuzz harnesses too), clang, and the builds of
+#                all build types
 #   --no-skips   a test that is skipped fails the run
 #
 # Tests that lack something (tshark, clang 16, an ARM compiler, QEMU, network namespaces) are skipped and say so. The last
@@ -70,7 +71,15 @@ run() {
     step "$folder: tests" ctest --test-dir "$folder" --parallel "$(nproc)" --output-on-failure \
         --output-log "$records/log" "$@"
     sed -n "s|^[0-9]*% tests passed.*|$folder: &|p" "$records/log" >>"$records/summaries"
-    if [ $skips = no ] && grep '(Skipped)$' "$records/log" >"$records/skipped"; then
+    # ctest names the tests that it skipped. Where an entry of ctest is many tests, their output names them.
+    grep '(Skipped)$' "$records/log" >"$records/skipped" || true
+    case $settings in *TEST_SHARDS=[1-9]*)
+        sed -n 's|^\[  SKIPPED \] \([^ ]*\.[^ ]*\)$|  \1 (Skipped)|p' "$folder/Testing/Temporary/LastTest.log" \
+            2>/dev/null | sort -u >"$records/skipped"
+        sed "1i $folder, tests that did not run:" "$records/skipped"
+        ;;
+    esac
+    if [ $skips = no ] && [ -s "$records/skipped" ]; then
         echo "Skipped, and --no-skips was given:" >&2
         cat "$records/skipped" >&2
         exit 1
@@ -79,18 +88,23 @@ run() {
 
 # In build/ each source of the library is compiled alone: its archives are what is installed.
 if [ $quick = yes ]; then
-    run build -DMARGAY_UNITY=tests -- -LE build_types "$@"
+    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=all -- -LE 'build_types|sanitized' "$@"
 else
-    run build -DMARGAY_UNITY=tests -- "$@"
+    # A sanitized program takes long to start. Arguments can select single tests: then each test is an entry of ctest.
+    shards=4
+    [ $# -eq 0 ] || shards=0
+    run build -DMARGAY_UNITY=tests -DMARGAY_TEST_PROGRAMS=unsanitized -- "$@"
     export UBSAN_OPTIONS=print_stacktrace=1
-    # The run above checks the rules of the storm. Under sanitizers a few seeds are enough, and only their reports count.
-    run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -- -E '^storm/' "$@"
+    run build-sanitized -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=address -DCMAKE_BUILD_TYPE=Debug -DMARGAY_TEST_SHARDS=$shards \
+        -- "$@"
+    # The tests of the storm in build/ check its rules. Under sanitizers only their reports count, and a few seeds are
+    # enough.
     step 'build-sanitized: storm' sh -c \
         'build-sanitized/bin/storm --seeds 40 --no-shrink --keep-going >build-sanitized/storm.log 2>&1 || true'
     if grep -E 'AddressSanitizer|runtime error' build-sanitized/storm.log; then exit 1; fi
     export TSAN_OPTIONS=halt_on_error=1
-    run build-threads -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DCMAKE_BUILD_TYPE=Debug -- \
-        -L threads "$@"
+    run build-threads -DMARGAY_UNITY=ON -DMARGAY_SANITIZE=thread -DMARGAY_SAMPLES=OFF -DCMAKE_BUILD_TYPE=Debug \
+        -DMARGAY_TEST_SHARDS=$shards -- -L threads "$@"
 fi
 
 echo

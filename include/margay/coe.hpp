@@ -63,7 +63,7 @@ struct ObjectListRequest : MailRequest {
     ObjectListRequest();
     ObjectList list = ObjectList::all;
     // poll() calls this function in the thread that polls; it must neither wait nor call the library.
-    void (*found)(std::span<const std::uint16_t> indices, void* user) = nullptr;
+    void (*found)(std::span<const std::uint16_t> indices, void* user) = nullptr;  // must not throw
     void* user = nullptr;
     std::uint32_t count = 0;  // result: number of all indices
 };

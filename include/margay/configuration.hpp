@@ -52,8 +52,7 @@ struct SlaveTimes {
     Duration down{0};
     // How long the slave may take to answer a mailbox message during its start-up; zero: 3 s.
     Duration mailbox{0};
-    // ESC register 0x0400: the unit of the watchdogs, in 40 ns, less two. process_data_watchdog is counted in this
-    // unit.
+    // ESC register 0x0400. The unit of the watchdogs is (value + 2) · 40 ns; 2498, the usual value, means 100 µs.
     std::optional<std::uint16_t> watchdog_divider{};
     // ESC register 0x0410: after this time without access the ESC regards the slave's processor as failed. At most
     // 6.5535 s with the usual divider; zero: never.
@@ -100,9 +99,10 @@ struct SlaveConfiguration {
     AlState highest = AlState::op;
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};  // the order of the data in the image
-    // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In steps
-    // of 100 µs, at most 6.5535 s; zero switches the watchdog off. Not set: the slave keeps its own value. If it is
-    // set, all SyncManagers of outputs trigger the watchdog, also those for which the SII does not say so.
+    // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In
+    // steps of the watchdogs' unit (SlaveTimes::watchdog_divider), at most 65535 of them: by default steps of 100 µs,
+    // at most 6.5535 s. Zero switches the watchdog off. Not set: the slave keeps its own value. If it is set, all
+    // SyncManagers of outputs trigger the watchdog, also those for which the SII does not say so.
     std::optional<Watchdog> process_data_watchdog{};
     const SlaveSetup* setup = nullptr;
 
@@ -115,9 +115,13 @@ struct SlaveConfiguration {
         return static_cast<const Borrowed<StartupCommand>&>(setup->startup);
     }
     [[nodiscard]] constexpr SlaveTimes times() const { return setup == nullptr ? SlaveTimes{} : setup->times; }
+    // The first sm_count of `sms`.
+    [[nodiscard]] constexpr std::span<const ProcessSm> used_sms() const {
+        return std::span(sms).first(sm_count < kProcessSms ? sm_count : kProcessSms);
+    }
     // Appends a SyncManager. Returns false if there are kProcessSms already.
     constexpr bool add(const ProcessSm& sm) {
-        if (sm_count == kProcessSms) return false;
+        if (sm_count >= kProcessSms) return false;
         sms[sm_count++] = sm;
         return true;
     }

@@ -25,16 +25,16 @@ struct Master;
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6016 : 4240;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6048 : 4256;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
-    constexpr std::size_t kGroupBytes = kWide ? 384 : 296;
+    constexpr std::size_t kGroupBytes = kWide ? 408 : 304;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
-    constexpr std::size_t kMarksBytes = 8;                           // what the library notes about a slave
+    constexpr std::size_t kMarksBytes = kWide ? 24 : 16;                        // what the library notes about a slave
     constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;

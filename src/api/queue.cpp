@@ -2,6 +2,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/transition.hpp"
 #include "util/turns.hpp"
 
 #include <algorithm>
@@ -95,7 +96,7 @@ void accept(RequestQueue& queue, Request& request, Time now) {
     insert(queue, request);
 }
 
-void take_submitted(RequestQueue& queue, Time now) {
+void accept_submitted(RequestQueue& queue, Time now) {
     if (!queue.any_submitted.exchange(false, std::memory_order_acquire)) return;
     for (auto& place : queue.submitted)
         if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
@@ -145,6 +146,14 @@ bool is_segment_wanted(Master& master) {
     return false;
 }
 
+// The supervision executes a round before the next request uses the segment.
+void give_turn(Network& network) {
+    network.supervision_turn = true;
+    if (network.supervision_sleep == nullptr) return;
+    network.engine.wake(*network.supervision_sleep);
+    network.supervision_sleep = nullptr;
+}
+
 // While a request waits for the segment, the supervision begins nothing. But the request may wait for long, for a hook
 // or for the SII of one slave, and the hook may wait for a slave that the supervision has not begun with: so the
 // supervision gets turns. The time until the next turn doubles, so that it becomes longer than every start-up of a
@@ -157,7 +166,7 @@ void reserve_segment(Master& master, Time now) {
     const bool first = wanted && !network.segment_wanted;
     network.segment_wanted = wanted;
     if (!first && now < queue.turn_at) return;
-    network.supervision_turn |= wanted && !first;
+    if (wanted && !first) give_turn(network);
     queue.turn_after = first ? kFirst : std::min<Duration>(queue.turn_after * 2, 64 * kFirst);
     queue.turn_at = later(now, queue.turn_after);
 }
@@ -198,17 +207,25 @@ class Running {
         token_.reset();
         if (needs_ == Needs::segment) {
             master_.network.segment_in_use = false;
-            master_.network.supervision_turn = true;
+            give_turn(master_.network);
         }
-        if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
-            error_ = {
-                .code = RequestAccess::why(request_), .step = operation(request_).step, .slave = slave_of(request_)};
+        if (error_.code == Errc::canceled && error_.step == Step::none) error_ = error_of_cut();
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
     void done(const Error& error) { error_ = error; }
 
   private:
+    // The sequence of the request was destroyed. If it waited for a hook when its time was over, the hook is the cause.
+    [[nodiscard]] Error error_of_cut() const {
+        const Errc why = RequestAccess::why(request_);
+        const std::uint16_t hooked = master_.network.slave_of_cut_hook;
+        const bool waits_for_it = operation(request_).ends == Ends::by_itself;
+        if (why == Errc::timeout && waits_for_it && hooked != 0)
+            return {.code = why, .step = Step::application_hook, .slave = hooked};
+        return {.code = why, .step = operation(request_).step, .slave = slave_of(request_)};
+    }
+
     Master& master_;
     Request& request_;
     Needs needs_;
@@ -247,6 +264,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         if (ends(*request)) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
+                master.network.slave_of_cut_hook = 0;
                 std::exchange(RequestAccess::sequence(*request), {}).destroy();
             } else {
                 (void)remove(list, *request);
@@ -270,9 +288,19 @@ Time end_by_queue(Request& request) {
     return kNever;
 }
 
+// When what follows transitions ends, because a request waits for a slave that it uses.
+Time end_of_settling(Master& master) {
+    Network& network = master.network;
+    if (network.settling.running() == 0) return kNever;
+    for (Request* r = master.queue.waiting; r != nullptr; r = next(*r))
+        if (needs_of(network, *r) != Needs::nothing) return later(network.settling_since, Network::kLongestSettling);
+    return kNever;
+}
+
 // The earliest time at which the queue must end a request.
-Time first_deadline(const RequestQueue& queue) {
-    Time first = kNever;
+Time first_deadline(Master& master) {
+    const RequestQueue& queue = master.queue;
+    Time first = end_of_settling(master);
     for (Request* r = queue.waiting; r != nullptr; r = next(*r)) first = std::min(first, RequestAccess::deadline(*r));
     for (Request* r = queue.running; r != nullptr; r = next(*r)) first = std::min(first, end_by_queue(*r));
     return first;
@@ -334,7 +362,7 @@ bool withdraw_submitted(RequestQueue& queue, Request& request) {
 
 Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
-    take_submitted(queue, now);
+    accept_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
         end_some(master, queue.waiting, Errc::canceled, asked);
@@ -342,11 +370,12 @@ Time serve_queue(Master& master, Time now) {
     }
     end_some(master, queue.running, Errc::timeout, [now](Request& r) { return end_by_queue(r) <= now; });
     if (queue.waiting != nullptr) {
+        if (end_of_settling(master) <= now) end_settling(master.network);
         begin_waiting(master);
         end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
     }
     reserve_segment(master, now);
-    return first_deadline(queue);
+    return first_deadline(master);
 }
 
 bool begins_at_once(Master& master) {
@@ -357,7 +386,7 @@ bool begins_at_once(Master& master) {
 }
 
 void cancel_queued(Master& master) {
-    take_submitted(master.queue, Time{});
+    accept_submitted(master.queue, Time{});
     end_some(master, master.queue.waiting, Errc::canceled, [](Request&) { return true; });
 }
 
@@ -376,6 +405,8 @@ Result<> submit(Context& ctx, Request& request) {
     else if (master->owned_by_caller())
         refused = wanted.check(master->network, request);
     if (refused.code == Errc::none) {
+        const bool uses_wishes = wanted.operation == Operation::scan || wanted.operation == Operation::map;
+        if (uses_wishes && master->owned_by_caller()) note_lost_wishes(ctx, wanted.step);
         if (enqueue(*master, request)) return Result<>();
         refused = {.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
         refused.expected = RequestQueue::kPlaces + 1;

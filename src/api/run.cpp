@@ -313,6 +313,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
     Network& network = master_of(ctx)->network;
     if (!any_mapped(network)) return not_mapped(0);
     if (work == nullptr) return invalid(Argument::work, Step::exchange_process_data);
+    for (ProcessGroup& group : network.process.groups) group.was_mapped = group.mapped;
     Osal& osal = master_of(ctx)->osal;
     Schedule schedule(osal.now(), settings.period);
     OverrunNews news(network);

@@ -60,7 +60,6 @@ class MailboxChannel {
     // Looks for mail once.
     void glance();
 
-    // The octet of the process image, and the bit in it, that report mail of this slave. nullptr: there is no such bit.
     // Ends the use of a bit that lies in this memory.
     void forget_status_bit(Bytes memory) {
         const std::less<> before;
@@ -68,6 +67,7 @@ class MailboxChannel {
             !before(status_octet_, memory.data()) && before(status_octet_, memory.data() + memory.size());
         if (inside) status_octet_ = nullptr;
     }
+    // The octet of the process image, and the bit in it, that report mail of this slave. nullptr: there is no such bit.
     void use_status_bit(const std::byte* octet, unsigned bit) {
         status_octet_ = octet;
         status_bit_ = static_cast<std::uint8_t>(bit);

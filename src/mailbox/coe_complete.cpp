@@ -67,7 +67,8 @@ Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes val
     co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, at, value.size());
 }
 
-Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::uint8_t count, const MailPatience& patience) {
+Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::uint8_t count,
+                           const MailPatience& patience) {
     const std::array<std::byte, 1> octet{std::byte{count}};
     auto written = co_await sdo_download_once(channel, {.index = index}, octet, patience);
     if (written || !is(written.error(), coe::Abort::read_only)) co_return written;
@@ -95,7 +96,8 @@ Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject o
     co_return at;
 }
 
-Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
+Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, Bytes value,
+                                   const MailPatience& patience) {
     const bool with_count = object.subindex == 0;
     if (with_count && value.size() < kCountBytes)
         co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, kCountBytes, value.size());

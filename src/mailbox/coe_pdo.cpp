@@ -9,7 +9,8 @@ constexpr std::uint16_t kSmTypes = 0x1C00;
 constexpr std::uint16_t kAssignment = 0x1C10;
 
 // Returns the bits of the PDO at.pdo. Gaps are entries with index 0, and count.
-Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience, EntrySink* sink) {
+Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience,
+                                     EntrySink* sink) {
     SdoList entries(channel, at.pdo, 4, patience);
     auto count = co_await entries.open();
     if (!count) co_return count.error();
@@ -21,7 +22,7 @@ Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, con
         at.index = static_cast<std::uint16_t>(*entry >> 16);
         at.subindex = static_cast<std::uint8_t>(*entry >> 8);
         at.bits = *entry & 0xFFU;
-        if (sink != nullptr) sink->take(at);
+        if (sink != nullptr) sink->add(at);
         at.offset_bits += at.bits;
         bits += at.bits;
     }

@@ -15,6 +15,7 @@ namespace margay {
 // receives each entry. False, and nothing found, when the dictionary has no assignment: this is not a failure, the SII
 // may contain it. Errors: anything but an abort.
 [[nodiscard]] Task<Result<bool>> find_sms_by_coe(MailboxChannel& channel, const Slave& slave, const SmTypes& types,
-                                                 FoundSms& found, const MailPatience& patience, EntrySink* entries = nullptr);
+                                                 FoundSms& found, const MailPatience& patience,
+                                                 EntrySink* entries = nullptr);
 
 }  // namespace margay

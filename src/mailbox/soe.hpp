@@ -13,7 +13,8 @@ namespace margay {
                                                  const MailPatience& patience);
 
 // Writes `value`, which outlives the task.
-[[nodiscard]] Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value, const MailPatience& patience);
+[[nodiscard]] Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
+                                       const MailPatience& patience);
 
 // Executes a procedure command: sets it, waits until its data state reports the end, and clears it. A command that is
 // given up is cleared too, whatever the reason. Errors: those of reading and writing, command_failed (detail: the data

@@ -3,6 +3,7 @@
 #include "network/members.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "wire/al_status_code.hpp"
@@ -35,7 +36,7 @@ void store(MutableBytes bytes, const ProcessSm& sm, Fed fed) {
 
 // An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
 Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
-    for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count)) {
+    for (const ProcessSm& sm : slave.config.used_sms()) {
         const wire::Register place = reg::sync_manager(sm.number);
         std::array<std::byte, 1> off{};
         std::array<std::byte, reg::kSyncManagerStride> bytes{};
@@ -74,11 +75,8 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     co_return error_of_reply(station, reply, kStep, reg::kFmmuBase);
 }
 
-constexpr std::uint16_t kDividerFor100us = 2498;
-
 // Converts a time to units of the watchdogs, rounded up.
-std::uint16_t watchdog_units(Duration time, std::uint16_t divider) {
-    const Duration unit = std::chrono::nanoseconds(40) * (divider + 2);
+std::uint16_t watchdog_units(Duration time, Duration unit) {
     return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
 }
 
@@ -97,9 +95,10 @@ WatchdogValues watchdog_values(const Slave& slave) {
     WatchdogValues values{};
     if (!outputs && !pdi && !times.watchdog_divider) return values;
     const std::uint16_t divider = times.watchdog_divider.value_or(kDividerFor100us);
+    const Duration unit = watchdog_unit(times);
     values[0] = {reg::kWatchdogDivider, divider};
-    if (pdi) values[1] = {reg::kPdiWatchdogTime, watchdog_units(*pdi, divider)};
-    if (outputs) values[2] = {reg::kProcessDataWatchdogTime, watchdog_units(*outputs, divider)};
+    if (pdi) values[1] = {reg::kPdiWatchdogTime, watchdog_units(*pdi, unit)};
+    if (outputs) values[2] = {reg::kProcessDataWatchdogTime, watchdog_units(*outputs, unit)};
     return values;
 }
 
@@ -173,7 +172,7 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
 Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
     const Station station = network.station(slave);
     auto before = co_await read_al_status(station);
-    take_al_status(slave.al, before);
+    update_al_status(slave.al, before);
     if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -189,7 +188,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
         auto mapped = co_await write_fmmus(station, slave, layout, true);

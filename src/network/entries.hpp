@@ -33,9 +33,9 @@ class EntryMatcher final : public EntrySink {
     // Deletes the results of the slave's PDOs; those of the lists stay.
     void forget() override;
 
-    void take(const FoundEntry& entry) override;
+    void add(const FoundEntry& entry) override;
     // Completes the data type of entries that another source has found: the PDO mapping of CoE does not name types.
-    void take_type(const FoundEntry& by_sii) override;
+    void note_type(const FoundEntry& by_sii) override;
 
   private:
     void match(const FoundEntry& entry);
@@ -50,8 +50,8 @@ class EntryMatcher final : public EntrySink {
 class EntryTypes final : public EntrySink {
   public:
     explicit EntryTypes(EntrySink& entries) : entries_(entries) {}
-    void take(const FoundEntry& entry) override { entries_.take_type(entry); }
-    void take_type(const FoundEntry& entry) override { entries_.take_type(entry); }
+    void add(const FoundEntry& entry) override { entries_.note_type(entry); }
+    void note_type(const FoundEntry& entry) override { entries_.note_type(entry); }
     void forget() override {}
 
   private:

@@ -3,6 +3,25 @@
 namespace margay {
 namespace {
 
+// A plain function that returns Errc::busy for longer has failed.
+constexpr Duration kBusyTimeout = std::chrono::seconds(10);
+
+// While a hook executes: when the request that waits for the hook is ended, its error names the slave of the hook.
+class Execution {
+  public:
+    Execution(Network& network, const Slave& slave) : network_(network), slave_(slave.number) {}
+    Execution(const Execution&) = delete;
+    Execution& operator=(const Execution&) = delete;
+    ~Execution() {
+        if (!over) network_.slave_of_cut_hook = slave_;
+    }
+    bool over = false;
+
+  private:
+    Network& network_;
+    std::uint16_t slave_;
+};
+
 // Completes an error that a hook returns: slave, and step if the hook has not set one.
 Error of_slave(Error error, const Slave& slave) {
     if (error.code == Errc::none) return error;
@@ -36,15 +55,24 @@ Result<> call_plain(const SlaveHooks& hooks, HookedSlave slave, Transition which
 Task<> call_hook(Network& network, const Slave& slave, Transition which, Moment moment) {
     const SlaveHooks hooks = slave.hooks;  // the application may change them meanwhile
     const HookedSlave hooked = HookAccess::slave(network, slave.number);
+    Execution execution(network, slave);
+    Result<> done;
     if (has_sequence(hooks, which)) {
-        auto done = co_await begin_sequence(hooks, hooked, which, moment);
-        co_return of_slave(done.error(), slave);
+        done = co_await begin_sequence(hooks, hooked, which, moment);
+    } else {
+        const Time give_up = later(network.engine.now(), kBusyTimeout);
+        for (;;) {
+            done = call_plain(hooks, hooked, which, moment);
+            if (done.error().code != Errc::busy) break;
+            if (network.engine.now() >= give_up) {
+                done = Error{.code = Errc::timeout, .step = Step::application_hook};
+                break;
+            }
+            co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+        }
     }
-    for (;;) {
-        const Result<> done = call_plain(hooks, hooked, which, moment);
-        if (done.error().code != Errc::busy) co_return of_slave(done.error(), slave);
-        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    }
+    execution.over = true;
+    co_return of_slave(done.error(), slave);
 }
 
 }  // namespace margay

@@ -12,8 +12,9 @@ struct HookAccess {
     [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
 };
 
-// Calls the hook of a transition and waits for its end: a plain function is called again while it returns Errc::busy.
-// Transition::none: the hook preop_to_safeop. Without a hook: success.
+// Calls the hook of a transition and waits for its end: a plain function is called again while it returns Errc::busy,
+// for 10 s at most. Transition::none: the hook preop_to_safeop. Without a hook: success. When the task is destroyed
+// before the hook has ended, Network::slave_of_cut_hook is the slave.
 [[nodiscard]] Task<> call_hook(Network& network, const Slave& slave, Transition which = Transition::none,
                                Moment moment = Moment::before);
 

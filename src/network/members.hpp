@@ -21,6 +21,13 @@ void update_counted(Network& network, Slave& slave);
 // counted once in the first datagram: the cycle is not right without the slave.
 void begin_counting(Network& network, ProcessGroup& group);
 
+// Members of a hot connect group are counted while the head is present, except while the group starts up after it was
+// connected. await_slave(): the member has taken part, has failed to, or should have come with its head. Call
+// forget_awaited_members() when a slave is lost: without its head the whole group may be missing.
+[[nodiscard]] bool is_head_of_group(Network& network, const Slave& slave);
+void await_slave(Network& network, Slave& slave);
+void forget_awaited_members(Network& network, const Slave& lost);
+
 // Call it when a slave that was `unplaced` has no process data.
 void forget_unplaced(Network& network, Slave& slave);
 

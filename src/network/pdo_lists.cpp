@@ -75,7 +75,7 @@ Error check_list(const Slave& slave, const SmPdos& list) {
 Error check_size(const Slave& slave, const SmPdos& list) {
     const ListedBits listed = listed_bits(list);
     if (listed.open != 0) return {};
-    for (const ProcessSm& sm : std::span(slave.config.sms).first(slave.config.sm_count)) {
+    for (const ProcessSm& sm : slave.config.used_sms()) {
         if (sm.number != list.sync_manager || sm.bits == listed.bits) continue;
         Error error = fault(slave, Errc::pdo_size, sm_register(list));
         error.expected = sm.bits;
@@ -122,7 +122,7 @@ Error check_pdo_lists(const Slave& slave) {
 namespace {
 
 // Whether the lists contain all entries, so that nothing needs to be read from the slave.
-bool tells_all(const Slave& slave) {
+bool lists_all_entries(const Slave& slave) {
     const auto lists = slave.config.pdos();
     return !lists.empty() && std::ranges::all_of(lists, [&](const SmPdos& list) {
         const bool once = std::ranges::count(lists, list.sync_manager, &SmPdos::sync_manager) == 1;
@@ -146,7 +146,7 @@ bool keep_place(Slave& slave) {
 
 bool place_by_lists(Slave& slave) {
     SlaveConfiguration& config = slave.config;
-    if (!tells_all(slave)) return false;
+    if (!lists_all_entries(slave)) return false;
     if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
     // In the order of the SyncManagers, like the process data that is read from the slave.
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {

@@ -4,6 +4,7 @@
 
 #include "link/cycle.hpp"
 #include "network/image_datagrams.hpp"
+#include "network/slave_marks.hpp"
 
 #include <margay/group.hpp>
 #include <margay/result.hpp>
@@ -34,6 +35,7 @@ struct ProcessGroup : Group {
     std::span<DatagramPlan> plans;  // the plan of each datagram, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;  // all slaves of the network
+    std::span<SlaveMarks> marks;    // and their marks
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
     std::uint8_t number = 0;
@@ -42,7 +44,7 @@ struct ProcessGroup : Group {
     bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
-    bool was_mapped = false;        // since the last scan: when it is not mapped now, its data is missing
+    bool was_mapped = false;        // since run_cycle() began: when it is not mapped now, its data is missing
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
@@ -107,7 +109,7 @@ void give_inputs(ProcessGroup& group);
 // was received. `slave` belongs to `group`.
 [[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
 // Call it when the slave takes part from the next sent cycle on.
-void note_joining(const ProcessGroup& group, Slave& slave);
+void note_joining(const ProcessGroup& group, const Slave& slave);
 // Sets the inputs of slaves that do not take part, according to GroupConfiguration::lost_inputs.
 void settle_lost_inputs(ProcessGroup& group);
 

@@ -79,7 +79,7 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
         for (const ProcessSm& sm : sms) bits += sm.number == number ? sm.bits : 0;
         return bits;
     };
-    const auto own = std::span(slave.config.sms).first(slave.config.sm_count);
+    const auto own = slave.config.used_sms();
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {
         error.index = wire::reg::sync_manager(n).address;
         error.expected = bits_of(kept, n);
@@ -94,7 +94,7 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
     const bool kept = slave.place_kept;
     const auto kept_sms = slave.config.sms;
-    const std::size_t kept_count = kept ? slave.config.sm_count : 0U;
+    const std::size_t kept_count = kept ? slave.config.used_sms().size() : 0U;
     forget_kept_place(slave);
     auto discovered = co_await discover_pdos(network, slave);
     Error error = discovered.error();
@@ -106,7 +106,7 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
         if (kept) (void)keep_place(slave);
         co_return error;
     }
-    const auto sms = std::span(slave.config.sms).first(slave.config.sm_count);
+    const auto sms = slave.config.used_sms();
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
         co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};

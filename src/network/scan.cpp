@@ -115,7 +115,7 @@ Task<Result<bool>> reset_slaves(Network& network) {
     constexpr std::uint16_t kAndAcknowledge = wire::al::kErrorAcknowledge;
     // INIT with the error acknowledged, then without: slaves that mirror AL control would keep the acknowledge bit as
     // an error, and some old slaves require the second write.
-    for (const unsigned state : {kInit | kAndAcknowledge, +kInit}) {
+    for (const int state : {kInit | kAndAcknowledge, +kInit}) {
         auto init = co_await broadcast_write(network, reg::kAlControl, static_cast<std::uint16_t>(state));
         if (!init) co_return init.error();
     }
@@ -195,10 +195,7 @@ void keep_unasked(Network& network, FirstFault& faults) {
 Task<Result<std::uint16_t>> scan(Network& network) {
     Scanning scanning(network);
     network.expected = network.expected_next;
-    for (ProcessGroup& group : network.process.groups) {
-        unprepare(group, network.engine.link(), network.engine.now());
-        group.was_mapped = false;
-    }
+    for (ProcessGroup& group : network.process.groups) unprepare(group, network.engine.link(), network.engine.now());
     auto link = co_await wait_for_link(network);
     if (!link) co_return link.error();
     auto count = co_await count_slaves(network);

@@ -17,8 +17,7 @@ constexpr Duration kLongestPause = std::chrono::milliseconds(5);
 constexpr Duration kControlStaysFull = std::chrono::milliseconds(20);
 
 Task<Result<>> read_state(Network& network, Slave& slave) {
-    if (slave.al.state == AlState::none && !slave.seen)
-        co_return Nothing{};  // an expected slave that has not come yet
+    if (slave.al.state == AlState::none && !slave.seen) co_return Nothing{};  // an expected slave that has not come yet
     auto seen = co_await read_al_status(network.station(slave));
     note_reading(network, slave, seen);
     if (!seen && !does_not_answer(seen.error())) co_return seen.error();
@@ -91,19 +90,24 @@ AlStatus lowest(Network& network) {
     return all;
 }
 
+// What follows the last transition of the slave is being executed; slave 0: of any slave.
+bool is_settling(Network& network, std::uint16_t slave) {
+    return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
+        return (slave == 0 || s.number == slave) && network.marks(s).settling;
+    });
+}
+
 // A scan has begun: the table has other slaves now.
 constexpr Error kOtherSlaves{.code = Errc::unstable, .step = Step::read_state};
 
 }  // namespace
 
-Task<Result<AlStatus>> read_states(Network& network, Time until) {
+Task<Result<AlStatus>> read_states(Network& network) {
     const std::uint32_t scans = network.scans;
     Error first;
     const auto read = [&network](Slave& s) { return read_state(network, s); };
     auto all = co_await for_each_slave(network, read, &first);
     if (!all) co_return all.error();
-    while (network.settling.running() > 0 && network.engine.now() < until)
-        co_await network.engine.sleep_until(std::min(until, later(network.engine.now(), kFirstPause)));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     co_return lowest(network);
@@ -133,13 +137,14 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
     const std::uint32_t scans = network.scans;
     Duration pause = kFirstPause;
     for (;;) {
-        auto all = co_await read_states(network, until);
+        auto all = co_await read_states(network);
         // Frames may be lost: the slaves are read again until the timeout.
         const bool over = until == kNever || network.engine.now() >= until;
         if (network.scans != scans) co_return kOtherSlaves;
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
-        if (all && ((now.state == state && !now.error) || over)) co_return now;
+        const bool reached = now.state == state && !now.error && !is_settling(network, slave);
+        if (all && (reached || over)) co_return now;
         co_await network.engine.sleep_until(std::min(until, network.engine.now() + pause));
         pause = std::min(pause * 2, kLongestPause);
     }

@@ -11,7 +11,7 @@ namespace margay {
 // NONE. Returns the lowest state, and whether any slave has its error indication set, with the AL status code of the
 // first one. Errors: no_frame, capacity (slaves that could not be read then keep the state that was read before),
 // unstable (a scan has begun meanwhile: the slaves are others).
-[[nodiscard]] Task<Result<AlStatus>> read_states(Network& network, Time until = kNever);
+[[nodiscard]] Task<Result<AlStatus>> read_states(Network& network);
 
 // Requests `state` of one slave, or of all (0), without waiting for it. An error indication in slave.al is
 // acknowledged, unless the slave mirrors AL control. Errors: the error of the first slave that could not be written, or
@@ -19,8 +19,8 @@ namespace margay {
 // supervision keeps the slaves in another state.
 [[nodiscard]] Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state);
 
-// Reads states until the slave, or all slaves (0), are in `state` without error, or until `until`; kNever: reads once,
-// and waits for what follows the transitions. Returns the status read last: of the slave, or the lowest state. Errors:
+// Reads states until the slave, or all slaves (0), are in `state` without error and what follows the transition has
+// ended, or until `until`; kNever: reads once. Returns the status read last: of the slave, or the lowest state. Errors:
 // those of read_states().
 [[nodiscard]] Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlState state, Time until);
 

@@ -101,7 +101,7 @@ bool is_well(const Network& network, const Slave& slave) {
 }
 
 // The application may change wanted.target at any time.
-void take_target(Watch& watch) {
+void apply_target(Watch& watch) {
     const AlState target = watch.wanted.target;
     if (target == watch.target_before || !can_be_target(target)) return;
     watch.target_before = target;
@@ -131,6 +131,7 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         }
     }
     network.marks(slave).attempts = static_cast<std::uint8_t>(std::min(network.marks(slave).attempts + 1, 255));
+    if (slave.al.state != AlState::none) await_slave(network, slave);
     watch.look_at = network.engine.now();  // the last roll does not show a slave that has lost its state since
     watch.retry_at = later(network.engine.now(), watch.wanted.retry);
     co_return Nothing{};
@@ -162,6 +163,7 @@ void report_missing(Watch& watch) {
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
         network.marks(slave).missing_reported = true;
+        await_slave(network, slave);
         network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
     }
 }
@@ -246,6 +248,7 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
     const auto look = [&network](Slave& s) { return look_at(network, s); };
     auto looked = co_await for_each_slave(network, look);
     if (!looked) co_return looked;
+    if (std::exchange(network.group_is_back, false)) watch.groups_at = later(network.engine.now(), watch.wanted.retry);
     watch.looks = unexpected ? watch.looks + 1 : 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
@@ -272,7 +275,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         network.report({.kind = EventKind::found});
         watch.last = {};
     }
-    take_target(watch);
+    apply_target(watch);
     const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;
@@ -297,6 +300,18 @@ Duration pause(const Watch& watch) {
     return watch.network.engine.link().cycling(now) ? Duration{0} : watch.wanted.interval;
 }
 
+// The sleep between two rounds; a request that gives the supervision its turn ends it.
+struct Rest {
+    Rest(Network& n, Duration duration) : network(n), until_woken(n.engine.sleep_for(duration)) {
+        network.supervision_sleep = &until_woken.timer;
+    }
+    Rest(const Rest&) = delete;
+    Rest& operator=(const Rest&) = delete;
+    ~Rest() { network.supervision_sleep = nullptr; }
+    Network& network;
+    Engine::Sleep until_woken;
+};
+
 }  // namespace
 
 Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
@@ -310,6 +325,10 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         network.marks(slave).settled = AlState::none;
     }
     watch.target_before = wanted.target;  // set by submit()
+    for (LineErrors& errors : wanted.line_errors) {
+        errors.primed = false;
+        errors.other_ends = {};
+    }
     Crew crew(network.tasks);
     for (;;) {
         auto done = co_await round(watch, crew);
@@ -321,7 +340,9 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
             (void)crew.start(read_all_line_errors(network, wanted.line_errors));
         }
         const Duration rest = pause(watch);
-        if (rest > Duration{0}) co_await network.engine.sleep_for(rest);
+        if (rest <= Duration{0}) continue;
+        Rest sleep(network, rest);
+        co_await sleep.until_woken;
     }
 }
 

@@ -47,8 +47,20 @@ bool concerns(const Slave& slave, Transition which, Moment moment) {
            (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
 }
 
+class Settling {
+  public:
+    explicit Settling(SlaveMarks& marks) : token_(marks), marks_(marks) { marks_.settling = true; }
+    Settling(const Settling&) = delete;
+    Settling& operator=(const Settling&) = delete;
+    ~Settling() { marks_.settling = false; }
+
+  private:
+    SlaveToken token_;
+    SlaveMarks& marks_;
+};
+
 Task<Result<>> follow_transition(Network& network, Slave& slave) {
-    const SlaveToken token(network.marks(slave));
+    const Settling settling(network.marks(slave));
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
@@ -106,7 +118,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
     if (!changed) {
         auto seen = co_await read_al_status(station);
-        take_al_status(slave.al, seen);
+        update_al_status(slave.al, seen);
         co_return changed;
     }
     slave.al = *changed;
@@ -120,8 +132,17 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
 void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
-    if (met && !network.marks(slave).in_use && !network.segment_in_use)
-        (void)network.settling.start(follow_transition(network, slave));
+    if (!met || network.marks(slave).in_use || network.segment_in_use) return;
+    network.settling_since = network.engine.now();
+    (void)network.settling.start(follow_transition(network, slave));
+}
+
+void end_settling(Network& network) {
+    network.settling.end_all([&network] {
+        const std::uint16_t number = std::exchange(network.slave_of_cut_hook, std::uint16_t{0});
+        if (number == 0) return;
+        network.note(network.slave(number), {.code = Errc::timeout, .step = Step::application_hook, .slave = number});
+    });
 }
 
 Error above_highest(const Slave& slave, AlState state) {

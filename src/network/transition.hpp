@@ -23,6 +23,9 @@ namespace margay {
 // memory the next reading starts them.
 void settle_request(Network& network, Slave& slave);
 
+// Ends everything that settle_request() has started, and reports the hooks that have not ended by themselves.
+void end_settling(Network& network);
+
 // How long the slave may take from its current state.
 [[nodiscard]] Duration al_timeout(const Slave& slave, AlState state);
 

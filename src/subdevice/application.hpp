@@ -11,6 +11,7 @@ namespace margay::subdevice {
 
 class DiagnosisHistory;
 class Emergencies;
+class StoredValues;
 
 class Application {
   public:
@@ -54,9 +55,11 @@ class Application {
         return false;
     }
 
-    // --- Data for the hooks of objects 0x1003 and 0x10F3; nullptr: the device does not have the object ---
+    // --- Data for the hooks of objects 0x1003; 0x10F3; 0x1010, 0x1011 and 0x10F0. nullptr: the device does not have
+    // the object ---
     [[nodiscard]] virtual Emergencies* emergencies() { return nullptr; }
     [[nodiscard]] virtual DiagnosisHistory* diagnosis() { return nullptr; }
+    [[nodiscard]] virtual StoredValues* stored_values() { return nullptr; }
 
   protected:
     ~Application() = default;

@@ -81,6 +81,15 @@ class Crew {
     [[nodiscard]] Wait one() { return {*this, false}; }
     [[nodiscard]] Wait all() { return {*this, true}; }
 
+    // Ends all members; calls `after` after each.
+    template <class After>
+    void end_all(After after) {
+        while (detail::PromiseBase* member = members_.front()) {
+            member->self.destroy();
+            after();
+        }
+    }
+
     // Called by Task: a member has ended or was destroyed from outside.
     void member_gone() noexcept { --running_; }
     // Called by Task: a member has ended. Returns the coroutine to resume.

@@ -1,6 +1,6 @@
 // The lives of contexts, requests and handles: each may end at any moment, and a time may be as long as a Duration.
+#include "api/real_line.hpp"
 #include "real_osal.hpp"
-#include "segment/bench.hpp"
 
 #include <margay/hooked_slave.hpp>
 
@@ -89,10 +89,7 @@ class Lifetime : public testing::Test {
     LiveHooks hooks;
 
     void SetUp() override {
-        for (std::uint32_t n = 0; n < 3; ++n) {
-            (void)segment.add(sim::make_device("odd_device").value().assemble());
-            ASSERT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
-        }
+        plug_line(segment, 3);
         segment.power_up(osal.now());
         osal.advance(1ms);
     }
@@ -193,8 +190,7 @@ TEST(LifetimeThreads, AThreadThatSleepsReturnsWhenTheContextGoesAway) {
         SleeperOsal osal;
         sim::Segment segment;
         SimulatedNic wire{segment, osal};
-        (void)segment.add(sim::make_device("odd_device").value().assemble());
-        ASSERT_TRUE(segment.connect_master({0, 0}));
+        plug_line(segment, 1);
         segment.power_up(osal.now());
         auto context = std::make_unique<HostContext>(Limits{.slaves = 8});
         ASSERT_TRUE(init(*context, wire, osal));

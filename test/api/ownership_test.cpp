@@ -1,7 +1,7 @@
 // The thread that owns a context, and the calls that other threads may make. These tests use real time, because two
 // threads cannot share a clock that each of them moves. No result depends on durations.
+#include "api/real_line.hpp"
 #include "real_osal.hpp"
-#include "segment/bench.hpp"
 
 #include <atomic>
 #include <thread>
@@ -44,32 +44,16 @@ class CountingOsal final : public Osal {
     std::uintptr_t owner_ = real_.thread_number();
 };
 
-class Ownership : public testing::Test {
+class Ownership : public RealLine<CountingOsal> {
   protected:
-    CountingOsal osal;
-    sim::Segment segment;
-    SimulatedNic wire{segment, osal};
-    HostContext ctx{Limits{.slaves = 8}};
-    std::array<std::byte, 256> image{};
-    std::atomic<bool> stop{false};
-
-    void SetUp() override {
-        for (std::uint32_t n = 0; n < 2; ++n) {
-            (void)segment.add(sim::make_device("odd_device").value().assemble());
-            ASSERT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
-        }
-        segment.power_up(osal.now());
-        ASSERT_TRUE(init(ctx, wire, osal));
-    }
-    // The owner polls until `stop`, while another thread executes `work`.
+    // The owner polls, while another thread executes `work`.
     template <class Work>
     void beside_the_owner(Work work) {
         std::thread other([&] {
             work();
-            stop.store(true);
-            osal.wake();
+            stop_owner();
         });
-        while (!stop.load()) osal.wait(std::min(poll(ctx, osal.now()), osal.now() + 20ms), wire.wait_handle());
+        poll_until_stopped(20ms);
         other.join();
     }
 };

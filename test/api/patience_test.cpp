@@ -118,6 +118,43 @@ TEST_F(Patience, TargetOfASlaveWhoseHookTakesLong) {
     }
 }
 
+// A hook that never ends: the timeout of the request ends it, and the error says where the time went.
+TEST_F(Patience, AMappingThatWaitsForAHookNamesTheSlaveAndTheHook) {
+    begin();
+    Slow slow{.lasts = 1h, .which = {}, .slave = 2};
+    const auto forever = [](HookedSlave slave, void* user) -> Task<> {
+        auto& my = *static_cast<Slow*>(user);
+        ++my.begun;
+        auto slept = co_await slave.sleep(slave.number() == my.slave ? my.lasts : 0s);
+        co_return slept;
+    };
+    for (const Slave& s : ctx.slaves()) {
+        s.hooks.user = &slow;
+        s.hooks.preop_to_safeop = +forever;
+    }
+    MapRequest map;
+    map.image = image;
+    map.timeout = 2s;
+    ASSERT_TRUE(submit(ctx, map));
+    EXPECT_LT(until([&] { return !map.busy(); }), 2100ms);
+    EXPECT_EQ(said(map.error()), "slave 2: the hook of the application: timed out");
+    EXPECT_EQ(slow.begun, 2);
+}
+
+// A plain hook that is always busy has failed after 10 s.
+TEST_F(Patience, APlainHookThatIsAlwaysBusyEnds) {
+    begin();
+    const auto busy = [](HookedSlave slave, void*) -> Result<> {
+        return slave.number() == 1 ? Result<>(Error{.code = Errc::busy}) : Result<>();
+    };
+    for (const Slave& s : ctx.slaves()) s.hooks.preop_to_safeop = +busy;
+    const Time start = osal.now();
+    EXPECT_EQ(said(config_map(ctx, image).error()), "slave 1: the hook of the application: timed out");
+    EXPECT_GE(osal.now() - start, 10s);
+    EXPECT_LT(osal.now() - start, 11s);
+    EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
+}
+
 // A hook of slave 1 waits until slave 2 is in OP ("other slaves continue"); another request wants the whole segment.
 struct Waits {
     HostContext* ctx = nullptr;

@@ -1,7 +1,7 @@
 // Requests of several real threads: nothing that one of them submits, cancels or destroys is lost. These tests use real
 // time. No result depends on durations: a request that is lost is busy until the limit of a test.
+#include "api/real_line.hpp"
 #include "real_osal.hpp"
-#include "segment/bench.hpp"
 
 #include <margay/spsc_ring.hpp>
 
@@ -20,33 +20,14 @@ using namespace std::chrono_literals;
 
 constexpr Duration kLost = 5s;  // a request that is still busy then is taken for lost
 
-class Threads : public testing::Test {
+class Threads : public RealLine<RealOsal> {
   protected:
-    RealOsal osal;
-    sim::Segment segment;
-    SimulatedNic wire{segment, osal};
-    std::unique_ptr<HostContext> own = std::make_unique<HostContext>(Limits{.slaves = 8});
-    HostContext& ctx = *own;
-    std::array<std::byte, 256> image{};
-    std::atomic<bool> stop{false};
-
     void SetUp() override {
-        for (std::uint32_t n = 0; n < 2; ++n) {
-            (void)segment.add(sim::make_device("odd_device").value().assemble());
-            ASSERT_TRUE(n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0}));
-        }
-        segment.power_up(osal.now());
-        ASSERT_TRUE(init(ctx, wire, osal));
+        RealLine::SetUp();
         ASSERT_TRUE(config_init(ctx));
     }
-    // Polls as poll() asks, and never earlier: a wake-up that is lost makes a request late.
-    void poll_until_stopped(Duration longest = 4 * kLost) {
-        while (!stop.load()) osal.wait(std::min(poll(ctx, osal.now()), osal.now() + longest), wire.wait_handle());
-    }
-    void stop_owner() {
-        stop.store(true);
-        osal.wake();
-    }
+    // Never polls earlier than poll() asks: a wake-up that is lost makes a request late.
+    void poll_until_stopped(Duration longest = 4 * kLost) { RealLine::poll_until_stopped(longest); }
     [[nodiscard]] bool ends(const Request& request) {
         const Time limit = osal.now() + kLost;
         while (request.busy()) {

@@ -57,14 +57,14 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("count_slaves", 512, count_slaves(network));
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));
-    expect("read_states", 512, read_states(network));
+    expect("read_states", 256, read_states(network));
     expect("write_states", 512, write_states(network, 0, AlState::safeop));
     expect("wait_for_state", 512, wait_for_state(network, 0, AlState::safeop, kNever));
     FoundSms found{};
     expect("find_sms_by_sii", 512, find_sms_by_sii(station, slave, found));
     expect("discover_pdos", 512, discover_pdos(network, slave));
     expect("change_state", 256, change_state(network, slave, AlState::preop, kNever));
-    expect("run_commands", 512, run_commands(network, slave, Transition::init_to_preop, Moment::before));
+    expect("run_commands", 256, run_commands(network, slave, Transition::init_to_preop, Moment::before));
     expect("map_group", 512, map_group(network, 0, {}));
 }
 

@@ -62,8 +62,8 @@ std::size_t converse(Client& client, Input& input, std::size_t room) {
         compose(client, room);
         const std::size_t length = input.octet();
         const Bytes data = input.take(length);
-        if (client.take({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, data}) !=
-            MailClient::Taken::no)
+        if (client.accept({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe},
+                           data}) != MailClient::Taken::no)
             ++taken;
     }
     return taken;

@@ -55,7 +55,7 @@ std::size_t compose(MailClient& client, std::size_t room) {
 
 MailClient::Taken answer(MailClient& client, Input& input) {
     const Bytes data = input.take(input.octet());
-    return client.take({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::soe}, data});
+    return client.accept({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::soe}, data});
 }
 
 void read(Input& input, std::size_t room, const SoeTarget& target) {

@@ -54,7 +54,7 @@ Mail composed(MailClient& client, std::size_t room) {
 }
 MailClient::Taken give(MailClient& client, std::initializer_list<unsigned> octets) {
     const Mail data = mail_bytes(octets);
-    return client.take({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, data});
+    return client.accept({{.length = static_cast<std::uint16_t>(data.size()), .type = wire::MailboxType::coe}, data});
 }
 
 TEST(TransferOctets, ExpeditedDownload) {

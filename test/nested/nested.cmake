@@ -1,11 +1,16 @@
 # Tests that build the project in another way: installed and used by another project, with the ARM compiler, with clang, with clang
 # for fuzzing. Each has its own build folder below build/nested. The folder is kept, so that only changed files are built again.
 
-# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds])
-# A test with a COST begins before the others, so that the run does not end with waiting for it.
+# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds]
+#               [FOLDER name] [AFTER fixture])
+# A test with a COST begins before the others, so that the run does not end with waiting for it. FOLDER: the build folder, if it
+# is that of another test too; AFTER is the fixture of that test.
 function(margay_nested name)
-  cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE;COST" "NEEDS;DEFINE;TARGETS" ${ARGN})
+  cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE;COST;FOLDER;AFTER" "NEEDS;DEFINE;TARGETS" ${ARGN})
   string(REPLACE "/" "_" folder ${name})
+  if(NESTED_FOLDER)
+    set(folder ${NESTED_FOLDER})
+  endif()
   add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} "-DSOURCE=${NESTED_SOURCE}" "-DFOLDER=${PROJECT_BINARY_DIR}/nested/${folder}"
            "-DNEEDS=${NESTED_NEEDS}" "-DDEFINE=${NESTED_DEFINE}" "-DTARGETS=${NESTED_TARGETS}"
            -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/build.cmake)
@@ -15,6 +20,9 @@ function(margay_nested name)
   endif()
   if(NESTED_FIXTURE)
     set_tests_properties(${name} PROPERTIES FIXTURES_SETUP ${NESTED_FIXTURE})
+  endif()
+  if(NESTED_AFTER)
+    set_tests_properties(${name} PROPERTIES FIXTURES_REQUIRED ${NESTED_AFTER})
   endif()
 endfunction()
 
@@ -57,37 +65,51 @@ margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/ins
               DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON
               TARGETS consumer_linux consumer_readme)
 
-# The parts for an embedded system.
-margay_nested(embedded/arm_builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS arm-none-eabi-g++ FIXTURE arm_archives
-              COST 300 DEFINE ${parts_only} MARGAY_PCAP=OFF MARGAY_LINUX=OFF CMAKE_BUILD_TYPE=MinSizeRel
-                     CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake
-              TARGETS margay_wire margay margay_subdevice)
+# The parts for an embedded system, and with them the programs for a board that QEMU knows; test/qemu runs the programs.
+set(board SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ FOLDER embedded_mps2_builds COST 300
+    DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_FREERTOS_DIR=${MARGAY_FREERTOS_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON
+           CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+margay_nested(embedded/arm_builds ${board} FIXTURE arm_archives TARGETS margay_wire margay margay_subdevice)
+margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives)
 
-# The programs for a board that QEMU knows; test/qemu runs them.
-margay_nested(embedded/mps2_builds SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ FIXTURE mps2_images
-              COST 300 DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_FREERTOS_DIR=${MARGAY_FREERTOS_DIR} MARGAY_WERROR=ON
-                     CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+# What each feature of the master needs on a microcontroller.
+margay_nested(embedded/sizes_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FIXTURE size_programs
+              COST 300 DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON CMAKE_BUILD_TYPE=MinSizeRel
+                     CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+add_test(NAME embedded/sizes COMMAND ${CMAKE_COMMAND} "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_sizes_builds"
+         -P ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes/table.cmake)
+set_tests_properties(embedded/sizes PROPERTIES FIXTURES_REQUIRED size_programs SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The memory that a device with CoE and FoE needs on a microcontroller.
 add_test(NAME embedded/footprint
          COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"
-                 "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
+                 "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_mps2_builds/margay" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
 set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The other compiler.
 margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 400
               DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_TESTS=OFF CMAKE_BUILD_TYPE=Debug MARGAY_UNITY=ON
                      CMAKE_CXX_FLAGS_DEBUG=-g0)
+set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 
 # The parts in each build type by both compilers, warnings being errors. The two that are missing here are the build that
 # this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug). Debug information takes time and causes no warning; so
-# does optimisation by clang, whose warnings come from the front end, and Release shows that the optimiser is content.
+# does optimisation by clang, whose warnings come from the front end. Release shows that the optimiser of clang reports nothing.
 set(flags_of_gcc_Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
-set(flags_of_clang_RelWithDebInfo "CMAKE_CXX_FLAGS_RELWITHDEBINFO=-DNDEBUG")
+set(flags_of_clang_RelWithDebInfo CMAKE_CXX_FLAGS_RELWITHDEBINFO=-DNDEBUG)
+set(flags_of_clang_MinSizeRel CMAKE_CXX_FLAGS_MINSIZEREL=-DNDEBUG)
 set(gcc g++)
 set(clang clang++-16)
+set(families gcc clang)
+foreach(version 13 14)  # newer compilers, where the system has them
+  find_program(MARGAY_GCC_${version} g++-${version})
+  if(MARGAY_GCC_${version})
+    set(gcc_${version} g++-${version})
+    list(APPEND families gcc_${version})
+  endif()
+endforeach()
 foreach(type Release RelWithDebInfo MinSizeRel Debug)
-  foreach(family gcc clang)
+  foreach(family IN LISTS families)
     if(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
       margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
                     DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF
@@ -99,11 +121,12 @@ endforeach()
 
 # One harness a file; its corpus is read, never written.
 margay_nested(fuzz/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/fuzz NEEDS clang++-16 FIXTURE fuzz_programs COST 500
-              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_UNITY=ON)
+              DEFINE CMAKE_CXX_COMPILER=clang++-16 MARGAY_UNITY=ON MARGAY_PCH=ON)
+set_tests_properties(fuzz/builds PROPERTIES LABELS sanitized)
 file(GLOB harnesses CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/*.cpp)
 foreach(source IN LISTS harnesses)
   get_filename_component(harness ${source} NAME_WE)
   add_test(NAME fuzz/${harness} COMMAND ${CMAKE_COMMAND} "-DPROGRAM=${PROJECT_BINARY_DIR}/nested/fuzz_builds/fuzz_${harness}"
            "-DCORPUS=${CMAKE_CURRENT_SOURCE_DIR}/fuzz/corpus/${harness}" -P ${CMAKE_CURRENT_SOURCE_DIR}/fuzz/run.cmake)
-  set_tests_properties(fuzz/${harness} PROPERTIES FIXTURES_REQUIRED fuzz_programs SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 300)
+  set_tests_properties(fuzz/${harness} PROPERTIES LABELS sanitized FIXTURES_REQUIRED fuzz_programs SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 300)
 endforeach()

@@ -16,13 +16,13 @@ namespace {
 
 const std::string kBin = MARGAY_BIN_DIR;
 
-struct Ran {
+struct MonitorRan {
     int status = -1;
     std::string output;  // standard output and standard error
 };
 
-Ran run(const std::string& command) {
-    Ran ran;
+MonitorRan run(const std::string& command) {
+    MonitorRan ran;
     std::FILE* pipe = ::popen((command + " 2>&1 </dev/null").c_str(), "r");
     if (pipe == nullptr) return ran;
     char buffer[4096];

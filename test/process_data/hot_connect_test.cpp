@@ -30,8 +30,8 @@ class HotConnectTest : public testing::Test, protected Plant {
                                : segment.connect({line[n - 1], 1}, {line[n], 0}));
         }
     }
-    static ExpectedSlave at(std::uint16_t position, std::uint32_t product, bool optional = false) {
-        return {.position = position, .vendor = kVendor, .product = product, .optional = optional, .config = &kIo};
+    static ExpectedSlave at(std::uint16_t number, std::uint32_t product, bool optional = false) {
+        return {.number = number, .vendor = kVendor, .product = product, .optional = optional, .config = &kIo};
     }
 };
 
@@ -162,7 +162,7 @@ TEST_F(HotConnectTest, WhoeverComesLaterGetsItsWholeStartUp) {
 
 // A slave with a mailbox: its objects can be read after it has arrived.
 TEST_F(HotConnectTest, AMailboxThatComesLaterIsUsed) {
-    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.position = 4, .optional = true}};
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), {.number = 4, .optional = true}};
     EXPECT_EQ(bring_up(expected), Words());
     run();
     const auto fourth = segment.add(std::move(*sim::make_device("digital_io_16")).assemble());
@@ -385,13 +385,88 @@ TEST_F(HotConnectGroups, AMissingMemberIsTold) {
     power(g.a, true);
     ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
     cycles(2000);
-    EXPECT_EQ(*cycle(), 12U) << "the image is right without it";
+    EXPECT_EQ(cycle().error(), (Error{.code = Errc::working_counter,
+                                      .step = Step::exchange_process_data,
+                                      .slave = 5,
+                                      .detail = Error::kOthersFresh,
+                                      .expected = 15,
+                                      .actual = 12}));
     EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1);
     // When the slave arrives, it belongs to the group.
     ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
     power(g.a2, true);
     ASSERT_TRUE(until([&] { return in_op(5); })) << joined(events());
     expect_exchanged(5, g.a2);
+}
+
+// A member that is present and cannot be configured is counted, like a slave of the line.
+TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ctx->slave(5).config.highest = static_cast<AlState>(9);
+    EXPECT_FALSE(config_map(*ctx, image).ok());
+    EXPECT_EQ(ctx->group(0).expected_wkc, 15U);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(100);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
+    // After the group was away and is back, too.
+    pull(g.a);
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U) << "the whole group may be missing";
+    plug({line[1], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+}
+
+TEST_F(HotConnectGroups, MayBeRemovedWithoutASupervision) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_EQ(to_op().state, AlState::op);
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    cycles(5);
+    EXPECT_TRUE(readstate(*ctx).ok());
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
+    segment.disconnect({g.a2, 0});
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (int time = 0; time < 2; ++time) {
+        plug({line[0], 2}, g.a);
+        power(g.a, true);
+        ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+        cycles(2000);
+        EXPECT_EQ(cycle().error().code, Errc::working_counter) << time;
+        EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1) << time;
+        pull(g.a);
+        cycles(100);
+        EXPECT_EQ(*cycle(), 9U) << time;
+    }
+}
+
+// The head comes back with its address, because its power was kept; its member does not.
+TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    segment.disconnect({g.a2, 0});
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U);
+    (void)events();
+    plug({line[0], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 5: missing, though the head of its group, slave 4, is there"), 1) << joined(story);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
 }
 
 // Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or

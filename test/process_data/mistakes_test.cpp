@@ -95,6 +95,29 @@ TEST_F(Mistakes, ACycleWithinACycleIsRefused) {
     EXPECT_TRUE(run_cycle(*ctx, {}, nothing).ok()) << "afterwards it is allowed again";
 }
 
+bool end_at_once(const CycleInfo& cycle) { return cycle.number < 3; }
+
+TEST_F(Mistakes, TheWorkOfACycleMayBeAPlainFunction) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_TRUE(run_cycle(*ctx, {}, end_at_once).ok());
+    EXPECT_EQ(ctx->group(0).cycles_sent, 3U);
+}
+
+TEST_F(Mistakes, WishesWrittenBeforeASubmittedScanAreWarnedOf) {
+    ctx->slave(1).config.group = 1;
+    ScanRequest scan;
+    ASSERT_TRUE(submit(*ctx, scan).ok());
+    ASSERT_TRUE(wait(*ctx, scan).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+    ctx->slave(9).hooks.preop_to_safeop = [](HookedSlave, void*) { return Result<>(); };
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(*ctx, map).ok());
+    ASSERT_TRUE(wait(*ctx, map).ok());
+    EXPECT_EQ(all(ctx->warnings()).size(), 1U);
+}
+
 TEST_F(Mistakes, ValuesOutOfRangeAreRefused) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -195,10 +218,10 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
 }
 
 TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
-    const ExpectedSlave unknown[] = {{.position = 1}, {.product = 0x101}};
+    const ExpectedSlave unknown[] = {{.number = 1}, {.product = 0x101}};
     EXPECT_EQ(words(expect(*ctx, unknown).error()),
-              "comparing with what is expected: argument out of range (entry 2 of the list: without position, alias or "
-              "device id, in a place that is taken, or apart from its hot connect group)");
+              "comparing with what is expected: argument out of range (entry 2 of the list: without number, alias or "
+              "device id, with the number of another entry, or apart from its hot connect group)");
 }
 
 TEST_F(Mistakes, AnEntryOfASlaveThatDoesNotExistIsNamed) {

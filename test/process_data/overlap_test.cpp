@@ -209,9 +209,6 @@ TEST_F(OverlapTest, MappingAgainForgetsWhatIsUnderWay) {
     engine.poll(now);
     EXPECT_EQ(counted().unexpected, 1U);
     EXPECT_EQ(send().error().code, Errc::unknown_group);
-    group.config.cycles_in_flight = 5;
-    const auto planned = plan_datagrams(slaves, 0, group.config, *lay_out(slaves, 0, group.config, image), scratch);
-    EXPECT_EQ(planned.error().code, Errc::invalid_argument);
 }
 
 // With the public calls, on the simulated segment.
@@ -303,18 +300,27 @@ struct Guarded final : Nic, Osal {
     }
 };
 
+// Three slaves behind this NIC; two cycles can be in flight.
+class OverlappedBusThreads : public OverlappedBus {
+  protected:
+    SimulatedNic line{bus.segment, bus.osal};
+    Guarded guarded{line, bus.osal};
+
+    void SetUp() override {
+        for (int i = 0; i < 3; ++i) bus.add(16, 16);
+        bus.segment.power_up(bus.osal.now());
+        bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
+        ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
+        ASSERT_TRUE(config_init(ctx()).ok());
+        map(2);
+    }
+    void TearDown() override { bus.ctx.reset(); }  // before the NIC is destroyed
+};
+
 // One thread sends as fast as possible. The owner receives, polls, and reads the states. Every cycle comes back
 // complete and in order.
-TEST_F(OverlappedBus, TwoThreads) {
+TEST_F(OverlappedBusThreads, OneSendsAndTheOwnerReceives) {
     constexpr std::uint32_t kCycles = 3000;
-    for (int i = 0; i < 3; ++i) bus.add(16, 16);
-    bus.segment.power_up(bus.osal.now());
-    SimulatedNic line(bus.segment, bus.osal);
-    Guarded guarded(line, bus.osal);
-    bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
-    ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
-    ASSERT_TRUE(config_init(ctx()).ok());
-    map(2);
 
     bool sent_well = true;
     std::thread sender([&] {
@@ -352,20 +358,11 @@ TEST_F(OverlappedBus, TwoThreads) {
     std::array<std::byte, 1> last{};
     bus.segment.slave(0).read(0x1100, last);
     EXPECT_EQ(last[0], std::byte{(kCycles - 1) & 0xFF});
-    bus.ctx.reset();  // before the NIC is destroyed
 }
 
 // A slave is lost and comes back while one thread sends and the owner receives and supervises.
-TEST_F(OverlappedBus, TwoThreadsWhileASlaveIsLostAndComesBack) {
-    constexpr std::uint32_t kCycles = 4000;
-    for (int i = 0; i < 3; ++i) bus.add(16, 16);
-    bus.segment.power_up(bus.osal.now());
-    SimulatedNic line(bus.segment, bus.osal);
-    Guarded guarded(line, bus.osal);
-    bus.ctx = std::make_unique<HostContext>(Limits{.slaves = 8});
-    ASSERT_TRUE(init(ctx(), guarded, guarded).ok());
-    ASSERT_TRUE(config_init(ctx()).ok());
-    map(2);
+TEST_F(OverlappedBusThreads, ASlaveIsLostAndComesBack) {
+    constexpr std::uint32_t kMostCycles = 400'000;  // on a busy machine the threads take turns slowly
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx(), supervision).ok());
     std::atomic<bool> enough = false;
@@ -378,19 +375,25 @@ TEST_F(OverlappedBus, TwoThreadsWhileASlaveIsLostAndComesBack) {
         bus.segment.set_power(2, on, bus.osal.now());
     };
     unsigned others_fresh = 0;
-    for (std::uint32_t received = 0; received < kCycles; ++received) {
-        if (received == kCycles / 4) power(false);
-        if (received == kCycles / 2) power(true);
-        const auto wkc = receive_processdata(ctx(), 1ms);
-        others_fresh += wkc.error().detail == Error::kOthersFresh ? 1 : 0;
-        (void)poll(ctx(), guarded.now());
-    }
+    // Cycles until the condition holds.
+    const auto until = [&](auto holds) {
+        for (std::uint32_t received = 0; received < kMostCycles && !holds(); ++received) {
+            const auto wkc = receive_processdata(ctx(), 1ms);
+            others_fresh += wkc.error().detail == Error::kOthersFresh ? 1 : 0;
+            (void)poll(ctx(), guarded.now());
+        }
+    };
+    const auto is_in = [&](AlState state) { return ctx().slave(3).al.state == state; };
+    until([&] { return is_in(AlState::op); });
+    power(false);
+    until([&] { return others_fresh > 100; });
+    power(true);
+    until([&] { return is_in(AlState::op); });
     enough = true;
     sender.join();
     EXPECT_GT(others_fresh, 100U);
     EXPECT_EQ(ctx().slave(3).al.state, AlState::op);
     supervision.cancel();
-    bus.ctx.reset();  // before the NIC is destroyed
 }
 
 }  // namespace

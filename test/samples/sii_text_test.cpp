@@ -80,7 +80,7 @@ TEST(SiiText, NamesTheFaults) {
               text.npos)
         << text;
     EXPECT_NE(
-        text.find("  word 0x003e: the size word does not tell the size of the image (expected 1000, found 1024)\n"),
+        text.find("  word 0x003e: the size word is not the size of the image (expected 1000, found 1024)\n"),
         text.npos)
         << text;
     EXPECT_NE(text.find("Level"), text.npos);  // and the readable parts are shown

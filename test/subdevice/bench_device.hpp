@@ -5,6 +5,7 @@
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
+#include "subdevice/stored_values.hpp"
 #include "subdevice/sync_objects.hpp"
 
 #include "mail_hand.hpp"
@@ -134,7 +135,10 @@ inline constexpr Object kObjects[] = {
     variable(0x1001, "Error register", kRegister),
     array(0x1003, "Pre-defined error field", kErrors, &kErrorHistoryHooks),
     variable(0x1008, "Device name", kName),
+    array(0x1010, "Store parameters", kStoreEntries, &kStoreHooks),
+    array(0x1011, "Restore default parameters", kRestoreEntries, &kRestoreHooks),
     record(0x1018, "Identity", kIdentity, nullptr, DataType::identity),
+    record(0x10F0, "Backup parameter handling", kBackupEntries, &kBackupHooks),
     record(0x10F1, "Sync error setting", kSyncError),
     record(0x10F3, "Diagnosis history", kDiagnosis, &kDiagnosisHooks),
     record(0x1600, "RxPDO", kRx, &kPdoMappingHooks, DataType::pdo_mapping),
@@ -175,12 +179,14 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     }
     void safe_outputs(Time) override { ++safe; }
     void sync1(Time) override { ++syncs1; }
+    [[nodiscard]] StoredValues* stored_values() override { return stored; }
 
     DeviceDescription description_value = table::kDevice;
     Verdict (*transition_hook)(Transition, Time) = nullptr;
     Time slow_until = Time{} + 50ms;
     std::vector<std::byte> vast = std::vector<std::byte>(70'000, std::byte{0x5A});
     std::size_t vast_bytes = 70'000;
+    StoredValues* stored = nullptr;
     unsigned writes = 0;
     unsigned cycles = 0;
     unsigned safe = 0;

@@ -45,14 +45,15 @@ Result<> start() {
 
 Result<> exchange() {
     if (const auto sent = send_processdata(ctx); !sent) return sent;
-    if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received) return received.error();
+    if (const auto received = receive_processdata(ctx, std::chrono::milliseconds(2)); !received)
+        return received.error();
     return Result<>();
 }
 
 // Process data is exchanged from SAFEOP on; the slaves enter OP after they have received outputs.
 Result<> bring_up() {
 #ifdef WITH_EXPECTED
-    static constexpr ExpectedSlave kExpected[] = {{.position = 1, .alias = 7}};
+    static constexpr ExpectedSlave kExpected[] = {{.number = 1, .alias = 7}};
     if (const auto expected = expect(ctx, kExpected); !expected) return expected;
 #endif
     const auto slaves = config_init(ctx);

@@ -1,0 +1,72 @@
+// The RUN and ERR indicators of a device whose processor switches the lamps (ETG.1300 "EtherCAT Indicator and
+// Labeling"). A device whose ESC has outputs for the lamps does not need this file.
+//
+//     Indicators indicators(esc);
+//     for (;;) {
+//         const Time next = std::min(device.step(now), indicators.step(now, device.al_status()));
+//         set_pins(indicators.run_lit(), indicators.error_lit());
+//         sleep_until(next);
+//     }
+#pragma once
+
+#include "subdevice/esc_access.hpp"
+
+#include <margay/al_state.hpp>
+
+namespace margay::subdevice {
+
+// How a lamp flashes. The values are those of the override registers (0x0138, 0x0139): 1 to 12 are that number of
+// flashes, then a pause.
+enum class Flashing : std::uint8_t { off = 0, single = 1, twice = 2, blinking = 13, flickering = 14, on = 15 };
+
+// Whether a lamp is lit, `since` after the flashing has begun, and how long it stays so (kNever: no change).
+struct Lamp {
+    bool lit = false;
+    Duration lasts = Duration::max();
+};
+[[nodiscard]] Lamp lamp(Flashing flashing, Duration since);
+
+// What the RUN indicator shows in a state.
+[[nodiscard]] Flashing run_flashing(AlState state);
+
+// What the ERR indicator shows after the AL status has changed from `before` to `now`: off without an error; twice for
+// an expired process data watchdog; single if the device has left its state by itself; blinking if it has refused a
+// state; flickering for an error while the device starts.
+[[nodiscard]] Flashing error_flashing(const AlStatus& before, const AlStatus& now);
+
+class Indicators {
+  public:
+    // `esc` must outlive the object.
+    explicit Indicators(EscAccess& esc) : esc_(esc) {}
+
+    // Call it after Device::step(), with the AL status of the device. Returns the latest time for the next call. Reads
+    // the override registers at most once in 50 ms: the master can set a lamp by these registers, until the AL status
+    // changes (RUN) or a new error occurs (ERR).
+    Time step(Time now, const AlStatus& status);
+
+    // The PDI watchdog has expired, or the processor cannot continue: the ERR indicator is on until the AL status
+    // changes.
+    void controller_failed() { error_.own = Flashing::on; }
+
+    [[nodiscard]] bool run_lit() const { return run_.lit; }
+    [[nodiscard]] bool error_lit() const { return error_.lit; }
+
+  private:
+    struct Light {
+        Flashing own = Flashing::off;  // without an override
+        Flashing shown = Flashing::off;
+        Time begin{};
+        bool lit = false;
+        void show(Flashing flashing, Time now);
+        [[nodiscard]] Time update(Time now);
+    };
+    void read_overrides(Time now);
+
+    EscAccess& esc_;
+    AlStatus status_{};
+    Light run_;
+    Light error_;
+    Time overrides_at_{};
+};
+
+}  // namespace margay::subdevice

@@ -1,0 +1,104 @@
+// Values that survive a loss of power: objects 0x1010 "Store parameters", 0x1011 "Restore default parameters" and
+// 0x10F0 "Backup parameter handling" (ETG.1020). The values are those of all entries with od::kBackup.
+//
+//     struct Flash final : ValueStore { … };
+//     struct Lamps final : Application { … StoredValues* stored_values() override { return &stored; } };
+//     StoredValues stored(dictionary, flash, buffer);
+//     (void)stored.load();  // before Device::start()
+//     … array(0x1010, "Store parameters", kStoreEntries, &kStoreHooks),
+//     … array(0x1011, "Restore default parameters", kRestoreEntries, &kRestoreHooks),
+//     … record(0x10F0, "Backup parameter handling", kBackupEntries, &kBackupHooks),
+#pragma once
+
+#include "subdevice/object_dictionary.hpp"
+
+namespace margay::subdevice {
+
+// The non-volatile memory, which the author of a device implements. One block of octets.
+class ValueStore {
+  public:
+    // Copies the block to `into`. Returns its size; 0: there is none, or it is larger than `into`.
+    [[nodiscard]] virtual std::size_t load(MutableBytes into) = 0;
+
+    // Stores a block in the place of the last one; an empty block erases it. Must not wait: while the memory is busy,
+    // it returns HookAnswer::later(), and is called again with the same block, or with another one if the master has
+    // given up and sends another command. Abort::hardware_error: the memory has
+    // failed. A loss of power in between must leave the old block, the new one, or a damaged one: load() of
+    // StoredValues recognizes a damaged block.
+    [[nodiscard]] virtual HookAnswer save(Bytes block, Time now) = 0;
+
+  protected:
+    ~ValueStore() = default;
+};
+
+// The size of a block: a head, and the values of all entries with od::kBackup.
+[[nodiscard]] constexpr bool is_stored(const Entry& entry) {
+    return (entry.access & od::kBackup) != 0 && entry.storage == Storage::image;
+}
+[[nodiscard]] constexpr std::size_t stored_bytes(std::span<const Object> objects) {
+    std::size_t bytes = 12;
+    for (const Object& object : objects)
+        for (const Entry& entry : object.entries)
+            if (is_stored(entry)) bytes += std::size_t{entry.bytes()} * entry.count;
+    return bytes;
+}
+
+class StoredValues {
+  public:
+    // All arguments must outlive the object. `buffer` has at least stored_bytes(dictionary.objects()) octets.
+    StoredValues(ObjectDictionary& dictionary, ValueStore& store, MutableBytes buffer)
+        : dictionary_(dictionary), store_(store), buffer_(buffer) {}
+
+    // Copies the stored values into the dictionary. Call it before Device::start(). Returns false and changes nothing
+    // if there is no block, the block is damaged, or it belongs to another table of objects.
+    [[nodiscard]] bool load();
+
+    // The CRC of the present values: a master compares it with the value that it knows, to see whether it must write
+    // the parameters again.
+    [[nodiscard]] std::uint32_t checksum();
+
+    // For the hooks of the objects: called until the answer is not later(). After a success the memory has the values
+    // of the last call; restore() also sets them in the dictionary.
+    [[nodiscard]] HookAnswer save(Time now);
+    [[nodiscard]] HookAnswer restore(Time now);
+    // Four octets with a number, which the master reads or overwrites.
+    [[nodiscard]] MutableBytes show(std::uint32_t number);
+
+  private:
+    void collect();  // values and head into buffer_
+
+    ObjectDictionary& dictionary_;
+    ValueStore& store_;
+    MutableBytes buffer_;
+    bool saving_ = false;  // buffer_ has a block that is being stored
+    std::array<std::byte, 4> shown_{};
+};
+
+// The values that the master writes.
+inline constexpr std::uint32_t kSave = 0x65766173;     // "save"
+inline constexpr std::uint32_t kRestore = 0x64616F6C;  // "load"
+
+namespace stored_values {
+[[nodiscard]] bool exists(const ObjectAccess& access);
+[[nodiscard]] HookAnswer before_save(const ObjectAccess& access, Bytes data);
+[[nodiscard]] HookAnswer before_restore(const ObjectAccess& access, Bytes data);
+[[nodiscard]] MutableBytes command(const ObjectAccess& access);
+[[nodiscard]] MutableBytes checksum(const ObjectAccess& access);
+}  // namespace stored_values
+
+// Subindex 1 reads as 1: the device stores all parameters on command. "load" restores the initial values at once, so it
+// is for PREOP; "save" is for all states with a mailbox. Another value is refused with Abort::cannot_store.
+inline constexpr std::array kStoreEntries{
+    entry_count(1), provided(1, "Store all parameters", DataType::unsigned32, 32, od::kReadWrite)};
+inline constexpr std::array kRestoreEntries{
+    entry_count(1), provided(1, "Restore all default parameters", DataType::unsigned32, 32, od::kReadWritePreop)};
+inline constexpr std::array kBackupEntries{entry_count(1),
+                                           provided(1, "Checksum", DataType::unsigned32, 32, od::kReadOnly)};
+
+inline constexpr ObjectHooks kStoreHooks{
+    .exists = stored_values::exists, .before_write = stored_values::before_save, .memory = stored_values::command};
+inline constexpr ObjectHooks kRestoreHooks{
+    .exists = stored_values::exists, .before_write = stored_values::before_restore, .memory = stored_values::command};
+inline constexpr ObjectHooks kBackupHooks{.exists = stored_values::exists, .memory = stored_values::checksum};
+
+}  // namespace margay::subdevice
