@@ -34,7 +34,7 @@ struct Master;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
-    constexpr std::size_t kMarksBytes = kWide ? 24 : 16;                        // what the library notes about a slave
+    constexpr std::size_t kMarksBytes = kWide ? 24 : 16;             // what the library notes about a slave
     constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
@@ -66,8 +66,8 @@ class Context {
     // Before init(), the next four return empty objects with zero counters: call them again after init(). Only a
     // callback in events() that was set before init() is kept.
     //
-    // The errors so far, oldest first. The log keeps the oldest Limits::errors errors until they are read; later ones are dropped.
-    // One other thread may read it.
+    // The errors so far, oldest first. The log keeps the oldest Limits::errors errors until they are read; later ones
+    // are dropped. One other thread may read it.
     [[nodiscard]] ErrorLog& errors();
     // Conditions that are unusual but no failure (see is_warning()), in a ring of their own of the same size: warnings
     // use no space of errors(). One other thread may read it.

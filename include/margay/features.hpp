@@ -1,6 +1,6 @@
-// Features that a context uses without a call of the application: the slaves make it use them. init(ctx, nic, osal) gives
-// a context all of them. A program for a small system gives it those that its slaves need, and the linker leaves out the
-// others:
+// Features that a context uses without a call of the application: the slaves make it use them. init(ctx, nic, osal)
+// gives a context all of them. A program for a small system gives it those that its slaves need, and the linker leaves
+// out the others:
 //
 //     init(ctx, nic, osal, {});                            // none of them
 //     init(ctx, nic, osal, {.soe = &margay::kSoeFeature});

@@ -1,6 +1,6 @@
 // A master on a microcontroller, as small as it can be: it scans, maps, brings the slaves to OP and exchanges process
 // data. The definitions WITH_… add one feature each. QEMU can run it, but the purpose is its size.
-#include "board.hpp"
+#include "mps2_an386/board.hpp"
 
 #include <margay/margay.hpp>
 #include "oshw/lan9118/lan9118.hpp"
