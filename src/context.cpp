@@ -11,16 +11,21 @@
 
 namespace margay {
 
-static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
-static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
-static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
-static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
-static_assert(sizeof(SlaveMarks) <= 24, "context_bytes(): kMarksBytes");
-static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
-static_assert(sizeof(PreparedFrame) +
-                      ProcessTables::datagrams_for(1) *
-                          (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)) <=
-                  2048,
+// The constants of context_bytes() for these sizes of pointers.
+constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow) {
+    const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
+    return actual <= constant && constant - actual < 64;
+}
+static_assert(is_size(sizeof(Master), 6080, 4288), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMailboxBytes");
+static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
+static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
+static_assert(is_size(sizeof(SlaveMarks), 24, 20), "context_bytes(): kMarksBytes");
+static_assert(is_size(sizeof(ProcessGroup), 408, 304), "context_bytes(): kGroupBytes");
+static_assert(is_size(sizeof(PreparedFrame) +
+                          ProcessTables::datagrams_for(1) *
+                              (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),
+                      1976, 1888),
               "context_bytes(): kProcessFrameBytes");
 
 namespace {
@@ -53,7 +58,6 @@ class Carver {
 };
 
 constexpr std::uint32_t kMostGroups = 256;
-constexpr std::size_t kRingToSpare = 16;  // unexpected slaves that may be in the ring besides the slaves
 
 // The default logical addresses give each group 16 MiB; the application may change GroupConfiguration::start.
 ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
@@ -148,7 +152,7 @@ void Context::close() {
     master_ = nullptr;
 }
 
-Result<> init(Context& ctx, Nic& nic, Osal& osal) {
+Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
     const Limits& limits = ctx.limits();
     if (const Error wrong = check_limits(limits); wrong.code != Errc::none) return wrong;
     if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
@@ -160,7 +164,10 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const auto frames = carver.take<FrameSlot>(limits.frames);
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
-    const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
+    const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + limits.guests);
+    const auto errors = carver.take<Error>(limits.errors);
+    const auto warnings = carver.take<Error>(limits.errors);
+    const auto events = carver.take<Event>(limits.events);
     if (place == nullptr || ring.empty() || table.marks.empty() || frames.empty() || mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
@@ -168,6 +175,12 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     Master* master = ::new (place) Master(osal, nic, table, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     Network& network = master->network;
     network.process = process;
+    network.errors.use(errors);
+    network.warnings.use(warnings);
+    network.events.use(events);
+    network.mailboxes.soe = features.soe;
+    network.mailboxes.routing = features.routing;
+    network.overlap = features.overlap;
     network.engine.link().settings = ContextAccess::early_settings(ctx);
     network.events.callback = ContextAccess::no_events(ctx).callback;
     network.events.user = ContextAccess::no_events(ctx).user;
@@ -179,6 +192,7 @@ Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
     ContextAccess::master(ctx)->network.expected_next = slaves;
+    ContextAccess::master(ctx)->network.expectation = &kExpectation;
     return Result<>();
 }
 

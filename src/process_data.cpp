@@ -68,13 +68,13 @@ Error negative_timeout(std::uint8_t group) {
 
 // Receives a group with overlapping cycles; for another group no cycle was sent.
 [[gnu::noinline]] Result<std::uint32_t> receive_special(Master& master, ProcessGroup& group, Duration timeout) {
-    if (group.overlap.sets > 1) return receive_overlapped(master, group, timeout);
+    if (group.overlap.sets > 1) return master.network.overlap->receive(master, group, timeout);
     return nothing_sent(group);
 }
 
 [[gnu::noinline]] Result<> send_special(Master& master, ProcessGroup& group, Time now) {
     Link& link = master.network.engine.link();
-    if (group.overlap.sets > 1) return send_overlapped(group, link, now);
+    if (group.overlap.sets > 1) return master.network.overlap->send(group, link, now);
     if (!master.owned_by_caller()) return refused(Errc::not_owner, group.number);
     return send_cycle(group, link, now);
 }
@@ -96,6 +96,8 @@ template <class Now>
 }
 
 }  // namespace
+
+const OverlapFeature kOverlapFeature{.send = send_overlapped, .receive = receive_overlapped};
 
 Result<> send_processdata(Context& ctx, std::uint8_t group) {
     return send_group(ctx, group, [](Osal& osal) { return osal.now(); });

@@ -30,9 +30,27 @@ class Borrowed : public std::span<const T> {
     requires(!std::ranges::borrowed_range<R>) constexpr Borrowed(R&& list) = delete;  // the same
 };
 
+// A borrowed list that names the part of the library which works with such lists. The linker leaves out a part that no
+// list of the program names.
+template <class T, class Part, const Part* kPart>
+class ListWithPart : public Borrowed<T> {
+  public:
+    constexpr ListWithPart() : part_(nullptr) {}
+    using Borrowed<T>::Borrowed;
+    // nullptr: there was never a list.
+    [[nodiscard]] constexpr const Part* part() const { return part_; }
+
+  private:
+    const Part* part_ = kPart;
+};
+
 }  // namespace margay
 
 template <class T>
 inline constexpr bool std::ranges::enable_borrowed_range<margay::Borrowed<T>> = true;
 template <class T>
 inline constexpr bool std::ranges::enable_view<margay::Borrowed<T>> = true;
+template <class T, class Part, const Part* kPart>
+inline constexpr bool std::ranges::enable_borrowed_range<margay::ListWithPart<T, Part, kPart>> = true;
+template <class T, class Part, const Part* kPart>
+inline constexpr bool std::ranges::enable_view<margay::ListWithPart<T, Part, kPart>> = true;

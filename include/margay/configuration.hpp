@@ -59,15 +59,24 @@ struct SlaveTimes {
     std::optional<Duration> pdi_watchdog{};
 };
 
+namespace detail {
+struct PdoPart;
+struct StartupPart;
+extern const PdoPart kPdoPart;
+extern const StartupPart kStartupPart;
+}  // namespace detail
+using PdoLists = ListWithPart<SmPdos, detail::PdoPart, &detail::kPdoPart>;
+using StartupCommands = ListWithPart<StartupCommand, detail::StartupPart, &detail::kStartupPart>;
+
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its
 // lists are the caller's memory, and must live as long as the configuration of any slave points to it.
 struct SlaveSetup {
     // The PDOs of SyncManagers. The library writes them into the slave's object dictionary before it reads the process
     // data, and again when the slave comes back; PDOs that are right already are not written. SyncManagers that are not
     // listed keep their PDOs. For a slave without CoE the lists only describe its process data.
-    Borrowed<SmPdos> pdos{};
+    PdoLists pdos{};
     // Commands at transitions; see startup.hpp.
-    Borrowed<StartupCommand> startup{};
+    StartupCommands startup{};
     SlaveTimes times{};
 };
 
@@ -100,10 +109,12 @@ struct SlaveConfiguration {
     const SlaveSetup* setup = nullptr;
 
     [[nodiscard]] constexpr Borrowed<SmPdos> pdos() const {
-        return setup == nullptr ? Borrowed<SmPdos>() : setup->pdos;
+        if (setup == nullptr) return {};
+        return static_cast<const Borrowed<SmPdos>&>(setup->pdos);
     }
     [[nodiscard]] constexpr Borrowed<StartupCommand> startup() const {
-        return setup == nullptr ? Borrowed<StartupCommand>() : setup->startup;
+        if (setup == nullptr) return {};
+        return static_cast<const Borrowed<StartupCommand>&>(setup->startup);
     }
     [[nodiscard]] constexpr SlaveTimes times() const { return setup == nullptr ? SlaveTimes{} : setup->times; }
     // The first sm_count of `sms`.
@@ -143,6 +154,23 @@ enum class LostInputs : std::uint8_t {
 class EntryHandle;
 class SharedImage;
 
+namespace detail {
+struct EntryPart;
+extern const EntryPart kEntryPart;
+}  // namespace detail
+
+// A list of entries; like a list of PDOs it names the part of the library that works with it.
+class EntryList : public std::span<EntryHandle* const> {
+  public:
+    constexpr EntryList() : part_(nullptr) {}
+    using std::span<EntryHandle* const>::span;
+    // nullptr: there was never a list.
+    [[nodiscard]] constexpr const detail::EntryPart* part() const { return empty() ? nullptr : part_; }
+
+  private:
+    const detail::EntryPart* part_ = &detail::kEntryPart;
+};
+
 // The configuration of one group: slaves that share an image and are exchanged together.
 struct GroupConfiguration {
     LogicalAddress start;  // logical address of the image
@@ -171,7 +199,7 @@ struct GroupConfiguration {
     SharedImage* shared = nullptr;    // lets another thread work on the image: see shared_image.hpp
     // Entries of process data that each config_map() finds: see entry.hpp. The list and the handles are the caller's
     // memory.
-    std::span<EntryHandle* const> entries{};
+    EntryList entries{};
 };
 
 }  // namespace margay

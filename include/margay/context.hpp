@@ -22,23 +22,27 @@ struct Master;
 
 // How many octets of memory a context with these limits needs.
 [[nodiscard]] constexpr std::size_t context_bytes(const Limits& limits) {
-    constexpr std::size_t kFixedBytes =
-        16384;                               // the engine, the queue of requests, errors and events, one frame buffer
-    constexpr std::size_t kFrameBytes = 64;  // a frame on the wire
+    // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
+    // hardly too large.
+    constexpr bool kWide = sizeof(void*) == 8;
+    constexpr std::size_t kFixedBytes = kWide ? 6080 : 4288;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
+    constexpr std::size_t kGroupBytes = kWide ? 408 : 304;
+    constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
+    constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
+    constexpr std::size_t kRingBytes = 28;                           // a place in the ring
+    constexpr std::size_t kMarksBytes = kWide ? 24 : 20;             // what the library notes about a slave
+    constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    const std::size_t arena = (tasks + 4) * kTaskBytes;
-    constexpr std::size_t kGroupBytes = 416;
-    constexpr std::size_t kProcessFrameBytes = 2048;  // a prepared frame with its datagrams
-    constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
-    constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 places are for unexpected slaves
-    constexpr std::size_t kMarksBytes = 24;           // what the library notes about a slave (SlaveMarks)
+    const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
     const std::size_t slave =
         kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * kRingBytes + 256;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * kRingBytes +
+           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.
@@ -62,8 +66,8 @@ class Context {
     // Before init(), the next four return empty objects with zero counters: call them again after init(). Only a
     // callback in events() that was set before init() is kept.
     //
-    // The errors so far, oldest first. The log keeps the oldest 64 errors until they are read; later ones are dropped.
-    // One other thread may read it.
+    // The errors so far, oldest first. The log keeps the oldest Limits::errors errors until they are read; later ones
+    // are dropped. One other thread may read it.
     [[nodiscard]] ErrorLog& errors();
     // Conditions that are unusual but no failure (see is_warning()), in a ring of their own of the same size: warnings
     // use no space of errors(). One other thread may read it.

@@ -32,8 +32,8 @@ enum class EventKind : std::uint8_t {
     line_errors,  // frames were damaged on the cable between `slave` at `port` and `other` (actual: how many);
                   // 0: the wiring has changed meanwhile
     link_lost,    // the link of that cable was lost (actual: how often); `other`: the slave at the other end before the
-                // link was lost; 0: it is not known, or the master
-    emergency,     // a slave has sent a CoE emergency (detail: its code, actual: its error register)
+                  // link was lost; 0: it is not known, or the master
+    emergency,    // a slave has sent a CoE emergency (detail: its code, actual: its error register)
     unsupervised,  // a SuperviseRequest has ended (error: the error of the request; canceled after cancel() and when it
                    // was destroyed): slaves that are lost from now on are not brought back
     overrun,  // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
@@ -64,11 +64,9 @@ struct Event {
 std::string_view describe(const Event& event, std::span<char> out);
 
 // The events in the order in which they occurred. The thread that polls writes; one other thread may read. If no thread
-// reads, the queue keeps the oldest kCapacity events.
+// reads, the queue keeps the oldest Limits::events events.
 class EventQueue : public SpscRing<Event> {
   public:
-    static constexpr std::uint32_t kCapacity = 64;
-
     // Called by poll() for each event, in the thread that polls: must neither wait nor poll; an exception that leaves
     // it ends the program. Set it in that thread. The callback also receives the events that do not fit the ring.
     void (*callback)(const Event& event, void* user) = nullptr;

@@ -21,6 +21,16 @@ struct Limits {
     // Emergencies that the context keeps for each slave until the application reads them. 0: none are kept, but
     // their events are still reported.
     std::uint16_t emergencies = 8;
+    // Errors that errors() keeps until they are read, and warnings that warnings() keeps.
+    std::uint16_t errors = 64;
+    // Events that events() keeps until they are read.
+    std::uint16_t events = 64;
+    // Slaves that may be in the ring besides those of `slaves` while the supervision looks for slaves.
+    std::uint16_t guests = 16;
+    // Octets of memory for running sequences. 0: as much as `tasks` sequences at the same time and requests beside them
+    // need. Less slows down, since sequences wait for memory; too little for one sequence ends it with Errc::capacity.
+    // Context::arena_peak_bytes() shows what a program has needed.
+    std::uint32_t arena_bytes = 0;
 };
 
 }  // namespace margay

@@ -17,6 +17,7 @@
 #include <margay/context.hpp>
 #include <margay/entry.hpp>
 #include <margay/expected.hpp>
+#include <margay/features.hpp>
 #include <margay/hooked_slave.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
@@ -31,8 +32,9 @@ namespace margay {
 // Gives the context its NIC and its system functions. Call init() once, before all other functions. `nic` and `osal`
 // must outlive the context. The calling thread becomes the owner of the context (request.hpp). Errors: invalid_argument
 // (a limit or a link setting is out of range; detail: the Argument), wrong_state (init() was called before), capacity
-// (the memory of the context is too small).
-Result<> init(Context& ctx, Nic& nic, Osal& osal);
+// (the memory of the context is too small). `features` is for small systems: see features.hpp.
+Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features);
+inline Result<> init(Context& ctx, Nic& nic, Osal& osal) { return init(ctx, nic, osal, kAllFeatures); }
 
 // Does the work of the master: processes the frames that the NIC has received, resumes all busy requests, and sends the
 // frames that are due. Returns the latest time at which poll() must be called again; kNever: only a new frame or a new

@@ -37,8 +37,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
         if (taken == MailClient::Taken::more) return prolong(exchange);
         if (taken == MailClient::Taken::all) return finish(exchange, {});
     }
-    const MailProtocol* protocol = find_protocol(mail.header.type);
-    if (protocol != nullptr && protocol->unasked(*this, mail)) return;
+    if (take_unasked(*this, mail)) return;
     ++statistics_.unexpected;
     owed_until_ = Time::min();  // most likely this was the late reply
 }

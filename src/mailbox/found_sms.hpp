@@ -33,6 +33,10 @@ struct FoundEntry {
 class EntrySink {
   public:
     virtual void add(const FoundEntry& entry) = 0;
+    // Completes the data type of an entry that another source has found.
+    virtual void note_type(const FoundEntry& by_sii) = 0;
+    // Deletes what was found in the slave.
+    virtual void forget() = 0;
 
   protected:
     ~EntrySink() = default;

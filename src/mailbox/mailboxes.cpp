@@ -1,5 +1,7 @@
 #include "mailbox/mailboxes.hpp"
 
+#include <margay/features.hpp>
+
 #include "mailbox/arena_buffer.hpp"
 #include "wire/sync_manager.hpp"
 
@@ -134,6 +136,16 @@ void Mailboxes::by_status_bits() {
 // ------------------------------------------------------------------ mail between slaves
 
 bool Mailboxes::route(MailboxChannel& from, const wire::MailboxMessage& mail) {
+    return routing != nullptr && routing->route(*this, from, mail);
+}
+
+const RoutingFeature kRoutingFeature{.route = RoutingFeature::forward};
+
+bool RoutingFeature::forward(Mailboxes& mailboxes, MailboxChannel& from, const wire::MailboxMessage& mail) {
+    return mailboxes.forward_mail(from, mail);
+}
+
+bool Mailboxes::forward_mail(MailboxChannel& from, const wire::MailboxMessage& mail) {
     const auto is_addressed = [&](const MailboxChannel& c) {
         return c.is_open() && c.address_.value == mail.header.address;
     };

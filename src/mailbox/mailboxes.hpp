@@ -8,6 +8,15 @@
 
 namespace margay {
 
+class Mailboxes;
+class MailboxChannel;
+struct SoeFeature;
+
+struct RoutingFeature {
+    bool (*route)(Mailboxes& mailboxes, MailboxChannel& from, const wire::MailboxMessage& mail);
+    static bool forward(Mailboxes& mailboxes, MailboxChannel& from, const wire::MailboxMessage& mail);
+};
+
 class Mailboxes {
   public:
     // `channels`: one for each slave; `emergencies`: divided equally among them. Their memory outlives this object.
@@ -29,6 +38,10 @@ class Mailboxes {
     };
     Listener listener;
 
+    // Features that the context has, see <margay/features.hpp>.
+    const SoeFeature* soe = nullptr;
+    const RoutingFeature* routing = nullptr;
+
     void close_all();
     void forget_all();
 
@@ -38,10 +51,12 @@ class Mailboxes {
     // For channels: called after some looks without mail. When several channels look, one datagram for all replaces
     // their own datagrams. Returns whether the channel is parked, so that it need not look itself.
     [[nodiscard]] bool park(MailboxChannel& channel);
-    // For channels: forwards mail to another slave. False: there is no such slave.
+    // For channels: forwards mail to another slave. False: there is no such slave, or the context does not forward.
     [[nodiscard]] bool route(MailboxChannel& from, const wire::MailboxMessage& mail);
 
   private:
+    friend struct RoutingFeature;
+    [[nodiscard]] bool forward_mail(MailboxChannel& from, const wire::MailboxMessage& mail);
     friend class MailboxChannel;
     class WatchGuard;
 

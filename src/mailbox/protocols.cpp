@@ -1,22 +1,18 @@
 #include "mailbox/protocols.hpp"
 
 #include "mailbox/coe_mail.hpp"
-#include "mailbox/soe.hpp"
+#include "mailbox/mailboxes.hpp"
+#include "mailbox/soe_pdo.hpp"
 
 namespace margay {
-namespace {
 
-constexpr MailProtocol kProtocols[] = {
-    {wire::MailboxType::coe, coe_unasked},
-    {wire::MailboxType::soe, soe_unasked},
-};
-
-}  // namespace
-
-const MailProtocol* find_protocol(wire::MailboxType type) {
-    for (const MailProtocol& protocol : kProtocols)
-        if (protocol.type == type) return &protocol;
-    return nullptr;
+bool take_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
+    const SoeFeature* soe = channel.mailboxes().soe;
+    switch (mail.header.type) {
+        case wire::MailboxType::coe: return coe_unasked(channel, mail);
+        case wire::MailboxType::soe: return soe != nullptr && soe->unasked(channel, mail);
+        default: return false;
+    }
 }
 
 }  // namespace margay

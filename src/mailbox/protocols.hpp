@@ -1,4 +1,4 @@
-// The table of mailbox protocols. An entry says what happens to mail that is not a reply.
+// Mail that is not a reply, by protocol.
 #pragma once
 
 #include "wire/mailbox.hpp"
@@ -7,13 +7,7 @@ namespace margay {
 
 class MailboxChannel;
 
-struct MailProtocol {
-    wire::MailboxType type;
-    // False: the channel counts the mail as unexpected.
-    bool (*unasked)(MailboxChannel& channel, const wire::MailboxMessage& mail);
-};
-
-// nullptr when the table has no such protocol.
-[[nodiscard]] const MailProtocol* find_protocol(wire::MailboxType type);
+// False: no protocol takes the mail, and the channel counts it as unexpected.
+[[nodiscard]] bool take_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail);
 
 }  // namespace margay

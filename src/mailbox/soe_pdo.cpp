@@ -1,5 +1,7 @@
 #include "mailbox/soe_pdo.hpp"
 
+#include <margay/features.hpp>
+
 #include <array>
 
 namespace margay {
@@ -126,5 +128,7 @@ Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, 
     configure(slave, all, found);
     co_return true;
 }
+
+const SoeFeature kSoeFeature{.find_sms = find_sms_by_soe, .unasked = soe_unasked};
 
 }  // namespace margay

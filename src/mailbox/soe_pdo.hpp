@@ -7,6 +7,12 @@
 
 namespace margay {
 
+// What a context does with SoE on its own.
+struct SoeFeature {
+    Task<Result<bool>> (*find_sms)(MailboxChannel& channel, const Slave& slave, FoundSms& found);
+    bool (*unasked)(MailboxChannel& channel, const wire::MailboxMessage& mail);
+};
+
 // Outputs are the MDT, inputs the AT. Each contains the data of all drives in sequence; for each drive the control word
 // or the status word is first. The drives are those of the numbers 0 to 7 that answer. False, and nothing found, when
 // the slave has no SoE or no drive answers: this is not a failure, the SII may contain the process data. Errors:

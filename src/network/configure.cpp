@@ -1,6 +1,7 @@
 #include "network/configure.hpp"
 
 #include "network/members.hpp"
+#include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"
@@ -26,23 +27,28 @@ Fed fed(const Slave& slave) {
                                                                                   : Fed::as_described;
 }
 
-// An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
-Task<Result<>> write_sync_manager(Station station, const ProcessSm& sm, Fed fed) {
-    const wire::Register place = reg::sync_manager(sm.number);
-    std::array<std::byte, 1> off{};
-    std::array<std::byte, reg::kSyncManagerStride> bytes{};
+void store(MutableBytes bytes, const ProcessSm& sm, Fed fed) {
     wire::SyncManager wanted = make_sync_manager(sm);
     if (fed == Fed::by_all_outputs && sm.direction == Direction::outputs)
         wanted.control |= wire::sm_control::kWatchdogTrigger;
     wire::store_sync_manager(bytes, wanted);
-    const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
-    Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
-    Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
-    co_await together(switch_off, write_all);
-    const Error error = error_of_reply(station, switch_off.reply(), kStep, activate);
-    if (error.code != Errc::none) co_return error;
-    const Error second = error_of_reply(station, write_all.reply(), kStep, place.address);
-    if (second.code != Errc::none) co_return second;
+}
+
+// An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
+Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        const wire::Register place = reg::sync_manager(sm.number);
+        std::array<std::byte, 1> off{};
+        std::array<std::byte, reg::kSyncManagerStride> bytes{};
+        store(bytes, sm, fed);
+        const auto activate = static_cast<std::uint16_t>(place.address + wire::SyncManagerLayout::activate::offset);
+        Datagram switch_off(station.engine.link(), wire::Command::FPWR, {station.address, activate}, Bytes(off));
+        Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, place.address}, Bytes(bytes));
+        co_await together(switch_off, write_all);
+        Error error = error_of_reply(station, switch_off, kStep, activate);
+        if (error.code == Errc::none) error = error_of_reply(station, write_all, kStep, place.address);
+        if (error.code != Errc::none) co_return error;
+    }
     co_return Nothing{};
 }
 
@@ -66,9 +72,7 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     Datagram write_all(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
                        Bytes(bytes).first(count * reg::kFmmuStride));
     auto reply = co_await write_all;
-    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
-    if (error.code != Errc::none) co_return error;
-    co_return Nothing{};
+    co_return error_of_reply(station, reply, kStep, reg::kFmmuBase);
 }
 
 // Converts a time to units of the watchdogs, rounded up.
@@ -76,29 +80,33 @@ std::uint16_t watchdog_units(Duration time, Duration unit) {
     return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
 }
 
-// Writes only the watchdog times that the application has set.
-Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
+// A value for a register of two octets; address 0: none.
+struct RegisterValue {
+    wire::Register place;
+    std::uint16_t value = 0;
+};
+using WatchdogValues = std::array<RegisterValue, 3>;
+
+// Only the watchdog times that the application has set.
+WatchdogValues watchdog_values(const Slave& slave) {
     const SlaveTimes times = slave.config.times();
     const auto outputs = slave.config.process_data_watchdog;
     const auto pdi = times.pdi_watchdog;
-    if (!outputs && !pdi && !times.watchdog_divider) co_return Nothing{};
+    WatchdogValues values{};
+    if (!outputs && !pdi && !times.watchdog_divider) return values;
     const std::uint16_t divider = times.watchdog_divider.value_or(kDividerFor100us);
     const Duration unit = watchdog_unit(times);
-    auto divided = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, divider, kStep);
-    if (!divided) co_return divided;
-    if (pdi) {
-        auto written = co_await write<std::uint16_t>(station, reg::kPdiWatchdogTime, watchdog_units(*pdi, unit), kStep);
-        if (!written) co_return written;
-    }
-    if (!outputs) co_return Nothing{};
-    auto written =
-        co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, watchdog_units(*outputs, unit), kStep);
-    co_return written;
+    values[0] = {reg::kWatchdogDivider, divider};
+    if (pdi) values[1] = {reg::kPdiWatchdogTime, watchdog_units(*pdi, unit)};
+    if (outputs) values[2] = {reg::kProcessDataWatchdogTime, watchdog_units(*outputs, unit)};
+    return values;
 }
 
-Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed) {
-    for (const ProcessSm& sm : slave.config.used_sms()) {
-        auto written = co_await write_sync_manager(station, sm, fed);
+Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
+    const WatchdogValues values = watchdog_values(slave);
+    for (const RegisterValue& one : values) {
+        if (one.place.address == 0) continue;
+        auto written = co_await write<std::uint16_t>(station, one.place, one.value, kStep);
         if (!written) co_return written;
     }
     co_return Nothing{};
@@ -170,8 +178,8 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
     }
-    if (running && !slave.config.pdos().empty()) {
-        auto pdos = co_await write_pdos(network, slave);
+    if (running && pdo_part(slave) != nullptr) {
+        auto pdos = co_await pdo_part(slave)->write(network, slave);
         if (!pdos) co_return pdos;
     }
     auto written = co_await write_all(station, slave, layout, running);

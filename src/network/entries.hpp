@@ -31,11 +31,11 @@ class EntryMatcher final : public EntrySink {
     // Whether any handle is of this slave.
     [[nodiscard]] bool wanted() const { return wanted_; }
     // Deletes the results of the slave's PDOs; those of the lists stay.
-    void forget();
+    void forget() override;
 
     void add(const FoundEntry& entry) override;
     // Completes the data type of entries that another source has found: the PDO mapping of CoE does not name types.
-    void note_type(const FoundEntry& by_sii);
+    void note_type(const FoundEntry& by_sii) override;
 
   private:
     void match(const FoundEntry& entry);
@@ -49,11 +49,13 @@ class EntryMatcher final : public EntrySink {
 // Passes only the data types of the SII's entries to the matcher.
 class EntryTypes final : public EntrySink {
   public:
-    explicit EntryTypes(EntryMatcher& matcher) : matcher_(matcher) {}
-    void add(const FoundEntry& entry) override { matcher_.note_type(entry); }
+    explicit EntryTypes(EntrySink& entries) : entries_(entries) {}
+    void add(const FoundEntry& entry) override { entries_.note_type(entry); }
+    void note_type(const FoundEntry& entry) override { entries_.note_type(entry); }
+    void forget() override {}
 
   private:
-    EntryMatcher& matcher_;
+    EntrySink& entries_;
 };
 
 // The handles of the slave's group; none when the slave's configuration has an unknown group number.
@@ -70,6 +72,12 @@ class EntryTypes final : public EntrySink {
 // Binds the handles of a laid out group, of all slaves or of one. Entries that are not mapped or do not fit are
 // reported in errors(); the first error is returned.
 [[nodiscard]] Error place_entries(Network& network, ProcessGroup& group, const Slave* only = nullptr);
+
+// What is done with the entries of a group.
+struct detail::EntryPart {
+    Task<Result<>> (*discover)(Network& network, Slave& slave);
+    Error (*place)(Network& network, ProcessGroup& group, const Slave* only);
+};
 
 // Marks all handles of the group as not mapped.
 void release_entries(ProcessGroup& group);

@@ -1,5 +1,7 @@
 #include "network/expectation.hpp"
 
+#include "station/device_id.hpp"
+
 #include <algorithm>
 #include <utility>
 
@@ -247,5 +249,29 @@ void compare_with_expected(Network& network, FirstFault& faults) {
         if (slave.held) faults.keep(error);
     }
 }
+
+namespace {
+
+// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
+bool id_is_wanted(const Network& network, const Slave& slave) {
+    return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
+        if (!wanted.device_id) return false;
+        const bool same = slave.wanted == &wanted || (wanted.number == slave.number && slave.number != 0) ||
+                          (wanted.alias && *wanted.alias == slave.alias);
+        return slave.device_id_source != DeviceIdSource::none || same;
+    });
+}
+
+Task<Result<>> read_id(Network& network, Slave& slave) {
+    if (!id_is_wanted(network, slave)) co_return Nothing{};
+    auto id = co_await read_device_id(network.station(slave), slave);
+    if (id) slave.device_id = *id;
+    if (!id && id.error().code != Errc::unsupported) network.note(slave, id.error());
+    co_return Nothing{};
+}
+
+}  // namespace
+
+const Expectation kExpectation{.number = number_slaves, .compare = compare_with_expected, .read_id = read_id};
 
 }  // namespace margay

@@ -7,6 +7,14 @@
 
 namespace margay {
 
+// What a scan needs when slaves are expected.
+struct Expectation {
+    Result<bool> (*number)(Network& network);
+    void (*compare)(Network& network, FirstFault& faults);
+    Task<Result<>> (*read_id)(Network& network, Slave& slave);
+};
+extern const Expectation kExpectation;
+
 // Errors: invalid_argument; actual: the number of the list entry, 1 is the first.
 [[nodiscard]] Result<> check_expected(std::span<const ExpectedSlave> expected);
 

@@ -71,6 +71,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (wrong.code != Errc::none) return wrong;
     const auto layout = lay_out(network.slaves(), number, group.config, image);
     if (!layout) return layout.error();
+    if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
     group.layout = *layout;
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
@@ -318,7 +319,9 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
         if (named > network.count) network.note(laid_out.error());
         co_return laid_out.error();
     }
-    const Error entries = place_entries(network, network.process.groups[number]);
+    ProcessGroup& group = network.process.groups[number];
+    const detail::EntryPart* const part = group.config.entries.part();
+    const Error entries = part == nullptr ? Error{} : part->place(network, group, nullptr);
     const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
     auto configured = co_await for_each_slave(network, set);
     if (!configured) co_return configured.error();

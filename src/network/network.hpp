@@ -38,6 +38,9 @@ struct Settling : ListNode {
     std::coroutine_handle<> sequence{};
 };
 
+struct Expectation;
+struct OverlapFeature;
+
 struct Network {
     Network(Nic& nic, SlaveTable slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
             std::size_t most_tasks, std::span<MailboxChannel> channels = {}, std::span<Emergency> emergencies = {},
@@ -49,7 +52,6 @@ struct Network {
           tasks(most_tasks),
           mailboxes(engine, channels, emergencies) {
         mailboxes.listener = {report_emergency, this};
-        events.use(event_memory);
     }
 
     Engine engine;
@@ -62,11 +64,12 @@ struct Network {
     std::size_t tasks;                // number of slaves that are processed at the same time
     ScanSettings settings;
     ProcessTables process;
-    SpscRingOf<Error, 64> errors;
-    SpscRingOf<Error, 64> warnings;
-    Mailboxes mailboxes;
-    std::array<Event, EventQueue::kCapacity> event_memory{};
+    ErrorLog errors;  // these three: without memory until use() gives it to them
+    ErrorLog warnings;
     EventQueue events;
+    Mailboxes mailboxes;
+    const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
+    const Expectation* expectation = nullptr;      // given by expect()
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
     Slave guest;                 // a newcomer while it is being identified

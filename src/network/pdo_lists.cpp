@@ -141,6 +141,11 @@ bool keep_place(Slave& slave) {
     if (config.sm_count != 0 || config.source == ConfigurationSource::application ||
         config.source == ConfigurationSource::file)
         return true;
+    return pdo_part(slave) != nullptr && pdo_part(slave)->place(slave);
+}
+
+bool place_by_lists(Slave& slave) {
+    SlaveConfiguration& config = slave.config;
     if (!lists_all_entries(slave)) return false;
     if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
     // In the order of the SyncManagers, like the process data that is read from the slave.

@@ -2,10 +2,14 @@
 #pragma once
 
 #include <margay/slave.hpp>
+#include <margay/task.hpp>
 
 #include <optional>
 
 namespace margay {
+
+class EntrySink;
+struct Network;
 
 // Checks the lists for contradictions: a SyncManager that the slave does not have, that is a mailbox or is listed
 // twice; a PDO that is listed twice or has the other direction; entries without bits; a size that `slave.config.sms`
@@ -31,5 +35,20 @@ void forget_kept_place(Slave& slave);
 
 // The direction of the PDOs in the list; by the SII if the list is empty.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);
+
+// The part of keep_place() that uses the lists.
+[[nodiscard]] bool place_by_lists(Slave& slave);
+
+// What is done with the PDO lists of a slave.
+struct detail::PdoPart {
+    Error (*check)(const Slave& slave);
+    bool (*place)(Slave& slave);
+    Task<Result<>> (*write)(Network& network, Slave& slave);
+    Task<Result<>> (*walk)(Network& network, const Slave& slave, EntrySink& entries);
+};
+// nullptr: the slave has no lists.
+[[nodiscard]] inline const detail::PdoPart* pdo_part(const Slave& slave) {
+    return slave.config.pdos().empty() ? nullptr : slave.config.setup->pdos.part();
+}
 
 }  // namespace margay

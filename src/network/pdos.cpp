@@ -82,7 +82,9 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
     if (!by_coe && !is_refusal(by_coe.error())) co_return by_coe;
     if (!by_coe) network.note(slave, by_coe.error());
     if (found.source != ConfigurationSource::sii || !has_mailbox(network, slave)) co_return Nothing{};
-    auto by_soe = co_await find_sms_by_soe(network.mailbox(slave), slave, found.counts);
+    const SoeFeature* const soe = network.mailboxes.soe;
+    if (soe == nullptr) co_return Nothing{};
+    auto by_soe = co_await soe->find_sms(network.mailbox(slave), slave, found.counts);
     if (!by_soe && !is_refusal(by_soe.error()) && by_soe.error().code != Errc::soe_error) co_return by_soe.error();
     if (!by_soe) network.note(slave, by_soe.error());
     if (by_soe && *by_soe) found.source = ConfigurationSource::soe;
@@ -91,23 +93,18 @@ Task<Result<>> ask_by_mail(Network& network, Slave& slave, Findings& found, bool
 
 // Reads the process data of the SII. If the SII is the source that counts, the matcher gets its entries, otherwise only
 // their data types.
-Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntryMatcher* entries) {
-    if (entries != nullptr && found.source != ConfigurationSource::sii) {
-        EntryTypes types(*entries);
+Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySink* sink) {
+    if (sink != nullptr && found.source != ConfigurationSource::sii) {
+        EntryTypes types(*sink);
         auto compared = co_await find_sms_by_sii(network.station(slave), slave, found.sii, &types);
         found.sii_read = compared.ok() && slave.sii_read;
         co_return compared;
     }
-    EntrySink* const sink = entries;
     auto read = co_await find_sms_by_sii(network.station(slave), slave, found.sii, sink);
     found.sii_read = read.ok() && slave.sii_read;
     if (!read || sink == nullptr) co_return read;
-    for (const SmPdos& list : slave.config.pdos()) {
-        if (listed_bits(list).open == 0) continue;
-        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, *sink);
-        if (!walked) co_return walked;
-    }
-    co_return Nothing{};
+    if (pdo_part(slave) == nullptr) co_return Nothing{};
+    co_return co_await pdo_part(slave)->walk(network, slave, *sink);
 }
 
 // The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
@@ -211,25 +208,44 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+namespace {
+
+// The entries of the PDOs that the lists name without their entries.
+Task<Result<>> walk_lists(Network& network, const Slave& slave, EntrySink& entries) {
+    for (const SmPdos& list : slave.config.pdos()) {
+        if (listed_bits(list).open == 0) continue;
+        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, entries);
+        if (!walked) co_return walked;
+    }
+    co_return Nothing{};
+}
+
+}  // namespace
+
+constinit const detail::PdoPart detail::kPdoPart{
+    .check = check_pdo_lists, .place = place_by_lists, .write = write_pdos, .walk = walk_lists};
+
+namespace {
+
+Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     SlaveConfiguration& config = slave.config;
     const bool compare = !network.marks(slave).pdos_compared;
     network.marks(slave).pdos_compared = true;
     const bool said = by_application(config);
-    EntryMatcher entries(entries_of(network, slave), slave);
-    EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
+    const detail::PdoPart* const lists = pdo_part(slave);
     Error wrong = invalid_setting(slave);
-    if (wrong.code == Errc::none) wrong = check_pdo_lists(slave);
+    if (wrong.code == Errc::none && lists != nullptr) wrong = lists->check(slave);
     if (!said && !known) config.sm_count = 0;
     if (wrong.code != Errc::none) co_return wrong;
-    auto written = co_await write_pdos(network, slave);
+    Result<> written;
+    if (lists != nullptr) written = co_await lists->write(network, slave);
     if (!written || known || (said && !compare && sink == nullptr)) co_return written;
     Findings found;
     auto asked = co_await ask_by_mail(network, slave, found, compare, sink);
     if (!asked) {
-        entries.forget();
+        if (sink != nullptr) sink->forget();
         if (!said) co_return asked;
         network.note(slave, asked.error());  // the values of the application have precedence
         co_return Nothing{};
@@ -238,6 +254,22 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     if (found.source == ConfigurationSource::sii || compare || sink != nullptr)
         read = co_await read_sii(network, slave, found, sink);
     co_return select_source(network, slave, found, read, compare);
+}
+
+// The same, and finds the entries that the application has listed.
+Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
+    EntryMatcher entries(entries_of(network, slave), slave);
+    co_return co_await discover(network, slave, entries.wanted() ? &entries : nullptr);
+}
+
+}  // namespace
+
+constinit const detail::EntryPart detail::kEntryPart{.discover = discover_with_entries, .place = place_entries};
+
+Task<Result<>> discover_pdos(Network& network, Slave& slave) {
+    const bool grouped = slave.config.group < network.process.groups.size();
+    const auto* part = grouped ? network.process.groups[slave.config.group].config.entries.part() : nullptr;
+    return part == nullptr ? discover(network, slave, nullptr) : part->discover(network, slave);
 }
 
 Task<Result<>> find_entries(Network& network, Slave& slave, EntryMatcher& entries) {

@@ -17,6 +17,8 @@ namespace margay {
 
 // State of overlapping cycles of a group. The sending thread writes `sent_at`, `sent` and `send_set`, the owner's
 // thread writes `received` and `receive_set`.
+struct Master;
+
 struct Overlap {
     std::uint8_t sets = 1;  // sets of frames, each for one cycle; 1: cycles do not overlap
     std::array<Time, GroupConfiguration::kMostCyclesInFlight> sent_at{};
@@ -114,6 +116,10 @@ void note_joining(const ProcessGroup& group, const Slave& slave);
 void settle_lost_inputs(ProcessGroup& group);
 
 // The same where cycles overlap. Additional error of sending: busy (all cycles are in flight; expected: their number).
+struct OverlapFeature {
+    Result<> (*send)(ProcessGroup& group, Link& link, Time now);
+    Result<std::uint32_t> (*receive)(Master& master, ProcessGroup& group, Duration timeout);
+};
 [[nodiscard]] Result<> send_overlapped(ProcessGroup& group, Link& link, Time now);
 // For the owner's thread: the frames of the oldest cycle in flight (empty: there is none), when it was sent, and its
 // end.

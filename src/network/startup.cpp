@@ -186,4 +186,6 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
     co_return Nothing{};
 }
 
+constinit const detail::StartupPart detail::kStartupPart{.run = run_commands};
+
 }  // namespace margay

@@ -16,4 +16,8 @@ namespace margay {
 // the transition (step), the place in the list, and the object or register. Other failures are reported in errors().
 [[nodiscard]] Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment);
 
+struct detail::StartupPart {
+    Task<Result<>> (*run)(Network& network, Slave& slave, Transition which, Moment moment);
+};
+
 }  // namespace margay

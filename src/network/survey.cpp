@@ -1,6 +1,6 @@
 #include "network/survey.hpp"
 
-#include "station/device_id.hpp"
+#include "network/expectation.hpp"
 #include "station/sii_contents.hpp"
 
 #include <algorithm>
@@ -54,16 +54,6 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-// Whether the device id is needed: an expected slave is recognised by its device id, and this slave may be that one.
-bool id_is_wanted(const Network& network, const Slave& slave) {
-    return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
-        if (!wanted.device_id) return false;
-        const bool same = slave.wanted == &wanted || (wanted.number == slave.number && slave.number != 0) ||
-                          (wanted.alias && *wanted.alias == slave.alias);
-        return slave.device_id_source != DeviceIdSource::none || same;
-    });
-}
-
 }  // namespace
 
 Task<Result<>> survey(Network& network, Slave& slave) {
@@ -82,11 +72,8 @@ Task<Result<>> survey(Network& network, Slave& slave) {
     auto sii = co_await read_sii_contents(network.station(slave), slave);
     if (!sii) network.note(slave, sii.error());
     slave.seen = sii || sii.error().step == Step::parse_sii;
-    if (!id_is_wanted(network, slave)) co_return Nothing{};
-    auto id = co_await read_device_id(network.station(slave), slave);
-    if (id) slave.device_id = *id;
-    if (!id && id.error().code != Errc::unsupported) network.note(slave, id.error());
-    co_return Nothing{};
+    if (network.expected.empty()) co_return Nothing{};
+    co_return co_await network.expectation->read_id(network, slave);
 }
 
 }  // namespace margay

@@ -97,7 +97,9 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
     if (!concerns(slave, which, moment)) co_return Nothing{};
     const bool up = goes_up(which);
     Following following(network.marks(slave), up && moment == Moment::after ? which : Transition::none);
-    auto done = co_await run_commands(network, slave, which, moment);
+    Result<> done;
+    if (has_commands(slave, which, moment))
+        done = co_await slave.config.setup->startup.part()->run(network, slave, which, moment);
     if (!done && !up) network.note(slave, done.error());
     if (slave.hooks.transition && (done || !up)) {
         done = co_await call_hook(network, slave, which, moment);

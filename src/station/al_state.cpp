@@ -25,15 +25,14 @@ AlStatus load_al_status(std::uint64_t status_to_code) {
 
 }  // namespace
 
-Task<Result<AlStatus>> read_al_status(Station station) {
-    std::array<std::byte, reg::kAlStatusCode.end() - reg::kAlStatus.address> bytes{};
-    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kAlStatus.address},
-                  MutableBytes(bytes));
-    auto reply = co_await look;
-    const Error error = error_of_reply(station, reply, Step::read_state, reg::kAlStatus.address);
-    if (error.code != Errc::none) co_return error;
-    co_return load_al_status(load_le<std::uint16_t>(bytes) |
-                             (std::uint64_t{load_le<std::uint16_t>(bytes, code_offset)} << (8 * code_offset)));
+ReadAlStatus::ReadAlStatus(const Station& station)
+    : RegisterWait(station, reg::kAlStatus.address, reg::kAlStatusCode.end() - reg::kAlStatus.address,
+                   Step::read_state) {}
+
+Result<AlStatus> ReadAlStatus::await_resume() const noexcept {
+    const Error failed = error();
+    if (failed.code != Errc::none) return failed;
+    return load_al_status(load_le<std::uint64_t>(bytes()));
 }
 
 Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience) {

@@ -9,8 +9,12 @@
 namespace margay {
 
 // Reads AL status and AL status code.
-[[nodiscard]] Task<Result<AlStatus>> read_al_status(Station station);
-
+class ReadAlStatus : public RegisterWait {
+  public:
+    explicit ReadAlStatus(const Station& station);
+    [[nodiscard]] Result<AlStatus> await_resume() const noexcept;
+};
+[[nodiscard]] inline ReadAlStatus read_al_status(const Station& station) { return ReadAlStatus(station); }
 // Updates `known` with what was read: NONE when the slave does not answer at its address; no change when the read
 // failed for another reason.
 inline void update_al_status(AlStatus& known, const Result<AlStatus>& seen) {

@@ -49,7 +49,6 @@ TEST_F(FrameSizes, OfEachSequence) {
     const Station station = network.station(slave);
     std::byte word[2]{};
 
-    expect("read_al_status", 512, read_al_status(station));
     expect("change_al_state", 512, change_al_state(station, AlState::preop, false, std::chrono::seconds(1)));
     expect("sii_write", 512, sii_write(station, 4, word));
     expect("sii_assign", 512, sii_assign(station, false));

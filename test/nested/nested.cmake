@@ -72,6 +72,14 @@ set(board SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g+
 margay_nested(embedded/arm_builds ${board} FIXTURE arm_archives TARGETS margay_wire margay margay_subdevice)
 margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives)
 
+# What each feature of the master needs on a microcontroller.
+margay_nested(embedded/sizes_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FIXTURE size_programs
+              COST 300 DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON CMAKE_BUILD_TYPE=MinSizeRel
+                     CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+add_test(NAME embedded/sizes COMMAND ${CMAKE_COMMAND} "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_sizes_builds"
+         -P ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes/table.cmake)
+set_tests_properties(embedded/sizes PROPERTIES FIXTURES_REQUIRED size_programs SKIP_REGULAR_EXPRESSION "SKIPPED")
+
 # The memory that a device with CoE and FoE needs on a microcontroller.
 add_test(NAME embedded/footprint
          COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"

@@ -428,7 +428,7 @@ TEST_F(SupervisionTest, CallbackHasEveryEventAndTheQueueCountsWhatItDrops) {
         ASSERT_LE(cycles_until_right(), 1000);
     }
     const auto taken = static_cast<int>(events().size());
-    EXPECT_EQ(taken, static_cast<int>(EventQueue::kCapacity));
+    EXPECT_EQ(taken, int{Limits{}.events});
     EXPECT_EQ(taken + static_cast<int>(ctx().events().dropped()), calls);
 }
 

@@ -1,6 +1,6 @@
 // A master on a microcontroller, as small as it can be: it scans, maps, brings the slaves to OP and exchanges process
 // data. The definitions WITH_… add one feature each. QEMU can run it, but the purpose is its size.
-#include "board.hpp"
+#include "mps2_an386/board.hpp"
 
 #include <margay/margay.hpp>
 #include "oshw/lan9118/lan9118.hpp"
@@ -9,7 +9,16 @@ using namespace margay;
 
 namespace {
 
-constexpr Limits kLimits{.slaves = 8, .frames = 8, .groups = 1, .process_frames = 2, .emergencies = 2};
+constexpr Limits kLimits{.slaves = 8,
+                         .tasks = 1,
+                         .frames = 4,
+                         .groups = 1,
+                         .process_frames = 1,
+                         .emergencies = 0,
+                         .errors = 8,
+                         .events = 4,
+                         .guests = 0,
+                         .arena_bytes = 7168};
 
 BareOsal osal(board::description());
 Lan9118 nic(board::ethernet(), {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59});
@@ -27,7 +36,11 @@ void tell([[maybe_unused]] const Error& error) {
 Result<> start() {
     if (const auto opened = nic.open(osal); !opened) return opened;
     board::allow_ethernet_interrupt();
+#ifdef WITH_ALL_FEATURES
     return init(ctx, nic, osal);
+#else
+    return init(ctx, nic, osal, {});
+#endif
 }
 
 Result<> exchange() {
@@ -39,8 +52,25 @@ Result<> exchange() {
 
 // Process data is exchanged from SAFEOP on; the slaves enter OP after they have received outputs.
 Result<> bring_up() {
+#ifdef WITH_EXPECTED
+    static constexpr ExpectedSlave kExpected[] = {{.number = 1, .alias = 7}};
+    if (const auto expected = expect(ctx, kExpected); !expected) return expected;
+#endif
     const auto slaves = config_init(ctx);
     if (!slaves) return slaves.error();
+#ifdef WITH_PDO_WRITE
+    static constexpr PdoEntry kEntries[] = {{.index = 0x6040, .bits = 16}};
+    static constexpr Pdo kPdos[] = {{.index = 0x1600, .entries = kEntries}};
+    static constexpr SmPdos kLists[] = {{.sync_manager = 2, .pdos = kPdos}};
+    static constexpr SlaveSetup kLists4{.pdos = kLists};
+    ctx.slave(4).config.setup = &kLists4;
+#endif
+#ifdef WITH_STARTUP
+    static constexpr StartupCommand kCommands[] = {
+        write_object(Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8})};
+    static constexpr SlaveSetup kCommands3{.startup = kCommands};
+    ctx.slave(3).config.setup = &kCommands3;
+#endif
     const auto octets = config_map(ctx, image);
     if (!octets) return octets.error();
     for (int cycle = 0; cycle < 100; ++cycle) (void)exchange();

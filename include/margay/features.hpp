@@ -1,0 +1,34 @@
+// Features that a context uses without a call of the application: the slaves make it use them. init(ctx, nic, osal)
+// gives a context all of them. A program for a small system gives it those that its slaves need, and the linker leaves
+// out the others:
+//
+//     init(ctx, nic, osal, {});                            // none of them
+//     init(ctx, nic, osal, {.soe = &margay::kSoeFeature});
+//
+// All other parts of the library are linked when the program calls a function, or has a request or a list, that needs
+// them.
+#pragma once
+
+namespace margay {
+
+struct SoeFeature;
+struct RoutingFeature;
+struct OverlapFeature;
+
+// The process data of SoE drives is read from their parameters, and their notifications are passed to
+// SlaveHooks::soe_notification. Without it: sizes come from the SII, and notifications are counted as unexpected mail.
+extern const SoeFeature kSoeFeature;
+// Mail from one slave to another is forwarded. Without it such mail is counted as unexpected.
+extern const RoutingFeature kRoutingFeature;
+// GroupConfiguration::cycles_in_flight may be more than 1. Without it config_map() refuses that (Errc::unsupported).
+extern const OverlapFeature kOverlapFeature;
+
+struct Features {
+    const SoeFeature* soe = nullptr;
+    const RoutingFeature* routing = nullptr;
+    const OverlapFeature* overlap = nullptr;
+};
+
+inline constexpr Features kAllFeatures{.soe = &kSoeFeature, .routing = &kRoutingFeature, .overlap = &kOverlapFeature};
+
+}  // namespace margay

@@ -1,0 +1,74 @@
+// A context for a small system: limits as low as possible, and no feature that the slaves do not need.
+#include "segment/bench.hpp"
+
+namespace margay {
+namespace {
+
+class SmallContext : public SegmentTest {
+  protected:
+    // The limits of test/embedded/sizes.
+    static Limits limits(std::uint32_t arena_bytes) {
+        return {.slaves = 8,
+                .tasks = 1,
+                .frames = 4,
+                .groups = 1,
+                .process_frames = 1,
+                .emergencies = 0,
+                .errors = 8,
+                .events = 4,
+                .guests = 0,
+                .arena_bytes = arena_bytes};
+    }
+    // Scans, maps, reads an object of slave 4, and asks for OP.
+    Error first_error(std::uint32_t arena_bytes) {
+        HostContext small(limits(arena_bytes));
+        std::array<std::byte, 512> image{};
+        std::array<std::byte, 4> vendor{};
+        if (const auto begun = init(small, wire, osal, {}); !begun) return begun.error();
+        if (const auto found = config_init(small); !found) return found.error();
+        if (const auto mapped = config_map(small, image); !mapped) return mapped.error();
+        if (const auto read = SDOread(small, 4, 0x1018, 1, false, vendor); !read) return read.error();
+        return {};
+    }
+};
+
+// A processor with pointers of half the size needs about half as much: that is Limits::arena_bytes of
+// test/embedded/sizes.
+TEST_F(SmallContext, TheDeepestSequenceOfABringUpFitsTheArenaOfTheSmallPrograms) {
+    plug_line({"coupler", "digital_in_8", "digital_out_8", "odd_device", "odd_device", "digital_in_8", "analog_in_4"});
+    switch_on();
+    std::uint32_t least = 2048;
+    while (least < 65536 && first_error(least).code != Errc::none) least += 1024;
+    RecordProperty("arena_bytes", static_cast<int>(least));
+    EXPECT_LE(least, 2U * 7168) << words(first_error(least - 1024));
+    EXPECT_EQ(first_error(65536).code, Errc::none) << words(first_error(65536));
+    EXPECT_GT(least, 2048U) << "the search has found nothing";
+}
+
+TEST_F(SmallContext, WithoutTheFeatureOverlappingCyclesAreRefused) {
+    plug_line({"coupler", "digital_out_8"});
+    switch_on();
+    HostContext small(limits(0));
+    std::array<std::byte, 16> image{};
+    ASSERT_TRUE(init(small, wire, osal, {}));
+    ASSERT_TRUE(config_init(small));
+    small.group(0).config.cycles_in_flight = 2;
+    EXPECT_EQ(config_map(small, image).error().code, Errc::unsupported);
+    small.group(0).config.cycles_in_flight = 1;
+    EXPECT_TRUE(config_map(small, image));
+}
+
+TEST_F(SmallContext, ErrorsAndEventsAreKeptAsTheLimitsSay) {
+    HostContext small(limits(0));
+    ASSERT_TRUE(init(small, wire, osal, {}));
+    EXPECT_EQ(small.errors().capacity(), 8U);
+    EXPECT_EQ(small.warnings().capacity(), 8U);
+    EXPECT_EQ(small.events().capacity(), 4U);
+    HostContext usual;
+    ASSERT_TRUE(init(usual, wire, osal));
+    EXPECT_EQ(usual.errors().capacity(), 64U);
+    EXPECT_EQ(usual.events().capacity(), 64U);
+}
+
+}  // namespace
+}  // namespace margay
