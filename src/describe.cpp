@@ -189,6 +189,9 @@ std::string_view argument_text(Argument argument) {
         case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
+        case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
+        case Argument::clock_settings:
+            return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
     }
     return {};
 }
@@ -230,6 +233,13 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             out << " ("
                 << "used: " << sm_text(e.expected) << "; the other: " << sm_text(e.actual) << ")";
             break;
+        case Errc::clock_before_reference: out << " (slave " << e.expected << ")"; break;
+        case Errc::not_in_sync: {
+            const bool behind = (e.actual & 0x8000'0000) != 0;
+            out << " (" << (behind ? 0U - e.actual : e.actual) << (behind ? " ns behind" : " ns ahead") << ", the limit is "
+                << e.expected << " ns)";
+            break;
+        }
         case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;
         case Errc::check_failed:
             (out << " (wanted ").hex(e.expected, 8);
@@ -344,6 +354,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
+            if (e.step == Step::configure_sync) out << " (call configdc() before)";
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";

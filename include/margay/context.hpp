@@ -35,10 +35,11 @@ struct Master;
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 places are for unexpected slaves
     constexpr std::size_t kMarksBytes = 8;            // what the library notes about a slave (SlaveMarks)
+    constexpr std::size_t kClockBytes = 240;          // the clock of a slave, and its place in the topology
     const std::size_t slave =
-        kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+        kClockBytes + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * kRingBytes + 256;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + 16 * (kRingBytes + kClockBytes) + 256;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.
