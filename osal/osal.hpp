@@ -49,7 +49,7 @@ class Osal {
     virtual void wake_sleepers(const void* word) noexcept { static_cast<void>(word); }
 
   protected:
-    // How thread_number() tells threads apart. `thread_pointer` has an effect only on Linux with x86-64 or AArch64.
+    // How thread_number() distinguishes threads. `thread_pointer` has an effect only on Linux with x86-64 or AArch64.
     enum class ThreadIdentity : std::uint8_t { calling_thread, thread_pointer };
     explicit Osal(ThreadIdentity identity = ThreadIdentity::calling_thread) noexcept : identity_(identity) {}
     ~Osal() = default;

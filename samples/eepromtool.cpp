@@ -24,7 +24,7 @@ enum class Action { read, write, dump, alias };
 
 struct Options {
     SourceArguments source;
-    std::uint16_t position = 0;  // 0: not given
+    std::uint16_t number = 0;  // 0: not given
     Action action = Action::dump;
     std::string file = "-";
     std::optional<ImageFormat> format{};
@@ -163,7 +163,7 @@ int act(Eeprom& eeprom, const Options& options) {
 }
 
 int run_on_file(const Options& options) {
-    if (options.position > 1) return fail("a file holds one image: POSITION is 1, or left out", exit_code::kUsage);
+    if (options.number > 1) return fail("a file holds one image: NUMBER is 1, or left out", exit_code::kUsage);
     const auto path = options.source.source.substr(kFileSource.size());
     auto file = load_image(path);
     if (!file.error.empty()) return print_system_error(file.error);
@@ -178,10 +178,10 @@ int run_on_slave(Source& source, const Options& options) {
     const auto found = config_init(ctx);
     // Errors of single slaves are ignored: this program is used to repair slaves with a wrong EEPROM.
     if (!found && found.error().slave == 0) return print_error(sentence(found.error()));
-    if (options.position == 0 || options.position > ctx.slaves().size())
+    if (options.number == 0 || options.number > ctx.slaves().size())
         return print_error(
-            fmt::format("there is no slave {}: there are slaves 1 to {}", options.position, ctx.slaves().size()));
-    SlaveEeprom eeprom(ctx, options.position);
+            fmt::format("there is no slave {}: there are slaves 1 to {}", options.number, ctx.slaves().size()));
+    SlaveEeprom eeprom(ctx, options.number);
     const int status = act(eeprom, options);
     const bool writes = options.action == Action::write || options.alias.has_value();
     if (writes && status == 0 && options.source.source.starts_with("sim:"))
@@ -193,7 +193,7 @@ int run(const Options& options) {
     if (options.size % 2 != 0) return fail("--size: an EEPROM has a whole number of words", exit_code::kUsage);
     stop_at_signals();  // Ctrl-C stops the work between two words
     if (options.source.source.starts_with(kFileSource)) return run_on_file(options);
-    if (options.position == 0) return fail("POSITION of the slave is missing; 1 is the first slave", exit_code::kUsage);
+    if (options.number == 0) return fail("NUMBER of the slave is missing; 1 is the first slave", exit_code::kUsage);
     return run_on_source(options.source, [&](Source& source) { return run_on_slave(source, options); });
 }
 
@@ -238,7 +238,7 @@ int main(int argc, char** argv) {
                         "Reads, writes and shows the EEPROM (SII) of a slave. Puts the segment to PREOP. Do not use it "
                         "while another master is running.");
     add_source_arguments(arguments, options.source, ", or an image file to be used like an EEPROM (file:NAME)");
-    arguments.positional("POSITION", options.position, "the slave, 1 is the first; not needed with file:");
+    arguments.positional("NUMBER", options.number, "the slave, 1 is the first; not needed with file:");
     add_commands(arguments, options);
     return arguments.run(argc, argv, [&] { return run(options); });
 }

@@ -15,7 +15,7 @@ static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
-static_assert(sizeof(SlaveMarks) <= 8, "context_bytes(): kMarksBytes");
+static_assert(sizeof(SlaveMarks) <= 24, "context_bytes(): kMarksBytes");
 static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
 static_assert(sizeof(PreparedFrame) +
                       ProcessTables::datagrams_for(1) *
@@ -76,11 +76,10 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
 // Returns the error of an argument that is not from `least` to `most`; code none: it is in this range.
 Error check_range(Argument argument, std::int64_t value, std::int64_t least, std::int64_t most) {
     if (value >= least && value <= most) return {};
-    return {.code = Errc::invalid_argument,
-            .step = Step::open_nic,
-            .detail = static_cast<std::uint32_t>(argument),
-            .expected = static_cast<std::uint32_t>(most),
-            .actual = static_cast<std::uint32_t>(value)};
+    Error error = invalid(argument, Step::open_nic);
+    error.expected = static_cast<std::uint32_t>(most);
+    error.actual = static_cast<std::uint32_t>(value);
+    return error;
 }
 
 Error check_limits(const Limits& limits) {
@@ -97,13 +96,10 @@ Error check_limits(const Limits& limits) {
 }
 
 Error check_link_settings(const LinkSettings& settings) {
-    const auto refused = [](Argument argument) {
-        return Error{
-            .code = Errc::invalid_argument, .step = Step::open_nic, .detail = static_cast<std::uint32_t>(argument)};
-    };
-    if (settings.frame_timeout <= Duration{0}) return refused(Argument::link_frame_timeout);
-    if (settings.queue_timeout <= Duration{0}) return refused(Argument::link_queue_timeout);
-    if (settings.sendings == 0) return refused(Argument::link_sendings);
+    constexpr Step step = Step::open_nic;
+    if (settings.frame_timeout <= Duration{0}) return invalid(Argument::link_frame_timeout, step);
+    if (settings.queue_timeout <= Duration{0}) return invalid(Argument::link_queue_timeout, step);
+    if (settings.sendings == 0) return invalid(Argument::link_sendings, step);
     return {};
 }
 

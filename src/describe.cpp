@@ -21,7 +21,7 @@ bool is_command(Step step) { return step >= Step::command_ip && step <= Step::co
 
 bool is_entry(Errc code) { return code >= Errc::entry_not_mapped && code <= Errc::entry_stale; }
 
-// The object of an entry, or its position in the assignment: "0x1C12:1, entry 3".
+// The object of an entry, or its place in the assignment: "0x1C12:1, entry 3".
 void write_entry_place(TextWriter& out, const Error& e) {
     (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
     if (e.detail != 0) out << ", entry " << e.detail;
@@ -189,6 +189,25 @@ std::string_view argument_text(Argument argument) {
         case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
+        case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
+        case Argument::watchdog_time: return "process_data_watchdog must be at most 6.5535 s";
+        case Argument::sync_manager_twice: return "SlaveConfiguration::sms has this SyncManager twice";
+        case Argument::pdi_watchdog: return "SlaveTimes::pdi_watchdog must be zero to 65535 units of the divider";
+        case Argument::state_time: return "the times of SlaveTimes must not be negative";
+        case Argument::mailbox_time: return "SlaveTimes::mailbox must not be negative";
+        case Argument::command_transition: return "the start-up command has no transition";
+        case Argument::command_time: return "the timeout of a start-up command must not be negative";
+        case Argument::command_value:
+            return "the value of the start-up command has a size that the command cannot have";
+        case Argument::image_start:
+            return "GroupConfiguration::start: the image overlaps another one, or ends above 0xffffffff";
+        case Argument::cycles_in_flight: return "GroupConfiguration::cycles_in_flight must be 1 to 4";
+        case Argument::reserve_bytes: return "GroupConfiguration::reserve_bytes leaves no space in the frame";
+        case Argument::dc_reference: return "GroupConfiguration::dc_reference is a slave without a DC clock";
+        case Argument::copy:
+            return "GroupConfiguration::copies: the bits are not part of the slave's data in this group";
+        case Argument::entry_handle: return "GroupConfiguration::entries has a null pointer";
+        case Argument::empty_group: return "no slave has this group in SlaveConfiguration::group";
         case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
         case Argument::clock_settings:
             return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
@@ -199,14 +218,15 @@ std::string_view argument_text(Argument argument) {
 void write_argument(TextWriter& out, const Error& e) {
     if (e.step == Step::identify && e.actual != 0) {
         out << " (entry " << e.actual
-            << " of the list: without position, alias or device id, in a place that is taken, or apart from "
+            << " of the list: without number, alias or device id, with the number of another entry, or apart from "
                "its hot connect group)";
         return;
     }
-    const auto argument = static_cast<Argument>(e.detail);
+    const auto argument = static_cast<Argument>(is_command(e.step) ? e.actual : e.detail);
     const auto text = argument_text(argument);
-    if (is_command(e.step) || text.empty()) return;  // the detail of a command is the kind of the command
+    if (text.empty()) return;
     out << ": " << text;
+    if (argument == Argument::command_transition) out << " (no. " << unsigned{e.place} << ")";
     if (argument <= Argument::limit_process_frames)
         out << " is " << e.actual << ", it must be 1 to " << e.expected;
     else if (argument == Argument::sii_words && e.expected != UINT32_MAX)

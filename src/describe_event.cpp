@@ -110,8 +110,9 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
         }
         case EventKind::fell_short:
         case EventKind::right_again:
-            out << "group " << unsigned{e.group} << ": " << to_text(e.kind) << " (expected " << e.expected << ", got "
-                << e.actual << ")";
+            out << "group " << unsigned{e.group} << ": "
+                << (e.actual > e.expected ? "working counter too high" : to_text(e.kind)) << " (expected " << e.expected
+                << ", got " << e.actual << ")";
             break;
         case EventKind::slave_count:
             out << e.actual << (e.actual == 1 ? " slave answers" : " slaves answer") << ", it was " << e.expected;

@@ -14,8 +14,15 @@ Error refused(Errc code, std::uint8_t group) {
             .index = code == Errc::unknown_group ? std::uint16_t{group} : std::uint16_t{0}};
 }
 
+Error negative_timeout(std::uint8_t group) {
+    Error error = refused(Errc::invalid_argument, group);
+    error.detail = static_cast<std::uint32_t>(Argument::timeout);
+    return error;
+}
+
 // Waits for frames of the cycle that have not arrived yet.
 [[gnu::noinline]] Result<std::uint32_t> wait_for_cycle(Master& master, ProcessGroup& group, Duration timeout) {
+    if (timeout < Duration{0}) return negative_timeout(group.number);
     group.cycle_received = group.cycles_sent;
     group.under_way = false;
     Engine& engine = master.network.engine;
@@ -38,6 +45,7 @@ Error refused(Errc code, std::uint8_t group) {
     Osal& osal = master.osal;
     Nic& nic = engine.link().nic();
     if (!group.mapped) return refused(Errc::unknown_group, group.number);
+    if (timeout < Duration{0}) return negative_timeout(group.number);
     Time now = osal.now();
     const Time start = now;
     Time from = start;

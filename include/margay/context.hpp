@@ -34,7 +34,7 @@ struct Master;
     constexpr std::size_t kProcessFrameBytes = 2048;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = 768;        // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 32;            // a place in the ring; 16 places are for unexpected slaves
-    constexpr std::size_t kMarksBytes = 8;            // what the library notes about a slave (SlaveMarks)
+    constexpr std::size_t kMarksBytes = 24;           // what the library notes about a slave (SlaveMarks)
     constexpr std::size_t kClockBytes = 240;          // the clock of a slave, and its place in the topology
     const std::size_t slave =
         kClockBytes + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);

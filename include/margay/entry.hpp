@@ -1,13 +1,13 @@
-// Process data by name: an entry of a PDO as a typed value of the process image, found by its object or by its position
+// Process data by name: an entry of a PDO as a typed value of the process image, found by its object or by its place
 // in the PDOs.
 //
 //     margay::Output<std::uint16_t> control{1, 0x6040};      // slave 1, object 0x6040:0
-//     margay::Input<std::int32_t> position{1, 0x6064};
+//     margay::Input<std::int32_t> actual{1, 0x6064};
 //     margay::Input<bool> limit{margay::EntryAddress::at(2, 3, 1, 2)};  // slave 2, SyncManager 3, PDO 1, entry 2
-//     margay::EntryHandle* const entries[] = {&control, &position, &limit};
+//     margay::EntryHandle* const entries[] = {&control, &actual, &limit};
 //     ctx.group(0).config.entries = entries;                 // before config_map(), which finds and checks them all
 //     …
-//     control.write(0x000F);  if (position.read() > 1000) …  // between cycles
+//     control.write(0x000F);  if (actual.read() > 1000) …  // between cycles
 //
 // config_map() finds the entries in the first source that knows the PDOs of the slave: the lists of SlaveSetup::pdos,
 // the slave's object dictionary, the SII. So entries of slaves without CoE are found too. The process data of an SoE
@@ -35,12 +35,12 @@ namespace margay {
 
 class Context;
 
-// Names one entry of one slave: by its object, or by its position in the PDOs.
+// Names one entry of one slave: by its object, or by its place in the PDOs.
 struct EntryAddress {
     std::uint16_t slave = 0;  // the first slave is 1
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
-    // By position, if `pdo` is not 0: the number of the PDO in the SyncManager and the number of the entry in the PDO.
+    // By place, if `pdo` is not 0: the number of the PDO in the SyncManager and the number of the entry in the PDO.
     // Both start at 1, like the subindices of the assignment object and of the mapping object. Gaps count as entries.
     std::uint8_t sync_manager = 0;
     std::uint8_t pdo = 0;
@@ -158,7 +158,7 @@ class EntryHandle {
     std::array<std::byte, 8> own_{};   // used in place of the image while the entry is not mapped
     std::byte* octets_ = own_.data();  // first octet of the entry
     bool plain_ = true;                // the entry consists of whole octets of the type, or is a bool within one octet
-    std::uint8_t shift_ = 0;           // position of its first bit in the first octet
+    std::uint8_t shift_ = 0;           // number of its first bit in the first octet
     std::byte mask_{0xFF};             // its bits in the first octet
     std::uint8_t value_bits_ = 0;      // 1 to 64
 

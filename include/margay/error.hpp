@@ -21,10 +21,11 @@ enum class Errc : std::uint8_t {
     no_slaves,         // no slave answered a broadcast
     unstable,          // the number of slaves changed while it was being counted (expected, actual)
     unknown_slave,     // no slave has this number
-    invalid_argument,  // a parameter is out of range (detail: the Argument, if it is known; of limits and settings
-                       // expected: the greatest allowed value, actual: the value; of words of the SII expected: the
-                       // number of words that the EEPROM has, word(): the first word that does not exist; of expect()
-                       // actual: the number of the list entry, the first is 1)
+    invalid_argument,  // a parameter is out of range (detail: the Argument, if it is known; of a start-up command
+                       // actual: the Argument, place: its number; of limits and settings expected: the greatest allowed
+                       // value, actual: the value; of words of the SII expected: the number of words that the EEPROM
+                       // has, word(): the first word that does not exist; of expect() actual: the number of the list
+                       // entry, the first is 1)
     wrong_state,       // the call is not allowed in the present state of the context or of the slave (expected, actual)
     busy,              // another operation prevents this one (detail: the Operation, 0: the request itself)
     canceled,          // the caller has cancelled it
@@ -83,7 +84,7 @@ enum class Errc : std::uint8_t {
                         // called before it, or the cycle was received already
     mailbox_closed,     // the mailbox was closed while a message waited: the slave starts up or was found by a new scan
     reply_lost,         // the slave's reply was lost on the wire, and the slave cannot repeat it
-    entry_not_mapped,   // no exchanged PDO of the slave contains the entry (index, subindex; by position: index of the
+    entry_not_mapped,   // no exchanged PDO of the slave contains the entry (index, subindex; by place: index of the
                         // assignment object, subindex: number of the PDO in it, detail: number of the entry in the PDO)
     entry_direction,    // the entry is an input but an output was requested, or the reverse (place as above)
     entry_size,   // the type does not match the entry (place as above; expected: bits of the type, actual: bits of the
@@ -148,6 +149,7 @@ enum class Step : std::uint8_t {
     command_ib,
     command_bi,
     application_hook,
+    supervise,
     configure_clocks,
     configure_sync,
 };
@@ -246,6 +248,22 @@ enum class Argument : std::uint8_t {
     register_octets,  // no octets, too many octets, or octets beyond the last register
     complete_access,  // the subindex of a complete access
     soe_drive,        // the number of the drive
+    highest,          // members of SlaveConfiguration
+    watchdog_time,
+    sync_manager_twice,
+    pdi_watchdog,  // members of SlaveTimes
+    state_time,
+    mailbox_time,
+    command_transition,  // members of StartupCommand
+    command_time,
+    command_value,
+    image_start,  // members of GroupConfiguration
+    cycles_in_flight,
+    reserve_bytes,
+    dc_reference,
+    copy,  // SlaveToSlave
+    entry_handle,
+    empty_group,  // no slave belongs to the group
     sync_cycle,       // members of SyncSettings
     clock_settings,   // members of ClockSettings
 };

@@ -30,7 +30,7 @@ enum class EventKind : std::uint8_t {
     right_again,  // the working counter of the group is right again
     slave_count,  // the number of slaves that answer has changed (expected: before, actual: now)
     line_errors,  // frames were damaged on the cable between `slave` at `port` and `other` (actual: how many)
-    link_lost,    // the link of that cable was lost (actual: how often)
+    link_lost,    // the link of that cable was lost (actual: how often); `other` is the slave that was there before
     emergency,    // a slave has sent a CoE emergency (detail: its code, actual: its error register)
     unsupervised,  // a SuperviseRequest has ended (error: the error of the request; canceled after cancel() and when it
                    // was destroyed): slaves that are lost from now on are not brought back

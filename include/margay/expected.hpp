@@ -10,25 +10,26 @@ namespace margay {
 
 // One expected slave. Only the members that are set are compared.
 //
-// An expected slave is located in one of three ways: at a place of the line (`position`); anywhere in the segment,
-// identified by a setting of the device (`alias` or `device_id`, with position 0); or behind the head of its hot
-// connect group.
+// An expected slave is located in one of three ways: by its place in the line (`number`); anywhere in the segment,
+// identified by a setting of the device (`alias` or `device_id`, with number 0); or behind the head of its hot connect
+// group.
 //
 // config_init() gives slave(n) the number n, which stays until the next config_init(), also when slaves leave or
 // return:
-// 1. slave(n) is the slave with position n. Positions count the line with all its slaves present, without the slaves
-//    that may be anywhere and without hot connect groups. If the next slave found does not match an optional slave but
-//    matches an entry behind it, the optional slave is regarded as missing.
-// 2. The numbers after the highest position belong to the slaves with position 0, members of groups included, in the
-//    order of the list.
-// 3. The last numbers belong to unexpected slaves, in the order of the ring.
+// 1. The entry with the number n is slave(n). These numbers count the line with all its slaves present, without the
+//    slaves that may be anywhere and without hot connect groups. If the next slave found does not match an optional
+//    slave but matches an entry behind it, the optional slave is regarded as missing.
+// 2. The following numbers belong to the entries with number 0, members of groups included, in the order of the list.
+// 3. An unexpected slave of the line has a number that the list leaves out, if there is one at its place; all other
+//    unexpected slaves have the last numbers, in the order of the ring. slave(n) of a number that the list leaves out
+//    and that no slave has is neither expected nor present: `wanted` is nullptr, its AL state is NONE.
 //
 // An expected slave that is missing has its number too: its Slave has AL state NONE, ring position 0, and its
 // configuration. If the configuration describes its process data, config_map() reserves its part of the image. When the
-// slave appears, the supervision starts it up. slave(n).ring_position is its place in the ring.
+// slave appears, the supervision starts it up. slave(n).ring_position is its position in the ring.
 struct ExpectedSlave {
     // The first slave of the line is 1; 0: the slave is identified by alias or device id, or by its group.
-    std::uint16_t position = 0;
+    std::uint16_t number = 0;
     std::optional<std::uint16_t> alias{};      // ESC register 0x0012, loaded from the SII
     std::optional<std::uint16_t> device_id{};  // explicit device id (ETG.1020), mostly set by a switch on the device
     // The identity.
@@ -44,8 +45,9 @@ struct ExpectedSlave {
     bool tolerate = false;
     // Number of a hot connect group, not 0: slaves that are connected and disconnected together, at any port of the
     // segment. The members are neighbours in the list and have the same number. The first is the head and is identified
-    // by alias or device id. The others have position 0 and follow behind the head in this order. The whole group may
-    // be missing. A member that is missing while the head is present is an error, unless the member is optional.
+    // by alias or device id. The others have number 0 and follow behind the head in this order. The whole group may
+    // be missing. A member that is missing while the head is present is an error, unless the member is optional;
+    // the expected working counters count that member.
     std::uint8_t hot_connect = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
     // memory.

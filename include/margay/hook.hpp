@@ -2,10 +2,11 @@
 //
 // A plain function does its work at once and returns a Result. For example, it fills in the configuration of the slave.
 // It must not wait: functions that wait return Errc::in_callback. It may return Errc::busy: then the library calls it
-// again after a millisecond.
+// again after a millisecond, for at most 10 seconds; after that, the hook has failed with Errc::timeout.
 //
 // A sequence is a coroutine that returns a Task. It may await all functions of HookedSlave: access to the mailbox and
-// the registers of its slave. It blocks nothing: other slaves and the cycle continue.
+// the registers of its slave. It blocks nothing: other slaves and the cycle continue. No time limits it, except the
+// timeout of the request that waits for it: the error then has the step application_hook and names the slave.
 //
 //     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {

@@ -16,7 +16,7 @@ namespace margay {
 // commands and their data. The arguments of add() need not live longer than the call.
 //
 //     margay::HostConfiguration plan;
-//     plan.add({.position = 1, .product = 0x07D43052}, config);
+//     plan.add({.number = 1, .product = 0x07D43052}, config);
 //     margay::expect(ctx, plan.expected());       // `plan` lives at least as long as the context
 //
 // add() moves no expected slave that was added before, so a context may use the list meanwhile. After add(), pass

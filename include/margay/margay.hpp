@@ -10,7 +10,7 @@
 // returns a part of the context.
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
-// `position` is a place in the ring, which the standard counts with auto-increment addresses.
+// `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
 #pragma once
 
 #include <margay/clocks.hpp>
@@ -23,6 +23,7 @@
 #include <margay/request.hpp>
 #include <margay/run.hpp>
 #include <margay/shared_image.hpp>
+#include <margay/sii.hpp>
 #include <margay/soe.hpp>
 #include <margay/supervision.hpp>
 
@@ -74,7 +75,7 @@ Result<std::uint16_t> config_init(Context& ctx);
 // the slaves were scanned already, config_map() and reach() still compare them with the earlier list, or with no list.
 // Slaves that differ from the list are held (see Tolerance). `slaves` is the caller's memory and must live until the
 // end of the config_init() that follows the next expect(). Never waits. Errors: wrong_state before init(), not_owner,
-// invalid_argument (an entry has no position, alias or device id; two entries have one position; the members of a hot
+// invalid_argument (an entry has no number, alias or device id; two entries have the same number; the members of a hot
 // connect group are not neighbours; actual: the number of the entry).
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves);
 
@@ -103,14 +104,18 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 //   group 0);
 // - every error of the slave's hook, of the search for its PDOs, or of its configuration;
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
-// - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type.
+// - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
+//   start-up command place: its number in the list);
+// - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
 // sizes are known: by slave(n).config.sms, or by SlaveSetup::pdos if these lists name all entries. Expected working
 // counters count every wanted slave: while one of them does not take part, receive_processdata() returns an error.
 //
 // Errors of the whole group, after which no slave of the group is mapped: wrong_state (no slaves yet), unknown_group,
-// image_too_large, fmmu_shortage, sm_shortage, sm_memory, too_many_frames (limits().process_frames).
+// invalid_argument (a value in group(n).config; a SyncManager twice in slave(n).config; detail: the Argument),
+// image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory, too_many_frames
+// (limits().process_frames), unknown_slave (of a copy, or dc_reference), capacity (the memory of the SharedImage).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
 // AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
@@ -170,6 +175,7 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // `timeout` at most. Other frames that arrive are kept for poll(), which is to be called between cycles. Errors:
 // - wrong_state before init(), not_owner.
 // - unknown_group: the group does not exist or is not mapped.
+// - invalid_argument: `timeout` is negative, and the frames are not back yet. The cycle stays on the wire.
 // - no_cycle: nothing was sent since the last receive_processdata(). The image is unchanged.
 // - no_frame (actual: the number of frames that did not come back): the inputs of these frames are old.
 // - working_counter (expected, actual): a slave did not take part. With detail Error::kOthersFresh, every slave that
@@ -206,7 +212,9 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // cycle, costs a few instructions for each datagram of the group.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
-// Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait.
+// Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait. Word 7 has
+// the checksum of the words 0 to 6 in its low octet: a program that writes one of these words also writes word 7, see
+// sii_checksum(). With a wrong checksum the ESC does not load its configuration at the next power-up.
 Result<> read_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<std::byte> data);
 Result<> write_sii(Context& ctx, std::uint16_t slave, std::uint32_t word, std::span<const std::byte> data);
 

@@ -56,11 +56,8 @@ struct SlaveImage {
 
     ImagePart outputs;
     ImagePart inputs;
-    // The position of the bit in the image that is set while the slave's mailbox has a message to read.
+    // The number of the bit in the image that is set while the slave's mailbox has a message to read.
     std::uint32_t mailbox_status_bit = kNone;
-    // For the library: the number of the last cycle that was sent before the slave took part. Only inputs of later
-    // cycles are fresh.
-    std::uint32_t joined_after = 0;
 };
 
 }  // namespace margay

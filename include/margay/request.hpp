@@ -133,7 +133,8 @@ struct SiiReadRequest : SlaveRequest {
 // error, error().word() is the word that failed. Changed words of the configuration area get their old values again;
 // the words from 0x08 to the failed word keep the new values. Words beyond the end are refused as by SiiReadRequest;
 // then nothing was written. `timeout` and cancel() end the write between two words, never in the configuration area;
-// only the destruction of the busy request, or of its context, can cut it there.
+// only the destruction of the busy request, or of its context, can cut it there. A write of the words 0 to 6 does not
+// change their checksum in word 7: see sii_checksum().
 struct SiiWriteRequest : SlaveRequest {
     SiiWriteRequest();
     std::uint32_t word = 0;
@@ -192,7 +193,7 @@ Result<> submit(Context& ctx, Request& request);
 Result<> wait(Context& ctx, Request& request);
 
 // Whether the owner may call functions that wait; after init() it may. A program whose owner runs a cycle forbids
-// waiting when the cycle has begun: then each of these calls fails in the thread of the owner with
+// waiting when the cycle has begun: then each of these calls, except run_cycle(), fails in the thread of the owner with
 // Errc::waiting_forbidden, and no call can stop the cycle by mistake. Other threads may wait at any time. Errors:
 // not_owner, wrong_state before init().
 Result<> allow_waiting(Context& ctx, bool allowed);

@@ -34,7 +34,8 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 // an exchange of process data, which reach() provides.
 //
 // A slave with a target below SAFEOP is not wanted in the exchange of process data: the expected working counters do
-// not count it. Targets last until the next config_init(); then the target of all slaves is OP.
+// not count it. With a target of SAFEOP or OP they count it at once: until the slave takes part, each cycle of its
+// group returns working_counter. Targets last until the next config_init(); then the target of all slaves is OP.
 // SuperviseRequest::target sets the target of all slaves when the request is submitted and when the value changes.
 //
 // Errors: wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), above_highest, other_slave and
@@ -116,11 +117,16 @@ requires std::is_invocable_r_v<bool, Work&, const CycleInfo&> Result<> run_cycle
                                                                                  const CycleSettings& settings,
                                                                                  Work&& work) {
     using Callable = std::remove_reference_t<Work>;
-    const auto call = [](Context&, const CycleInfo& cycle, void* user) -> bool {
-        return (*static_cast<Callable*>(user))(cycle);
-    };
-    return run_cycle(ctx, settings, CycleWork{call},
-                     const_cast<void*>(static_cast<const volatile void*>(__builtin_addressof(work))));
+    if constexpr (std::is_function_v<Callable>) {
+        Callable* const function = work;
+        return run_cycle(ctx, settings, function);
+    } else {
+        const auto call = [](Context&, const CycleInfo& cycle, void* user) -> bool {
+            return (*static_cast<Callable*>(user))(cycle);
+        };
+        return run_cycle(ctx, settings, CycleWork{call},
+                         const_cast<void*>(static_cast<const volatile void*>(__builtin_addressof(work))));
+    }
 }
 
 }  // namespace margay

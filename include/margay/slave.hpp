@@ -155,7 +155,7 @@ struct Slave {
     Identity identity;
     DlInformation dl;
     AlStatus al;  // as read last
-    // The slave's place in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
+    // The slave's position in the ring as found last, the first is 1; 0: the slave is not in the ring. The same as
     // `number` as long as there are no hot connect groups and no missing slaves.
     std::uint16_t ring_position = 0;
     // Explicit device id (ETG.1020), mostly set by a switch on the device; read if expect() names a device id for this
@@ -171,10 +171,12 @@ struct Slave {
     // `other` or `unexpected`, and not tolerated: the slave is held in PREOP, or in INIT if it has no mailbox, and gets
     // no outputs.
     bool held : 1 = false;
-    bool place_kept : 1 =
-        false;  // its part of the image has the sizes of SlaveSetup::pdos; its own PDOs were not read yet
-    bool unplaced : 1 = false;  // it needs a part of the image, but config_map() did not know its sizes
-    bool counted : 1 = false;   // the expected working counters of its group count this slave
+    // config_map() could not read the slave: its part of the image has the sizes of SlaveSetup::pdos, which the slave's
+    // own PDOs may contradict when the slave appears.
+    bool place_kept : 1 = false;
+    // config_map() could not read the slave and did not know its sizes: it has no part of the image until the next
+    // config_map(). If the slave is wanted, no cycle is right meanwhile.
+    bool unplaced : 1 = false;
     // The target that set_target() has set for this slave; NONE: none, the target of all slaves applies.
     AlState target = AlState::none;
 

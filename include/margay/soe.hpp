@@ -3,13 +3,13 @@
 //
 //     margay::SoeRead request;                         // lives in the caller's memory, may be used again and again
 //     request.slave = 2;
-//     request.idn = margay::Idn::standard(51);         // S-0-0051, position feedback
+//     request.idn = margay::Idn::standard(51);         // S-0-0051, feedback value
 //     request.data = buffer;
 //     margay::submit(ctx, request);                    // from any thread
 //     … the owner of the context goes on with poll() or its cycle …
 //     if (request.state() == margay::RequestState::success) use(request.data.first(request.bytes));
 //
-//     auto position = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
+//     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
 // Messages that drives send on their own go to slave(n).hooks.soe_notification.
 #pragma once

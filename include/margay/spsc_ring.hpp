@@ -29,7 +29,7 @@ class SpscRing {
     // Removes the oldest value from the ring and returns it.
     std::optional<T> take() {
         std::uint32_t state = taken_.load(std::memory_order_relaxed);
-        // clear() may move the reading position until the slot is reserved.
+        // clear() may move the reading index until the slot is reserved.
         do {
             if ((state & kPlace) == added_.load(std::memory_order_acquire)) return std::nullopt;
         } while (!taken_.compare_exchange_weak(state, state | kReading, std::memory_order_acquire,
@@ -87,7 +87,7 @@ class SpscRing {
     static constexpr std::uint32_t kMost = 0x1FFFF;
 
   private:
-    // The state of the reader in one word: its position, how often the ring was cleared, and whether the reading thread
+    // The state of the reader in one word: its index, how often the ring was cleared, and whether the reading thread
     // copies a value. Positions count from 0 to twice the size, so that a full ring differs from an empty one for every
     // size.
     static constexpr std::uint32_t kPlace = 0x0003FFFF;

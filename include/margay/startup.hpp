@@ -12,8 +12,8 @@
 //     static constexpr margay::SlaveSetup kSetup{.startup = kStartup};
 //     ctx.slave(1).config.setup = &kSetup;
 //
-// Or set the configuration by expect(): then the commands of IP are executed at the first start-up too, because the
-// slave has not left INIT yet.
+// Commands of IP that are set after config_init() are executed by config_map(): it brings the slave to INIT and starts
+// it again. With the configuration set by expect() they are executed by config_init() already.
 #pragma once
 
 #include <margay/al_state.hpp>

@@ -23,8 +23,15 @@ struct LineErrors {
     std::array<PortErrors, 4> ports{};
     std::uint32_t processing_unit = 0;  // frames that are not EtherCAT frames, or are damaged
     std::uint32_t pdi = 0;
+    // For the supervision:
     std::array<std::uint8_t, 20> last{};  // the registers as read last
-    bool primed = false;                  // `last` contains values that were read
+    struct CableEnd {
+        std::uint16_t slave = 0;  // 0: the master, or no known slave
+        std::uint8_t port = 0;
+        std::uint8_t reported = 0;  // interruptions that the other end has counted before this one
+    };
+    std::array<CableEnd, 4> other_ends{};  // the other ends of the cables at that time
+    bool primed = false;                   // `last` contains values that were read
 };
 
 // Starts the supervision. With every cycle it reads the AL status of all slaves (one BRD, in the space that a frame has

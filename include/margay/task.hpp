@@ -42,14 +42,15 @@ struct PromiseBase : ListNode {
     PromiseBase() = default;
     ~PromiseBase();
 
+    // Both are inlined: GCC does not know that they belong together, and would warn in the sources of users.
     template <class First, class... Rest>
-    static void* operator new(std::size_t bytes, First& first, Rest&... rest) noexcept {
+    [[gnu::always_inline]] static void* operator new(std::size_t bytes, First& first, Rest&... rest) noexcept {
         if constexpr (requires { first.arena(); })
             return allocate_frame(first.arena(), bytes);
         else
             return operator new(bytes, rest...);
     }
-    static void operator delete(void* frame) noexcept { release_frame(frame); }
+    [[gnu::always_inline]] static void operator delete(void* frame) noexcept { release_frame(frame); }
 
     std::suspend_always initial_suspend() noexcept { return {}; }
     void unhandled_exception() noexcept { exception_left_sequence(); }

@@ -210,13 +210,13 @@ void Lan9118::allow_interrupt() noexcept {
 
 std::size_t Lan9118::receive(std::span<std::byte> into) noexcept {
     std::size_t length = 0;
-    while (length == 0 && frame_there()) length = take_frame(into);
+    while (length == 0 && frame_there()) length = read_frame(into);
     allow_interrupt();
     return length;
 }
 
 // Reads the oldest frame from the FIFO. Returns 0 for a damaged frame.
-std::size_t Lan9118::take_frame(std::span<std::byte> into) noexcept {
+std::size_t Lan9118::read_frame(std::span<std::byte> into) noexcept {
     const auto status = read(kRxStatusFifo);
     const std::size_t length = status >> 16 & 0x3FFF;  // with FCS
     const bool good = (status & kStatusError) == 0 && length >= kLeastBytes + kFcsBytes;

@@ -60,7 +60,7 @@ class Lan9118 final : public Nic {
     void start() noexcept;
     void read_sent_states() noexcept;
     [[nodiscard]] bool frame_there() const noexcept;
-    [[nodiscard]] std::size_t take_frame(std::span<std::byte> into) noexcept;
+    [[nodiscard]] std::size_t read_frame(std::span<std::byte> into) noexcept;
     void allow_interrupt() noexcept;
 
     volatile std::uint32_t* registers_;

@@ -49,8 +49,8 @@ EepromContent read_eeprom(Eeprom& eeprom, std::size_t octets, const Progress& pr
 EepromContent read_used_part(Eeprom& eeprom, const Progress& progress) {
     const auto size = eeprom_size(eeprom);
     if (!size.error.empty()) return {{}, size.error};
-    const auto told = std::min<std::size_t>(size.octets, UINT32_MAX);
-    const auto end = sii::content_end_word(static_cast<std::uint32_t>(told));
+    const auto octets = std::min<std::size_t>(size.octets, UINT32_MAX);
+    const auto end = sii::content_end_word(static_cast<std::uint32_t>(octets));
     EepromContent out;
     // Reads more octets, up to `word`.
     const auto read_to = [&](std::uint32_t word) {

@@ -69,10 +69,10 @@ void name_entry(Context& ctx, const Slave& slave, const std::vector<NamedEntry>&
     }
     const bool informs = (slave.coe_details & coe_detail::kSdoInformation) != 0;
     if (!informs || e.entry.index == 0 || !e.name.empty()) return;
-    const auto told = read_entry_description(ctx, slave.number, e.entry.index, e.entry.subindex);
-    if (told) e.name = std::string(told->name());
-    if (told && e.entry.data_type == 0 && told->data_type <= 0xFF)
-        e.entry.data_type = static_cast<std::uint8_t>(told->data_type);
+    const auto description = read_entry_description(ctx, slave.number, e.entry.index, e.entry.subindex);
+    if (description) e.name = std::string(description->name());
+    if (description && e.entry.data_type == 0 && description->data_type <= 0xFF)
+        e.entry.data_type = static_cast<std::uint8_t>(description->data_type);
 }
 
 // The entries that the PDO assignment in the slave's dictionary lists; none when the dictionary cannot be read. A

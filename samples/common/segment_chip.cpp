@@ -44,8 +44,8 @@ Fault dc(const DescriptionReader& reader, const toml::table& table, sim::EscDesc
     namespace f = wire::features;
     using sim::DcUnit;
     const auto* node = table.get("dc");
-    const bool told = table.contains("features");
-    if (node == nullptr && !told) return {};
+    const bool given = table.contains("features");
+    if (node == nullptr && !given) return {};
     if (node == nullptr) {
         const bool clock = (chip.features & f::kDistributedClocks) != 0;
         const bool wide = (chip.features & f::kDistributedClocks64Bit) != 0;
@@ -62,7 +62,7 @@ Fault dc(const DescriptionReader& reader, const toml::table& table, sim::EscDesc
     if (found == kUnits.end()) return reader.at(*node, "'dc' is \"none\", \"receive_times\", \"32\" or \"64\"");
     chip.dc = found->second;
     chip.dc_needs_enable = false;
-    if (told) return {};
+    if (given) return {};
     chip.features = static_cast<std::uint16_t>((chip.features & ~(f::kDistributedClocks | f::kDistributedClocks64Bit)) |
                                                (chip.dc >= DcUnit::bits32 ? f::kDistributedClocks : 0) |
                                                (chip.dc == DcUnit::bits64 ? f::kDistributedClocks64Bit : 0));

@@ -23,7 +23,7 @@ Result<> access(Context& ctx, std::uint16_t slave, std::uint32_t word, Octets oc
 }  // namespace
 
 std::string SlaveEeprom::read(std::uint32_t word, MutableBytes into) {
-    const auto done = access<SiiReadRequest>(ctx_, position_, word, into);
+    const auto done = access<SiiReadRequest>(ctx_, number_, word, into);
     return done ? std::string() : sentence(done.error());
 }
 
@@ -32,7 +32,7 @@ Eeprom::Written SlaveEeprom::write(std::uint32_t word, Bytes octets) {
     Written written;
     for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {
         const auto done =
-            access<SiiWriteRequest>(ctx_, position_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
+            access<SiiWriteRequest>(ctx_, number_, word + static_cast<std::uint32_t>(written.words), octets.first(2));
         if (!done) {
             written.error = sentence(done.error());
             break;

@@ -10,15 +10,15 @@ namespace margay::samples {
 // config_init() must have succeeded for `ctx`, and `ctx` must outlive the object.
 class SlaveEeprom final : public Eeprom {
   public:
-    SlaveEeprom(Context& ctx, std::uint16_t position) : ctx_(ctx), position_(position) {}
+    SlaveEeprom(Context& ctx, std::uint16_t number) : ctx_(ctx), number_(number) {}
 
-    [[nodiscard]] std::string name() const override { return "slave " + std::to_string(position_); }
+    [[nodiscard]] std::string name() const override { return "slave " + std::to_string(number_); }
     [[nodiscard]] std::string read(std::uint32_t word, MutableBytes into) override;
     [[nodiscard]] Written write(std::uint32_t word, Bytes octets) override;
 
   private:
     Context& ctx_;
-    std::uint16_t position_;
+    std::uint16_t number_;
 };
 
 }  // namespace margay::samples

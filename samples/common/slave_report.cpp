@@ -132,7 +132,7 @@ nlohmann::ordered_json slave_json(const Slave& s) {
     auto fmmus = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < s.fmmu_count; ++i) fmmus.push_back(fmmu_use(s.fmmu_use[i]));
     return {
-        {"position", s.number},
+        {"number", s.number},
         {"station_address", s.station_address.value},
         {"alias", s.alias},
         {"name", std::string(s.name())},

@@ -29,22 +29,10 @@ Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
     co_return written;
 }
 
-Error check_drive(const HookedSlave& hooked, Step step, std::uint8_t drive, Idn idn) {
-    Error refused = check_mailbox(network_of(hooked), mailbox_protocol::kSoE,
-                                  {.step = step, .slave = hooked.number(), .index = idn.value, .subindex = drive});
-    if (refused.code != Errc::none || drive < wire::soe::kDrives) return refused;
-    return {.code = Errc::invalid_argument,
-            .step = step,
-            .slave = hooked.number(),
-            .index = idn.value,
-            .subindex = drive,
-            .detail = static_cast<std::uint32_t>(Argument::soe_drive)};
-}
-
 SoeTarget target(std::uint8_t drive, Idn idn) { return {.idn = idn, .drive = drive, .elements = soe_element::kValue}; }
 
 Task<Result<std::size_t>> read_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, MutableBytes into) {
-    const Error refused = check_drive(hooked, Step::soe_read, drive, idn);
+    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_read, drive, idn);
     if (refused.code != Errc::none) co_return refused;
     auto read = co_await soe_read(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), into,
                                   startup_patience(hooked.slave()));
@@ -52,7 +40,7 @@ Task<Result<std::size_t>> read_parameter(HookedSlave hooked, std::uint8_t drive,
 }
 
 Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes value) {
-    const Error refused = check_drive(hooked, Step::soe_write, drive, idn);
+    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_write, drive, idn);
     if (refused.code != Errc::none) co_return refused;
     auto written = co_await soe_write(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), value,
                                       startup_patience(hooked.slave()));
@@ -60,7 +48,7 @@ Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes va
 }
 
 Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
-    const Error refused = check_drive(hooked, Step::soe_command, drive, idn);
+    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_command, drive, idn);
     if (refused.code != Errc::none) co_return refused;
     auto done = co_await soe_execute(network_of(hooked).mailbox(hooked.slave()), target(drive, idn),
                                      startup_patience(hooked.slave()));
@@ -71,11 +59,7 @@ Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
     if (!is_register_range(address, data.size()))
-        co_return Error{.code = Errc::invalid_argument,
-                        .step = step,
-                        .slave = hooked.number(),
-                        .index = address,
-                        .detail = static_cast<std::uint32_t>(Argument::register_octets)};
+        co_return invalid(Argument::register_octets, step, hooked.number(), address);
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);
     auto reply = co_await datagram;

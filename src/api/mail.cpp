@@ -1,5 +1,7 @@
 #include "api/mail.hpp"
 
+#include "wire/soe.hpp"
+
 namespace margay {
 
 Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
@@ -20,6 +22,13 @@ Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
 Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {
     return check_mailbox(network, mailbox_protocol::kCoE,
                          {.step = step, .slave = slave, .index = index, .subindex = subindex});
+}
+
+Error check_soe(Network& network, std::uint16_t slave, Step step, std::uint8_t drive, Idn idn) {
+    const Error refused = check_mailbox(network, mailbox_protocol::kSoE,
+                                        {.step = step, .slave = slave, .index = idn.value, .subindex = drive});
+    if (refused.code != Errc::none || drive < wire::soe::kDrives) return refused;
+    return invalid(Argument::soe_drive, step, slave, idn.value, drive);
 }
 
 // ------------------------------------------------------------------ messages that slaves send on their own

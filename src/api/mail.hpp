@@ -34,5 +34,7 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
 // The same for an access to the object dictionary.
 [[nodiscard]] Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index,
                               std::uint8_t subindex);
+// The same for an access to a parameter of a drive. A slave has up to wire::soe::kDrives drives.
+[[nodiscard]] Error check_soe(Network& network, std::uint16_t slave, Step step, std::uint8_t drive, Idn idn);
 
 }  // namespace margay

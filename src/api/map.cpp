@@ -26,7 +26,6 @@ static constexpr OperationDescription kMap =
 MapRequest::MapRequest() : Request(kMap) {}
 
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group) {
-    note_lost_wishes(ctx, Step::map_process_data);
     MapRequest request;
     request.group = group;
     request.image = image;

@@ -49,7 +49,7 @@ struct ContextAccess {
 [[nodiscard]] Error check_waiting_owner(Context& ctx, Step step);
 
 // Adds the warning configuration_lost if the application has set `config` or `hooks` of a slave that does not exist:
-// before the scan, or with a wrong number.
+// before the scan, or with a wrong number. For the owner.
 void note_lost_wishes(Context& ctx, Step step);
 
 // For functions that wait: returns an error if waiting is not allowed; otherwise submits the request and waits for its

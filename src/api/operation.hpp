@@ -88,9 +88,15 @@ inline void note_of_segment(Network& network, const Error& error) {
 
 // ------------------------------------------------------------------ checks for several operations
 
-[[nodiscard]] inline Error invalid(Argument argument, Step step, std::uint16_t slave = 0) {
-    return {
-        .code = Errc::invalid_argument, .step = step, .slave = slave, .detail = static_cast<std::uint32_t>(argument)};
+// The error of an argument that is out of range. `index` and `subindex` name the object, the IDN or the register.
+[[nodiscard]] inline Error invalid(Argument argument, Step step, std::uint16_t slave = 0, std::uint16_t index = 0,
+                                   std::uint8_t subindex = 0) {
+    return {.code = Errc::invalid_argument,
+            .step = step,
+            .slave = slave,
+            .index = index,
+            .subindex = subindex,
+            .detail = static_cast<std::uint32_t>(argument)};
 }
 
 template <class R>

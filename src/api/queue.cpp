@@ -95,7 +95,7 @@ void accept(RequestQueue& queue, Request& request, Time now) {
     insert(queue, request);
 }
 
-void take_submitted(RequestQueue& queue, Time now) {
+void accept_submitted(RequestQueue& queue, Time now) {
     if (!queue.any_submitted.exchange(false, std::memory_order_acquire)) return;
     for (auto& place : queue.submitted)
         if (Request* request = place.exchange(nullptr, std::memory_order_acq_rel)) accept(queue, *request, now);
@@ -200,15 +200,21 @@ class Running {
             master_.network.segment_in_use = false;
             master_.network.supervision_turn = true;
         }
-        if (error_.code == Errc::canceled && error_.step == Step::none)  // its sequence was destroyed
-            error_ = {
-                .code = RequestAccess::why(request_), .step = operation(request_).step, .slave = slave_of(request_)};
+        if (error_.code == Errc::canceled && error_.step == Step::none) error_ = error_of_cut();
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
     void done(const Error& error) { error_ = error; }
 
   private:
+    // The sequence of the request was destroyed. If it waited for a hook when its time was over, the hook is the cause.
+    [[nodiscard]] Error error_of_cut() const {
+        const Errc why = RequestAccess::why(request_);
+        const std::uint16_t hooked = master_.network.slave_of_cut_hook;
+        if (why == Errc::timeout && hooked != 0) return {.code = why, .step = Step::application_hook, .slave = hooked};
+        return {.code = why, .step = operation(request_).step, .slave = slave_of(request_)};
+    }
+
     Master& master_;
     Request& request_;
     Needs needs_;
@@ -247,6 +253,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         if (ends(*request)) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
+                master.network.slave_of_cut_hook = 0;
                 std::exchange(RequestAccess::sequence(*request), {}).destroy();
             } else {
                 (void)remove(list, *request);
@@ -334,7 +341,7 @@ bool withdraw_submitted(RequestQueue& queue, Request& request) {
 
 Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
-    take_submitted(queue, now);
+    accept_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
         const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
         end_some(master, queue.waiting, Errc::canceled, asked);
@@ -357,7 +364,7 @@ bool begins_at_once(Master& master) {
 }
 
 void cancel_queued(Master& master) {
-    take_submitted(master.queue, Time{});
+    accept_submitted(master.queue, Time{});
     end_some(master, master.queue.waiting, Errc::canceled, [](Request&) { return true; });
 }
 
@@ -376,6 +383,8 @@ Result<> submit(Context& ctx, Request& request) {
     else if (master->owned_by_caller())
         refused = wanted.check(master->network, request);
     if (refused.code == Errc::none) {
+        const bool uses_wishes = wanted.operation == Operation::scan || wanted.operation == Operation::map;
+        if (uses_wishes && master->owned_by_caller()) note_lost_wishes(ctx, wanted.step);
         if (enqueue(*master, request)) return Result<>();
         refused = {.code = Errc::capacity, .step = wanted.step, .detail = Error::kPlaces};
         refused.expected = RequestQueue::kPlaces + 1;

@@ -14,14 +14,10 @@ Error check_registers(Network& network, const R& r, Step step) {
     refused.index = r.address;
     if (refused.code != Errc::none) return refused;
     if (is_register_range(r.address, r.data.size())) return {};
-    return {.code = Errc::invalid_argument,
-            .step = step,
-            .slave = r.slave,
-            .index = r.address,
-            .detail = static_cast<std::uint32_t>(Argument::register_octets)};
+    return invalid(Argument::register_octets, step, r.slave, r.address);
 }
 
-Result<> judged(const Station& station, const Datagram& datagram, Step step, std::uint16_t address) {
+Result<> result_of(const Station& station, const Datagram& datagram, Step step, std::uint16_t address) {
     const Error error = error_of_reply(station, datagram.reply(), step, address);
     return error.code == Errc::none ? Result<>() : Result<>(error);
 }
@@ -39,14 +35,14 @@ static Task<Result<>> run(Network& network, RegisterReadRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     Datagram datagram(station.engine.link(), wire::Command::FPRD, {station.address, request.address}, request.data);
     co_await datagram;
-    co_return judged(station, datagram, Step::read_register, request.address);
+    co_return result_of(station, datagram, Step::read_register, request.address);
 }
 
 static Task<Result<>> run(Network& network, RegisterWriteRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     Datagram datagram(station.engine.link(), wire::Command::FPWR, {station.address, request.address}, request.data);
     co_await datagram;
-    co_return judged(station, datagram, Step::write_register, request.address);
+    co_return result_of(station, datagram, Step::write_register, request.address);
 }
 
 static constexpr OperationDescription kRead =

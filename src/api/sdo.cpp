@@ -12,13 +12,7 @@ namespace {
 // Checks the parameters. Complete access begins at subindex 0 or 1 (ETG.1000.6, "Complete access").
 Error check_sdo(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex,
                 bool complete) {
-    if (complete && subindex > 1)
-        return {.code = Errc::invalid_argument,
-                .step = step,
-                .slave = slave,
-                .index = index,
-                .subindex = subindex,
-                .detail = static_cast<std::uint32_t>(Argument::complete_access)};
+    if (complete && subindex > 1) return invalid(Argument::complete_access, step, slave, index, subindex);
     return check_coe(network, slave, step, index, subindex);
 }
 

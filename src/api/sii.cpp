@@ -23,13 +23,12 @@ Error check_words(Network& network, const R& r, Step step) {
     Error refused = check_slave(network, r.slave, step);
     refused.set_word(r.word);
     if (refused.code != Errc::none) return refused;
-    refused = {.code = Errc::invalid_argument, .step = step, .slave = r.slave};
+    refused = invalid(Argument::sii_size, step, r.slave);
     refused.set_word(r.word);
-    refused.detail = static_cast<std::uint32_t>(Argument::sii_size);
     if (r.data.size() % 2 != 0) return refused;
     const std::uint32_t end = end_word(network.slave(r.slave), r.beyond_end);
     if (r.word <= end && r.data.size() / 2 <= end - r.word) return {};
-    refused.detail = static_cast<std::uint32_t>(Argument::sii_words);
+    refused = invalid(Argument::sii_words, step, r.slave);
     refused.expected = end;
     refused.set_word(std::max(r.word, end));
     return refused;

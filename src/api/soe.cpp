@@ -15,24 +15,19 @@ SoeTarget target_of(const R& request, std::uint8_t elements) {
     return {.idn = request.idn, .drive = request.drive, .elements = elements};
 }
 
-template <class R>
-Error check_soe(Network& network, const R& r, Step step) {
-    const Error where{.step = step, .slave = r.slave, .index = r.idn.value, .subindex = r.drive};
-    Error refused = check_mailbox(network, mailbox_protocol::kSoE, where);
-    if (refused.code != Errc::none || r.drive < wire::soe::kDrives) return refused;
-    refused = where;
-    refused.code = Errc::invalid_argument;
-    refused.detail = static_cast<std::uint32_t>(Argument::soe_drive);
-    return refused;
-}
-
 }  // namespace
 
 // ------------------------------------------------------------------ the sequences of the requests
 
-static Error check(Network& network, const SoeRead& r) { return check_soe(network, r, Step::soe_read); }
-static Error check(Network& network, const SoeWrite& r) { return check_soe(network, r, Step::soe_write); }
-static Error check(Network& network, const SoeCommand& r) { return check_soe(network, r, Step::soe_command); }
+static Error check(Network& network, const SoeRead& r) {
+    return check_soe(network, r.slave, Step::soe_read, r.drive, r.idn);
+}
+static Error check(Network& network, const SoeWrite& r) {
+    return check_soe(network, r.slave, Step::soe_write, r.drive, r.idn);
+}
+static Error check(Network& network, const SoeCommand& r) {
+    return check_soe(network, r.slave, Step::soe_command, r.drive, r.idn);
+}
 
 static Task<Result<>> run(Network& network, SoeRead& r) {
     auto read = co_await soe_read(channel_of(network, r), target_of(r, r.elements), r.data, patience_of(r));
@@ -115,8 +110,8 @@ Result<std::string_view> SoEread_text(Context& ctx, std::uint16_t slave, std::ui
     const auto read = SoEread(ctx, slave, drive, idn, element, bytes, timeout);
     if (!read) return read.error();
     if (*read <= kHead) return std::string_view{};
-    const std::size_t told = wire::soe::ListLayout::current_bytes::load(bytes);
-    std::string_view text(into.data() + kHead, std::min(told, *read - kHead));
+    const std::size_t length = wire::soe::ListLayout::current_bytes::load(bytes);
+    std::string_view text(into.data() + kHead, std::min(length, *read - kHead));
     return text.substr(0, std::min(text.size(), text.find('\0')));
 }
 

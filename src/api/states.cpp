@@ -71,7 +71,7 @@ static Task<Result<>> run(Network& network, StateRequest& request) {
     if (network.supervised && before.state == AlState::none)
         co_return Error{.code = Errc::missing_slave, .step = Step::request_state, .slave = slave.number};
     auto seen = co_await read_al_status(network.station(slave));
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     const ReportChange report(network, slave, before);
     Result<AlStatus> changed = seen;
     if (seen) changed = co_await change_state(network, slave, request.wanted, end_of(request));

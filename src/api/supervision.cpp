@@ -13,12 +13,13 @@
 namespace margay {
 
 static Error check(Network& network, const SuperviseRequest& request) {
-    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::recover};
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::supervise};
     if (network.supervised)
-        return {.code = Errc::busy, .step = Step::recover, .detail = static_cast<std::uint32_t>(Operation::supervise)};
+        return {
+            .code = Errc::busy, .step = Step::supervise, .detail = static_cast<std::uint32_t>(Operation::supervise)};
     if (request.interval <= Duration{0} || request.retry <= Duration{0} || request.line_interval < Duration{0})
-        return invalid(Argument::interval, Step::recover);
-    return can_be_target(request.target) ? Error{} : invalid(Argument::state, Step::recover);
+        return invalid(Argument::interval, Step::supervise);
+    return can_be_target(request.target) ? Error{} : invalid(Argument::state, Step::supervise);
 }
 static Error check(Network& network, const RecoverRequest& request) {
     return check_slave_or_all(network, request.slave, Step::recover);
@@ -82,7 +83,7 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
 }
 
 static constexpr OperationDescription kSupervise = describe_operation<SuperviseRequest, check, run>(
-    Operation::supervise, Step::recover, Needs::segment_to_begin, Ends::when_canceled);
+    Operation::supervise, Step::supervise, Needs::segment_to_begin, Ends::when_canceled);
 static constexpr OperationDescription kReconfigure =
     describe_operation<ReconfigRequest, check, run>(Operation::reconfigure, Step::recover, Needs::its_slave);
 static constexpr OperationDescription kRecover =

@@ -103,7 +103,7 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
 void Link::copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     if (frame.apart || frame.regrouped)
-        frame.take_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
+        frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
 }
@@ -156,7 +156,7 @@ bool same_datagram(const std::byte* sent, const std::byte* reply) {
     return (wire::counts_position(static_cast<wire::Command>(sent[0])) ? differs & ~kPositionBits : differs) == 0;
 }
 
-void take_reading(const PreparedReading& reading, const std::byte* data) {
+void copy_reading(const PreparedReading& reading, const std::byte* data) {
     reading.into->came = true;
     reading.into->slaves = load_le<std::uint16_t>(Bytes(data + reading.bytes, 2));
     if (reading.into->slaves == 0) return;
@@ -197,12 +197,12 @@ void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
             if (status.fresh) copy_degraded_inputs(sent, d, data + d.input_at);
         }
     }
-    for (const PreparedReading& r : sent.readings) take_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
+    for (const PreparedReading& r : sent.readings) copy_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
     sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 
 // A reply to a prepared frame is recognised by comparison with the frame that was sent, whose octets are kept.
-bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
+bool Link::accept_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
     if (frame.size() < wire::kFramePrefixBytes + wire::kDatagramOverheadBytes) return false;
     FrameSlot* slot = frames_.find(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
@@ -222,8 +222,8 @@ bool Link::take_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     return true;
 }
 
-void Link::take_any(Bytes frame, Time now, List<Waiter>& ready) {
-    if (!take_prepared(frame, now, ready)) take(frame, now, ready);
+void Link::accept_frame(Bytes frame, Time now, List<Waiter>& ready) {
+    if (!accept_prepared(frame, now, ready)) accept_datagrams(frame, now, ready);
 }
 
 CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready) {
@@ -236,7 +236,7 @@ CycleEnd Link::receive_rest(std::span<PreparedFrame> frames, Time now, List<Wait
 bool Link::receive_one(Time now, List<Waiter>& ready) {
     const std::size_t length = nic_.receive(buffer_);
     if (length == 0) return false;
-    take_any(Bytes(buffer_.data(), length), now, ready);
+    accept_frame(Bytes(buffer_.data(), length), now, ready);
     return true;
 }
 

@@ -122,7 +122,7 @@ inline void copy(std::byte* to, Bytes from) {
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
                 read_plain_reply(frame);
             else
-                take_any(reply, now, ready);
+                accept_frame(reply, now, ready);
         }
         if (frame.end != CycleEnd::right) [[unlikely]]
             return receive_rest({&frame + 1, frames.data() + frames.size()}, now, ready);

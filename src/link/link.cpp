@@ -68,7 +68,7 @@ bool Link::matches(FrameSlot& slot, Bytes frame) {
     return true;
 }
 
-void Link::take(Bytes frame, Time now, List<Waiter>& ready) {
+void Link::accept_datagrams(Bytes frame, Time now, List<Waiter>& ready) {
     wire::DatagramReader reader(frame);
     const auto first = reader.next();
     while (reader.next()) {

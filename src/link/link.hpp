@@ -92,7 +92,7 @@ class Link {
         return settings.queue_timeout > Duration{0} ? settings.queue_timeout : LinkSettings{}.queue_timeout;
     }
 
-    void take(Bytes frame, Time now, List<Waiter>& ready);
+    void accept_datagrams(Bytes frame, Time now, List<Waiter>& ready);
     // Whether a frame has passed the segment, so that it is not the echo of an own frame.
     [[nodiscard]] bool is_genuine(Bytes frame) const;
     void drop_unmarked(Bytes frame, FrameSlot* slot);
@@ -124,9 +124,9 @@ class Link {
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
     static void read_datagrams(PreparedFrame& sent, Bytes frame);
-    [[nodiscard]] bool take_prepared(Bytes frame, Time now, List<Waiter>& ready);
+    [[nodiscard]] bool accept_prepared(Bytes frame, Time now, List<Waiter>& ready);
     static void store_reply(PreparedFrame& sent, Bytes reply);
-    void take_any(Bytes frame, Time now, List<Waiter>& ready);
+    void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
     // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
     static void remove_riders(PreparedFrame& frame);

@@ -56,9 +56,9 @@ struct PreparedFrame {
     std::uint16_t last = 0;                        // offset of the last datagram, riders not counted
     std::uint16_t datagram_count = 0;              // readings included, riders not
     std::uint16_t wire_bytes = 0;                  // octets on the wire without riders, with padding and all overhead
-    // Copies the inputs of the slaves that take part, and of no other slave; n is the position in `datagrams`. Called
+    // Copies the inputs of the slaves that take part, and of no other slave; n is the index in `datagrams`. Called
     // for a degraded frame that is `apart`, or that was regrouped in flight.
-    void (*take_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
+    void (*copy_inputs)(void* group, const PreparedFrame& frame, std::size_t n, Bytes inputs) = nullptr;
     void* group = nullptr;
     FrameSlot own;
     std::array<std::byte, wire::kMaxFrameBytes> bytes{};  // as sent last

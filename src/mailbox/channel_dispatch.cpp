@@ -33,7 +33,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
     for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
         auto& exchange = static_cast<MailExchange&>(*turn);
         if (exchange.type_ != mail.header.type) continue;
-        const MailClient::Taken taken = exchange.client_.take(mail);
+        const MailClient::Taken taken = exchange.client_.accept(mail);
         if (taken == MailClient::Taken::more) return prolong(exchange);
         if (taken == MailClient::Taken::all) return finish(exchange, {});
     }

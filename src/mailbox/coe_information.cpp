@@ -41,7 +41,7 @@ std::size_t InfoQuery::compose(MutableBytes data) {
     return kPayload + compose_request(data.subspan(kPayload));
 }
 
-MailClient::Taken InfoQuery::take(const wire::MailboxMessage& mail) {
+MailClient::Taken InfoQuery::accept(const wire::MailboxMessage& mail) {
     if (!is_ours(mail.data)) return Taken::no;
     return over_ ? Taken::all : Taken::more;
 }
@@ -71,7 +71,7 @@ bool InfoQuery::is_ours(Bytes data) {
         fail(Errc::protocol);
         return true;
     }
-    if (!take_fragment(payload, !begun_, last)) return false;
+    if (!read_fragment(payload, !begun_, last)) return false;
     begun_ = true;
     over_ = over_ || last;
     return true;
@@ -84,7 +84,7 @@ std::size_t ObjectListQuery::compose_request(MutableBytes data) const {
     return coe::kListRequestBytes - kPayload;
 }
 
-bool ObjectListQuery::take_fragment(Bytes payload, bool first, bool) {
+bool ObjectListQuery::read_fragment(Bytes payload, bool first, bool) {
     if (first) {
         if (payload.size() < sizeof(std::uint16_t) ||
             load_le<std::uint16_t>(payload) != static_cast<std::uint16_t>(list_))
@@ -110,7 +110,7 @@ bool ObjectListQuery::take_fragment(Bytes payload, bool first, bool) {
 
 // ------------------------------------------------------------------ descriptions
 
-bool DescriptionQuery::take_fragment(Bytes payload, bool first, bool last) {
+bool DescriptionQuery::read_fragment(Bytes payload, bool first, bool last) {
     if (first && !matches(payload)) return false;
     const std::size_t kept = std::min(payload.size(), all_.size() - kept_);
     std::ranges::copy(payload.first(kept), all_.begin() + static_cast<std::ptrdiff_t>(kept_));
@@ -160,16 +160,16 @@ void EntryQuery::decode(Bytes all) {
     d.data_type = load_le<std::uint16_t>(all, InfoLayout::entry_data_type::offset - kPayload);
     d.bit_length = load_le<std::uint16_t>(all, InfoLayout::entry_bit_length::offset - kPayload);
     d.access = load_le<std::uint16_t>(all, InfoLayout::entry_access::offset - kPayload);
-    const auto told = load_le<std::uint8_t>(all, InfoLayout::entry_value_info::offset - kPayload);
+    const auto contents = load_le<std::uint8_t>(all, InfoLayout::entry_value_info::offset - kPayload);
     auto rest = all.subspan(kEntryHead);
-    if ((told & coe::value_info::kUnit) != 0) {
+    if ((contents & coe::value_info::kUnit) != 0) {
         if (rest.size() < sizeof d.unit) return fail(Errc::protocol, sizeof d.unit, rest.size());
         d.unit = load_le<std::uint32_t>(rest);
         rest = rest.subspan(sizeof d.unit);
     }
     const std::size_t bytes = (d.bit_length + std::size_t{7}) / 8;
     const auto value = [&](std::uint8_t bit, EntryDescription::Value& to) {
-        if ((told & bit) == 0) return;
+        if ((contents & bit) == 0) return;
         const std::size_t there = std::min(bytes, rest.size());
         if (bytes <= to.octets.size() && there == bytes) {
             std::ranges::copy(rest.first(bytes), to.octets.begin());

@@ -12,7 +12,7 @@ namespace margay {
 class InfoQuery : public MailClient {
   public:
     std::size_t compose(MutableBytes data) final;
-    Taken take(const wire::MailboxMessage& mail) final;
+    Taken accept(const wire::MailboxMessage& mail) final;
 
     // Starts again: all fragments will be sent again.
     void restart() {
@@ -30,7 +30,7 @@ class InfoQuery : public MailClient {
     // Writes the request behind the information header.
     virtual std::size_t compose_request(MutableBytes data) const = 0;
     // Processes the payload of a fragment. False: the fragment answers another request of the same kind.
-    virtual bool take_fragment(Bytes payload, bool first, bool last) = 0;
+    virtual bool read_fragment(Bytes payload, bool first, bool last) = 0;
     virtual void forget_fragments() = 0;
     void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
 
@@ -56,7 +56,7 @@ class ObjectListQuery final : public InfoQuery {
 
   private:
     std::size_t compose_request(MutableBytes data) const override;
-    bool take_fragment(Bytes payload, bool first, bool last) override;
+    bool read_fragment(Bytes payload, bool first, bool last) override;
     void forget_fragments() override { came_ = 0; }
 
     ObjectList list_;
@@ -71,7 +71,7 @@ class DescriptionQuery : public InfoQuery {
   protected:
     DescriptionQuery(wire::coe::InfoOpcode request, wire::coe::InfoOpcode response) : InfoQuery(request, response) {}
     ~DescriptionQuery() = default;
-    bool take_fragment(Bytes payload, bool first, bool last) final;
+    bool read_fragment(Bytes payload, bool first, bool last) final;
     void forget_fragments() final { kept_ = came_ = 0; }
     virtual bool matches(Bytes first) const = 0;
     virtual void decode(Bytes all) = 0;

@@ -12,7 +12,7 @@ namespace coe = wire::coe;
 
 namespace {
 
-bool take_emergency(MailboxChannel& channel, Bytes data) {
+bool store_emergency(MailboxChannel& channel, Bytes data) {
     if (data.size() < coe::kEmergencyBytes) return false;
     Emergency emergency{.code = coe::EmergencyLayout::error_code::load(data),
                         .error_register = coe::EmergencyLayout::error_register::load(data)};
@@ -29,7 +29,7 @@ bool take_emergency(MailboxChannel& channel, Bytes data) {
 bool coe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
     if (mail.data.size() < coe::kHeaderBytes) return false;
     const auto header = coe::load_header(mail.data);
-    if (header.service == coe::Service::emergency) return take_emergency(channel, mail.data);
+    if (header.service == coe::Service::emergency) return store_emergency(channel, mail.data);
     const auto& hooks = channel.slave().hooks;
     if (header.service == coe::Service::tx_pdo && hooks.mailbox_pdo != nullptr) {
         hooks.mailbox_pdo(channel.slave().number, header.number, mail.data.subspan(coe::kHeaderBytes),

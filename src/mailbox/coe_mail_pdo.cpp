@@ -16,7 +16,7 @@ class RxPdo final : public MailClient {
         std::ranges::copy(data_, data.begin() + coe::kHeaderBytes);
         return coe::kHeaderBytes + data_.size();
     }
-    Taken take(const wire::MailboxMessage&) override { return Taken::no; }
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
 
   private:
     std::uint16_t number_;
@@ -30,7 +30,7 @@ class TxPdo final : public MailClient {
         coe::store_header(data, {number_, coe::Service::tx_pdo_remote_request});
         return coe::kHeaderBytes;
     }
-    Taken take(const wire::MailboxMessage& mail) override {
+    Taken accept(const wire::MailboxMessage& mail) override {
         if (mail.data.size() < coe::kHeaderBytes) return Taken::no;
         const auto header = coe::load_header(mail.data);
         if (header.service != coe::Service::tx_pdo || header.number != number_) return Taken::no;

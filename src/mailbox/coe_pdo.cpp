@@ -21,7 +21,7 @@ Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, Mai
         at.index = static_cast<std::uint16_t>(*entry >> 16);
         at.subindex = static_cast<std::uint8_t>(*entry >> 8);
         at.bits = *entry & 0xFFU;
-        if (sink != nullptr) sink->take(at);
+        if (sink != nullptr) sink->add(at);
         at.offset_bits += at.bits;
         bits += at.bits;
     }

@@ -11,11 +11,11 @@ using coe::SdoLayout;
 
 // ------------------------------------------------------------------ upload and download
 
-void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort tell) {
+void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort reason) {
     error_.code = code;
     error_.expected = static_cast<std::uint32_t>(expected);
     error_.actual = static_cast<std::uint32_t>(actual);
-    abort_code_ = tell;
+    abort_code_ = reason;
     phase_ = Phase::over;
 }
 
@@ -45,7 +45,7 @@ std::array<std::byte, SdoTransfer::kAbortBytes> SdoTransfer::abort_message() con
 }
 
 // Some slaves leave the index out when they abort a segment.
-bool SdoTransfer::take_abort(Bytes data) {
+bool SdoTransfer::read_abort(Bytes data) {
     if (data.size() < coe::kSdoBytes) {
         fail(Errc::protocol, coe::kSdoBytes, data.size());
         return true;
@@ -59,7 +59,7 @@ bool SdoTransfer::take_abort(Bytes data) {
     return true;
 }
 
-MailClient::Taken SdoTransfer::take(const wire::MailboxMessage& mail) {
+MailClient::Taken SdoTransfer::accept(const wire::MailboxMessage& mail) {
     return is_ours(mail.data) ? Taken::all : Taken::no;
 }
 
@@ -74,14 +74,14 @@ bool SdoTransfer::is_ours(Bytes data) {
     const auto command = SdoLayout::command::load(data);
     const auto specifier = sdo::specifier(command);
     if (specifier == coe::kAbortSpecifier)
-        return take_abort(data);  // most slaves send it as a request, some as a response
+        return read_abort(data);  // most slaves send it as a request, some as a response
     if (service != coe::Service::sdo_response) return false;
     if (phase_ == Phase::segments) {
         if (specifier != segment_) return false;
         if (((command & sdo::kToggle) != 0) != toggle_)
             fail(Errc::protocol, toggle_ ? 1 : 0, toggle_ ? 0 : 1, Abort::toggle_not_changed);
         else
-            take_segment(command, data);
+            read_segment(command, data);
         return true;
     }
     if (specifier != initiated_) return false;
@@ -91,7 +91,7 @@ bool SdoTransfer::is_ours(Bytes data) {
     }
     if (SdoLayout::index::load(data) != object_.index || SdoLayout::subindex::load(data) != object_.subindex)
         return false;
-    take_initiated(command, data);
+    read_initiated(command, data);
     return true;
 }
 
@@ -114,7 +114,7 @@ void SdoUploadTransfer::store(Bytes part) {
     done_ += part.size();
 }
 
-void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
+void SdoUploadTransfer::read_initiated(std::uint8_t command, Bytes data) {
     if ((command & sdo::kExpedited) != 0) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
@@ -136,7 +136,7 @@ void SdoUploadTransfer::take_initiated(std::uint8_t command, Bytes data) {
         finish();
 }
 
-void SdoUploadTransfer::take_segment(std::uint8_t command, Bytes data) {
+void SdoUploadTransfer::read_segment(std::uint8_t command, Bytes data) {
     auto part = data.subspan(coe::kSegmentHeaderBytes);
     const std::size_t unused = (command >> sdo::kSegmentUnusedShift) & 7U;
     if (part.size() == coe::kMinSegmentDataBytes) part = part.first(part.size() - unused);
@@ -195,12 +195,12 @@ void SdoDownloadTransfer::acknowledge() {
     if (!slave_open_) finish();
 }
 
-void SdoDownloadTransfer::take_initiated(std::uint8_t, Bytes) {
+void SdoDownloadTransfer::read_initiated(std::uint8_t, Bytes) {
     phase_ = Phase::segments;
     acknowledge();
 }
 
-void SdoDownloadTransfer::take_segment(std::uint8_t, Bytes) {
+void SdoDownloadTransfer::read_segment(std::uint8_t, Bytes) {
     toggle_ = !toggle_;
     acknowledge();
 }

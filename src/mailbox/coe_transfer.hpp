@@ -24,7 +24,7 @@ class SdoTransfer : public MailClient {
   public:
     static constexpr std::size_t kAbortBytes = wire::coe::kSdoBytes;
 
-    Taken take(const wire::MailboxMessage& mail) final;
+    Taken accept(const wire::MailboxMessage& mail) final;
 
     // Starts again with the first message.
     void restart();
@@ -51,11 +51,11 @@ class SdoTransfer : public MailClient {
         : object_(object), initiated_(initiated), segment_(segment) {}
     ~SdoTransfer() = default;
 
-    virtual void take_initiated(std::uint8_t command, Bytes data) = 0;
-    virtual void take_segment(std::uint8_t command, Bytes data) = 0;
+    virtual void read_initiated(std::uint8_t command, Bytes data) = 0;
+    virtual void read_segment(std::uint8_t command, Bytes data) = 0;
 
     void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0,
-              wire::coe::Abort tell = wire::coe::Abort::general);
+              wire::coe::Abort reason = wire::coe::Abort::general);
     void finish();
     void write_initiate(MutableBytes data, std::uint8_t command) const;
 
@@ -68,7 +68,7 @@ class SdoTransfer : public MailClient {
 
   private:
     [[nodiscard]] bool is_ours(Bytes data);
-    [[nodiscard]] bool take_abort(Bytes data);
+    [[nodiscard]] bool read_abort(Bytes data);
 
     std::uint8_t initiated_;  // command specifier of the reply to the first message
     std::uint8_t segment_;
@@ -85,8 +85,8 @@ class SdoUploadTransfer final : public SdoTransfer {
     std::size_t compose(MutableBytes data) override;
 
   private:
-    void take_initiated(std::uint8_t command, Bytes data) override;
-    void take_segment(std::uint8_t command, Bytes data) override;
+    void read_initiated(std::uint8_t command, Bytes data) override;
+    void read_segment(std::uint8_t command, Bytes data) override;
     void store(Bytes part);
 
     MutableBytes into_;
@@ -102,8 +102,8 @@ class SdoDownloadTransfer final : public SdoTransfer {
     std::size_t compose(MutableBytes data) override;
 
   private:
-    void take_initiated(std::uint8_t command, Bytes data) override;
-    void take_segment(std::uint8_t command, Bytes data) override;
+    void read_initiated(std::uint8_t command, Bytes data) override;
+    void read_segment(std::uint8_t command, Bytes data) override;
     void acknowledge();
     [[nodiscard]] std::size_t compose_segment(MutableBytes data);
 

@@ -36,7 +36,7 @@ class MailClient {
     // again, and must write the same octets again, when the message may not have arrived.
     virtual std::size_t compose(MutableBytes data) = 0;
     // Called for received mail of the client's type.
-    virtual Taken take(const wire::MailboxMessage& mail) = 0;
+    virtual Taken accept(const wire::MailboxMessage& mail) = 0;
 
   protected:
     ~MailClient() = default;

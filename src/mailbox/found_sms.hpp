@@ -19,8 +19,8 @@ using FoundSms = std::array<FoundSm, Slave::kSyncManagers>;  // by number of the
 struct FoundEntry {
     Direction direction = Direction::outputs;
     std::uint8_t sync_manager = 0;
-    std::uint8_t pdo_place = 0;    // position of the PDO in the SyncManager, from 1
-    std::uint8_t entry_place = 0;  // position of the entry in the PDO, from 1
+    std::uint8_t pdo_place = 0;    // place of the PDO in the SyncManager, from 1
+    std::uint8_t entry_place = 0;  // place of the entry in the PDO, from 1
     std::uint16_t pdo = 0;         // index of the PDO
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
@@ -32,7 +32,7 @@ struct FoundEntry {
 // Receives all entries in their order, SyncManager by SyncManager.
 class EntrySink {
   public:
-    virtual void take(const FoundEntry& entry) = 0;
+    virtual void add(const FoundEntry& entry) = 0;
 
   protected:
     ~EntrySink() = default;

@@ -24,7 +24,7 @@ class Forwarded final : public MailClient {
         std::copy_n(message_.begin(), bytes, data.begin());
         return bytes;
     }
-    Taken take(const wire::MailboxMessage&) override { return Taken::no; }
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
 
   private:
     Bytes message_;

@@ -16,7 +16,7 @@ class Mailboxes {
     Mailboxes& operator=(const Mailboxes&) = delete;
     ~Mailboxes() { close_all(); }
 
-    // `position` of the slave; 1 is the first slave.
+    // `number` of the slave; 1 is the first slave.
     [[nodiscard]] MailboxChannel& channel(std::size_t number) { return channels_[number - 1]; }
     [[nodiscard]] std::size_t count() const { return channels_.size(); }
     [[nodiscard]] Engine& engine() { return engine_; }

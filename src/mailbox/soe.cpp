@@ -134,12 +134,12 @@ bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
     const auto& hooks = channel.slave().hooks;
     const bool emergency = header.opcode == soe::Opcode::slave_info;
     if ((!emergency && header.opcode != soe::Opcode::notification) || hooks.soe_notification == nullptr) return false;
-    const SoeNotification told{.emergency = emergency,
-                               .drive = header.drive,
-                               .elements = header.elements,
-                               .idn = header.idn(),
-                               .data = mail.data.subspan(soe::kHeaderBytes)};
-    hooks.soe_notification(channel.slave().number, told, hooks.soe_notification_user);
+    const SoeNotification notification{.emergency = emergency,
+                                       .drive = header.drive,
+                                       .elements = header.elements,
+                                       .idn = header.idn(),
+                                       .data = mail.data.subspan(soe::kHeaderBytes)};
+    hooks.soe_notification(channel.slave().number, notification, hooks.soe_notification_user);
     return true;
 }
 

@@ -28,15 +28,15 @@ struct IdnList {
 Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& list) {
     auto read = co_await soe_read(channel, target, list.octets, kPatience);
     if (!read) co_return read.error();
-    const std::size_t told = wire::soe::ListLayout::current_bytes::load(list.octets);
-    if (*read < wire::soe::kListHeadBytes || told > *read - wire::soe::kListHeadBytes) {
+    const std::size_t length = wire::soe::ListLayout::current_bytes::load(list.octets);
+    if (*read < wire::soe::kListHeadBytes || length > *read - wire::soe::kListHeadBytes) {
         Error error = channel.station().error(Errc::protocol, Step::soe_read, target.idn.value);
         error.subindex = target.drive;
-        error.expected = static_cast<std::uint32_t>(wire::soe::kListHeadBytes + told);
+        error.expected = static_cast<std::uint32_t>(wire::soe::kListHeadBytes + length);
         error.actual = static_cast<std::uint32_t>(*read);
         co_return error;
     }
-    list.count = told / 2;
+    list.count = length / 2;
     co_return Result<>();
 }
 

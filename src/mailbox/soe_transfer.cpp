@@ -14,7 +14,7 @@ MailClient::Taken SoeTransfer::fail(Errc code, std::size_t expected, std::size_t
     return Taken::all;
 }
 
-MailClient::Taken SoeTransfer::take(const wire::MailboxMessage& mail) {
+MailClient::Taken SoeTransfer::accept(const wire::MailboxMessage& mail) {
     if (over_ || mail.data.size() < soe::kHeaderBytes) return Taken::no;
     const auto header = soe::load_header(mail.data);
     if (header.opcode != answer_ || header.drive != target_.drive) return Taken::no;
@@ -27,7 +27,7 @@ MailClient::Taken SoeTransfer::take(const wire::MailboxMessage& mail) {
     }
     // Some slaves set the elements in requests only.
     if (header.elements != target_.elements && header.elements != 0) return Taken::no;
-    return take_answer(header, data);
+    return read_answer(header, data);
 }
 
 // ------------------------------------------------------------------ read
@@ -41,7 +41,7 @@ std::size_t SoeReadTransfer::compose(MutableBytes data) {
     return soe::kHeaderBytes;
 }
 
-MailClient::Taken SoeReadTransfer::take_answer(const soe::Header& header, Bytes data) {
+MailClient::Taken SoeReadTransfer::read_answer(const soe::Header& header, Bytes data) {
     const bool first = left_ == 0;
     if (!header.incomplete && header.number != target_.idn.value)
         return first ? Taken::no : fail(Errc::protocol, target_.idn.value, header.number);
@@ -77,7 +77,7 @@ std::size_t SoeWriteTransfer::compose(MutableBytes data) {
     return soe::kHeaderBytes + part;
 }
 
-MailClient::Taken SoeWriteTransfer::take_answer(const soe::Header& header, Bytes) {
+MailClient::Taken SoeWriteTransfer::read_answer(const soe::Header& header, Bytes) {
     if (header.incomplete || header.number != target_.idn.value) return Taken::no;
     over_ = true;
     return Taken::all;

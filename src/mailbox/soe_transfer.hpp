@@ -20,7 +20,7 @@ struct SoeTarget {
 
 class SoeTransfer : public MailClient {
   public:
-    Taken take(const wire::MailboxMessage& mail) final;
+    Taken accept(const wire::MailboxMessage& mail) final;
 
     [[nodiscard]] bool over() const { return over_; }
     // The error without slave and step; code none on success.
@@ -36,7 +36,7 @@ class SoeTransfer : public MailClient {
     SoeTransfer(const SoeTarget& target, wire::soe::Opcode answer) : target_(target), answer_(answer) {}
     ~SoeTransfer() = default;
 
-    virtual Taken take_answer(const wire::soe::Header& header, Bytes data) = 0;
+    virtual Taken read_answer(const wire::soe::Header& header, Bytes data) = 0;
     // Whether an error reply may have another number than the IDN: it answers a fragment, which has no IDN.
     [[nodiscard]] virtual bool in_fragments() const = 0;
     Taken fail(Errc code, std::size_t expected = 0, std::size_t actual = 0);
@@ -62,7 +62,7 @@ class SoeReadTransfer final : public SoeTransfer {
     [[nodiscard]] std::size_t bytes() const { return done_; }
 
   private:
-    Taken take_answer(const wire::soe::Header& header, Bytes data) override;
+    Taken read_answer(const wire::soe::Header& header, Bytes data) override;
     [[nodiscard]] bool in_fragments() const override { return left_ != 0; }
 
     MutableBytes into_;
@@ -86,7 +86,7 @@ class SoeWriteTransfer final : public SoeTransfer {
     void advance() { done_ += room_; }
 
   private:
-    Taken take_answer(const wire::soe::Header& header, Bytes data) override;
+    Taken read_answer(const wire::soe::Header& header, Bytes data) override;
     [[nodiscard]] bool in_fragments() const override { return done_ != 0; }
 
     Bytes value_;

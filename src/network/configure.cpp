@@ -2,6 +2,7 @@
 
 #include "network/members.hpp"
 #include "network/pdos.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "wire/al_status_code.hpp"
@@ -70,11 +71,8 @@ Task<Result<>> write_fmmus(Station station, const Slave& slave, const ImageLayou
     co_return Result<>();
 }
 
-constexpr std::uint16_t kDividerFor100us = 2498;
-
 // Converts a time to units of the watchdogs, rounded up.
-std::uint16_t watchdog_units(Duration time, std::uint16_t divider) {
-    const Duration unit = std::chrono::nanoseconds(40) * (divider + 2);
+std::uint16_t watchdog_units(Duration time, Duration unit) {
     return static_cast<std::uint16_t>(std::clamp<std::int64_t>((time + unit - Duration{1}) / unit, 0, 0xFFFF));
 }
 
@@ -85,16 +83,16 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
     const auto pdi = times.pdi_watchdog;
     if (!outputs && !pdi && !times.watchdog_divider) co_return Result<>();
     const std::uint16_t divider = times.watchdog_divider.value_or(kDividerFor100us);
-    auto unit = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, divider, kStep);
-    if (!unit) co_return unit;
+    const Duration unit = watchdog_unit(times);
+    auto divided = co_await write<std::uint16_t>(station, reg::kWatchdogDivider, divider, kStep);
+    if (!divided) co_return divided;
     if (pdi) {
-        auto written =
-            co_await write<std::uint16_t>(station, reg::kPdiWatchdogTime, watchdog_units(*pdi, divider), kStep);
+        auto written = co_await write<std::uint16_t>(station, reg::kPdiWatchdogTime, watchdog_units(*pdi, unit), kStep);
         if (!written) co_return written;
     }
     if (!outputs) co_return Result<>();
     auto written =
-        co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, watchdog_units(*outputs, divider), kStep);
+        co_await write<std::uint16_t>(station, reg::kProcessDataWatchdogTime, watchdog_units(*outputs, unit), kStep);
     co_return written;
 }
 
@@ -166,7 +164,7 @@ Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& 
 Task<Result<>> configure_process_data(Network& network, Slave& slave, const ImageLayout& layout, bool running) {
     const Station station = network.station(slave);
     auto before = co_await read_al_status(station);
-    take_al_status(slave.al, before);
+    update_al_status(slave.al, before);
     if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -182,7 +180,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
         auto mapped = co_await write_fmmus(station, slave, layout, true);

@@ -129,7 +129,7 @@ void EntryMatcher::forget() {
     if (wanted_) walk_lists(slave_, [this](const FoundEntry& entry) { match(entry); });
 }
 
-void EntryMatcher::take(const FoundEntry& entry) {
+void EntryMatcher::add(const FoundEntry& entry) {
     if ((listed_ >> entry.sync_manager & 1U) == 0) match(entry);
 }
 
@@ -139,7 +139,7 @@ void EntryMatcher::match(const FoundEntry& entry) {
             note(*handle, entry);
 }
 
-void EntryMatcher::take_type(const FoundEntry& by_sii) {
+void EntryMatcher::note_type(const FoundEntry& by_sii) {
     for (EntryHandle* handle : handles_) {
         if (handle == nullptr || handle->address().slave != slave_.number) continue;
         EntryAccess::Found& found = EntryAccess::found(*handle);
@@ -206,13 +206,13 @@ Error place_entries(Network& network, ProcessGroup& group, const Slave* only) {
     Error first;
     for (EntryHandle* handle : group.config.entries) {
         if (handle == nullptr) continue;
-        const std::uint16_t position = handle->address().slave;
-        if (only != nullptr && only->number != position) continue;
+        const std::uint16_t number = handle->address().slave;
+        if (only != nullptr && only->number != number) continue;
         EntryAccess::release(*handle);
         Error error = fault(Errc::unknown_slave, handle->address());
         error.expected = network.count;
-        if (position >= 1 && position <= network.count) {
-            const Slave& slave = network.slave(position);
+        if (number >= 1 && number <= network.count) {
+            const Slave& slave = network.slave(number);
             error = slave.config.group == group.number ? bind(*handle, slave, group)
                                                        : fault(Errc::entry_not_mapped, handle->address());
             if (error.code == Errc::entry_not_mapped && may_wait(*handle, slave)) continue;

@@ -33,9 +33,9 @@ class EntryMatcher final : public EntrySink {
     // Deletes the results of the slave's PDOs; those of the lists stay.
     void forget();
 
-    void take(const FoundEntry& entry) override;
+    void add(const FoundEntry& entry) override;
     // Completes the data type of entries that another source has found: the PDO mapping of CoE does not name types.
-    void take_type(const FoundEntry& by_sii);
+    void note_type(const FoundEntry& by_sii);
 
   private:
     void match(const FoundEntry& entry);
@@ -50,7 +50,7 @@ class EntryMatcher final : public EntrySink {
 class EntryTypes final : public EntrySink {
   public:
     explicit EntryTypes(EntryMatcher& matcher) : matcher_(matcher) {}
-    void take(const FoundEntry& entry) override { matcher_.take_type(entry); }
+    void add(const FoundEntry& entry) override { matcher_.note_type(entry); }
 
   private:
     EntryMatcher& matcher_;

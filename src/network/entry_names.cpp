@@ -137,8 +137,8 @@ Task<Result<std::size_t>> find_entry_name(Network& network, Slave& slave, std::u
                          (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0 &&
                          (slave.coe_details & coe_detail::kSdoInformation) != 0;
     if (informs) {
-        auto told = co_await name_by_dictionary(network.mailbox(slave), object, into, patience);
-        if (!told || *told != 0) co_return told;
+        auto found = co_await name_by_dictionary(network.mailbox(slave), object, into, patience);
+        if (!found || *found != 0) co_return found;
     }
     co_return co_await name_by_sii(network.station(slave), slave, object, into);
 }

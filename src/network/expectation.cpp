@@ -20,8 +20,8 @@ std::size_t group_end(Expected list, std::size_t head) {
     return end;
 }
 
-const ExpectedSlave* at_position(Expected list, std::size_t position) {
-    const auto found = std::ranges::find(list, position, &ExpectedSlave::position);
+const ExpectedSlave* find_number(Expected list, std::size_t number) {
+    const auto found = std::ranges::find(list, number, &ExpectedSlave::number);
     return found == list.end() ? nullptr : &*found;
 }
 
@@ -63,15 +63,15 @@ void find_those_anywhere(Network& network) {
     }
 }
 
-// Returns the position of a slave of the line when `position` is the next one. Optional slaves that do not fit are
-// skipped if the slave fits a later one.
-std::size_t next_position(Expected list, const Slave& slave, std::size_t position, std::size_t last) {
-    for (std::size_t at = position; at <= last; ++at) {
-        const ExpectedSlave* wanted = at_position(list, at);
+// Returns the number of a slave of the line when `next` is the next number. Optional slaves that do not fit are skipped
+// if the slave fits a later one.
+std::size_t number_in_line(Expected list, const Slave& slave, std::size_t next, std::size_t last) {
+    for (std::size_t at = next; at <= last; ++at) {
+        const ExpectedSlave* wanted = find_number(list, at);
         if (wanted == nullptr || fits(slave, *wanted)) return at;
         if (!wanted->optional) break;
     }
-    return position;
+    return next;
 }
 
 // Sets slave.number of all slaves to their new place in the table; until they are moved there it is not their index.
@@ -79,10 +79,10 @@ std::size_t next_position(Expected list, const Slave& slave, std::size_t positio
 std::size_t plan_numbers(Network& network) {
     const Expected list = network.expected;
     std::size_t last = 0;
-    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
+    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.number);
     std::size_t number = last;
     for (const ExpectedSlave& wanted : list) {
-        if (wanted.position != 0) continue;
+        if (wanted.number != 0) continue;
         ++number;
         for (Slave& slave : network.slaves())
             if (slave.wanted == &wanted) slave.number = static_cast<std::uint16_t>(number);
@@ -90,22 +90,22 @@ std::size_t plan_numbers(Network& network) {
     std::size_t next = 1;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted != nullptr) continue;
-        const std::size_t position = next <= last ? next_position(list, slave, next, last) : ++number;
-        slave.number = static_cast<std::uint16_t>(position);
+        const std::size_t own = next <= last ? number_in_line(list, slave, next, last) : ++number;
+        slave.number = static_cast<std::uint16_t>(own);
         if (next > last) continue;
-        slave.wanted = at_position(list, position);
-        next = position + 1;
+        slave.wanted = find_number(list, own);
+        next = own + 1;
     }
     return number;
 }
 
-// The expected slave of this number; nullptr where the list leaves out a position.
+// The expected slave of this number; nullptr where the list leaves out a number.
 const ExpectedSlave* wanted_at(Expected list, std::size_t number) {
     std::size_t last = 0;
-    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.position);
-    if (number <= last) return at_position(list, number);
+    for (const ExpectedSlave& wanted : list) last = std::max<std::size_t>(last, wanted.number);
+    if (number <= last) return find_number(list, number);
     for (const ExpectedSlave& wanted : list)
-        if (wanted.position == 0 && ++last == number) return &wanted;
+        if (wanted.number == 0 && ++last == number) return &wanted;
     return nullptr;
 }
 
@@ -125,13 +125,13 @@ Result<> check_expected(std::span<const ExpectedSlave> expected) {
     for (std::size_t n = 0; n < expected.size(); ++n) {
         const ExpectedSlave& wanted = expected[n];
         const bool member = wanted.hot_connect != 0 && !is_head(expected, n);
-        const bool known = wanted.position != 0 || wanted.alias || wanted.device_id || member;
-        bool right = known && (wanted.hot_connect == 0 || wanted.position == 0);
+        const bool known = wanted.number != 0 || wanted.alias || wanted.device_id || member;
+        bool right = known && (wanted.hot_connect == 0 || wanted.number == 0);
         for (std::size_t before = 0; before < n && right; ++before) {
-            const bool same_place = wanted.position != 0 && expected[before].position == wanted.position;
+            const bool same_number = wanted.number != 0 && expected[before].number == wanted.number;
             // The members of a group are adjacent in the list.
             const bool torn = !member && wanted.hot_connect != 0 && expected[before].hot_connect == wanted.hot_connect;
-            right = !same_place && !torn;
+            right = !same_number && !torn;
         }
         if (right) continue;
         Error error{.code = Errc::invalid_argument, .step = Step::identify};
@@ -165,7 +165,7 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
 }
 
 bool is_located(Expected list, const ExpectedSlave& wanted) {
-    return wanted.position == 0 &&
+    return wanted.number == 0 &&
            (wanted.hot_connect == 0 || is_head(list, static_cast<std::size_t>(&wanted - list.data())));
 }
 
@@ -237,6 +237,7 @@ void compare_with_expected(Network& network, FirstFault& faults) {
     for (Slave& slave : network.slaves()) {
         if (slave.ring_position == 0) {
             const Error error = missing_error(network, slave);
+            network.marks(slave).awaited = error.code != Errc::none;
             if (error.code != Errc::none) faults.note(network, slave, error);
         }
         Error error;

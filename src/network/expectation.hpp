@@ -7,7 +7,7 @@
 
 namespace margay {
 
-// Errors: invalid_argument; actual: position in the list, 1 is the first.
+// Errors: invalid_argument; actual: the number of the list entry, 1 is the first.
 [[nodiscard]] Result<> check_expected(std::span<const ExpectedSlave> expected);
 
 // Gives each slave found its number by the rules of <margay/expected.hpp>, and each missing expected slave an entry.

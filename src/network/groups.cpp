@@ -7,6 +7,8 @@
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/recovery.hpp"
+#include "network/settings.hpp"
+#include "network/startup.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 
@@ -19,6 +21,13 @@ namespace margay {
 namespace {
 
 Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
+
+Error invalid(Argument argument, std::uint16_t slave = 0) {
+    return {.code = Errc::invalid_argument,
+            .step = Step::map_process_data,
+            .slave = slave,
+            .detail = static_cast<std::uint32_t>(argument)};
+}
 
 // Two images at the same logical addresses would be exchanged with the slaves of both groups.
 bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
@@ -36,15 +45,14 @@ Result<> check_extras(ProcessGroup& group) {
     group.extras = !group.config.copies.empty() || group.config.shared != nullptr;
     for (const SlaveToSlave& copy : group.config.copies) {
         for (const bool out : {false, true}) {
-            const std::uint16_t position = out ? copy.to_slave : copy.from_slave;
-            Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = position};
+            const std::uint16_t number = out ? copy.to_slave : copy.from_slave;
+            Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = number};
             error.expected = static_cast<std::uint32_t>(group.slaves.size());
-            if (position < 1 || position > group.slaves.size()) return error;
-            const Slave& slave = group.slaves[position - 1U];
+            if (number < 1 || number > group.slaves.size()) return error;
+            const Slave& slave = group.slaves[number - 1U];
             const std::uint64_t end = std::uint64_t{out ? copy.to_bit : copy.from_bit} + copy.bits;
             const bool inside = end <= (out ? slave.image.outputs : slave.image.inputs).bits;
-            if (slave.config.group != group.number || !inside)
-                return Error{.code = Errc::invalid_argument, .step = Step::map_process_data, .slave = position};
+            if (slave.config.group != group.number || !inside || copy.bits == 0) return invalid(Argument::copy, number);
         }
     }
     if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
@@ -72,7 +80,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
     if (++group.mappings == 0) group.mappings = 1;
-    if (!clear_of_others(tables, group)) return fault(Errc::invalid_argument, 0);
+    if (!clear_of_others(tables, group)) return invalid(Argument::image_start);
     for (const ProcessGroup& other : tables.groups) {
         if (!other.mapped || other.number == number || !share_octets(other.image, group.image)) continue;
         Error error = fault(Errc::image_overlaps, 0);
@@ -80,6 +88,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
         return error;
     }
     group.slaves = network.slaves();
+    group.marks = network.mark_table;
     const auto extras = check_extras(group);
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
@@ -110,7 +119,7 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
 // FMMUs must not answer at the addresses of the new mapping.
 Task<Result<>> leave_group(Network& network, Slave& slave) {
     slave.takes_part = false;
-    slave.counted = false;
+    network.marks(slave).counted = false;
     if (slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
@@ -124,7 +133,14 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
     co_return Result<>();
 }
 
-// The start-up of a slave that was held, or that is still in INIT.
+// The application has set other start-up commands since the slave left INIT, and some of them are for that transition.
+bool has_late_commands(const Network& network, const Slave& slave) {
+    if (network.marks(slave).started_with == slave.config.startup().data()) return false;
+    constexpr Transition kIp = Transition::init_to_preop;
+    return has_commands(slave, kIp, Moment::before) || has_commands(slave, kIp, Moment::after);
+}
+
+// The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.config.group != number && network.marks(slave).image_group == number)
         co_return co_await leave_group(network, slave);
@@ -134,7 +150,8 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
     }
-    const bool due = network.marks(slave).held_back || slave.al.state == AlState::init;
+    const bool due =
+        network.marks(slave).held_back || slave.al.state == AlState::init || has_late_commands(network, slave);
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)
         co_return Result<>();
@@ -147,7 +164,13 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.config.group != number) co_return Result<>();
     slave.unplaced = false;
-    slave.pdos_failed = false;
+    const Error wrong = invalid_setting(slave);
+    slave.pdos_failed = wrong.code != Errc::none;
+    if (slave.pdos_failed) {
+        slave.unplaced = !keep_place(slave);
+        faults.note(network, slave, wrong);
+        co_return Result<>();
+    }
     if (slave.config.highest < AlState::safeop) co_return Result<>();
     const bool by_slave =
         slave.config.source >= ConfigurationSource::sii && slave.config.source <= ConfigurationSource::coe;
@@ -246,7 +269,10 @@ class Mapping {
         group_.mapping = false;
         if (group_.mapped) settle(group_);
         for (Slave& slave : network_.slaves()) {
-            if (slave.config.group == group_.number && slave.takes_part) note_joining(group_, slave);
+            if (slave.config.group == group_.number && slave.takes_part) {
+                note_joining(group_, slave);
+                network_.marks(slave).awaited = true;
+            }
             if (!group_.mapped && network_.marks(slave).image_group == group_.number)
                 slave.image.outputs.bytes = slave.image.inputs.bytes = {};
         }
@@ -263,6 +289,8 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     Mapping mapping(network, number);
+    const Error wrong = invalid_setting(network, network.process.groups[number]);
+    if (wrong.code != Errc::none) co_return wrong;
     FirstFault faults;
     auto started = co_await for_each_slave(
         network, [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); });

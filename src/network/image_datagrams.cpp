@@ -105,7 +105,7 @@ class Planner {
         return frames;
     }
 
-    // The last position from `at` to `most` that divides no slave's data.
+    // The last octet from `at` to `most` that divides no slave's data.
     [[nodiscard]] std::uint32_t slave_boundary(const Range& range, std::uint32_t at, std::uint32_t most) const {
         std::uint32_t cut = most;
         for (bool moved = true; moved && cut > at;) {
@@ -164,6 +164,7 @@ Result<> check_reference(std::span<const Slave> slaves, std::uint16_t reference)
         error.expected = static_cast<std::uint32_t>(slaves.size());
     } else if (reference != 0 && !slaves[reference - 1U].dl.dc) {
         error.code = Errc::invalid_argument;
+        error.detail = static_cast<std::uint32_t>(Argument::dc_reference);
     }
     return error;
 }
@@ -209,10 +210,10 @@ Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t g
     std::uint32_t reserved = wanted.reserve_bytes;
     const ReadingPlans readings = plan_readings(slaves, wanted);
     for (const ReadingPlan& reading : readings.all()) reserved += kOverhead + reading.bytes;
-    const bool in_flight =
-        wanted.cycles_in_flight >= 1 && wanted.cycles_in_flight <= GroupConfiguration::kMostCyclesInFlight;
-    if (reserved > kFrameRoom - kOverhead - 1 || !in_flight)
-        return Error{.code = Errc::invalid_argument, .step = Step::map_process_data};
+    if (reserved > kFrameRoom - kOverhead - 1)
+        return Error{.code = Errc::invalid_argument,
+                     .step = Step::map_process_data,
+                     .detail = static_cast<std::uint32_t>(Argument::reserve_bytes)};
     const bool block_lrw =
         wanted.block_lrw || std::ranges::any_of(slaves, [group](const Slave& slave) {
             const bool cannot = slave.config.block_lrw || (slave.dl.features & wire::features::kLrwNotSupported) != 0;

@@ -34,8 +34,8 @@ struct DatagramPlan {
 // data of a slave is kept in one frame. The expected working counter of each datagram follows from the slaves' FMMUs: 1
 // for a slave that the datagram reads from, and 1 (LWR) or 2 (LRW) for a slave that it writes to. Returns the number of
 // datagrams. The first frame keeps room for the readings that are wanted. Errors: too_many_frames when `into` is too
-// small, invalid_argument (the room that is kept free leaves none; the reference clock has no DC; cycles_in_flight out
-// of range), unknown_slave (the reference clock), and those of make_fmmus().
+// small, invalid_argument (detail: Argument::reserve_bytes or dc_reference), unknown_slave (the reference clock), and
+// those of make_fmmus().
 [[nodiscard]] Result<std::size_t> plan_datagrams(std::span<const Slave> slaves, std::uint8_t group,
                                                  const GroupConfiguration& wanted, const ImageLayout& layout,
                                                  std::span<DatagramPlan> into);

@@ -77,7 +77,11 @@ Result<> check_sync_managers(const Slave& slave) {
         error.actual = memory_end;
         if (sm.bits > 0 && (sm.start < kFirstProcessOctet || error.expected > memory_end)) return error;
         for (const ProcessSm& other : sms.first(static_cast<std::size_t>(&sm - sms.data()))) {
-            if (other.number == sm.number) return fault(Errc::invalid_argument, slave, error.index);
+            if (other.number == sm.number) {
+                error.code = Errc::invalid_argument;
+                error.detail = static_cast<std::uint32_t>(Argument::sync_manager_twice);
+                return error;
+            }
             const bool apart = sm.start + sm.bytes() <= other.start || other.start + other.bytes() <= sm.start;
             if (sm.bits > 0 && other.bits > 0 && !apart) return error;
         }

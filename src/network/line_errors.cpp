@@ -15,29 +15,59 @@ constexpr std::size_t kPdi = reg::kPdiErrorCounter.address - reg::kRxErrorCounte
 constexpr std::size_t kLostLink = reg::kLostLinkCounter.address - reg::kRxErrorCounter.address;
 constexpr std::uint8_t kClearAt = 0x80;
 
-// An event for the cable at a port, seen from the master: the slave and port where the cable starts, and the slave at
-// its other end.
-Event cable_event(const Slave& slave, std::uint8_t port, EventKind kind, std::uint32_t count) {
-    Event event{.kind = kind, .port = port, .slave = slave.number, .actual = count};
-    event.other = slave.ports[port].neighbour;
-    if (port == slave.entry_port) {
-        event.slave = slave.parent;
-        event.port = slave.parent_port;
-        event.other = slave.number;
-    }
+using CableEnd = LineErrors::CableEnd;
+
+// The port at the other end of the cable.
+CableEnd other_end(Network& network, const Slave& slave, std::uint8_t port) {
+    const std::uint16_t neighbour = slave.ports[port].neighbour;
+    if (neighbour == 0) return {};
+    if (port == slave.entry_port) return {neighbour, slave.parent_port, 0};
+    return {neighbour, network.slave(neighbour).entry_port, 0};
+}
+
+// An event for the cable at a port. The event names the end that is nearer to the master first. `other`: the slave at
+// the other end; 0: it is not known.
+Event cable_event(const Slave& slave, std::uint8_t port, std::uint16_t other, EventKind kind, std::uint32_t count) {
+    Event event{.kind = kind, .port = port, .slave = slave.number, .other = other, .actual = count};
+    if (port != slave.entry_port || other != slave.parent) return event;
+    event.slave = slave.parent;
+    event.port = slave.parent_port;
+    event.other = slave.number;
     return event;
 }
 
+// Both ends of a cable count an interruption, and not at the same time if a slave was away. Returns the interruptions
+// that the other end has not counted before.
+std::uint8_t first_counted(std::span<LineErrors> all, CableEnd& end, std::uint8_t lost) {
+    const std::uint8_t known = std::min(end.reported, lost);
+    const auto first = static_cast<std::uint8_t>(lost - known);
+    end.reported = static_cast<std::uint8_t>(end.reported - known);
+    if (end.slave == 0 || end.slave > all.size()) return first;
+    std::uint8_t& there = all[end.slave - 1U].other_ends[end.port].reported;
+    there = static_cast<std::uint8_t>(std::min(there + first, 255));
+    return first;
+}
+
 void count_port(Network& network, const Slave& slave, std::uint8_t port, const std::array<std::uint8_t, kOctets>& more,
-                PortErrors& sums) {
+                std::span<LineErrors> all) {
+    LineErrors& here = all[slave.number - 1U];
+    PortErrors& sums = here.ports[port];
     const std::uint8_t invalid = more[2U * port];
     const std::uint8_t lost = more[kLostLink + port];
     sums.invalid_frames += invalid;
     sums.rx_errors += more[2U * port + 1];
     sums.forwarded += more[kForwarded + port];
     sums.lost_links += lost;
-    if (invalid > 0) network.report(cable_event(slave, port, EventKind::line_errors, invalid));
-    if (lost > 0) network.report(cable_event(slave, port, EventKind::link_lost, lost));
+    // The counts are older than a change of the wiring: an interrupted link is that of the neighbour before the change.
+    CableEnd& end = here.other_ends[port];
+    const std::uint16_t before = end.slave;
+    const std::uint8_t first = first_counted(all, end, lost);
+    const CableEnd now = other_end(network, slave, port);
+    end.slave = now.slave;
+    end.port = now.port;
+    const std::uint16_t damaged_by = before == now.slave ? before : std::uint16_t{0};
+    if (invalid > 0) network.report(cable_event(slave, port, damaged_by, EventKind::line_errors, invalid));
+    if (first > 0) network.report(cable_event(slave, port, before, EventKind::link_lost, first));
 }
 
 bool high(const LineErrors& sums) {
@@ -62,7 +92,8 @@ Task<Result<>> read_and_clear(Network& network, Slave& slave, Counters& octets) 
     co_return error.code == Errc::none ? Result<>() : Result<>(error);
 }
 
-Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums) {
+Task<Result<>> read_line_errors(Network& network, Slave& slave, std::span<LineErrors> all) {
+    LineErrors& sums = all[slave.number - 1U];
     Counters octets{};
     if (high(sums)) {
         auto cleared = co_await read_and_clear(network, slave, octets);
@@ -83,8 +114,7 @@ Task<Result<>> read_line_errors(Network& network, Slave& slave, LineErrors& sums
         sums.last[n] = cleared ? std::uint8_t{0} : now;
     }
     sums.primed = true;
-    for (std::uint8_t port = 0; port < sums.ports.size(); ++port)
-        count_port(network, slave, port, more, sums.ports[port]);
+    for (std::uint8_t port = 0; port < sums.ports.size(); ++port) count_port(network, slave, port, more, all);
     sums.processing_unit += more[kProcessing];
     sums.pdi += more[kPdi];
     co_return Result<>();
@@ -97,8 +127,7 @@ Task<Result<>> read_all_line_errors(Network& network, std::span<LineErrors> sums
     for (Slave& slave : network.slaves()) {
         if (slave.number > sums.size() || slave.al.state == AlState::none) continue;
         while (crew.full()) co_await crew.one();
-        if (!crew.start(read_line_errors(network, slave, sums[slave.number - 1U])) && crew.running() > 0)
-            co_await crew.one();
+        if (!crew.start(read_line_errors(network, slave, sums)) && crew.running() > 0) co_await crew.one();
     }
     co_await crew.all();
     co_return Result<>();

@@ -1,5 +1,6 @@
 #include "network/members.hpp"
 
+#include "network/expectation.hpp"
 #include "network/wanted.hpp"
 
 namespace margay {
@@ -53,6 +54,7 @@ void count(ProcessGroup& group, const Slave& slave, bool more) {
 void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     if (slave.takes_part == takes_part) return;
     slave.takes_part = takes_part;
+    if (takes_part) network.marks(slave).awaited = true;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
     const auto fmmus = make_fmmus(slave, group->layout);
@@ -68,17 +70,26 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
 void update_counted(Network& network, Slave& slave) {
     const bool has_share = exchanges(slave) || slave.unplaced;
     const bool counted = has_share && (slave.takes_part || is_wanted_in_exchange(network, slave));
-    if (!has_share || counted == slave.counted) return;
+    if (!has_share || counted == network.marks(slave).counted) return;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
-    slave.counted = counted;
+    network.marks(slave).counted = counted;
     count(*group, slave, counted);
     settle(*group);
 }
 
+void forget_awaited_members(Network& network, const Slave& lost) {
+    if (lost.wanted == nullptr || lost.wanted->hot_connect == 0 || !is_located(network.expected, *lost.wanted)) return;
+    for (Slave& slave : network.slaves()) {
+        if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
+        network.marks(slave).awaited = false;
+        update_counted(network, slave);
+    }
+}
+
 void begin_counting(Network& network, ProcessGroup& group) {
     for (Slave& slave : network.slaves())
-        if (slave.config.group == group.number) slave.counted = exchanges(slave);
+        if (slave.config.group == group.number) network.marks(slave).counted = exchanges(slave);
     settle(group);
     for (Slave& slave : network.slaves())
         if (slave.config.group == group.number) update_counted(network, slave);
@@ -86,8 +97,8 @@ void begin_counting(Network& network, ProcessGroup& group) {
 
 void forget_unplaced(Network& network, Slave& slave) {
     ProcessGroup* group = group_of(network, slave);
-    if (group != nullptr && slave.unplaced && slave.counted) count(*group, slave, false);
-    if (slave.unplaced) slave.counted = false;
+    if (group != nullptr && slave.unplaced && network.marks(slave).counted) count(*group, slave, false);
+    if (slave.unplaced) network.marks(slave).counted = false;
     slave.unplaced = false;
     if (group != nullptr) settle(*group);
 }

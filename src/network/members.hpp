@@ -21,6 +21,9 @@ void update_counted(Network& network, Slave& slave);
 // counted once in the first datagram: the cycle is not right without the slave.
 void begin_counting(Network& network, ProcessGroup& group);
 
+// Call it when a slave is lost. Without its head a hot connect group may be missing: its members are not counted.
+void forget_awaited_members(Network& network, const Slave& lost);
+
 // Call it when a slave that was `unplaced` has no process data.
 void forget_unplaced(Network& network, Slave& slave);
 

@@ -69,26 +69,27 @@ struct Network {
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;
-    bool supervision_ended = false;  // not reported yet: the next poll() does
-    Error supervision_error;         // why it has ended
-    bool segment_in_use = false;     // a request that needs the whole segment is executing
-    bool segment_wanted = false;     // such a request waits
-    bool supervision_turn = false;   // such a request has ended: the supervision works before the next one begins
-    bool reaching = false;           // reach() has started the supervision itself
+    bool supervision_ended = false;       // not reported yet: the next poll() does
+    Error supervision_error;              // why it has ended
+    bool segment_in_use = false;          // a request that needs the whole segment is executing
+    bool segment_wanted = false;          // such a request waits
+    bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
+    std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
+    bool reaching = false;                // reach() has started the supervision itself
     // What follows transitions that were requested without waiting. With the requests in execution the last members, so
     // that they are destroyed first.
     Crew settling;
     Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
-    [[nodiscard]] std::span<Slave> slaves() { return table.first(count); }
+    [[nodiscard]] std::span<Slave> slaves() const { return table.first(count); }
     [[nodiscard]] std::span<RingPlace> seen_ring() {
         return ring.first(std::min<std::size_t>(ring_count, ring.size()));
     }
     [[nodiscard]] StationAddress station_address(std::size_t number) const {
         return {static_cast<std::uint16_t>(settings.first_station_address + number - 1)};
     }
-    // By position; 1 is the first slave.
+    // By number; 1 is the first slave.
     [[nodiscard]] Slave& slave(std::size_t number) { return table[number - 1]; }
     // The marks of a slave of the table; `guest` has none.
     [[nodiscard]] SlaveMarks& marks(std::size_t number) { return mark_table[number - 1]; }

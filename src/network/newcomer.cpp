@@ -32,7 +32,7 @@ bool anywhere(const Network& network, const Slave& slave) {
 std::uint8_t group_of(const Slave& slave) {
     return slave.wanted != nullptr ? slave.wanted->hot_connect : std::uint8_t{0};
 }
-bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->position != 0; }
+bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->number != 0; }
 
 Task<Result<Identity>> read_identity(Station station) {
     auto taken = co_await sii_assign(station, false);

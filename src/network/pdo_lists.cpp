@@ -122,7 +122,7 @@ Error check_pdo_lists(const Slave& slave) {
 namespace {
 
 // Whether the lists contain all entries, so that nothing needs to be read from the slave.
-bool tells_all(const Slave& slave) {
+bool lists_all_entries(const Slave& slave) {
     const auto lists = slave.config.pdos();
     return !lists.empty() && std::ranges::all_of(lists, [&](const SmPdos& list) {
         const bool once = std::ranges::count(lists, list.sync_manager, &SmPdos::sync_manager) == 1;
@@ -141,7 +141,7 @@ bool keep_place(Slave& slave) {
     if (config.sm_count != 0 || config.source == ConfigurationSource::application ||
         config.source == ConfigurationSource::file)
         return true;
-    if (!tells_all(slave)) return false;
+    if (!lists_all_entries(slave)) return false;
     if (slave.seen && !slave.held && check_pdo_lists(slave).code != Errc::none) return false;
     // In the order of the SyncManagers, like the process data that is read from the slave.
     for (std::uint8_t n = 0; n < Slave::kSyncManagers; ++n) {

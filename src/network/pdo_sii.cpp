@@ -60,7 +60,7 @@ struct PdoWalk {
         at.subindex = entry.subindex;
         at.data_type = entry.data_type;
         at.bits = entry.bit_length;
-        if (entries != nullptr && !listed) entries->take(at);
+        if (entries != nullptr && !listed) entries->add(at);
         at.offset_bits += at.bits;
         if (assigned != nullptr) (*assigned)[at.sync_manager].bits = at.offset_bits;
     }

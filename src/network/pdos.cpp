@@ -7,6 +7,7 @@
 #include "network/entries.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdo_sii.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 
 namespace margay {
@@ -31,26 +32,26 @@ bool has_dictionary(Network& network, const Slave& slave) {
 }
 
 // Reports a difference as a warning. It is not an error of the slave.
-void tell_difference(Network& network, const Slave& slave, std::uint8_t number, ConfigurationSource counts,
-                     std::uint32_t bits, ConfigurationSource other, std::uint32_t other_bits) {
+void report_difference(Network& network, const Slave& slave, std::uint8_t number, ConfigurationSource counts,
+                       std::uint32_t bits, ConfigurationSource other, std::uint32_t other_bits) {
     if (bits == other_bits) return;
-    Error told{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.number};
-    told.index = wire::reg::sync_manager(number).address;
-    told.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
-    told.expected = bits;
-    told.actual = other_bits;
-    network.note(told);
+    Error warning{.code = Errc::sizes_differ, .step = Step::discover_pdos, .slave = slave.number};
+    warning.index = wire::reg::sync_manager(number).address;
+    warning.detail = static_cast<std::uint32_t>(counts) << 8 | static_cast<std::uint32_t>(other);
+    warning.expected = bits;
+    warning.actual = other_bits;
+    network.note(warning);
 }
 
 void compare_types(Network& network, const Slave& slave, const SmTypes& types) {
     for (std::uint8_t n = 0; n < slave.sm_count; ++n) {
         const SmType sii = slave.sync_managers[n].type;
         if (types[n] == sii || types[n] == SmType::unused || sii == SmType::unused) continue;
-        Error told{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.number};
-        told.index = wire::reg::sync_manager(n).address;
-        told.expected = static_cast<std::uint32_t>(types[n]);
-        told.actual = static_cast<std::uint32_t>(sii);
-        network.note(told);
+        Error warning{.code = Errc::types_differ, .step = Step::discover_pdos, .slave = slave.number};
+        warning.index = wire::reg::sync_manager(n).address;
+        warning.expected = static_cast<std::uint32_t>(types[n]);
+        warning.actual = static_cast<std::uint32_t>(sii);
+        network.note(warning);
     }
 }
 
@@ -133,8 +134,8 @@ Result<> fill_process_sms(Network& network, Slave& slave, const Findings& found)
             const auto bits = bits_of(slave, *list, found);
             if (!bits) return bits.error();
             if (sm.any && found.source == ConfigurationSource::coe)
-                tell_difference(network, slave, n, ConfigurationSource::application, *bits, ConfigurationSource::coe,
-                                sm.bits);
+                report_difference(network, slave, n, ConfigurationSource::application, *bits, ConfigurationSource::coe,
+                                  sm.bits);
             sm = {.any = true, .direction = direction_of(slave, *list), .bits = *bits};
         }
         if (sm.any)
@@ -156,7 +157,7 @@ void compare_with_application(Network& network, const Slave& slave, const Findin
     const auto source =
         slave.config.source == ConfigurationSource::file ? ConfigurationSource::file : ConfigurationSource::application;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
-        tell_difference(network, slave, n, source, bits_of(n), found.source, found.counts[n].bits);
+        report_difference(network, slave, n, source, bits_of(n), found.source, found.counts[n].bits);
 }
 
 // The dictionary has precedence; the SII contains the maker's default. Where the application selects PDOs, by a list or
@@ -165,8 +166,8 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
     if (slave.hooks.preop_to_safeop || found.source != ConfigurationSource::coe) return;
     for (std::uint8_t n = 0; n < slave.sm_count; ++n)
         if (find_list(slave, n) == nullptr)
-            tell_difference(network, slave, n, found.source, found.counts[n].bits, ConfigurationSource::sii,
-                            found.sii[n].bits);
+            report_difference(network, slave, n, found.source, found.counts[n].bits, ConfigurationSource::sii,
+                              found.sii[n].bits);
 }
 
 // Selects the source that counts, and reports differences to the others. `read`: the result of reading the SII.
@@ -220,7 +221,8 @@ Task<Result<>> discover_pdos(Network& network, Slave& slave) {
     EntryMatcher* const sink = entries.wanted() ? &entries : nullptr;
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
-    const Error wrong = check_pdo_lists(slave);
+    Error wrong = invalid_setting(slave);
+    if (wrong.code == Errc::none) wrong = check_pdo_lists(slave);
     if (!said && !known) config.sm_count = 0;
     if (wrong.code != Errc::none) co_return wrong;
     auto written = co_await write_pdos(network, slave);

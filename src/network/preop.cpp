@@ -38,6 +38,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     }
     // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
+    network.marks(slave).started_with = slave.config.startup().data();
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     auto before = co_await around_transition(network, slave, which, Moment::before);
     if (!before) co_return before;
@@ -55,7 +56,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         co_return co_await around_transition(network, slave, which, Moment::after);
     }
     auto seen = co_await read_al_status(station);
-    take_al_status(slave.al, seen);
+    update_al_status(slave.al, seen);
     co_return state.error();
 }
 

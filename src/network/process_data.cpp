@@ -35,9 +35,10 @@ std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> g
 // The first slave that is known not to take part and that belongs to datagram `n`; 0: none is known.
 std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
-        const bool absent = slave.al.state == AlState::none || (slave.counted && !slave.takes_part);
+        const bool counted = group.marks[slave.number - 1U].counted;
+        const bool absent = slave.al.state == AlState::none || (counted && !slave.takes_part);
         if (slave.config.group != group.number || !absent) continue;
-        if (slave.unplaced && slave.counted && n == 0) return slave.number;
+        if (slave.unplaced && counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
         const auto fmmus = make_fmmus(slave, group.layout);
         if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.number;
@@ -55,20 +56,20 @@ void zero_bits(MutableBytes image, std::uint64_t first, std::uint64_t bits) {
 }
 
 // Copies the inputs of the slaves that take part, and their mailbox status bits, but no bit of the other slaves.
-void take_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes inputs) {
+void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes inputs) {
     const auto& group = *static_cast<const ProcessGroup*>(user);
     const DatagramPlan& plan = group.plans[static_cast<std::size_t>(frame.datagrams[n].status - group.statuses.data())];
     const std::uint64_t first = std::uint64_t{plan.image_input} * 8;
     const std::uint64_t end = first + std::uint64_t{plan.input_bytes} * 8;
-    const auto take = [&](std::uint64_t from, std::uint64_t bits) {
+    const auto copy = [&](std::uint64_t from, std::uint64_t bits) {
         const std::uint64_t begin = std::max(first, from);
         const std::uint64_t stop = std::min(end, from + bits);
         if (begin < stop) copy_bits(group.image, begin, inputs, begin - first, stop - begin);
     };
     for (const Slave& slave : group.slaves) {
         if (slave.config.group != group.number || !slave.takes_part) continue;
-        take(slave.image.inputs.offset_bits, slave.image.inputs.bits);
-        if (slave.image.mailbox_status_bit != SlaveImage::kNone) take(slave.image.mailbox_status_bit, 1);
+        copy(slave.image.inputs.offset_bits, slave.image.inputs.bits);
+        if (slave.image.mailbox_status_bit != SlaveImage::kNone) copy(slave.image.mailbox_status_bit, 1);
     }
 }
 
@@ -109,9 +110,60 @@ void finish(PreparedFrame& frame, wire::FrameBuilder& builder) {
     frame.settle();
 }
 
+// Assigns free elements of the tables to the group and returns its datagrams. Errors: too_many_frames.
+Result<std::span<PreparedDatagram>> reserve(ProcessTables& tables, ProcessGroup& group, std::size_t frames,
+                                            std::size_t count) {
+    const std::size_t frames_at =
+        find_free(tables.frames, frames, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
+    const std::size_t datagrams_at =
+        find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
+    if (frames_at + frames > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
+        Error error{.code = Errc::too_many_frames, .step = Step::map_process_data};
+        error.expected = static_cast<std::uint32_t>(frames);
+        error.actual = static_cast<std::uint32_t>(tables.frames.size());
+        for (const ProcessGroup& g : tables.groups) error.actual -= static_cast<std::uint32_t>(g.prepared.size());
+        return error;
+    }
+    group.prepared = tables.frames.subspan(frames_at, frames);
+    group.plans = tables.plans.subspan(datagrams_at, count);
+    group.statuses = tables.statuses.subspan(datagrams_at, count);
+    group.datagrams = group.statuses;
+    return tables.datagrams.subspan(datagrams_at, count);
+}
+
+void accept_plans(ProcessGroup& group, std::span<const DatagramPlan> planned) {
+    for (std::size_t n = 0; n < planned.size(); ++n) {
+        group.plans[n] = planned[n];
+        const std::uint16_t wkc = planned[n].expected_wkc;
+        group.statuses[n] = {.expected = wkc, .accepted = wkc, .full = wkc};
+        group.expected_wkc += wkc;
+    }
+}
+
+// Datagrams of a frame: from `begin` up to, but not including, `end`.
+struct DatagramRange {
+    std::size_t begin = 0;
+    std::size_t end = 0;
+};
+
+void build_frame(ProcessGroup& group, PreparedFrame& frame, std::span<PreparedDatagram> datagrams, DatagramRange range,
+                 const ReadingPlans& readings, Link& link) {
+    wire::FrameBuilder builder(frame.bytes, link.nic().source_mac());
+    for (std::size_t n = range.begin; n < range.end; ++n) datagrams[n] = append_datagram(group, n, builder);
+    frame.datagrams = datagrams.subspan(range.begin, range.end - range.begin);
+    frame.readings = {};
+    if (readings.count > 0) frame.readings = append_readings(group, readings, builder);
+    finish(frame, builder);
+    // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
+    frame.overlapped = group.overlap.sets > 1;
+    frame.apart = group.layout.overlapped || frame.overlapped;
+    frame.copy_inputs = copy_inputs;
+    frame.group = &group;
+}
+
 // Whether the reply to the frame came back without the mark of the first ESC. Resets the flag: call it once for each
 // cycle.
-bool take_unmarked(PreparedFrame& frame) {
+bool reset_unmarked(PreparedFrame& frame) {
     const bool riders = frame.slot != nullptr && frame.slot->unmarked;
     return std::exchange(frame.own.unmarked, false) || riders;
 }
@@ -150,48 +202,18 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
     const std::size_t frame_count = end - first;
     const std::uint8_t sets = group.config.cycles_in_flight;
-    const std::size_t all_frames = frame_count * sets;
-    const std::size_t frames_at =
-        find_free(tables.frames, all_frames, tables.groups, [](const ProcessGroup& g) { return g.prepared; });
-    const std::size_t datagrams_at =
-        find_free(tables.plans, count, tables.groups, [](const ProcessGroup& g) { return g.plans; });
-    if (frames_at + all_frames > tables.frames.size() || datagrams_at + count > tables.plans.size()) {
-        Error error{.code = Errc::too_many_frames, .step = Step::map_process_data};
-        error.expected = static_cast<std::uint32_t>(all_frames);
-        error.actual = static_cast<std::uint32_t>(tables.frames.size());
-        for (const ProcessGroup& g : tables.groups) error.actual -= static_cast<std::uint32_t>(g.prepared.size());
-        return error;
-    }
-    group.prepared = tables.frames.subspan(frames_at, all_frames);
-    group.plans = tables.plans.subspan(datagrams_at, count);
-    const auto statuses = tables.statuses.subspan(datagrams_at, count);
-    const auto datagrams = tables.datagrams.subspan(datagrams_at, count);
+    const auto datagrams = reserve(tables, group, frame_count * sets, count);
+    if (!datagrams) return datagrams.error();
     group.frames = static_cast<std::uint16_t>(frame_count);
-    group.datagrams = statuses;
-    group.statuses = statuses;
     group.overlap.sets = sets;
-    for (std::size_t n = 0; n < count; ++n) {
-        group.plans[n] = planned[n];
-        const std::uint16_t wkc = planned[n].expected_wkc;
-        statuses[n] = {.expected = wkc, .accepted = wkc, .full = wkc};
-        group.expected_wkc += wkc;
-    }
+    accept_plans(group, planned);
     // The frames of all sets have the same datagrams.
     for (std::size_t set = 0; set < sets; ++set) {
         for (std::size_t n = 0, f = 0; f < frame_count; ++f) {
-            PreparedFrame& frame = group.prepared[set * frame_count + f];
-            wire::FrameBuilder builder(frame.bytes, link.nic().source_mac());
             const std::size_t begin = n;
-            for (; n < count && planned[n].frame == f + first; ++n) datagrams[n] = append_datagram(group, n, builder);
-            frame.datagrams = datagrams.subspan(begin, n - begin);
-            frame.readings = {};
-            if (f == 0) frame.readings = append_readings(group, readings, builder);
-            finish(frame, builder);
-            // Overlapped frames do not send inputs: the inputs belong to the owner's thread, not to the sending thread.
-            frame.overlapped = sets > 1;
-            frame.apart = group.layout.overlapped || frame.overlapped;
-            frame.take_inputs = take_inputs;
-            frame.group = &group;
+            while (n < count && planned[n].frame == f + first) ++n;
+            build_frame(group, group.prepared[set * frame_count + f], *datagrams, {begin, n},
+                        f == 0 ? readings : ReadingPlans{}, link);
         }
     }
     if (sets > 1)
@@ -216,7 +238,8 @@ Error nothing_sent(const ProcessGroup& group) {
 
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
     if (!slave.takes_part || group.cycle_received == 0 || group.mapping) return false;
-    if (static_cast<std::int32_t>(group.cycle_received - slave.image.joined_after) <= 0) return false;
+    if (static_cast<std::int32_t>(group.cycle_received - group.marks[slave.number - 1U].joined_after) <= 0)
+        return false;
     const bool has_inputs = slave.image.inputs.bits > 0;
     const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;
     const std::uint64_t end = part.offset_bits + std::uint64_t{part.bits};
@@ -232,9 +255,11 @@ bool is_fresh(const ProcessGroup& group, const Slave& slave) {
     return any;
 }
 
-void note_joining(const ProcessGroup& group, Slave& slave) {
+void note_joining(const ProcessGroup& group, const Slave& slave) {
+    if (!group.mapped) return;  // config_map() has failed: there are no cycles
     const bool overlapping = group.overlap.sets > 1;
-    slave.image.joined_after = overlapping ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
+    group.marks[slave.number - 1U].joined_after =
+        overlapping ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
 }
 
 void settle_lost_inputs(ProcessGroup& group) {
@@ -272,7 +297,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     std::uint32_t missing = 0;
     for (PreparedFrame& frame : frames) {
         if (frame.end != CycleEnd::missing) continue;
-        if (take_unmarked(frame)) error.detail = Error::kUnmarked;
+        if (reset_unmarked(frame)) error.detail = Error::kUnmarked;
         link.give_up_prepared(frame, now);
         Link::mark_not_received(frame);
         ++missing;

@@ -4,6 +4,7 @@
 
 #include "link/cycle.hpp"
 #include "network/image_datagrams.hpp"
+#include "network/slave_marks.hpp"
 
 #include <margay/group.hpp>
 #include <margay/result.hpp>
@@ -32,6 +33,7 @@ struct ProcessGroup : Group {
     std::span<DatagramPlan> plans;  // the plan of each datagram, in the order of `datagrams`
     std::span<DatagramStatus> statuses;
     std::span<const Slave> slaves;  // all slaves of the network
+    std::span<SlaveMarks> marks;    // and their marks
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
     std::uint8_t number = 0;
@@ -105,7 +107,7 @@ void give_inputs(ProcessGroup& group);
 // was received. `slave` belongs to `group`.
 [[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
 // Call it when the slave takes part from the next sent cycle on.
-void note_joining(const ProcessGroup& group, Slave& slave);
+void note_joining(const ProcessGroup& group, const Slave& slave);
 // Sets the inputs of slaves that do not take part, according to GroupConfiguration::lost_inputs.
 void settle_lost_inputs(ProcessGroup& group);
 

@@ -168,12 +168,12 @@ void report_stranger(Network& network, std::uint16_t n) {
 // that changes while it is being read can mislead; after that it is not reported again.
 Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_of) {
     constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
-    const std::uint16_t told = network.stranger_mark;
+    const std::uint16_t reported = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
-    const bool at_once = told == 0;
-    const bool again = !at_once && before == told - kSuspect;
-    const bool known = !at_once && before == told;
-    const auto mark = static_cast<std::uint16_t>(at_once || again || known ? told : told - kSuspect);
+    const bool at_once = reported == 0;
+    const bool again = !at_once && before == reported - kSuspect;
+    const bool known = !at_once && before == reported;
+    const auto mark = static_cast<std::uint16_t>(at_once || again || known ? reported : reported - kSuspect);
     auto marked = co_await rename(network, network.guest.station_address, mark);
     if (!marked) co_return marked;
     network.ring[n].address = mark;
@@ -243,7 +243,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
-        take_al_status(slave.al, seen);
+        update_al_status(slave.al, seen);
         if (slave.al.state == AlState::none) set_takes_part(network, slave, false);
         return;
     }
@@ -258,6 +258,7 @@ void note_lost(Network& network, Slave& slave) {
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
     set_takes_part(network, slave, false);
+    forget_awaited_members(network, slave);
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {

@@ -9,17 +9,25 @@
 namespace margay {
 
 struct SlaveMarks {
+    // The list of start-up commands when the slave left INIT last.
+    const StartupCommand* started_with = nullptr;
     // The transition that was requested and is not confirmed yet; its after-commands are pending.
     Transition requested = Transition::none;
     // The state to which the supervision brought the slave last without an error.
     AlState settled = AlState::none;
     static constexpr std::uint16_t kNoGroup = 0xFFFF;
+    // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
+    std::uint32_t joined_after = 0;
     std::uint16_t image_group = kNoGroup;  // the group whose image the slave was laid out in last
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool in_use : 1 = false;         // see SlaveToken
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
-    bool held_back : 1 = false;         // brought to PREOP while it was held: its start-up commands were left out
+    // Member of a hot connect group: its absence makes cycles wrong while the head is present, because the slave has
+    // taken part since the group was connected, or is known not to be there.
+    bool awaited : 1 = false;
+    bool counted : 1 = false;    // the expected working counters of its group include its share
+    bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

@@ -39,19 +39,34 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
     return contains(command.transitions, which) && moment_of(command, which) == moment;
 }
 
-bool can_be(const StartupCommand& command) {
+// What is wrong with the command for each slave; Argument::unknown: nothing.
+Argument invalid_member(const StartupCommand& command) {
+    if (command.transitions == Transition::none) return Argument::command_transition;
+    if (command.timeout < Duration{0}) return Argument::command_time;
     const std::size_t bytes = command.octets().size();
-    switch (command.kind) {
-        case StartupCommand::Kind::write_register:
-            return bytes != 0 && bytes <= kMostRegisterBytes && command.length <= command.value.size();
-        case StartupCommand::Kind::check_register:
-            return command.data.empty() && command.length != 0 && command.length <= command.value.size();
-        case StartupCommand::Kind::write_object: return command.length <= command.value.size();
-        case StartupCommand::Kind::write_parameter:
-        case StartupCommand::Kind::execute_parameter:
-            return command.length <= command.value.size() && command.subindex < wire::soe::kDrives;
-    }
-    return false;
+    bool right = command.length <= command.value.size();
+    if (command.kind == StartupCommand::Kind::write_register) right &= bytes != 0 && bytes <= kMostRegisterBytes;
+    if (command.kind == StartupCommand::Kind::check_register) right &= command.data.empty() && command.length != 0;
+    if (!right) return Argument::command_value;
+    return by_soe(command) && command.subindex >= wire::soe::kDrives ? Argument::soe_drive : Argument::unknown;
+}
+
+Error invalid_command(const StartupCommand& command) {
+    const Argument wrong = invalid_member(command);
+    if (wrong == Argument::unknown) return {};
+    return {.code = Errc::invalid_argument, .step = Step::none, .actual = static_cast<std::uint32_t>(wrong)};
+}
+
+// Completes the error of a command: transition, slave, place in the list, and what the command accesses.
+void name_command(Error& error, const Slave& slave, const StartupCommand& command, std::size_t place,
+                  Transition which) {
+    error.step = step_of(which);
+    error.slave = slave.number;
+    error.index = command.index;
+    if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
+    if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
+    if (error.subindex == 0) error.subindex = command.subindex;
+    error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
 }
 
 Task<Result<>> write_register_of(Station station, const StartupCommand& command) {
@@ -133,22 +148,38 @@ bool has_commands(const Slave& slave, Transition which, Moment moment) {
                                [&](const StartupCommand& c) { return is_due(c, which, moment); });
 }
 
+Error invalid_commands(const Slave& slave) {
+    std::size_t place = 0;
+    for (const StartupCommand& command : slave.config.startup()) {
+        ++place;
+        Error error = invalid_command(command);
+        const bool reported_later = command.may_fail && command.transitions != Transition::none;
+        if (error.code == Errc::none || reported_later) continue;
+        if (command.transitions != Transition::none) {
+            name_command(error, slave, command, place, command.transitions);
+            return error;
+        }
+        return {.code = error.code,
+                .step = Step::map_process_data,
+                .slave = slave.number,
+                .place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255)),
+                .detail = error.actual};
+    }
+    return {};
+}
+
 Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment) {
     std::size_t place = 0;
     for (const StartupCommand& command : slave.config.startup()) {
         ++place;
         if (!is_due(command, which, moment)) continue;
-        Result<> done = network.station(slave).error(Errc::invalid_argument, Step::none, command.index);
-        if (can_be(command)) done = co_await run_one(network, slave, command);
-        if (done) continue;
-        Error error = done.error();
-        error.step = step_of(which);
-        error.slave = slave.number;
-        error.index = command.index;
-        if (!by_mailbox(command)) error.detail = Error::kRegisterCommand;
-        if (by_soe(command) && error.detail == 0) error.detail = Error::kParameterCommand;
-        if (error.subindex == 0) error.subindex = command.subindex;
-        error.place = static_cast<std::uint8_t>(std::min<std::size_t>(place, 255));
+        Error error = invalid_command(command);
+        if (error.code == Errc::none) {
+            auto done = co_await run_one(network, slave, command);
+            error = done.error();
+        }
+        if (error.code == Errc::none) continue;
+        name_command(error, slave, command, place, which);
         if (!command.may_fail) co_return error;
         network.note(error);
     }

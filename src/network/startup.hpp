@@ -8,8 +8,12 @@ namespace margay {
 // Whether there are commands for this moment of the transition.
 [[nodiscard]] bool has_commands(const Slave& slave, Transition which, Moment moment);
 
+// The error of the first command that no slave can execute: invalid_argument (actual: the Argument), named as by
+// run_commands(). Commands that may fail are left out: run_commands() reports their errors.
+[[nodiscard]] Error invalid_commands(const Slave& slave);
+
 // Executes the commands in their order. Stops at the first failure of a command that must not fail; its error contains
-// the transition (step), the position in the list, and the object or register. Other failures are reported in errors().
+// the transition (step), the place in the list, and the object or register. Other failures are reported in errors().
 [[nodiscard]] Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Moment moment);
 
 }  // namespace margay

@@ -101,7 +101,7 @@ bool is_well(const Network& network, const Slave& slave) {
 }
 
 // The application may change wanted.target at any time.
-void take_target(Watch& watch) {
+void apply_target(Watch& watch) {
     const AlState target = watch.wanted.target;
     if (target == watch.target_before || !can_be_target(target)) return;
     watch.target_before = target;
@@ -162,6 +162,8 @@ void report_missing(Watch& watch) {
         });
         if (head == network.slaves().end() || head->al.state == AlState::none) continue;
         network.marks(slave).missing_reported = true;
+        network.marks(slave).awaited = true;
+        update_counted(network, slave);
         network.report({.kind = EventKind::missing, .slave = slave.number, .other = head->number});
     }
 }
@@ -270,7 +272,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         network.report({.kind = EventKind::found});
         watch.last = {};
     }
-    take_target(watch);
+    apply_target(watch);
     const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
     watch.last = *roll;

@@ -58,9 +58,9 @@ Task<Result<>> read_esc(Network& network, Slave& slave) {
 bool id_is_wanted(const Network& network, const Slave& slave) {
     return std::ranges::any_of(network.expected, [&](const ExpectedSlave& wanted) {
         if (!wanted.device_id) return false;
-        const bool him = slave.wanted == &wanted || (wanted.position == slave.number && slave.number != 0) ||
-                         (wanted.alias && *wanted.alias == slave.alias);
-        return slave.device_id_source != DeviceIdSource::none || him;
+        const bool same = slave.wanted == &wanted || (wanted.number == slave.number && slave.number != 0) ||
+                          (wanted.alias && *wanted.alias == slave.alias);
+        return slave.device_id_source != DeviceIdSource::none || same;
     });
 }
 

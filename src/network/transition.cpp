@@ -104,7 +104,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
     if (!changed) {
         auto seen = co_await read_al_status(station);
-        take_al_status(slave.al, seen);
+        update_al_status(slave.al, seen);
         co_return changed;
     }
     slave.al = *changed;

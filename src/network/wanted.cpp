@@ -19,6 +19,11 @@ bool head_is_there(Network& network, std::uint8_t hot_connect) {
     });
 }
 
+// An expected slave that may be missing, even while the head of its hot connect group is present.
+bool is_optional(const ExpectedSlave& wanted) {
+    return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
+}
+
 bool may_be_missing(Network& network, const Slave& slave) {
     if (slave.wanted == nullptr) return slave.config.optional || !slave.seen;
     if (!slave.seen && network.tolerance.missing_slaves) return true;
@@ -29,9 +34,9 @@ bool may_be_missing(Network& network, const Slave& slave) {
 
 // The error that ended the start-up of the slave, where known.
 Error start_up_error(const Slave& slave, const Error& otherwise) {
-    const bool told = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
-                      slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
-    return told ? slave.error : otherwise;
+    const bool failed = slave.error.code != Errc::none && !is_warning(slave.error.code) &&
+                        slave.error.step != Step::parse_sii && slave.error.step != Step::identify;
+    return failed ? slave.error : otherwise;
 }
 
 Error state_trouble(const Network& network, const Slave& slave, AlState wanted) {
@@ -103,7 +108,9 @@ bool is_to_be_asked(const Network& network, const Slave& slave) {
 bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
-    return !slave.config.optional && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
+    const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
+                         !is_optional(*slave.wanted);
+    return (!slave.config.optional || awaited) && !nobody && !absent && wanted_state(network, slave) >= AlState::safeop;
 }
 
 Error state_error(Network& network, const Slave& slave) {

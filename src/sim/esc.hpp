@@ -185,7 +185,7 @@ class Esc final : public subdevice::EscAccess {
     bool map_all(const Mappings& mappings, bool write, std::uint32_t address, MutableBytes data, Time at);
 
     void refresh(std::uint32_t address, std::size_t length, Side side, Time at);
-    void take_over(const Write& write, const FrameEnd& end);
+    void apply_write(const Write& write, const FrameEnd& end);
     void written(std::uint32_t address, std::size_t length, bool from_pdi, Time at);
     void was_read(std::uint32_t address, std::size_t length, Side side);
     void al_control_written();
@@ -261,7 +261,7 @@ class Esc final : public subdevice::EscAccess {
     static constexpr std::size_t kMaxWrites = 128;
     std::array<Write, kMaxWrites> write_list_{};
     std::array<std::byte, 1536> write_bytes_{};
-    std::array<std::uint8_t, 2> reset_step_{};  // position in the reset sequence of 0x0040 and 0x0041
+    std::array<std::uint8_t, 2> reset_step_{};  // progress in the reset sequence of 0x0040 and 0x0041
     bool reset_wanted_ = false;
     std::uint8_t lasting_loops_ = 0;
     std::uint16_t link_bits_ = 0;

@@ -47,7 +47,7 @@ void Esc::frame_end(const FrameEnd& end) {
     end_expected_ = false;
     const auto effects = std::exchange(effects_, std::uint16_t{0});
     if (good)
-        for (std::size_t i = 0; i < writes_; ++i) take_over(write_list_[i], end);
+        for (std::size_t i = 0; i < writes_; ++i) apply_write(write_list_[i], end);
     writes_ = write_bytes_used_ = 0;
     register_writes_enabled_ = esc_writes_enabled_ = false;
     if (good && (effects & kDlStatusRead) != 0) change_ecat_events(0, ecat_event::kDlStatus);
@@ -79,7 +79,7 @@ void Esc::latches_read(unsigned edges) {
 }
 
 // Executes one write of the shadow buffer: copies the octets that are writable into the registers.
-void Esc::take_over(const Write& write, const FrameEnd& end) {
+void Esc::apply_write(const Write& write, const FrameEnd& end) {
     const Time at = end.at;
     const Range range{write.address, static_cast<std::uint32_t>(write.address) + write.length};
     // The state of the EEPROM (busy or not) is that of the time when the frame passes, so that reads and writes in one
@@ -269,7 +269,7 @@ void Esc::refresh(std::uint32_t address, std::size_t length, Side side, Time at)
 
 void Esc::settle_sii(Time at) {
     (void)sii_.settle(at);
-    if (!sii_.take_reloaded()) return;
+    if (!sii_.reset_reloaded()) return;
     lay_out();
     if (!pdi_operational_) start_pdi(at);
     update_dl_status();

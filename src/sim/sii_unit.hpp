@@ -33,7 +33,7 @@ class SiiUnit {
     [[nodiscard]] bool emulated() const { return timing_.emulated; }
     [[nodiscard]] bool waits_for_pdi() const { return busy_ && emulated(); }
     // True once after a reload has written new values into the configuration registers.
-    [[nodiscard]] bool take_reloaded() { return std::exchange(reloaded_, false); }
+    [[nodiscard]] bool reset_reloaded() { return std::exchange(reloaded_, false); }
 
     // Fault injection: the EEPROM does not acknowledge the next `count` commands.
     void fail_next(unsigned count) { nacks_ = count; }

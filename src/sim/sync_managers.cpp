@@ -118,7 +118,7 @@ void SyncManagers::touched(unsigned n, Side side, std::uint32_t stop, Events& ev
     if (side == Side::ecat)
         closing_ |= 1u << n;
     else
-        hand_over(n, side, events);
+        finish_access(n, side, events);
 }
 
 int SyncManagers::exactly_at(std::uint32_t start, std::uint32_t stop) const {
@@ -153,13 +153,13 @@ void SyncManagers::frame_end(bool good, Events& events) {
     for (auto left = std::exchange(closing_, 0u); left != 0; left &= left - 1) {
         const auto n = static_cast<unsigned>(std::countr_zero(left));
         if (good)
-            hand_over(n, Side::ecat, events);
+            finish_access(n, Side::ecat, events);
         else
             channels_[n].opened[0] = false;
     }
 }
 
-void SyncManagers::hand_over(unsigned n, Side side, Events& events) {
+void SyncManagers::finish_access(unsigned n, Side side, Events& events) {
     auto& channel = channels_[n];
     channel.opened[static_cast<std::size_t>(side)] = false;
     if (side == Side::pdi) events.pdi_change = true;

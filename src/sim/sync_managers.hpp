@@ -109,7 +109,7 @@ class SyncManagers {
         void reset();
     };
 
-    void hand_over(unsigned n, Side side, Events& events);
+    void finish_access(unsigned n, Side side, Events& events);
     void show(unsigned n) { stale_ |= 1u << n; }
     [[nodiscard]] std::uint8_t status(unsigned n) const;
 

@@ -10,18 +10,19 @@ namespace margay {
 
 // Reads AL status and AL status code.
 [[nodiscard]] Task<Result<AlStatus>> read_al_status(Station station);
+
 // Updates `known` with what was read: NONE when the slave does not answer at its address; no change when the read
 // failed for another reason.
-inline void take_al_status(AlStatus& known, const Result<AlStatus>& seen) {
+inline void update_al_status(AlStatus& known, const Result<AlStatus>& seen) {
     if (seen) known = *seen;
     if (does_not_answer(seen.error())) known = AlStatus{};
 }
 
-// Writes AL control again after a write that no slave took (working counter 0). An ESC takes no request as long as the
-// slave's processor has not read the request before (ETG.1000.4 "AL control"); a processor that is slow, or a frame
-// that was lost behind the slave and sent again, makes a slave that is there refuse a request. Errors: working_counter
-// when the slave does not answer at all; timeout when its processor does not read the request before within `patience`
-// (expected: the requested state, actual: the present one).
+// Writes AL control again after a write that no slave accepted (working counter 0). An ESC accepts no request as long
+// as the slave's processor has not read the request before (ETG.1000.4 "AL control"); a processor that is slow, or a
+// frame that was lost behind the slave and sent again, makes a slave that is there refuse a request. Errors:
+// working_counter when the slave does not answer at all; timeout when its processor does not read the request before
+// within `patience` (expected: the requested state, actual: the present one).
 [[nodiscard]] Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience);
 
 // Requests `state` and waits until the slave has reached it, the slave refuses, or `timeout` is over. An error

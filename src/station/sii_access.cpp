@@ -42,8 +42,8 @@ class SiiReader::VisitAwaiter {
         if (orders_) order_.submit(waiter_);
     }
     Result<Visit> await_resume() const noexcept {
-        Error error = looks_ ? judged(look_) : Error{};
-        if (error.code == Errc::none && orders_) error = judged(order_);
+        Error error = looks_ ? error_of(look_) : Error{};
+        if (error.code == Errc::none && orders_) error = error_of(order_);
         if (error.code != Errc::none) return error;
         Visit visit;
         visit.status = load_le<std::uint16_t>(bytes_, 0);
@@ -53,7 +53,7 @@ class SiiReader::VisitAwaiter {
     }
 
   private:
-    [[nodiscard]] Error judged(const Datagram& datagram) const {
+    [[nodiscard]] Error error_of(const Datagram& datagram) const {
         Error error = error_of_reply(station_, datagram.reply(), Step::read_sii, 0);
         if (error.code != Errc::none) error.set_word(word_);
         return error;

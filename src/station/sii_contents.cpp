@@ -72,16 +72,16 @@ class Contents {
     [[nodiscard]] Error error(sii::Fault fault, std::uint32_t word, std::uint32_t expected = 0,
                               std::uint32_t actual = 0) const;
     [[nodiscard]] Error mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std::uint32_t first_word) const;
-    [[nodiscard]] Result<> take_fixed_part(Bytes head, Bytes mailboxes);
+    [[nodiscard]] Result<> read_fixed_part(Bytes head, Bytes mailboxes);
     [[nodiscard]] bool found_all() const {
         return generals_ > 0 && fmmus_ > 0 && sync_managers_ > 0 && strings_.word != 0;
     }
     // How many octets of a category are read.
     [[nodiscard]] static std::size_t wanted_bytes(std::uint16_t type);
     void mark(const sii::CategoryPlace& place);
-    void take(const sii::CategoryPlace& place, Bytes content);
-    void take_sync_managers(const sii::CategoryPlace& place, Bytes content);
-    void take_general(const sii::CategoryPlace& place, Bytes content);
+    void read_category(const sii::CategoryPlace& place, Bytes content);
+    void read_sync_managers(const sii::CategoryPlace& place, Bytes content);
+    void read_general(const sii::CategoryPlace& place, Bytes content);
 
     SiiReader reader_;
     Slave& slave_;
@@ -107,7 +107,7 @@ Error Contents::mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std:
 }
 
 // Mailboxes with invalid values are not copied: the slave then has no mailbox.
-Result<> Contents::take_fixed_part(Bytes head, Bytes mailboxes) {
+Result<> Contents::read_fixed_part(Bytes head, Bytes mailboxes) {
     slave_.identity = sii::load_identity(head.subspan(sii::kConfigurationBytes));
     const auto boxes = sii::load_mailboxes(mailboxes);
     const auto fault = sii::mailbox_fault(boxes.standard);
@@ -138,7 +138,7 @@ Task<Result<>> Contents::configuration() {
     if (!read_size) co_return read_size;
     if (sii::is_blank(head)) co_return error(sii::Fault::blank, 0);
     slave_.sii_bytes = sii::eeprom_bytes(load_le<std::uint16_t>(size));
-    co_return take_fixed_part(head, mailboxes);
+    co_return read_fixed_part(head, mailboxes);
 }
 
 std::size_t Contents::wanted_bytes(std::uint16_t type) {
@@ -161,7 +161,7 @@ void Contents::mark(const sii::CategoryPlace& place) {
     }
 }
 
-void Contents::take_general(const sii::CategoryPlace& place, Bytes content) {
+void Contents::read_general(const sii::CategoryPlace& place, Bytes content) {
     const auto general = sii::parse_general(content).value;
     name_ = general.name;
     slave_.coe_details = general.coe_details;
@@ -176,21 +176,21 @@ void Contents::take_general(const sii::CategoryPlace& place, Bytes content) {
     }
 }
 
-void Contents::take(const sii::CategoryPlace& place, Bytes content) {
+void Contents::read_category(const sii::CategoryPlace& place, Bytes content) {
     const std::uint16_t type = place.type;
     if (type == sii::category::kGeneral && generals_ == 1) {
-        take_general(place, content);
+        read_general(place, content);
     } else if (type == sii::category::kFmmu && fmmus_ == 1) {
         sii::FmmuUses uses(content);
         while (const auto use = uses.next()) slave_.fmmu_use[slave_.fmmu_count++] = *use;
     } else if (type == sii::category::kSyncManager && sync_managers_ == 1) {
-        take_sync_managers(place, content);
+        read_sync_managers(place, content);
     }
 }
 
 // A mailbox SyncManager with a length that no frame can carry is reported, and its length is set to 0. (The SyncManager
 // registers are written from the mailbox words, not from this category.)
-void Contents::take_sync_managers(const sii::CategoryPlace& place, Bytes content) {
+void Contents::read_sync_managers(const sii::CategoryPlace& place, Bytes content) {
     sii::SyncManagers sms(content);
     while (const auto read = sms.next()) {
         SmInfo sm = *read;
@@ -226,7 +226,7 @@ Task<Result<>> Contents::categories() {
         auto read_content =
             co_await reader_.read(place->word, wanted, found_all() ? strings_.word : chain.header_word());
         if (!read_content) co_return read_content;
-        take(*place, wanted);
+        read_category(*place, wanted);
     }
     if (chain.fault() != sii::Fault::none) co_return error(chain.fault(), chain.header_word());
     co_return oversized_.code == Errc::none ? Result<>() : Result<>(oversized_);

@@ -85,7 +85,7 @@ struct DeviceDescription {
     // the SyncManager of the inputs raises no events.)
     Duration free_run_cycle{};
     // DC: the device leaves OP after this many consecutive frame periods without new outputs; 0: no limit. Object
-    // 0x10F1 has priority. ProcessData::syncs_per_frame() tells how many SYNC0 signals are one frame period.
+    // 0x10F1 has priority. ProcessData::syncs_per_frame() returns how many SYNC0 signals are one frame period.
     unsigned sync_error_limit = 4;
     std::int16_t ebus_current_ma = 0;
     std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII

@@ -27,7 +27,7 @@ ObjectAccess at(const ObjectAccess& access, unsigned subindex) {
     return one;
 }
 
-// Bit position of an entry after `bit` bits: entries of one octet and more start at an octet boundary.
+// First bit of an entry after `bit` bits: entries of one octet and more start at an octet boundary.
 constexpr std::size_t aligned(std::size_t bit, const Entry& entry) { return entry.bits >= 8 ? (bit + 7) / 8 * 8 : bit; }
 
 // Calls f(entry, subindex, first bit) for every subindex from `from` to `top`. Returns the total number of bits.

@@ -132,7 +132,7 @@ class ProcessData {
     bool outputs_expired_ = false;  // outputs were seen, but they are too old
     bool sync_seen_ = false;
     bool silent_ = false;         // SM2 does not raise events
-    bool unseen_ = false;         // SM2 has one octet: nothing tells that outputs have arrived
+    bool unseen_ = false;         // SM2 has one octet: nothing shows that outputs have arrived
     bool inputs_silent_ = false;  // SM3 does not raise events
     bool watched_ = false;        // the watchdog of the ESC monitors the outputs
     bool sync_by_pin_ = false;    // sync0() was called, so the AL event is ignored

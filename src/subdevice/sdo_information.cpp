@@ -87,22 +87,22 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     const auto* const entry = object->entry(subindex);
     if (entry == nullptr) return fail(Abort::no_subindex, out);
     const bool number = entry->bits <= 64 && entry->storage != Storage::text && entry->text.empty();
-    std::uint8_t told = 0;
+    std::uint8_t contents = 0;
     if (number && (entry->storage == Storage::image || entry->storage == Storage::constant))
-        told |= coe::value_info::kDefault;
-    if (entry->limited) told |= coe::value_info::kMinimum | coe::value_info::kMaximum;
-    told &= value_info;
+        contents |= coe::value_info::kDefault;
+    if (entry->limited) contents |= coe::value_info::kMinimum | coe::value_info::kMaximum;
+    contents &= value_info;
 
     head_bytes_ = 0;
     append(index, 2);
     append(subindex, 1);
-    append(told, 1);
+    append(contents, 1);
     append(static_cast<std::uint16_t>(entry->type), 2);
     append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: the size does not fit into the field
     append(entry->access, 2);
-    if ((told & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
-    if ((told & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
-    if ((told & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
+    if ((contents & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
+    if ((contents & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
+    if ((contents & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
     text_ = entry->name;
     if (entry->count > 1) {
         // Without TextWriter, whose division of 64 bits is large on a microcontroller.
@@ -122,7 +122,7 @@ void SdoInformation::append(std::uint64_t value, std::size_t bytes) {
 
 void SdoInformation::begin(InfoOpcode opcode, std::size_t bytes, Outbox& out) {
     opcode_ = opcode;
-    position_ = 0;
+    sent_ = 0;
     left_ = bytes;
     (void)send_fragment(out);
 }
@@ -149,18 +149,18 @@ bool SdoInformation::send_fragment(Outbox& out) {
     return true;
 }
 
-// Copies the octets of the response from position_ on into `to`.
+// Copies the octets of the response from sent_ on into `to`.
 void SdoInformation::fill(MutableBytes to) {
     std::size_t n = 0;
-    for (; n < to.size() && position_ < head_bytes_; ++n) to[n] = head_[position_++];
+    for (; n < to.size() && sent_ < head_bytes_; ++n) to[n] = head_[sent_++];
     if (opcode_ == InfoOpcode::list_response) {
         const auto objects = dictionary_.objects();
-        for (; n < to.size(); n += 2, position_ += 2) {
+        for (; n < to.size(); n += 2, sent_ += 2) {
             while (!belongs(objects[next_object_], list_)) ++next_object_;
             store_le(to, n, objects[next_object_++].index);
         }
     } else {
-        for (; n < to.size(); ++n) to[n] = static_cast<std::byte>(text_[position_++ - head_bytes_]);
+        for (; n < to.size(); ++n) to[n] = static_cast<std::byte>(text_[sent_++ - head_bytes_]);
     }
 }
 

@@ -35,8 +35,8 @@ class SdoInformation {
     // The current response: a header, followed by the indices of a list or by a text.
     std::array<std::byte, 40> head_{};
     std::size_t head_bytes_ = 0;
-    std::size_t position_ = 0;  // octets already sent
-    std::size_t left_ = 0;      // octets still to send
+    std::size_t sent_ = 0;  // octets already sent
+    std::size_t left_ = 0;  // octets still to send
     std::string_view text_{};
     std::array<char, 12> made_up_{};  // generated name of one of several equal entries
     wire::coe::ListType list_{};

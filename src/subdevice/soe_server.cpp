@@ -274,11 +274,11 @@ SoeError check_number(const SoeParameter& p, Bytes data) {
 
 SoeError check_list(const SoeParameter& p, Bytes data) {
     if (data.size() < soe::kListHeadBytes) return SoeError::value_too_short;
-    const std::size_t told = soe::ListLayout::current_bytes::load(data);
+    const std::size_t length = soe::ListLayout::current_bytes::load(data);
     const std::size_t bytes = data.size() - soe::kListHeadBytes;
-    if (bytes < told) return SoeError::value_too_short;
-    if (bytes > told || told > p.most_bytes) return SoeError::value_too_long;
-    return told % p.attribute.bytes == 0 ? SoeError::none : SoeError::value_invalid;
+    if (bytes < length) return SoeError::value_too_short;
+    if (bytes > length || length > p.most_bytes) return SoeError::value_too_long;
+    return length % p.attribute.bytes == 0 ? SoeError::none : SoeError::value_invalid;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Copies bits between arbitrary bit positions. Bit 0 is the least significant bit of the first octet.
+// Copies bits from any bit on to any bit. Bit 0 is the least significant bit of the first octet.
 #pragma once
 
 #include "util/bytes.hpp"

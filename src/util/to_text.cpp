@@ -64,11 +64,10 @@ std::string_view to_text(Errc code) {
         case Errc::not_polled: return "the thread that owns the context does not call poll()";
         case Errc::waiting_forbidden:
             return "this call waits, and allow_waiting() forbids that in the thread that owns the context: submit() "
-                   "the "
-                   "request of the same name and look at its state() between cycles";
+                   "a request (in place of reach(): a SuperviseRequest) and look at its state() between cycles";
         case Errc::in_callback:
-            return "this call waits, and a callback or hook of the library must not: submit() a request, or write the "
-                   "hook as a sequence";
+            return "this call is not possible in a callback, a hook or the work function of run_cycle(): submit() a "
+                   "request there, or write the hook as a sequence";
         case Errc::nic_busy: return "the network interface does not take frames";
         case Errc::datagram_size: return "more data than a datagram can carry";
         case Errc::no_cycle:
@@ -137,6 +136,7 @@ std::string_view to_text(Step step) {
         case Step::command_ib: return "command at IB";
         case Step::command_bi: return "command at BI";
         case Step::application_hook: return "the hook of the application";
+        case Step::supervise: return "supervising the slaves";
         case Step::configure_clocks: return "synchronising the clocks";
         case Step::configure_sync: return "activating SYNC";
         case Step::recover: return "recovering the slave";

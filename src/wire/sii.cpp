@@ -19,7 +19,7 @@ std::string_view to_text(Fault fault) {
         case Fault::category_repeated: return "a category comes twice";
         case Fault::trailing: return "a category has a rest behind its last whole entry";
         case Fault::checksum: return "the checksum of the configuration area is wrong";
-        case Fault::size_mismatch: return "the size word does not tell the size of the image";
+        case Fault::size_mismatch: return "the size word is not the size of the image";
         case Fault::mailbox_without_size: return "a mailbox protocol is announced, but the mailboxes have no size";
         case Fault::mailbox_one_sided: return "only one of the two mailboxes has a size";
         case Fault::mailbox_too_short: return "a mailbox is too short for its header";

@@ -9,6 +9,7 @@
 #include "util/bytes.hpp"
 
 #include <margay/error.hpp>
+#include <margay/sii.hpp>
 #include <margay/slave.hpp>
 
 #include <array>
@@ -115,14 +116,9 @@ struct ConfigurationLayout {
             .checksum = L::checksum::load(at)};
 }
 
-// The CRC of words 0x00–0x06: polynomial x⁸ + x² + x + 1, start value 0xFF. `at` must have at least these 14 octets.
+// The CRC of words 0x00–0x06. `at` must have at least these 14 octets.
 [[nodiscard]] constexpr std::uint8_t checksum(Bytes at) {
-    unsigned crc = 0xFF;
-    for (const auto octet : at.first(ConfigurationLayout::checksum::offset)) {
-        crc ^= std::to_integer<unsigned>(octet);
-        for (int bit = 0; bit < 8; ++bit) crc = (crc & 0x80) != 0 ? ((crc << 1) ^ 0x07) & 0xFF : crc << 1;
-    }
-    return static_cast<std::uint8_t>(crc);
+    return sii_checksum(at.first<ConfigurationLayout::checksum::offset>());
 }
 
 // Whether the low octet of word 7 is the CRC of the previous words. `at` must have kConfigurationBytes octets. Report a

@@ -22,7 +22,7 @@ std::string_view to_text(Idn idn, std::span<char> into) {
 namespace {
 
 // Reads digits up to the end or a dash. Returns nullopt when the number is larger than `most`.
-std::optional<unsigned> take_number(std::string_view& text, unsigned most) {
+std::optional<unsigned> read_number(std::string_view& text, unsigned most) {
     unsigned value = 0;
     std::size_t n = 0;
     for (; n < text.size() && text[n] != '-'; ++n) {
@@ -42,13 +42,13 @@ std::optional<Idn> parse_idn(std::string_view text) {
     const bool product = text[0] == 'P' || text[0] == 'p';
     if (!product && text[0] != 'S' && text[0] != 's') return std::nullopt;
     text.remove_prefix(2);
-    auto number = take_number(text, 0x0FFF);
+    auto number = read_number(text, 0x0FFF);
     if (!number) return std::nullopt;
     unsigned set = 0;
     if (!text.empty()) {
         set = *number;
         text.remove_prefix(1);
-        number = take_number(text, 0x0FFF);
+        number = read_number(text, 0x0FFF);
         if (!number || set > 7 || !text.empty()) return std::nullopt;
     }
     return product ? Idn::product(*number, set) : Idn::standard(*number, set);

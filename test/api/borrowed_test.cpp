@@ -35,29 +35,29 @@ class HostConfigurationTest : public SegmentTest {};
 
 TEST_F(HostConfigurationTest, OwnsAllThatItPointsAt) {
     HostConfiguration plan;
-    for (std::uint16_t position = 1; position <= 3; ++position) {
-        std::vector<PdoEntry> entries{{0x7000, 1, 16}, {0x7000, 2, static_cast<std::uint8_t>(8 * position)}};
+    for (std::uint16_t number = 1; number <= 3; ++number) {
+        std::vector<PdoEntry> entries{{0x7000, 1, 16}, {0x7000, 2, static_cast<std::uint8_t>(8 * number)}};
         std::vector<Pdo> outputs{{0x1600, entries}};
         std::vector<SmPdos> pdos{{2, outputs}};
-        std::vector<std::byte> data(12, static_cast<std::byte>(position));
+        std::vector<std::byte> data(12, static_cast<std::byte>(number));
         std::vector<StartupCommand> commands{write_register(Transition::init_to_preop, 0x0F80, data)};
         SlaveSetup setup{.pdos = pdos, .startup = commands};
         SlaveConfiguration config;
         config.setup = &setup;
-        plan.add({.position = position}, config);
+        plan.add({.number = number}, config);
         // The data are overwritten before they are destroyed.
         std::ranges::fill(data, std::byte{0xEE});
         entries.assign(2, PdoEntry{});
         setup = {};
     }
     ASSERT_EQ(plan.expected().size(), 3U);
-    for (std::uint16_t position = 1; position <= 3; ++position) {
-        const SlaveSetup& setup = *plan.expected()[position - 1U].config->setup;
+    for (std::uint16_t number = 1; number <= 3; ++number) {
+        const SlaveSetup& setup = *plan.expected()[number - 1U].config->setup;
         ASSERT_EQ(setup.pdos.size(), 1U);
         ASSERT_EQ(setup.pdos[0].pdos.size(), 1U);
-        EXPECT_EQ(setup.pdos[0].pdos[0].entries[1], (PdoEntry{0x7000, 2, static_cast<std::uint8_t>(8 * position)}));
+        EXPECT_EQ(setup.pdos[0].pdos[0].entries[1], (PdoEntry{0x7000, 2, static_cast<std::uint8_t>(8 * number)}));
         ASSERT_EQ(setup.startup[0].octets().size(), 12U);
-        EXPECT_EQ(setup.startup[0].octets()[11], static_cast<std::byte>(position));
+        EXPECT_EQ(setup.startup[0].octets()[11], static_cast<std::byte>(number));
     }
     for (int n = 0; n < 3; ++n) plug("coupler");
     switch_on();

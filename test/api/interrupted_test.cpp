@@ -177,7 +177,7 @@ TEST_F(Interrupted, AStateRequestThatIsCutReportsTheStateThatItHasReached) {
         while (const auto event = ctx.events().take())
             told |= event->kind == EventKind::state && event->slave == 2 && event->now.state == AlState::op;
     }
-    EXPECT_EQ(words(request.error()), "slave 2: requesting a state: timed out");
+    EXPECT_EQ(words(request.error()), "slave 2: the hook of the application: timed out");
     EXPECT_EQ(ctx.slave(2).al.state, AlState::op);
     EXPECT_TRUE(told);
 }
@@ -292,7 +292,7 @@ TEST_F(Interrupted, TheEventThatASupervisionHasEndedSaysWhy) {
     EXPECT_EQ(last.error.code, Errc::timeout);
     std::array<char, 200> text{};
     EXPECT_EQ(describe(last, text),
-              "the supervision has ended: lost slaves are not brought back: recovering the slave: timed out");
+              "the supervision has ended: lost slaves are not brought back: supervising the slaves: timed out");
 }
 
 TEST_F(Interrupted, ReachGoesOnWithASupervisionOfItsOwnWhenThatOfTheApplicationEnds) {

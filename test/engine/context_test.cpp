@@ -91,8 +91,8 @@ TEST_F(ContextTest, CallbackOfEventsSetBeforeInitStays) {
 // slave(0) and unknown slaves, before and after init(): the image has no octets, and every octet reads as zero.
 TEST_F(ContextTest, SlaveThatIsNotThereHasAnImageThatDoesNoHarm) {
     for (int round = 0; round < 2; ++round) {
-        for (const std::size_t position : {std::size_t{0}, std::size_t{1}, std::size_t{99}}) {
-            const SlaveImage& image = ctx.slave(position).image;
+        for (const std::size_t number : {std::size_t{0}, std::size_t{1}, std::size_t{99}}) {
+            const SlaveImage& image = ctx.slave(number).image;
             EXPECT_TRUE(image.inputs.bytes.empty());
             EXPECT_EQ(image.inputs.bytes[0], std::byte{0});
             image.outputs.bytes[7] = std::byte{0x55};

@@ -58,7 +58,7 @@ TEST(Describe, NamesNoObjectWhenTheRequestAsAWholeFailed) {
     EXPECT_EQ(sentence({.code = Errc::canceled, .step = Step::soe_read, .slave = 2}),
               "slave 2: SoE read: the request was canceled");
     EXPECT_TRUE(sentence({.code = Errc::in_callback, .step = Step::sdo_upload, .slave = 2})
-                    .starts_with("slave 2: SDO upload: this call waits"));
+                    .starts_with("slave 2: SDO upload: this call is not possible in a callback"));
     EXPECT_EQ(sentence({.code = Errc::sdo_abort, .step = Step::sdo_upload, .slave = 2, .detail = 0x06020000}),
               "slave 2: SDO upload of 0x0000:0: the slave aborted the transfer (abort code 0x06020000: object does not "
               "exist)")

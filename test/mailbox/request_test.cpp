@@ -156,8 +156,7 @@ TEST_F(RequestTest, CallsThatWaitAreForbiddenToTheOwnerWhenTheProgramSaysSo) {
     ASSERT_TRUE(allow_waiting(*bus.ctx, false));
     const auto refused = SDOread<std::int16_t>(*bus.ctx, 1, 0x2000, 0);
     EXPECT_EQ(refused.error().code, Errc::waiting_forbidden);
-    EXPECT_NE(bus.words(refused.error()).find("submit() the request of the same name"), std::string::npos)
-        << bus.words(refused.error());
+    EXPECT_NE(bus.words(refused.error()).find("submit() a request"), std::string::npos) << bus.words(refused.error());
     EXPECT_EQ(SDOwrite(*bus.ctx, 1, 0x2000, 0, std::int16_t{1}).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(read_object_description(*bus.ctx, 1, 0x2000).error().code, Errc::waiting_forbidden);
     EXPECT_EQ(config_init(*bus.ctx).error().code, Errc::waiting_forbidden);

@@ -67,10 +67,10 @@ class Bus {
         }
         return reached;
     }
-    // The device behind slave `position`.
-    sim::ProcessDataFirmware& device(std::size_t position) {
+    // The device behind slave `number`.
+    sim::ProcessDataFirmware& device(std::size_t number) {
         return static_cast<sim::ProcessDataFirmware&>(
-            *segment.slave(static_cast<std::uint32_t>(position - 1)).firmware());
+            *segment.slave(static_cast<std::uint32_t>(number - 1)).firmware());
     }
     std::vector<std::string> errors() { return taken(ctx->errors()); }
     std::vector<std::string> warnings() { return taken(ctx->warnings()); }

@@ -250,7 +250,7 @@ TEST_F(EntryTest, WhatIsNotMappedIsNamedAndTheOthersAreFound) {
     Output<std::uint8_t> nobody{7, 0x7000, 1};
     Output<std::uint32_t> wished{1, 0x7777};
     wished.optional = true;
-    EntryHandle* const entries[] = {&enable, &missing, &nowhere, &nobody, &wished, nullptr};
+    EntryHandle* const entries[] = {&enable, &missing, &nowhere, &nobody, &wished};
     const auto mapped = map(entries);
     ASSERT_FALSE(mapped.ok());
     EXPECT_EQ(mapped.error().code, Errc::entry_not_mapped);
@@ -433,8 +433,8 @@ TEST_F(EntryOfALateSlave, IsFoundWhenTheSlaveComes) {
     io.add({0, Direction::outputs, 0x64, 0x1100, 8});
     io.add({1, Direction::inputs, 0x20, 0x2000, 8});
     const ExpectedSlave expected[] = {
-        {.position = 1, .vendor = 0x4D47, .product = 0x100, .config = &io},
-        {.position = 2, .vendor = 0x4D47, .product = 0x101, .optional = true, .config = &io}};
+        {.number = 1, .vendor = 0x4D47, .product = 0x100, .config = &io},
+        {.number = 2, .vendor = 0x4D47, .product = 0x101, .optional = true, .config = &io}};
     EXPECT_EQ(bring_up(expected), Words());
     Output<std::uint8_t> here{1, 0x7000, 1};
     Output<std::uint8_t> late{2, 0x7000, 1};

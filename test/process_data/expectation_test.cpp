@@ -31,7 +31,7 @@ TEST_F(ExpectationTest, WhatIsAsExpectedIsConfiguredAsWanted) {
     config.add({1, Direction::inputs, 0x20, 0x2000, 16});
     config.group = 1;
     const ExpectedSlave expected[] = {
-        {.position = 1, .vendor = 0x4D47, .product = 0x100}, {.position = 2, .config = &config}, {.position = 3}};
+        {.number = 1, .vendor = 0x4D47, .product = 0x100}, {.number = 2, .config = &config}, {.number = 3}};
     EXPECT_EQ(scan(expected), Words());
     EXPECT_EQ(*config_map(ctx(), image, 1), 4U);
     EXPECT_EQ(bus.errors(), Words());
@@ -41,7 +41,7 @@ TEST_F(ExpectationTest, WhatIsAsExpectedIsConfiguredAsWanted) {
 
 TEST_F(ExpectationTest, WhatIsNotIsNamedAndTheOthersGoOn) {
     const ExpectedSlave expected[] = {
-        {.position = 1, .product = 0x101}, {.position = 2, .vendor = 0x4D47, .serial = 7}, {.position = 4}};
+        {.number = 1, .product = 0x101}, {.number = 2, .vendor = 0x4D47, .serial = 7}, {.number = 4}};
     EXPECT_EQ(scan(expected),
               (Words{"slave 1: comparing with what is expected: another slave than expected (expected "
                      "product 0x00000101, got 0x00000100 of vendor 0x00004d47)",
@@ -66,22 +66,22 @@ TEST_F(ExpectationTest, AliasFindsItWhereverItIs) {
     SlaveConfiguration config;
     config.block_lrw = true;
     const ExpectedSlave expected[] = {
-        {.position = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.position = 2}};
+        {.number = 1}, {.alias = std::uint16_t{0x0321}, .config = &config}, {.number = 2}};
     EXPECT_EQ(scan(expected), Words());
-    EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose positions do not count it";
+    EXPECT_TRUE(ctx().slave(3).config.block_lrw) << "behind the line, whose numbers do not count it";
     EXPECT_EQ(ctx().slave(3).ring_position, 2);
     EXPECT_EQ(ctx().slave(3).parent, 1);
     EXPECT_EQ(ctx().slave(2).parent, 3) << "the tree is told in the same numbers";
     EXPECT_EQ(bus.segment.slave(1).station(), 0x1003);
     EXPECT_EQ(bus.segment.slave(2).station(), 0x1002);
-    const ExpectedSlave other[] = {{.position = 1}, {.position = 2}, {.alias = std::uint16_t{0x0999}}, {.position = 3}};
+    const ExpectedSlave other[] = {{.number = 1}, {.number = 2}, {.alias = std::uint16_t{0x0999}}, {.number = 3}};
     EXPECT_EQ(scan(other),
               (Words{"slave 4: comparing with what is expected: an expected slave is missing (alias 0x0999)"}));
 }
 
 TEST_F(ExpectationTest, OptionalOnesMayBeMissingAndLeave) {
     const ExpectedSlave expected[] = {
-        {.position = 1}, {.position = 2}, {.position = 3, .optional = true}, {.position = 4, .optional = true}};
+        {.number = 1}, {.number = 2}, {.number = 3, .optional = true}, {.number = 4, .optional = true}};
     EXPECT_EQ(scan(expected), Words());
     ASSERT_TRUE(config_map(ctx(), image).ok());
     ASSERT_EQ(bus.to_op().state, AlState::op);
@@ -123,7 +123,7 @@ class DeviceIdTest : public testing::Test, protected Plant {
 
 TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
     const ExpectedSlave expected[] = {
-        {.position = 1}, {.device_id = std::uint16_t{0x0055}}, {.device_id = std::uint16_t{0x0234}}};
+        {.number = 1}, {.device_id = std::uint16_t{0x0055}}, {.device_id = std::uint16_t{0x0234}}};
     EXPECT_EQ(bring_up(expected), Words());
     EXPECT_EQ(ctx->slave(2).ring_position, 3);
     EXPECT_EQ(ctx->slave(2).device_id, 0x0055);
@@ -137,15 +137,15 @@ TEST_F(DeviceIdTest, IsReadTheWayTheSiiSays) {
 }
 
 TEST_F(DeviceIdTest, NobodyIsAskedWhoNeedNotBe) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}};
     EXPECT_EQ(bring_up(expected), Words());
     EXPECT_FALSE(ctx->slave(2).device_id.has_value());
 }
 
 TEST_F(DeviceIdTest, IsComparedAtItsPosition) {
-    const ExpectedSlave expected[] = {{.position = 1, .device_id = std::uint16_t{1}},
-                                      {.position = 2, .device_id = std::uint16_t{0x0235}},
-                                      {.position = 3, .device_id = std::uint16_t{0x0055}},
+    const ExpectedSlave expected[] = {{.number = 1, .device_id = std::uint16_t{1}},
+                                      {.number = 2, .device_id = std::uint16_t{0x0235}},
+                                      {.number = 3, .device_id = std::uint16_t{0x0055}},
                                       {.device_id = std::uint16_t{0x0777}}};
     EXPECT_EQ(
         bring_up(expected),
@@ -162,7 +162,7 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
     plug({by_memory, 1}, mirror);
     power(mirror, true);
     const ExpectedSlave expected[] = {
-        {.position = 1}, {.position = 2}, {.position = 3}, {.position = 4, .device_id = std::uint16_t{0}}};
+        {.number = 1}, {.number = 2}, {.number = 3}, {.number = 4, .device_id = std::uint16_t{0}}};
     (void)bring_up(expected);
     EXPECT_TRUE(ctx->slave(4).device_emulation);
     EXPECT_FALSE(ctx->slave(4).device_id.has_value());
@@ -174,7 +174,7 @@ TEST_F(DeviceIdTest, AMirrorHasNoId) {
 // slave.
 TEST_F(DeviceIdTest, KnowsWhoComesBack) {
     const ExpectedSlave expected[] = {
-        {.position = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
+        {.number = 1}, {.device_id = std::uint16_t{0x0234}, .optional = true}, {.device_id = std::uint16_t{0x0055}}};
     EXPECT_EQ(bring_up(expected), Words());
     run();
     pull(by_memory);
@@ -205,13 +205,13 @@ TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
         return done.error().actual;
     };
     const ExpectedSlave head{.alias = std::uint16_t{5}, .hot_connect = 1};
-    EXPECT_EQ(refused_at({{.position = 1}, {.position = 2}, {.position = 1}}), 3U) << "twice at one place";
+    EXPECT_EQ(refused_at({{.number = 1}, {.number = 2}, {.number = 1}}), 3U) << "twice at one place";
     EXPECT_EQ(refused_at({{.hot_connect = 1}}), 1U) << "a head that nothing is known of";
-    EXPECT_EQ(refused_at({head, {.position = 4, .hot_connect = 1}}), 2U) << "a member has no position";
-    EXPECT_EQ(refused_at({head, {.position = 1}, head}), 3U) << "a group torn apart";
-    EXPECT_EQ(refused_at({head, {.hot_connect = 1}, {.position = 1}}), 0U);
-    // A position number above the limit.
-    const ExpectedSlave far[] = {{.position = 1000}};
+    EXPECT_EQ(refused_at({head, {.number = 4, .hot_connect = 1}}), 2U) << "a member has no number";
+    EXPECT_EQ(refused_at({head, {.number = 1}, head}), 3U) << "a group torn apart";
+    EXPECT_EQ(refused_at({head, {.hot_connect = 1}, {.number = 1}}), 0U);
+    // A number above the limit.
+    const ExpectedSlave far[] = {{.number = 1000}};
     ASSERT_TRUE(expect(ctx(), far).ok());
     const auto scanned = config_init(ctx());
     EXPECT_EQ(scanned.error().code, Errc::capacity);
@@ -223,7 +223,7 @@ TEST_F(ExpectationTest, ListsThatContradictThemselvesAreRefused) {
 TEST_F(ExpectationTest, WrongCallsAreRefused) {
     HostContext fresh;
     EXPECT_EQ(expect(fresh, {}).error().code, Errc::wrong_state);
-    const ExpectedSlave nowhere[] = {{.position = 1}, {}};
+    const ExpectedSlave nowhere[] = {{.number = 1}, {}};
     const auto refused = expect(ctx(), nowhere);
     EXPECT_EQ(refused.error().code, Errc::invalid_argument);
     EXPECT_EQ(refused.error().actual, 2U);

@@ -195,9 +195,9 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
 }
 
 TEST_F(Mistakes, AnEntryOfTheExpectedSlavesIsNamed) {
-    const ExpectedSlave unknown[] = {{.position = 1}, {.product = 0x101}};
+    const ExpectedSlave unknown[] = {{.number = 1}, {.product = 0x101}};
     EXPECT_EQ(words(expect(*ctx, unknown).error()),
-              "comparing with what is expected: argument out of range (entry 2 of the list: without position, alias or "
+              "comparing with what is expected: argument out of range (entry 2 of the list: without number, alias or "
               "device id, in a place that is taken, or apart from its hot connect group)");
 }
 

@@ -156,6 +156,7 @@ TEST_P(PreparedFrameTest, ReadingsAreComparedToo) {
     group.layout = *lay_out(slaves, 0, group.config, image);
     group.image = image;
     group.slaves = slaves;
+    group.marks = marks;
     const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
     ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
     constexpr std::size_t kReading = wire::kFramePrefixBytes + 16;

@@ -25,6 +25,7 @@ class PreparedGroup {
     std::vector<std::byte> memory = std::vector<std::byte>(64 * 1024);
     Engine engine{nic, slots, memory};
     std::vector<Slave> slaves;
+    std::vector<SlaveMarks> marks = std::vector<SlaveMarks>(slaves.size());
     std::array<std::byte, 8> image{};
 
     std::vector<ProcessGroup> groups;
@@ -41,6 +42,7 @@ class PreparedGroup {
         group.layout = *lay_out(slaves, 0, group.config, image);
         group.image = image;
         group.slaves = slaves;
+        group.marks = marks;
         const auto count = plan_datagrams(slaves, 0, group.config, group.layout, scratch);
         ASSERT_TRUE(prepare(tables, group, *count, engine.link()).ok());
     }

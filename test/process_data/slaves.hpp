@@ -12,10 +12,10 @@ namespace margay {
 inline constexpr std::uint8_t kOutputControl = 0x64;
 inline constexpr std::uint8_t kInputControl = 0x20;
 
-inline Slave make_slave(std::uint16_t position, std::uint8_t fmmus = 8, std::uint8_t sync_managers = 8) {
+inline Slave make_slave(std::uint16_t number, std::uint8_t fmmus = 8, std::uint8_t sync_managers = 8) {
     Slave slave;
-    slave.number = position;
-    slave.station_address.value = static_cast<std::uint16_t>(0x1000 + position);
+    slave.number = number;
+    slave.station_address.value = static_cast<std::uint16_t>(0x1000 + number);
     slave.dl.fmmus = fmmus;
     slave.dl.sync_managers = sync_managers;
     slave.dl.ram_kib = 8;
@@ -30,8 +30,8 @@ inline ProcessSm inputs_sm(std::uint8_t number, std::uint16_t start, std::uint32
 }
 
 // A slave with outputs in SyncManager 2 at 0x1100 and inputs in SyncManager 3 at 0x1400; sizes in bits.
-inline Slave io_slave(std::uint16_t position, std::uint32_t output_bits, std::uint32_t input_bits) {
-    Slave slave = make_slave(position);
+inline Slave io_slave(std::uint16_t number, std::uint32_t output_bits, std::uint32_t input_bits) {
+    Slave slave = make_slave(number);
     if (output_bits > 0) slave.config.add(outputs_sm(2, 0x1100, output_bits));
     if (input_bits > 0) slave.config.add(inputs_sm(3, 0x1400, input_bits));
     return slave;

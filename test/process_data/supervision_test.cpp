@@ -349,6 +349,34 @@ TEST_F(SupervisionTest, AnInterruptedCableIsNamed) {
     bus.segment.set_cable({2, 0}, true);
     ASSERT_LE(cycles_until_right(), 1000);
     EXPECT_EQ(ctx().slave(3).ring_position, 3);
+    // The other end of the cable has counted the interruption too.
+    for (int n = 0; n < 100; ++n) (void)cycle();
+    EXPECT_EQ(lines[2].ports[0].lost_links, 1U);
+    const auto back = events();
+    EXPECT_EQ(std::ranges::count_if(back, [](const auto& e) { return e.starts_with("link interrupted"); }), 0)
+        << joined(back);
+}
+
+// Slave 3 loses its power. While it has no address yet, the slaves around it are known, and no cable joins them.
+TEST_F(SupervisionTest, AnEventNamesOnlyCablesThatExist) {
+    for (int phase = 0; phase < 20; ++phase) {
+        Run run;
+        run.start(5);
+        std::array<LineErrors, 5> lines{};
+        run.supervision.line_interval = 7ms;
+        run.supervision.line_errors = lines;
+        run.to_op();
+        for (int n = 0; n < 50 + phase; ++n) (void)run.cycle();
+        run.bus.segment.set_power(2, false, run.bus.osal.now());
+        for (int n = 0; n < 3; ++n) (void)run.cycle();
+        run.bus.segment.set_power(2, true, run.bus.osal.now());
+        ASSERT_LE(run.cycles_until_right(), 2000);
+        for (int n = 0; n < 50; ++n) (void)run.cycle();
+        const auto told = run.events();
+        EXPECT_FALSE(has(told, "slave 2 port 1 and slave 4")) << joined(told);
+        EXPECT_LE(std::ranges::count_if(told, [](const auto& e) { return e.starts_with("link interrupted"); }), 2)
+            << joined(told);
+    }
 }
 
 TEST_F(SupervisionTest, AThousandSlaves) {

@@ -60,7 +60,7 @@ class Wanted : public testing::Test, protected Plant {
 
 TEST_F(Wanted, ASlaveOfAnotherProductGetsNoOutputs) {
     const ExpectedSlave expected[] = {
-        {.position = 1, .product = 0x100}, {.position = 2, .product = 0x1FF}, {.position = 3, .product = 0x102}};
+        {.number = 1, .product = 0x100}, {.number = 2, .product = 0x1FF}, {.number = 3, .product = 0x102}};
     const auto found = scan(expected);
     EXPECT_EQ(words(found.error()),
               "slave 2: comparing with what is expected: another slave than expected (expected product 0x000001ff, got "
@@ -80,7 +80,7 @@ TEST_F(Wanted, ASlaveOfAnotherProductGetsNoOutputs) {
 }
 
 TEST_F(Wanted, ASlaveThatNobodyExpectsGetsNoOutputs) {
-    const ExpectedSlave expected[] = {{.position = 1, .product = 0x100}, {.position = 2, .product = 0x101}};
+    const ExpectedSlave expected[] = {{.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}};
     const auto found = scan(expected);
     EXPECT_EQ(words(found.error()),
               "slave 3: comparing with what is expected: the slave is not in the list of expected slaves");
@@ -93,7 +93,7 @@ TEST_F(Wanted, ASlaveThatNobodyExpectsGetsNoOutputs) {
 }
 
 TEST_F(Wanted, AMissingSlaveIsSaidByEveryResult) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}, {.number = 4}};
     const auto found = scan(expected);
     EXPECT_EQ(words(found.error()), "slave 4: comparing with what is expected: an expected slave is missing");
     const auto mapped = config_map(*ctx, image);
@@ -128,7 +128,7 @@ TEST_F(Wanted, PdosOfKnownSizesKeepAPlaceForADriveThatIsOffAtTheStart) {
     SlaveConfiguration config;
     config.setup = &kSetup;
     power(line[2], false);
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3, .config = &config}};
     EXPECT_EQ(scan(expected).error().code, Errc::missing_slave);
     EXPECT_EQ(config_map(*ctx, image).error().code, Errc::missing_slave);
     EXPECT_EQ(ctx->slave(3).image.outputs.bits, 8U);
@@ -150,7 +150,7 @@ TEST_F(Wanted, ASlaveThatComesWithOtherSizesThanItsPlaceHasIsNotSaidToHaveRecove
     SlaveConfiguration config;
     config.setup = &setup;
     power(line[2], false);
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3, .config = &config}};
     (void)scan(expected);
     (void)config_map(*ctx, image);
     EXPECT_EQ(ctx->slave(3).image.outputs.bits, 8U);
@@ -235,9 +235,9 @@ TEST_F(Wanted, ARequestThatContradictsTheSupervisionIsRefused) {
 // ------------------------------------------------------------------ what is tolerated
 
 TEST_F(Wanted, WhatTheApplicationToleratesOfOneSlaveIsDriven) {
-    const ExpectedSlave expected[] = {{.position = 1, .product = 0x100},
-                                      {.position = 2, .product = 0x1FF, .tolerate = true},
-                                      {.position = 3, .product = 0x102}};
+    const ExpectedSlave expected[] = {{.number = 1, .product = 0x100},
+                                      {.number = 2, .product = 0x1FF, .tolerate = true},
+                                      {.number = 3, .product = 0x102}};
     ASSERT_TRUE(scan(expected).ok());
     EXPECT_EQ(errors().size(), 1U) << "it is told all the same";
     EXPECT_FALSE(ctx->slave(2).held);
@@ -248,7 +248,7 @@ TEST_F(Wanted, WhatTheApplicationToleratesOfOneSlaveIsDriven) {
 }
 
 TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
-    const ExpectedSlave expected[] = {{.position = 1, .product = 0x1FF}, {.position = 2, .product = 0x101}};
+    const ExpectedSlave expected[] = {{.number = 1, .product = 0x1FF}, {.number = 2, .product = 0x101}};
     EXPECT_EQ(scan(expected).error().slave, 1);
     ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true, .unexpected_slaves = true}));
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -265,7 +265,7 @@ TEST_F(Wanted, ToleranceInGeneralHoldsAtOnceAndUntilItIsTakenBack) {
 }
 
 TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3}, {.position = 4}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3}, {.number = 4}};
     ASSERT_TRUE(tolerate(*ctx, {.missing_slaves = true}));
     ASSERT_TRUE(scan(expected).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -278,7 +278,7 @@ TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
 
 // No request brings a held slave to a higher state.
 TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 3}};
     EXPECT_EQ(scan(expected).error().slave, 2);
     (void)config_map(*ctx, image);
     const auto expect_held = [&](const Error& error) {
@@ -303,8 +303,7 @@ TEST_F(Wanted, RequestsForAHeldSlaveAreRefusedInWords) {
 TEST_F(Wanted, TheRightSlaveInPlaceOfAHeldOneIsTakenIn) {
     SlaveConfiguration config;
     config.setup = &kSetup;
-    const ExpectedSlave expected[] = {
-        {.position = 1}, {.position = 2}, {.position = 3, .product = 0x1FF, .config = &config}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3, .product = 0x1FF, .config = &config}};
     EXPECT_EQ(scan(expected).error().slave, 3);
     (void)config_map(*ctx, image);
     ASSERT_TRUE(submit(*ctx, supervision).ok());
@@ -383,7 +382,7 @@ TEST_F(Wanted, ReachBringsAllSlavesThereWithCyclesBesideIt) {
 }
 
 TEST_F(Wanted, ReachNamesTheFirstSlaveThatIsNotThere) {
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .product = 0x1FF}, {.position = 3}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 3}};
     EXPECT_EQ(scan(expected).error().slave, 2);
     (void)config_map(*ctx, image);
     const Time begin = osal.now();
@@ -586,7 +585,7 @@ TEST_F(LostFramesOf, AMappingDoNotMakeSlavesLost) {
 TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
     SlaveConfiguration config;
     config.setup = &kSetup;
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2}, {.position = 3, .config = &config}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3, .config = &config}};
     ASSERT_TRUE(scan(expected).ok());
     power(line[2], false);
     const auto mapped = config_map(*ctx, image);

@@ -67,7 +67,7 @@ TEST_F(Startup, CommandsRunInTheirOrderAtTheirTransitions) {
     };
     static constexpr SlaveSetup kSetup{.startup = kList};
     static constexpr SlaveConfiguration kConfig{.setup = &kSetup};
-    const ExpectedSlave expected[] = {{.position = 1}, {.position = 2, .config = &kConfig}};
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .config = &kConfig}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
@@ -138,9 +138,11 @@ TEST_F(Startup, WhatFailsIsNamedWithItsPlaceAndCause) {
          "slave 1: command at PS (no. 2, register 0x0010): the register does not have the required value (wanted "
          "0x00000222, is 0x00000001)"},
         {StartupCommand{.transitions = preop_to_safeop, .index = 0x0F80},
-         "slave 1: command at PS (no. 2, register 0x0f80): argument out of range"},
+         "slave 1: command at PS (no. 2, register 0x0f80): argument out of range: the value of the start-up command "
+         "has "
+         "a size that the command cannot have"},
         {StartupCommand{.transitions = preop_to_safeop, .index = 0x0F80, .length = 9},
-         "slave 1: command at PS (no. 2, register 0x0f80): argument out of range"},
+         "slave 1: command at PS (no. 2, register 0x0f80): argument out of range: the value"},
     };
     for (const Case& c : cases) {
         const StartupCommand list[] = {write_register(preop_to_safeop, 0x0F80, std::uint8_t{1}), c.command};
@@ -344,7 +346,7 @@ TEST_F(Startup, AMailboxOrCompleteAccessIsLeftAloneWhereTheApplicationSaysSo) {
     plug_odd({});
     static constexpr SlaveConfiguration kNoMailbox{.no_mailbox = true};
     static constexpr SlaveConfiguration kSingly{.no_complete_access = true};
-    const ExpectedSlave expected[] = {{.position = 1, .config = &kNoMailbox}, {.position = 2, .config = &kSingly}};
+    const ExpectedSlave expected[] = {{.number = 1, .config = &kNoMailbox}, {.number = 2, .config = &kSingly}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
@@ -471,7 +473,7 @@ TEST_F(Startup, ParametersOfDrivesDecideOnTheirTelegramsAndAreReplayed) {
     };
     static constexpr SlaveSetup kSetup{.startup = kCommands};
     static constexpr SlaveConfiguration kConfig{.setup = &kSetup};
-    const ExpectedSlave expected[] = {{.position = 1, .config = &kConfig}};
+    const ExpectedSlave expected[] = {{.number = 1, .config = &kConfig}};
     switch_on();
     ASSERT_TRUE(init(ctx, wire, osal));
     ASSERT_TRUE(expect(ctx, expected));
@@ -512,7 +514,7 @@ TEST_F(Startup, WhatADriveRefusesIsNamed) {
               "slave 1: command at PS (no. 1, S-0-0148, drive 0): the drive refused (error code 0x7012: the command "
               "cannot be executed at this time)");
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 8, Idn::product(1), std::uint32_t{9})),
-              "slave 1: command at PS (no. 1, P-0-0001, drive 8): argument out of range");
+              "slave 1: command at PS (no. 1, P-0-0001, drive 8): argument out of range: a slave has drives 0 to 7");
     facts(ctx.slave(1)).mailbox.protocols = 0;
     EXPECT_EQ(says(write_parameter(preop_to_safeop, 0, Idn::product(1), std::uint32_t{9})),
               "slave 1: command at PS (no. 1, P-0-0001, drive 0): not supported by the slave");

@@ -70,18 +70,17 @@ void World::look_around() {
     for (std::uint32_t n = 0; n < segment_.size(); ++n) station_[n] = segment_.slave(n).station();
 }
 
-std::vector<std::uint32_t> World::devices_at(std::uint16_t position) {
+std::vector<std::uint32_t> World::devices_at(std::uint16_t number) {
     std::vector<std::uint32_t> found;
-    const auto address = ctx_->slave(position).station_address.value;
+    const auto address = ctx_->slave(number).station_address.value;
     for (std::uint32_t n = 0; n < station_.size(); ++n)
         if (reachable_[n] && station_[n] == address) found.push_back(n);
     return found;
 }
 
-std::string World::place(std::uint16_t position) {
-    std::string text = "slave " + std::to_string(position);
-    for (const auto n : devices_at(position))
-        text += ", device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name;
+std::string World::place(std::uint16_t number) {
+    std::string text = "slave " + std::to_string(number);
+    for (const auto n : devices_at(number)) text += ", device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name;
     return text;
 }
 
@@ -106,7 +105,6 @@ std::string World::counted(std::uint8_t number) {
         if (slave.config.group != number) continue;
         text += "; slave " + std::to_string(slave.number) + " " + std::string(to_text(slave.al.state));
         if (slave.takes_part) text += ", takes part";
-        if (slave.counted) text += ", counted";
         if (slave.unplaced) text += ", unplaced";
     }
     return text + story();

@@ -39,11 +39,11 @@ std::uint8_t subindex(std::uint32_t a) { return static_cast<std::uint8_t>(kObjec
 constexpr std::array kStates{AlState::init, AlState::preop, AlState::safeop, AlState::op, AlState::boot, AlState::none};
 AlState state(std::uint32_t a) { return kStates[a % kStates.size()]; }
 
-std::uint16_t position(std::uint32_t slave) { return static_cast<std::uint16_t>(slave); }
+std::uint16_t slave_number(std::uint32_t slave) { return static_cast<std::uint16_t>(slave); }
 
 template <class R>
 void address_mail(R& r, std::uint32_t slave, std::uint32_t b) {
-    r.slave = position(slave);
+    r.slave = slave_number(slave);
     r.priority = static_cast<std::uint8_t>(b % 4);
     constexpr std::array<Duration, 6> kTimeouts{0ms, 0ms, 2000ms, 100ms, 5ms, 1us};
     r.timeout = kTimeouts[(b >> 2) % kTimeouts.size()];
@@ -55,30 +55,30 @@ constexpr Set kNothing = [](Operation&, std::uint32_t, std::uint32_t, std::uint3
 
 constexpr Set kSiiRead = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<SiiReadRequest>(o);
-    all.r.slave = position(slave);
+    all.r.slave = slave_number(slave);
     all.r.word = a % 0x100;
     all.r.data = std::span(all.data).first(2 * (b % 40));
 };
 constexpr Set kSiiWrite = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<SiiWriteRequest>(o);
-    all.r.slave = position(slave);
+    all.r.slave = slave_number(slave);
     all.r.word = 0x200 + a % 0x40;  // behind the words that identify the slave
     all.r.data = std::span(all.data).first(2 * (b % 6));
 };
 constexpr Set kState = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& r = as<StateRequest>(o).r;
-    r.slave = position(slave);
+    r.slave = slave_number(slave);
     r.wanted = state(a);
     r.timeout = std::chrono::milliseconds(b % 4 * 100);
 };
 constexpr Set kWriteState = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t) {
     auto& r = as<WriteStateRequest>(o).r;
-    r.slave = position(slave);
+    r.slave = slave_number(slave);
     r.wanted = state(a);
 };
 constexpr Set kStateCheck = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& r = as<StateCheckRequest>(o).r;
-    r.slave = position(slave);
+    r.slave = slave_number(slave);
     r.wanted = state(a);
     r.timeout = std::chrono::milliseconds(b % 8 * 50);
 };
@@ -89,7 +89,7 @@ constexpr Set kSupervise = [](Operation& o, std::uint32_t, std::uint32_t a, std:
     all.r.line_errors = b == 0 ? std::span<LineErrors>() : std::span<LineErrors>(all.lines);
 };
 constexpr Set kReconfig = [](Operation& o, std::uint32_t slave, std::uint32_t, std::uint32_t) {
-    as<ReconfigRequest>(o).r.slave = position(slave);
+    as<ReconfigRequest>(o).r.slave = slave_number(slave);
 };
 constexpr Set kSdoUpload = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<SdoUpload>(o);
@@ -163,13 +163,13 @@ constexpr Set kSoeCommand = [](Operation& o, std::uint32_t slave, std::uint32_t 
 };
 constexpr Set kRegisterRead = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<RegisterReadRequest>(o);
-    all.r.slave = position(slave);
+    all.r.slave = slave_number(slave);
     all.r.address = static_cast<std::uint16_t>(a % 0x1000);
     all.r.data = std::span(all.data).first(1 + b % 64);
 };
 constexpr Set kRegisterWrite = [](Operation& o, std::uint32_t slave, std::uint32_t a, std::uint32_t b) {
     auto& all = as<RegisterWriteRequest>(o);
-    all.r.slave = position(slave);
+    all.r.slave = slave_number(slave);
     all.r.address = static_cast<std::uint16_t>(0x0F80 + a % 0x40);  // the user RAM
     all.r.data = std::span<const std::byte>(all.data).first(1 + b % 32);
 };

@@ -144,9 +144,9 @@ class World {
     void note_outputs(std::uint8_t group);
     void check_inputs(std::uint8_t group, bool right, const Cycle& cycle);
     void check_outputs();
-    [[nodiscard]] std::vector<std::uint32_t> devices_at(std::uint16_t position);
+    [[nodiscard]] std::vector<std::uint32_t> devices_at(std::uint16_t number);
     void look_around();
-    [[nodiscard]] std::string place(std::uint16_t position);
+    [[nodiscard]] std::string place(std::uint16_t number);
     [[nodiscard]] std::string counted(std::uint8_t number);
     [[nodiscard]] std::string there(const Cycle& cycle) const;
     void check_shared(std::uint8_t group);

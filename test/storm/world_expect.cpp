@@ -116,7 +116,7 @@ void World::expect_slaves() {
     const auto slaves = ctx_->slaves();
     expected_.clear();
     std::map<std::uint32_t, ExpectedSlave> members;
-    std::uint16_t position = 0;
+    std::uint16_t number = 0;
     bool wanted_is_missing = plan_.settings.expect == 2 || plan_.settings.expect == 3;
     for (const Slave& slave : slaves) {
         const auto devices = devices_at(slave.number);  // of the time before some were switched off
@@ -129,7 +129,7 @@ void World::expect_slaves() {
             members[device] = wanted;
             continue;
         }
-        wanted.position = ++position;
+        wanted.number = ++number;
         if (std::ranges::find(away_, device) != away_.end()) {
             wanted.optional = (plan_.seed >> 4) % 2 != 0;
             wanted_is_missing = wanted_is_missing || !wanted.optional;
@@ -142,14 +142,14 @@ void World::expect_slaves() {
     if (plan_.settings.expect == 2 && !expected_.empty()) {
         auto& one = expected_[plan_.seed % expected_.size()];
         one.product = *one.product + 0x7000'0000;
-        wrong_ = one.position;
+        wrong_ = one.number;
     }
     if (plan_.settings.expect == 3) {
         expected_configuration_ = {};
         expected_configuration_.source = ConfigurationSource::application;
         expected_configuration_.add({0, Direction::outputs, 0x64, 0x1100, 16});
         expected_configuration_.add({1, Direction::inputs, 0x20, 0x1400, 16});
-        expected_.push_back({.position = static_cast<std::uint16_t>(slaves.size() + 1),
+        expected_.push_back({.number = static_cast<std::uint16_t>(slaves.size() + 1),
                              .vendor = 0x4D47,
                              .product = 0x7FFF'FFFF,
                              .config = &expected_configuration_});

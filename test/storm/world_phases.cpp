@@ -170,12 +170,12 @@ void World::expect_back() {
         look_around();
         for (const auto n : baseline_)
             if (!dirty_[n] && !in_op(n)) {
-                const auto position = static_cast<std::uint16_t>(station_[n] - 0x1000);
-                const Slave& slave = ctx_->slave(position);
+                const auto number = static_cast<std::uint16_t>(station_[n] - 0x1000);
+                const Slave& slave = ctx_->slave(number);
                 std::array<char, 300> text{};
                 fail("a supervised slave does not come back",
                      "device " + std::to_string(ids_[n]) + " " + plan_.devices[n].name +
-                         (station_[n] == 0 ? " without an address" : ", " + place(position)) + ": " +
+                         (station_[n] == 0 ? " without an address" : ", " + place(number)) + ": " +
                          std::string(to_text(slave.al.state)) + " code " + std::to_string(slave.al.code) + ", " +
                          std::string(describe(slave.error, text)) + story());
             }
@@ -255,9 +255,9 @@ void World::fresh_start() {
         look_around();
         for (std::uint32_t n = 0; n < segment_.size(); ++n)
             if (clean(n) && !in_op(n)) {
-                const auto position = static_cast<std::uint16_t>(station_[n] - 0x1000);
-                fail("a fresh start fails", place(position) + " is not in OP: " +
-                                                std::string(describe(ctx_->slave(position).error, text)) + story());
+                const auto number = static_cast<std::uint16_t>(station_[n] - 0x1000);
+                fail("a fresh start fails", place(number) + " is not in OP: " +
+                                                std::string(describe(ctx_->slave(number).error, text)) + story());
             }
     }
     run_for(30ms);

@@ -141,8 +141,8 @@ void World::submit_slot(const Step& step, bool by_owner) {
         fail("a request that was refused is busy", std::string(of.name));
 }
 
-void World::configure(std::uint32_t position, std::uint32_t what, std::uint32_t value) {
-    const Slave& slave = ctx_->slave(position);
+void World::configure(std::uint32_t number, std::uint32_t what, std::uint32_t value) {
+    const Slave& slave = ctx_->slave(number);
     if (slave.number == 0) return;
     switch (what % 6) {
         case 0: slave.config.group = static_cast<std::uint8_t>(value % images_.size()); break;

@@ -248,13 +248,13 @@ void Drive::execute_control_word(Time now) {
         report(0, 0, now);
     }
     if (after == DriveState::quick_stop_active && before != after) ramp_ = motor_.speed();
-    take_mode();
+    apply_mode();
     if (after != DriveState::operation_enabled) return;
     if (before != after) enter_operation();
-    take_set_point(control, edges);
+    accept_set_point(control, edges);
 }
 
-void Drive::take_mode() {
+void Drive::apply_mode() {
     const auto wanted = static_cast<Mode>(Values::mode::load(image_));
     switch (wanted) {
         case Mode::pp:
@@ -281,7 +281,7 @@ void Drive::enter_operation() {
     behind_ = {};
 }
 
-void Drive::take_set_point(unsigned control, unsigned edges) {
+void Drive::accept_set_point(unsigned control, unsigned edges) {
     switch (mode_) {
         case Mode::csp:
             interpolation_.set(zero_ + within_limits(Values::target_position::load(image_)), interpolation_period());

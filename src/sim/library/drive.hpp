@@ -31,8 +31,8 @@ class Drive final : public Model {
     void fault(std::uint16_t code, bool controlled, Time now);
     void execute_control_word(Time now);
     void enter_operation();
-    void take_mode();
-    void take_set_point(unsigned control, unsigned edges);
+    void apply_mode();
+    void accept_set_point(unsigned control, unsigned edges);
     void profile_command(unsigned control, unsigned edges);
     void homing_command(unsigned control, unsigned edges);
     void show();

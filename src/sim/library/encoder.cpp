@@ -95,7 +95,7 @@ class Encoder final : public Model {
         turn_to(now);
     }
     Time advance(Time now) override {
-        take_latch(now);
+        apply_latch(now);
         return kNever;
     }
     void cycle(Time now, bool) override {
@@ -159,7 +159,7 @@ class Encoder final : public Model {
         (void)read_register<std::uint64_t>(*esc_, reg::kLatch0PositiveEdge.address);
     }
     // The ESC provides the time of the edge; the position of the encoder at that time is calculated from it.
-    void take_latch(Time now) {
+    void apply_latch(Time now) {
         namespace reg = wire::reg;
         if ((read_register<std::uint8_t>(*esc_, reg::kLatch0Status.address) & 1) == 0) return;
         const auto edge = read_register<std::uint64_t>(*esc_, reg::kLatch0PositiveEdge.address);

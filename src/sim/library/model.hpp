@@ -136,7 +136,7 @@ template <class T, std::size_t N>
     return entries;
 }
 
-// A list that the master may change: the count, followed by the numbers. `offset` is the position of the count in the
+// A list that the master may change: the count, followed by the numbers. `offset` is the offset of the count in the
 // image.
 template <class T, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Entry, N + 1> changeable_list(std::size_t offset, std::uint8_t used,

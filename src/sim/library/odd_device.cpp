@@ -125,7 +125,7 @@ class OddDevice final : public Model {
     void cycle(Time, bool) override {
         std::copy_n(image_.begin() + Values::outputs, 2 * kWords, image_.begin() + Values::inputs);
     }
-    HookAnswer take_time(Time now, Duration how_long) {
+    HookAnswer delay_answer(Time now, Duration how_long) {
         if (ready_ == kNever) ready_ = now + how_long;
         if (now < ready_) return HookAnswer::later(ready_);
         ready_ = kNever;
@@ -138,10 +138,10 @@ class OddDevice final : public Model {
 };
 
 HookAnswer slow_read(const ObjectAccess& access) {
-    return static_cast<OddDevice*>(access.application)->take_time(access.now, 500ms);
+    return static_cast<OddDevice*>(access.application)->delay_answer(access.now, 500ms);
 }
 HookAnswer slow_write(const ObjectAccess& access, Bytes) {
-    return static_cast<OddDevice*>(access.application)->take_time(access.now, 200ms);
+    return static_cast<OddDevice*>(access.application)->delay_answer(access.now, 200ms);
 }
 
 }  // namespace

@@ -1,0 +1,59 @@
+#include "network/settings.hpp"
+
+#include "network/startup.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::uint32_t kMostUnits = 0xFFFF;  // of a watchdog register
+
+Error fault(Argument argument, std::uint16_t slave) {
+    return {.code = Errc::invalid_argument,
+            .step = Step::map_process_data,
+            .slave = slave,
+            .detail = static_cast<std::uint32_t>(argument)};
+}
+
+Argument invalid_time(const SlaveTimes& times) {
+    const Duration none{0};
+    if (std::min({times.to_preop, times.to_safeop, times.to_op, times.down}) < none) return Argument::state_time;
+    if (times.mailbox < none) return Argument::mailbox_time;
+    if (!times.pdi_watchdog) return Argument::unknown;
+    const Duration longest = watchdog_unit(times) * kMostUnits;
+    return *times.pdi_watchdog < none || *times.pdi_watchdog > longest ? Argument::pdi_watchdog : Argument::unknown;
+}
+
+Argument invalid_configuration(const SlaveConfiguration& config) {
+    const AlState highest = config.highest;
+    if (highest != AlState::preop && highest != AlState::safeop && highest != AlState::op) return Argument::highest;
+    const auto watchdog = config.process_data_watchdog;
+    if (watchdog && *watchdog > watchdog_unit(config.times()) * kMostUnits) return Argument::watchdog_time;
+    return invalid_time(config.times());
+}
+
+}  // namespace
+
+Duration watchdog_unit(const SlaveTimes& times) {
+    return std::chrono::nanoseconds(40) * (times.watchdog_divider.value_or(kDividerFor100us) + 2);
+}
+
+Error invalid_setting(const Slave& slave) {
+    if (const Argument wrong = invalid_configuration(slave.config); wrong != Argument::unknown)
+        return fault(wrong, slave.number);
+    return invalid_commands(slave);
+}
+
+Error invalid_setting(const Network& network, const ProcessGroup& group) {
+    const GroupConfiguration& config = group.config;
+    if (config.cycles_in_flight < 1 || config.cycles_in_flight > GroupConfiguration::kMostCyclesInFlight)
+        return fault(Argument::cycles_in_flight, 0);
+    if (std::ranges::any_of(config.entries, [](const EntryHandle* entry) { return entry == nullptr; }))
+        return fault(Argument::entry_handle, 0);
+    const bool empty =
+        std::ranges::none_of(network.slaves(), [&](const Slave& slave) { return slave.config.group == group.number; });
+    return empty && !config.al_status && config.dc_reference == 0 ? fault(Argument::empty_group, 0) : Error{};
+}
+
+}  // namespace margay

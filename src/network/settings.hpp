@@ -1,0 +1,19 @@
+// Checks of what the application has set: values that no slave and no image can have.
+#pragma once
+
+#include "network/network.hpp"
+
+namespace margay {
+
+inline constexpr std::uint16_t kDividerFor100us = 2498;
+
+// The unit in which an ESC counts the times of its watchdogs.
+[[nodiscard]] Duration watchdog_unit(const SlaveTimes& times);
+
+// Errors of `slave.config`: invalid_argument (detail: the Argument), and those of invalid_commands().
+[[nodiscard]] Error invalid_setting(const Slave& slave);
+
+// Errors of GroupConfiguration before the image is laid out: invalid_argument (detail: the Argument).
+[[nodiscard]] Error invalid_setting(const Network& network, const ProcessGroup& group);
+
+}  // namespace margay
