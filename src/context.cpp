@@ -14,6 +14,7 @@ namespace margay {
 static_assert(sizeof(Master) <= 16384, "context_bytes(): kFixedBytes");
 static_assert(sizeof(MailboxChannel) <= 768, "context_bytes(): kMailboxBytes");
 static_assert(sizeof(FrameSlot) <= 64, "context_bytes(): kFrameBytes");
+static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): kClockBytes");
 static_assert(sizeof(RingPlace) <= 32, "context_bytes(): kRingBytes");
 static_assert(sizeof(SlaveMarks) <= 24, "context_bytes(): kMarksBytes");
 static_assert(sizeof(ProcessGroup) <= 416, "context_bytes(): kGroupBytes");
@@ -161,13 +162,17 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
     const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
-    if (place == nullptr || ring.empty() || table.marks.empty() || frames.empty() || mailboxes.empty())
+    const auto clocks = carver.take<ClockEntry>(limits.slaves);
+    const auto delays = carver.take<DelayNode>(std::size_t{limits.slaves} + kRingToSpare);
+    if (place == nullptr || ring.empty() || clocks.empty() || delays.empty() || table.marks.empty() || frames.empty() || mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;
     Master* master = ::new (place) Master(osal, nic, table, frames, carver.rest(), tasks, mailboxes, emergencies, ring);
     Network& network = master->network;
     network.process = process;
+    network.clocks.entries = clocks;
+    network.clocks.nodes = delays;
     network.engine.link().settings = ContextAccess::early_settings(ctx);
     network.events.callback = ContextAccess::no_events(ctx).callback;
     network.events.user = ContextAccess::no_events(ctx).user;

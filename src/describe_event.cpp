@@ -148,11 +148,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             if (e.kind == EventKind::clock_out_of_sync) out << " (limit " << e.expected << " ns)";
             break;
         case EventKind::reference_clock:
-            out << "the reference clock of slave " << e.other << " is lost";
-            if (e.slave != 0)
-                out << ", the clock of slave " << e.slave << " takes over";
-            else
-                out << ", and no other clock can take over";
+            out << "the clock of slave " << e.slave << " is the reference clock now, in place of slave " << e.other;
             break;
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual

@@ -22,9 +22,9 @@ Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt) {
     const std::int64_t all = std::int64_t{n} * (n + 1);
     const std::int64_t least = std::int64_t{gain_ppt} * 1000;
     const std::int64_t phase = 2 * (2 * std::int64_t{n} - 1) * kMillion / all;
-    const std::int64_t drift = n < 2 ? 0 : 6 * kMillion / all;
-    return {std::min(std::max(phase, least), kMillion),
-            std::max(drift, std::int64_t{gain_ppt} * gain_ppt / 4)};
+    if (n < 2) return {kMillion, 0};
+    const std::int64_t drift = 6 * kMillion / all;
+    return {std::min(std::max(phase, least), kMillion), std::max(drift, std::int64_t{gain_ppt} * gain_ppt / 4)};
 }
 
 constexpr std::uint32_t kMostSeen = 100'000;  // 4 / kMostSeen is below every gain
@@ -77,7 +77,7 @@ void PhaseController::learn_drift(std::int64_t change_ps) {
     const auto limit_ps = settings_.cycle.count() * std::int64_t{settings_.most_drift_ppm} / 1000;
     const std::int64_t wanted = drift_ps_ + change_ps;
     drift_ps_ = std::clamp(wanted, -limit_ps, limit_ps);
-    if (drift_ps_ == wanted)
+    if (magnitude(drift_ps_) < static_cast<std::uint64_t>(limit_ps))
         saturated_ = 0;
     else if (saturated_ < UINT8_MAX)
         ++saturated_;

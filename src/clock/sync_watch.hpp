@@ -28,6 +28,11 @@ class SyncWatch {
 
     [[nodiscard]] bool in_sync() const { return in_sync_; }
     void reset() { *this = SyncWatch{}; }
+    // The clock is known to be in sync, or not to be.
+    void set(bool in_sync) {
+        reset();
+        in_sync_ = in_sync;
+    }
 
     [[nodiscard]] Change update(std::int32_t difference_ns, const SyncLimit& limit, Time now) {
         const std::uint32_t magnitude =

@@ -21,18 +21,6 @@ constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}
 // give 40 ns.
 constexpr std::uint16_t kProcessingNs = 40;
 
-// Keeps others from latching receive times while these are read.
-class Measuring {
-  public:
-    explicit Measuring(Clocks& clocks) : clocks_(clocks) { clocks_.measuring = true; }
-    Measuring(const Measuring&) = delete;
-    Measuring& operator=(const Measuring&) = delete;
-    ~Measuring() { clocks_.measuring = false; }
-
-  private:
-    Clocks& clocks_;
-};
-
 // Switches the SYNC signals of all slaves off, and starts the control loops of all clocks again.
 Task<Result<>> reset_clocks(Network& network) {
     static constexpr std::array<std::byte, 1> kOff{};
@@ -142,15 +130,6 @@ Task<Result<>> send_burst(Network& network) {
     co_return Result<>();
 }
 
-// An upper estimate of the differences of all clocks, by one broadcast.
-Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
-    std::array<std::byte, 4> all{};
-    Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
-    auto reply = co_await look;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
-    co_return load_greatest_difference_ns(load_le<std::uint32_t>(all));
-}
-
 // The error of the clock with the greatest difference above the limit; code none if there is none.
 Error worst_clock(Network& network) {
     Error error{.step = kStep, .expected = network.clocks.settings.limit_ns};
@@ -222,10 +201,17 @@ void Clocks::forget() {
     watch = nullptr;
 }
 
+// Before configdc() the features register has to be believed.
 std::uint16_t clock_before(Network& network, std::uint16_t reference) {
+    const Clocks& clocks = network.clocks;
+    if (reference != 0 && reference <= network.count && !network.slave(reference).dl.dc) return 0;
     for (const RingPlace& place : network.seen_ring()) {
         if (place.slave == reference) return 0;
-        if (place.slave != 0 && is_clock(network.clocks.entries[place.slave - 1U].kind)) return place.slave;
+        if (place.slave == 0 || place.slave > network.count) continue;
+        const bool unknown = clocks.entries.empty() || clocks.entries[place.slave - 1U].kind == ClockKind::unknown;
+        const bool has_clock =
+            unknown ? network.slave(place.slave).dl.dc : is_clock(clocks.entries[place.slave - 1U].kind);
+        if (has_clock) return place.slave;
     }
     return 0;
 }
@@ -244,12 +230,22 @@ Task<Result<>> send_time(Network& network) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
     std::array<std::byte, 8> time{};
+    const Time now = network.engine.now();
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(now));  // taken by all if the reference is lost
     Datagram carry(network.engine.link(), Command::FRMW, {reference.station_address, reg::kSystemTime.address},
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;
-    (void)reply;  // a lost frame is one of many
-    co_return Result<>();
+    if (reply.ok() && reply.wkc != 0) network.clocks.note_time(load_le<std::uint64_t>(time), wide, now);
+    co_return Result<>();  // a lost frame is one of many
+}
+
+Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
+    std::array<std::byte, 4> all{};
+    Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
+    auto reply = co_await look;
+    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
+    co_return load_greatest_difference_ns(load_le<std::uint32_t>(all));
 }
 
 Task<Result<>> read_difference(Network& network, Slave& slave) {
@@ -264,6 +260,9 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     clock.kind = ClockKind::none;
+    slave.dl.dc = slave.dl.dc_64bit = false;
+    auto there = co_await read<std::uint8_t>(station, reg::kType, kStep);
+    if (!there) co_return there.error();
     auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kStep);
     if (does_not_answer(times.error())) co_return Result<>();
     if (!times) co_return times.error();
@@ -280,6 +279,8 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     }
     if (seen[0] == seen[1]) co_return Result<>();
     clock.kind = seen[1] >> 32 != 0 ? ClockKind::bits64 : ClockKind::bits32;
+    slave.dl.dc = true;
+    slave.dl.dc_64bit = clock.kind == ClockKind::bits64;
     co_return Result<>();
 }
 

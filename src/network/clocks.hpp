@@ -6,6 +6,7 @@
 #include "clock/delays.hpp"
 #include "clock/port_times.hpp"
 #include "clock/sync_watch.hpp"
+#include "clock/system_time.hpp"
 #include "util/task.hpp"
 
 #include "wire/esc.hpp"
@@ -34,7 +35,6 @@ struct ClockEntry : SlaveClock {
     std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
     bool sync_set = false;
-    bool was_told = false;  // a change of in_sync has been reported
 };
 
 struct Clocks {
@@ -52,8 +52,30 @@ struct Clocks {
     Task<Result<>> (*prepare)(Network& network, Slave& slave) = nullptr;
     Task<Result<>> (*watch)(Network& network) = nullptr;
 
+    // The system time at `now`, from the last one that is known.
+    [[nodiscard]] std::uint64_t system_at_ns(Time now) const {
+        return system_ns + static_cast<std::uint64_t>((now - system_at).count());
+    }
+    // The reference clock showed `time_ns` (`wide`: 64 bits of it) in a frame that was queued at `now`.
+    void note_time(std::uint64_t time_ns, bool wide, Time now) {
+        const std::uint64_t about = system_at_ns(now);
+        system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
+        system_at = now;
+    }
     [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }
     void forget();
+};
+
+// Keeps others from latching receive times while these are read.
+class Measuring {
+  public:
+    explicit Measuring(Clocks& clocks) : clocks_(clocks) { clocks_.measuring = true; }
+    Measuring(const Measuring&) = delete;
+    Measuring& operator=(const Measuring&) = delete;
+    ~Measuring() { clocks_.measuring = false; }
+
+  private:
+    Clocks& clocks_;
 };
 
 [[nodiscard]] constexpr bool is_clock(ClockKind kind) { return kind == ClockKind::bits32 || kind == ClockKind::bits64; }
@@ -71,8 +93,12 @@ struct Clocks {
 
 // ------------------------------------------------------------------ parts of the sequences
 
+// The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
+[[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
 // Sends the time of the reference clock to all slaves once, in a frame of its own.
 [[nodiscard]] Task<Result<>> send_time(Network& network);
+// An upper estimate of the differences of all clocks, by one broadcast.
+[[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);

@@ -136,7 +136,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                     return;  // the frame was marked before, so it is destroyed
                 route.visits.push_back({entry.slave, t, marks});
                 t += chip.processing_delay;
-            } else if (chip.ports[port].kind != wire::PortKind::not_implemented) {
+            } else if (chip.ports[port].kind >= wire::PortKind::ebus) {
                 t += chip.forwarding_delay;
             }
             port = kNext[port];
