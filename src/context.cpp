@@ -164,7 +164,8 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal) {
     const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + kRingToSpare);
     const auto clocks = carver.take<ClockEntry>(limits.slaves);
     const auto delays = carver.take<DelayNode>(std::size_t{limits.slaves} + kRingToSpare);
-    if (place == nullptr || ring.empty() || clocks.empty() || delays.empty() || table.marks.empty() || frames.empty() || mailboxes.empty())
+    if (place == nullptr || ring.empty() || clocks.empty() || delays.empty() || table.marks.empty() || frames.empty() ||
+        mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;

@@ -32,10 +32,10 @@ enum class ClockKind : std::uint8_t {
 // What is known about the clock of one slave.
 struct SlaveClock {
     ClockKind kind = ClockKind::unknown;
-    bool synchronised = false;    // delay and offset are written: the slave follows the reference clock, or is that clock
-    bool in_sync = false;         // its difference was within the limit for the settle time
-    bool sync_active = false;     // SYNC signals were activated
-    std::uint32_t delay_ns = 0;   // from the reference clock (ESC register 0x0928)
+    bool synchronised = false;  // delay and offset are written: the slave follows the reference clock, or is that clock
+    bool in_sync = false;       // its difference was within the limit for the settle time
+    bool sync_active = false;   // SYNC signals were activated
+    std::uint32_t delay_ns = 0;       // from the reference clock (ESC register 0x0928)
     std::int32_t difference_ns = 0;   // to the reference clock as read last (0x092C); negative: behind
     std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
     std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0

@@ -60,8 +60,8 @@ struct SlaveTimes {
     std::optional<Duration> pdi_watchdog{};
 };
 
-// The SYNC signals that a slave needs (clocks.hpp). They are activated before the slave is requested to enter SAFEOP, and
-// again when the slave comes back.
+// The SYNC signals that a slave needs (clocks.hpp). They are activated before the slave is requested to enter SAFEOP,
+// and again when the slave comes back.
 struct SyncSettings {
     enum class Source : std::uint8_t {
         none,         // no SYNC signals

@@ -46,9 +46,9 @@ class MasterClock {
     explicit MasterClock(const Settings& settings);
 
     // Call it after each receive_processdata(). `lateness`: how much later than due the cycle was sent; the library
-    // takes it out of the reading, so that the jitter of the wake-up does not disturb. Returns by how much the next cycle
-    // must come earlier (negative: later); 0 unless the mode is master_shift. An application with a timer of its own
-    // applies it itself. Callable from the cycle, by the owner; never waits.
+    // takes it out of the reading, so that the jitter of the wake-up does not disturb. Returns by how much the next
+    // cycle must come earlier (negative: later); 0 unless the mode is master_shift. An application with a timer of its
+    // own applies it itself. Callable from the cycle, by the owner; never waits.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
 
     [[nodiscard]] PhaseState state() const { return controller_.state(); }

@@ -16,17 +16,17 @@ struct PhaseSettings {
     // An error that differs by more from the last ones is an outlier and corrects nothing; after kMostOutliers in
     // succession the controller starts again. 0: no error is an outlier.
     std::uint32_t outlier_ns = 3000;
-    std::uint32_t limit_ns = 4000;  // in sync: every error is within this limit,
+    std::uint32_t limit_ns = 4000;                      // in sync: every error is within this limit,
     Duration settle = std::chrono::milliseconds(1500);  // for this time
-    std::uint32_t most_drift_ppm = 600;  // what the time control loop of an ESC can follow
-    std::uint32_t most_step_ns = 0;  // the greatest correction of one cycle; 0: no limit
+    std::uint32_t most_drift_ppm = 600;                 // what the time control loop of an ESC can follow
+    std::uint32_t most_step_ns = 0;                     // the greatest correction of one cycle; 0: no limit
     // A correction is visible in the next error (0), or in the error after that (1).
     std::uint8_t cycles_late = 0;
 };
 
 enum class PhaseState : std::uint8_t {
-    idle,             // no error was given yet
-    busy,             // not in sync yet
+    idle,  // no error was given yet
+    busy,  // not in sync yet
     in_sync,
     drift_too_high,   // the clocks differ by more than PhaseSettings::most_drift_ppm
     error_too_large,  // was in sync, and an error has exceeded the limit
@@ -65,7 +65,7 @@ class PhaseController {
     PhaseSettings settings_;
     std::uint32_t seen_ = 0;  // errors since the start, at most the number after which the gains stay
     std::uint8_t outliers_ = 0;
-    std::uint8_t saturated_ = 0;  // errors in succession that want a greater drift than the settings allow
+    std::uint8_t saturated_ = 0;    // errors in succession that want a greater drift than the settings allow
     std::int64_t drift_ps_ = 0;     // in a cycle
     std::int64_t fraction_ps_ = 0;  // not corrected yet
     std::int64_t pending_ps_ = 0;   // corrected, and not visible yet

@@ -53,8 +53,8 @@ class CyclicRunner {
     // Sleeps until the next deadline; returns at once when it has passed. One system call, none when late.
     CyclicTick wait() noexcept;
 
-    // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference clock
-    // of distributed clocks (margay/master_clock.hpp).
+    // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference
+    // clock of distributed clocks (margay/master_clock.hpp).
     void shift(Duration by) noexcept { schedule_.shift(by); }
 
     [[nodiscard]] Time deadline() const { return schedule_.deadline(); }

@@ -9,8 +9,8 @@ namespace {
 
 namespace reg = wire::reg;
 
-// The reference clock: the value of one of its registers, sent beside the cycle. A value that is lost is followed by the
-// next one.
+// The reference clock: the value of one of its registers, sent beside the cycle. A value that is lost is followed by
+// the next one.
 Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t value) {
     const Slave& reference = network.slave(network.clocks.reference);
     const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
@@ -49,8 +49,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     const Time now = network.engine.link().last_cycle();
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
     const std::uint64_t due_ns = group.dc_time.value - static_cast<std::uint64_t>(lateness.count());
-    const std::int64_t correction =
-        controller_.update(phase_error_ns(due_ns, cycle, settings_.set_value.count()), now);
+    const std::int64_t correction = controller_.update(phase_error_ns(due_ns, cycle, settings_.set_value.count()), now);
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (network.clocks.reference == 0) return Duration{0};
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
@@ -60,8 +59,7 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
     }
     if (settings_.mode == Mode::master_reference) {
         const Duration time = now + settings_.phase.cycle - Time{} + network.clocks.settings.system_time_at_zero;
-        send_to_reference(network, reg::kSystemTime,
-                          static_cast<std::uint64_t>((time + settings_.set_value).count()));
+        send_to_reference(network, reg::kSystemTime, static_cast<std::uint64_t>((time + settings_.set_value).count()));
     }
     return Duration{0};
 }

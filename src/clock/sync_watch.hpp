@@ -35,8 +35,8 @@ class SyncWatch {
     }
 
     [[nodiscard]] Change update(std::int32_t difference_ns, const SyncLimit& limit, Time now) {
-        const std::uint32_t magnitude =
-            difference_ns < 0 ? 0U - static_cast<std::uint32_t>(difference_ns) : static_cast<std::uint32_t>(difference_ns);
+        const std::uint32_t magnitude = difference_ns < 0 ? 0U - static_cast<std::uint32_t>(difference_ns)
+                                                          : static_cast<std::uint32_t>(difference_ns);
         if (magnitude > limit.limit_ns) {
             const bool was = in_sync_;
             reset();

@@ -167,8 +167,8 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
 
 // The datagram that carries the time of the reference clock (FRMW). When the reference clock is lost, all other slaves
 // take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time that the
-// reference will probably have. A reply that still has this value, and comes from fewer slaves than before, was not read
-// from the reference: then no time is sent any more, until the owner chooses another reference.
+// reference will probably have. A reply that still has this value, and comes from fewer slaves than before, was not
+// read from the reference: then no time is sent any more, until the owner chooses another reference.
 void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
     RegisterReading& into = *reading.into;
     const RegisterReading before = into;

@@ -16,9 +16,8 @@ constexpr Step kStep = Step::configure_sync;
 
 Result<std::uint32_t> cycle_ns(Duration cycle) {
     if (cycle >= Duration{0} && cycle.count() <= UINT32_MAX) return static_cast<std::uint32_t>(cycle.count());
-    return Error{.code = Errc::invalid_argument,
-                 .step = kStep,
-                 .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
+    return Error{
+        .code = Errc::invalid_argument, .step = kStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
 }
 
 // A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
@@ -74,8 +73,7 @@ Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
     const SyncSettings wanted = slave.config.dc();
     if (clock.sync_set) co_return clock.sync;
     if (wanted.source == SyncSettings::Source::none) co_return SyncRegisters{};
-    if (wanted.source == SyncSettings::Source::application)
-        co_return sync_registers(wanted, network.clocks.settings);
+    if (wanted.source == SyncSettings::Source::application) co_return sync_registers(wanted, network.clocks.settings);
     auto assigned = co_await sii_assign(network.station(slave), false);
     if (!assigned) co_return assigned.error();
     auto mode = co_await read_mode(network, slave, wanted.sii_mode);
@@ -145,8 +143,8 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     if (!mine) co_return mine;
     auto other = co_await read_receive_times(network, reference);
     if (!other) co_return other;
-    auto offset = co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset,
-                                               Step::configure_clocks);
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
     if (!offset) co_return offset.error();
     if (!measured) compute_clock_delays(network);
     ClockEntry& clock = clocks.of(slave);
@@ -177,8 +175,8 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
 }
 
 // The slave is before the reference in the ring, so the time of the reference does not reach it: the frame passes it
-// with zeros. While no time is sent it is set by the reference, and then is the reference itself. The other clocks go on
-// at their rates meanwhile.
+// with zeros. While no time is sent it is set by the reference, and then is the reference itself. The other clocks go
+// on at their rates meanwhile.
 Task<Result<>> become_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     constexpr unsigned kMostTries = 100;
@@ -187,7 +185,8 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     const std::uint16_t before = clocks.reference;
     if (set) clocks.reference = slave.number;
     const Slave& reference = network.slave(clocks.reference);
-    for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n) co_await network.engine.next_poll();
+    for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
+        co_await network.engine.next_poll();
     clocks.of(slave).synchronised = set.ok();
     if (set) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
     co_return set;

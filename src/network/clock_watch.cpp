@@ -15,21 +15,26 @@ bool is_there(Network& network, std::uint16_t number) {
 // The first slave in the ring whose clock is synchronised.
 std::uint16_t next_reference(Network& network) {
     for (const RingPlace& place : network.seen_ring())
-        if (place.slave != 0 && is_there(network, place.slave) &&
-            network.clocks.entries[place.slave - 1U].synchronised)
+        if (place.slave != 0 && is_there(network, place.slave) && network.clocks.entries[place.slave - 1U].synchronised)
             return place.slave;
     return 0;
 }
 
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
 // master reads the time. So all delays stay right, and no clock makes a step.
-void replace_reference(Network& network) {
+//
+// The control loop of the new reference starts again. When the old reference was lost, the way of the frame became
+// shorter, and a comparison with the time that still was sent then may have set a wrong rate, which no comparison would
+// correct any more.
+Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
     const std::uint16_t next = next_reference(network);
-    if (next == 0) return;
-    if (!carry_time_of(network, &network.slave(next))) return;
+    if (next == 0) co_return Result<>();
+    auto reset = co_await reset_control_loop(network.station(network.slave(next)));
+    if (!reset || !carry_time_of(network, &network.slave(next))) co_return reset;
     network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
     clocks.reference = next;
+    co_return Result<>();
 }
 
 void note_difference(Network& network, const Slave& slave) {
@@ -75,9 +80,13 @@ bool all_in_sync(Network& network) {
 }  // namespace
 
 bool carry_time_of(Network& network, const Slave* slave) {
+    Clocks& clocks = network.clocks;
+    const std::uint64_t about = clocks.system_at_ns(network.engine.now());
+    clocks.without_time = 0;
+    clocks.paused = slave == nullptr;
     bool all = true;
     for (ProcessGroup& group : network.process.groups)
-        if (group.mapped && group.dc_reference != 0) all &= redirect_time(group, slave);
+        if (group.mapped && group.dc_reference != 0) all &= redirect_time(group, slave, about);
     return all;
 }
 
@@ -89,16 +98,17 @@ bool cycle_carries_time(const Network& network) {
 }
 
 // Keeps the time of the last cycle. A cycle that has stopped to carry the time, though the reference is there, carries
-// it again.
+// it again after some rounds: the supervision needs some time to see that the reference is lost.
 void note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
+    constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) continue;
         if (group.dc_time.slaves != 0)
             clocks.note_time(group.dc_time.value, wide, network.engine.link().last_cycle());
-        else if (!clocks.measuring)
+        else if (!clocks.paused && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
     }
 }
@@ -112,7 +122,10 @@ Task<Result<>> watch_clocks(Network& network) {
         co_return Result<>();
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     forget_lost(network);
-    if (!is_there(network, clocks.reference)) replace_reference(network);
+    if (!is_there(network, clocks.reference)) {
+        auto replaced = co_await replace_reference(network);
+        if (!replaced) co_return replaced;
+    }
     if (!is_there(network, clocks.reference)) co_return Result<>();
     note_time_of_cycle(network);
     if (!cycle_carries_time(network)) {

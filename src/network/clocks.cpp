@@ -17,8 +17,7 @@ constexpr std::uint16_t kSpeedCounterDefault = 0x1000;
 
 constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}, r.address}; }
 
-// ESC types by register 0x0000 whose way through the processing unit takes longer: for all of them the data sheets
-// give 40 ns.
+// How much longer the way through the processing unit takes: the data sheets of all chips give about 40 ns.
 constexpr std::uint16_t kProcessingNs = 40;
 
 // Switches the SYNC signals of all slaves off, and starts the control loops of all clocks again.
@@ -196,7 +195,8 @@ Task<Result<>> improve_delays(Network& network) {
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
     reference = 0;
-    measuring = all_in_sync = false;
+    measuring = all_in_sync = paused = false;
+    without_time = 0;
     prepare = nullptr;
     watch = nullptr;
 }
@@ -344,8 +344,12 @@ Task<Result<>> write_clock(Network& network, Slave& slave) {
     if (clock.kind == ClockKind::bits32) offset.length = 4;
     auto written = co_await write_clock_register(station, offset, clock.offset_ns);
     if (written) written = co_await write_clock_register(station, reg::kSystemTimeDelay, clock.delay_ns);
-    if (written) written = co_await write_clock_register(station, reg::kSpeedCounterStart, kSpeedCounterDefault);
+    if (written) written = co_await reset_control_loop(station);
     co_return written;
+}
+
+Task<Result<>> reset_control_loop(Station station) {
+    co_return co_await write_clock_register(station, reg::kSpeedCounterStart, kSpeedCounterDefault);
 }
 
 Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings) {

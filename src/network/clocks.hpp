@@ -1,6 +1,6 @@
-// The distributed clocks of the segment: measurement, offsets, drift, SYNC signals, and their supervision. The functions
-// are reached through `Clocks::prepare` and `Clocks::watch`, which configure_clocks() sets: a program that does not use
-// clocks does not link them.
+// The distributed clocks of the segment: measurement, offsets, drift, SYNC signals, and their supervision. The
+// functions are reached through `Clocks::prepare` and `Clocks::watch`, which configure_clocks() sets: a program that
+// does not use clocks does not link them.
 #pragma once
 
 #include "clock/delays.hpp"
@@ -39,13 +39,15 @@ struct ClockEntry : SlaveClock {
 
 struct Clocks {
     ClockSettings settings;
-    std::uint16_t reference = 0;  // number of the slave; 0: configure_clocks() has not succeeded
+    std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has not succeeded
     std::span<ClockEntry> entries;  // by slave number - 1
     std::span<DelayNode> nodes;     // by place
     Time latched_at{};              // when receive times were latched last
     std::uint64_t system_ns = 0;    // a system time that is known,
     Time system_at{};               // at this time
     bool measuring = false;         // receive times are latched, and not all of them are read
+    bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
+    std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     bool all_in_sync = false;
     Time watch_at = Time::min();
     // Called before a slave is requested to enter SAFEOP; once in each round of the supervision.
@@ -112,6 +114,9 @@ void compute_clock_delays(Network& network);
 
 // Writes `bytes` octets of a register. The error names the slave and the register.
 [[nodiscard]] Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value);
+
+// Starts the control loop of a clock again: it forgets its rate.
+[[nodiscard]] Task<Result<>> reset_control_loop(Station station);
 
 // A slave before the reference in the ring that has a clock; 0: none.
 [[nodiscard]] std::uint16_t clock_before(Network& network, std::uint16_t reference);

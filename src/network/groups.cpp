@@ -71,8 +71,10 @@ bool share_octets(Bytes a, Bytes b) {
 // The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros.
 Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
     const Clocks& clocks = network.clocks;
-    if (group.config.dc_reference == 0) return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
-    Error error{.code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = group.config.dc_reference};
+    if (group.config.dc_reference == 0)
+        return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
+    Error error{
+        .code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = group.config.dc_reference};
     if (group.config.dc_reference <= network.count) error.expected = clock_before(network, group.config.dc_reference);
     if (error.expected != 0) return error;
     return group.config.dc_reference;

@@ -228,7 +228,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     return Result<>();
 }
 
-bool redirect_time(ProcessGroup& group, const Slave* reference) {
+bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
     if (group.overlap.sets > 1) return false;
     for (const PreparedFrame& frame : group.prepared)
         if (frame.slot != nullptr) return false;
@@ -238,9 +238,11 @@ bool redirect_time(ProcessGroup& group, const Slave* reference) {
             const MutableBytes head = MutableBytes(frame.bytes).subspan(reading.offset);
             wire::DatagramLayout::command::store(head, reference == nullptr ? wire::Command::NOP : wire::Command::FRMW);
             if (reference != nullptr) store_le<std::uint16_t>(head, 2, reference->station_address.value);
+            store_le<std::uint32_t>(head, wire::kDatagramHeaderBytes, static_cast<std::uint32_t>(about_ns));
         }
     }
     if (reference != nullptr) group.dc_reference = reference->number;
+    group.dc_time.value = 0;  // the next time does not follow the last one
     return true;
 }
 

@@ -102,9 +102,10 @@ void give_inputs(ProcessGroup& group);
     return group.expected_wkc;
 }
 
-// The cycle carries the time of this slave from now on; nullptr: no time. False while a frame with the time is on the
-// wire, and where cycles overlap (then another thread may be sending).
-[[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference);
+// The cycle carries the time of this slave from now on; nullptr: no time. `about_ns` is the system time, for the slaves
+// before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
+// may be sending).
+[[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 

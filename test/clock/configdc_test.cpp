@@ -7,7 +7,6 @@ namespace {
 using namespace std::chrono_literals;
 using sim::DcUnit;
 
-
 struct Configdc : testing::Test, ClockBus {};
 
 TEST_F(Configdc, BringsALineInSync) {
@@ -27,7 +26,8 @@ TEST_F(Configdc, BringsALineInSync) {
     EXPECT_LE(greatest_error_ns(6), 250);
     const auto shown = segment.slave(0).clock().copy(osal.now());
     const auto time = static_cast<std::uint64_t>(osal.now().time_since_epoch().count());
-    EXPECT_NEAR(static_cast<double>(shown), static_cast<double>(time), 200'000) << "system time is the time of the osal";
+    EXPECT_NEAR(static_cast<double>(shown), static_cast<double>(time), 200'000)
+        << "system time is the time of the osal";
 }
 
 TEST_F(Configdc, SystemTimeBeginsWhereTheCallerSays) {
@@ -115,9 +115,10 @@ TEST_F(Configdc, AClockBeforeTheReferenceIsRefused) {
     start();
     const auto reference = configdc(*ctx, {.reference = 3, .burst_frames = 100});
     EXPECT_EQ(reference.error().code, Errc::clock_before_reference);
-    EXPECT_EQ(words(reference.error()),
-              "slave 3: synchronising the clocks: a slave before the reference clock in the ring has a clock, which the "
-              "reference cannot synchronise (slave 2)");
+    EXPECT_EQ(
+        words(reference.error()),
+        "slave 3: synchronising the clocks: a slave before the reference clock in the ring has a clock, which the "
+        "reference cannot synchronise (slave 2)");
     EXPECT_EQ(configdc(*ctx, {.reference = 1, .burst_frames = 100}).error().code, Errc::no_clock);
     EXPECT_TRUE(configdc(*ctx, {.reference = 2, .burst_frames = 100}).ok());
     ctx->group(0).config.dc_reference = 3;

@@ -1,6 +1,6 @@
 // Propagation delays. The receive times of each test follow by hand from the delays that the test names.
-#include <places.hpp>
 #include "clock/delays.hpp"
+#include <places.hpp>
 #include "network/topology.hpp"
 #include "oshw/pcap/capture_file.hpp"
 #include "wire/datagram.hpp"
@@ -126,7 +126,8 @@ TEST(Delays, ByAnotherEntryPort) {
     ring.add(0, 0, {{1, 140 + 500 + 140 + 500}});
     ReceiveTimes latched{.port_ns = {7, 5000, 7, 7}, .processing_ns = 5060, .has_processing = true};
     ring.times[1].add(latched, 1);
-    ring.nodes.push_back({.parent = 1, .parent_port = 1, .entry_port = 1, .processing_ns = 40, .times = &ring.times[1]});
+    ring.nodes.push_back(
+        {.parent = 1, .parent_port = 1, .entry_port = 1, .processing_ns = 40, .times = &ring.times[1]});
     EXPECT_EQ(ring.delay(2), 640 + 60);
 }
 
@@ -210,8 +211,7 @@ std::array<Recorded, 3> recorded(const std::string& path) {
             if (read && address.ado() == wire::reg::kDlStatus.address)
                 slaves[n].dl_status = load_le<std::uint16_t>(d->data);
             if (read && address.ado() == wire::reg::kPortReceiveTime.address)
-                for (unsigned p = 0; p < 4; ++p)
-                    slaves[n].times.port_ns[p] = load_le<std::uint32_t>(d->data, 4 * p);
+                for (unsigned p = 0; p < 4; ++p) slaves[n].times.port_ns[p] = load_le<std::uint32_t>(d->data, 4 * p);
             if (read && address.ado() == wire::reg::kProcessingUnitReceiveTime.address) {
                 slaves[n].times.processing_ns = load_le<std::uint32_t>(d->data);
                 slaves[n].times.has_processing = true;

@@ -72,7 +72,8 @@ struct MasterClockTest : testing::Test, ClockBus {
 
 TEST_F(MasterClockTest, TheCycleFollowsTheReferenceClock) {
     bring_up(80'000);
-    MasterClock clock({.mode = MasterClock::Mode::master_shift, .set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
+    MasterClock clock(
+        {.mode = MasterClock::Mode::master_shift, .set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
     EXPECT_EQ(clock.state(), PhaseState::idle);
     run_cycles(clock, 200, -200'000);
     EXPECT_EQ(clock.state(), PhaseState::in_sync);

@@ -1,6 +1,6 @@
 // Offsets of clocks, start times of SYNC signals, and the difference that a slave reports.
-#include "clock/sync_watch.hpp"
 #include "clock/system_time.hpp"
+#include "clock/sync_watch.hpp"
 
 #include <gtest/gtest.h>
 
