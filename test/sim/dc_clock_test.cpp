@@ -172,7 +172,7 @@ struct ControlLoop : testing::Test {
         for (std::uint16_t n = 1; n < 3; ++n)
             (void)rig.put<std::uint32_t>(n, 0x0928, static_cast<std::uint32_t>(n * kHop.count()));
     }
-    static constexpr Duration kHop = 2 * 140ns + 120ns + 5ns;
+    static constexpr Duration kHop = 2 * 140ns + 60ns + 5ns;  // two ports, the processing unit, the cable
     void drift_frames(int count) {
         for (int i = 0; i < count; ++i)
             EXPECT_EQ(rig.send(Command::FRMW, {StationAddress{0x1001}, 0x0910}, std::vector<std::byte>(8)).wkc, 3);
