@@ -31,6 +31,9 @@ class CyclicSchedule {
     [[nodiscard]] constexpr Time deadline() const { return deadline_; }
     [[nodiscard]] constexpr Duration period() const { return period_; }
 
+    // Moves all further deadlines: a positive time makes them later, a negative one earlier.
+    constexpr void shift(Duration by) { deadline_ += by; }
+
     // The task continues at `now`, which must not be before deadline(). Deadlines that are a whole period old or older
     // are skipped: the result is the newest deadline that has passed.
     constexpr CyclicTick wake(Time now) {

@@ -209,6 +209,9 @@ std::string_view argument_text(Argument argument) {
             return "GroupConfiguration::copies: at least 1 bit, and only bits of the slave's data in this group";
         case Argument::entry_handle: return "GroupConfiguration::entries has a null pointer";
         case Argument::empty_group: return "no slave has this group in SlaveConfiguration::group";
+        case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
+        case Argument::clock_settings:
+            return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
     }
     return {};
 }
@@ -253,6 +256,13 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
             out << " ("
                 << "used: " << sm_text(e.expected) << "; the other: " << sm_text(e.actual) << ")";
             break;
+        case Errc::clock_before_reference: out << " (slave " << e.expected << ")"; break;
+        case Errc::not_in_sync: {
+            const bool behind = (e.actual & 0x8000'0000) != 0;
+            out << " (" << (behind ? 0U - e.actual : e.actual) << (behind ? " ns behind" : " ns ahead")
+                << ", the limit is " << e.expected << " ns)";
+            break;
+        }
         case Errc::entry_size: out << " (the type has " << e.expected << " bits, the entry " << e.actual << ")"; break;
         case Errc::check_failed:
             (out << " (wanted ").hex(e.expected, 8);
@@ -367,6 +377,7 @@ void write_cause(TextWriter& out, const Error& e) {
             if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
+            if (e.step == Step::configure_sync) out << " (call configdc() before)";
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";

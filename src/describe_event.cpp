@@ -26,6 +26,12 @@ void write_cable(TextWriter& out, const Event& e) {
         out << "between slave " << e.slave << " port " << e.port << " and slave " << e.other;
 }
 
+// The difference to the reference clock as the event stores it: as an unsigned number.
+void write_difference(TextWriter& out, std::uint32_t difference) {
+    const bool behind = (difference & 0x8000'0000) != 0;
+    out << (behind ? 0U - difference : difference) << (behind ? " ns behind" : " ns ahead");
+}
+
 void write_slave(TextWriter& out, const Event& e) { out << "slave " << e.slave << ": "; }
 
 }  // namespace
@@ -47,6 +53,9 @@ std::string_view to_text(EventKind kind) {
         case EventKind::link_lost: return "link interrupted";
         case EventKind::emergency: return "emergency";
         case EventKind::unsupervised: return "supervision ended";
+        case EventKind::clock_in_sync: return "clock in sync";
+        case EventKind::clock_out_of_sync: return "clock out of sync";
+        case EventKind::reference_clock: return "another reference clock";
         case EventKind::overrun: return "cycles left out";
     }
     return "unknown event";
@@ -130,6 +139,16 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
                 std::array<char, 200> text{};
                 out << ": " << describe(e.error, text);
             }
+            break;
+        case EventKind::clock_in_sync:
+        case EventKind::clock_out_of_sync:
+            write_slave(out, e);
+            out << to_text(e.kind) << ", ";
+            write_difference(out, e.actual);
+            if (e.kind == EventKind::clock_out_of_sync) out << " (limit " << e.expected << " ns)";
+            break;
+        case EventKind::reference_clock:
+            out << "the clock of slave " << e.slave << " is the reference clock now, in place of slave " << e.other;
             break;
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual

@@ -68,6 +68,23 @@ extern const StartupPart kStartupPart;
 using PdoLists = ListWithPart<SmPdos, detail::PdoPart, &detail::kPdoPart>;
 using StartupCommands = ListWithPart<StartupCommand, detail::StartupPart, &detail::kStartupPart>;
 
+// The SYNC signals that a slave needs (clocks.hpp). They are activated before the slave is requested to enter SAFEOP,
+// and again when the slave comes back.
+struct SyncSettings {
+    enum class Source : std::uint8_t {
+        none,         // no SYNC signals
+        application,  // as the members below say
+        sii,          // as operation mode `sii_mode` of the DC category of the slave's SII says
+    };
+    Source source = Source::none;
+    std::uint8_t sii_mode = 0;  // the first is 0
+    // AssignActivate of the slave's ESI: the low octet for ESC register 0x0980, the high octet for 0x0981.
+    std::uint16_t assign_activate = 0x0300;
+    Duration sync0_cycle{-1};  // negative: ClockSettings::cycle; 0: a single pulse
+    Duration sync1_cycle{0};   // ESC register 0x09A4. Some drives require 0 while they use SYNC0 only
+    Duration shift{0};         // of SYNC0 against the grid, of either sign
+};
+
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its
 // lists are the caller's memory, and must live as long as the configuration of any slave points to it.
 struct SlaveSetup {
@@ -78,6 +95,7 @@ struct SlaveSetup {
     // Commands at transitions; see startup.hpp.
     StartupCommands startup{};
     SlaveTimes times{};
+    SyncSettings dc{};
 };
 
 // The configuration of one slave.
@@ -121,6 +139,7 @@ struct SlaveConfiguration {
     [[nodiscard]] constexpr std::span<const ProcessSm> used_sms() const {
         return std::span(sms).first(sm_count < kProcessSms ? sm_count : kProcessSms);
     }
+    [[nodiscard]] constexpr SyncSettings dc() const { return setup == nullptr ? SyncSettings{} : setup->dc; }
     // Appends a SyncManager. Returns false if there are kProcessSms already.
     constexpr bool add(const ProcessSm& sm) {
         if (sm_count >= kProcessSms) return false;
@@ -180,8 +199,9 @@ struct GroupConfiguration {
     // Datagrams in the first frame of each cycle; their results are in Group::al_status and Group::dc_time. The working
     // counter of the cycle does not include them. A group with one of these datagrams may be without process data.
     bool al_status = false;  // read the AL status of all slaves with one datagram (BRD of ESC register 0x0130)
-    // Number of the slave whose system time all slaves behind it copy (FRMW of ESC register 0x0910); 0: none. No slave
-    // before it in the ring may have a DC clock.
+    // Number of the slave whose system time all slaves behind it copy (FRMW of ESC register 0x0910). 0: the reference
+    // clock of configdc() if ClockSettings::group is this group, otherwise none. config_map() refuses it when a slave
+    // before it in the ring has a clock: that slave would take over zeros.
     std::uint16_t dc_reference = 0;
     std::uint16_t reserve_bytes = 0;  // octets of the first frame that stay free for other datagrams of the cycle
     // How many octets of other datagrams (mailboxes, states …), headers included, may be sent with a cycle: first in

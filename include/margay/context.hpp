@@ -25,7 +25,7 @@ struct Master;
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6080 : 4288;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6240 : 4416;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
@@ -37,12 +37,14 @@ struct Master;
     constexpr std::size_t kMarksBytes = kWide ? 24 : 20;             // what the library notes about a slave
     constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
+    constexpr std::size_t kClockBytes = 240;  // the clock of a slave, and its place in the topology
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
     const std::size_t slave =
-        kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+        kClockBytes + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * kRingBytes +
-           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 +
+           limits.guests * (kRingBytes + kClockBytes) + 2U * limits.errors * sizeof(Error) +
+           limits.events * sizeof(Event) + kAlignmentBytes;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.

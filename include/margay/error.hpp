@@ -96,10 +96,13 @@ enum class Errc : std::uint8_t {
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
                          // gone. A scan deletes those of the scan before without a warning
-    start_up_unfinished,  // the slave is in its target state, and its commands or its hook after the transition have
-                          // not ended, or were ended by a timeout (expected, actual: the state)
-    supervised,  // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
-                 // the requested one)
+    start_up_unfinished,     // the slave is in its target state, and its commands or its hook after the transition have
+                             // not ended, or were ended by a timeout (expected, actual: the state)
+    no_clock,                // the slave has no clock that runs; slave 0: no slave has one
+    clock_before_reference,  // a slave before the reference clock in the ring has a clock (expected: that slave)
+    not_in_sync,  // a clock differs from the reference clock (expected: the limit, actual: the difference, ns)
+    supervised,   // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
+                  // the requested one)
 };
 
 // The step of an operation at which the error occurred.
@@ -149,6 +152,8 @@ enum class Step : std::uint8_t {
     command_bi,
     application_hook,
     supervise,
+    configure_clocks,
+    configure_sync,
 };
 
 // The kind of a request: an error names the operation that prevents another one.
@@ -176,6 +181,8 @@ enum class Operation : std::uint8_t {
     soe_write,
     soe_command,
     find_entry,
+    configure_clocks,
+    set_sync,
 };
 
 // One error. Unused members are 0.
@@ -259,7 +266,9 @@ enum class Argument : std::uint8_t {
     dc_reference,
     copy,  // SlaveToSlave
     entry_handle,
-    empty_group,  // no slave belongs to the group
+    empty_group,     // no slave belongs to the group
+    sync_cycle,      // members of SyncSettings
+    clock_settings,  // members of ClockSettings
 };
 
 // Errc::other_slave: which property differs from the expected one.

@@ -36,6 +36,10 @@ enum class EventKind : std::uint8_t {
     emergency,    // a slave has sent a CoE emergency (detail: its code, actual: its error register)
     unsupervised,  // a SuperviseRequest has ended (error: the error of the request; canceled after cancel() and when it
                    // was destroyed): slaves that are lost from now on are not brought back
+    clock_in_sync,      // the clock of a slave is in sync (actual: its difference to the reference clock in ns)
+    clock_out_of_sync,  // the clock of a slave has left the limit (actual: its difference in ns, expected: the limit)
+    reference_clock,  // the clock of `slave` is the reference clock now, in place of that of `other`, which was lost or
+                      // is behind `slave` in the ring
     overrun,  // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
               // expected: since run_cycle() began)
 };

@@ -13,6 +13,7 @@
 // `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
 #pragma once
 
+#include <margay/clocks.hpp>
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
 #include <margay/entry.hpp>

@@ -39,6 +39,7 @@ struct DlInformation {
     std::uint8_t sync_managers = 0;
     std::uint8_t ram_kib = 0;
     std::uint16_t features = 0;
+    // Of the clock. By the features register, until configdc() has asked the clock itself.
     bool dc = false;
     bool dc_64bit = false;
 };

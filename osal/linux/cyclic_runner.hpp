@@ -53,6 +53,10 @@ class CyclicRunner {
     // Sleeps until the next deadline; returns at once when it has passed. One system call, none when late.
     CyclicTick wait() noexcept;
 
+    // Moves the next deadline and all after it, later or (negative) earlier: for a cycle that follows the reference
+    // clock of distributed clocks (margay/master_clock.hpp).
+    void shift(Duration by) noexcept { schedule_.shift(by); }
+
     [[nodiscard]] Time deadline() const { return schedule_.deadline(); }
     [[nodiscard]] static Time now() noexcept;  // CLOCK_MONOTONIC, as LinuxOsal
     // The spin that is used. It may be shorter than requested: the kernel stops a SCHED_FIFO thread that has used its

@@ -165,6 +165,26 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
         reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
 }
 
+// The datagram that carries the time of the reference clock (FRMW). When the reference clock is lost, all other slaves
+// take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time that the
+// reference will probably have. A reply that still has this value, and comes from fewer slaves than before, was not
+// read from the reference: then no time is sent any more, until the owner chooses another reference.
+void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
+    RegisterReading& into = *reading.into;
+    const RegisterReading before = into;
+    copy_reading(reading, data);
+    if (sent.overlapped || into.slaves == 0) return;
+    const std::size_t at = reading.offset + wire::kDatagramHeaderBytes;
+    if (into.slaves < before.slaves && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
+        sent.bytes[reading.offset] = static_cast<std::byte>(wire::Command::NOP);
+        into.slaves = 0;
+        into.value = before.value;
+        return;
+    }
+    const std::uint64_t next = before.value == 0 ? into.value : 2 * into.value - before.value;
+    for (std::size_t n = 0; n < reading.bytes; ++n) sent.bytes[at + n] = static_cast<std::byte>(next >> (8 * n));
+}
+
 }  // namespace
 
 // Whether `frame` contains all datagrams that were sent in the frame of `slot`.
@@ -197,7 +217,13 @@ void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
             if (status.fresh) copy_degraded_inputs(sent, d, data + d.input_at);
         }
     }
-    for (const PreparedReading& r : sent.readings) copy_reading(r, &frame[r.offset + wire::kDatagramHeaderBytes]);
+    for (const PreparedReading& r : sent.readings) {
+        const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
+        if (sent.bytes[r.offset] == static_cast<std::byte>(wire::Command::FRMW))
+            take_time(sent, r, data);
+        else
+            copy_reading(r, data);
+    }
     sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 

@@ -74,6 +74,8 @@ class Datagram : public ListNode {
     // ended. False: the datagram has more data than a frame can carry (Errc::datagram_size), and `waiter` does not wait
     // for it.
     bool submit(Waiter& waiter);
+    // The datagram is sent in a frame of its own. Call it before submit().
+    void send_alone() { alone_ = true; }
     [[nodiscard]] Reply reply() const { return {errc_, wkc_, unmarked_}; }
 
     class Awaiter : public DatagramWait {
@@ -100,6 +102,7 @@ class Datagram : public ListNode {
     Errc errc_ = Errc::canceled;
     std::uint8_t sendings_ = 0;
     bool unmarked_ = false;
+    bool alone_ = false;
     std::uint16_t wkc_ = 0;
     std::uint16_t offset_ = 0;  // of the header, in its frame
 };

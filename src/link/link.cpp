@@ -160,11 +160,12 @@ void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
 
 void Link::pack(FrameSlot& slot, wire::FrameBuilder& builder) {
     while (Datagram* d = queue_.front()) {
-        if (!builder.fits(d->sent_data_.size())) break;
+        if (!builder.fits(d->sent_data_.size()) || (d->alone_ && !slot.datagrams.empty())) break;
         d->offset_ = static_cast<std::uint16_t>(builder.size());
         const auto data = builder.append(d->command_, slot.index, d->address_, d->sent_data_.size());
         std::copy(d->sent_data_.begin(), d->sent_data_.end(), data.begin());
         slot.datagrams.push_back(*d);
+        if (d->alone_) break;
     }
 }
 

@@ -135,6 +135,15 @@ Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
     co_return second;
 }
 
+// The clock and the SYNC signals: many slaves check them on their way to SAFEOP.
+Task<Result<>> prepare_clock_if_any(Network& network, Slave& slave) {
+    if (network.clocks.prepare == nullptr) {
+        if (slave.config.dc().source == SyncSettings::Source::none) co_return Result<>();
+        co_return Error{.code = Errc::wrong_state, .step = Step::configure_sync, .slave = slave.number};
+    }
+    co_return co_await network.clocks.prepare(network, slave);
+}
+
 }  // namespace
 
 Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
@@ -186,6 +195,8 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!written) co_return written;
     auto prepared = co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::before);
     if (!prepared) co_return prepared;
+    auto clock = co_await prepare_clock_if_any(network, slave);
+    if (!clock) co_return clock;
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
     update_al_status(slave.al, seen);

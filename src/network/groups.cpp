@@ -64,6 +64,18 @@ bool share_octets(Bytes a, Bytes b) {
     return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
 }
 
+// The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros.
+Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
+    const Clocks& clocks = network.clocks;
+    if (group.config.dc_reference == 0)
+        return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
+    Error error{
+        .code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = group.config.dc_reference};
+    if (group.config.dc_reference <= network.count) error.expected = clock_before(network, group.config.dc_reference);
+    if (error.expected != 0) return error;
+    return group.config.dc_reference;
+}
+
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
@@ -90,7 +102,11 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (!extras) return extras;
     for (Slave& slave : network.slaves())
         if (slave.image.group == number) slave.takes_part = exchanges(slave);
-    const auto count = plan_datagrams(network.slaves(), number, group.config, group.layout, tables.scratch);
+    const auto reference = choose_time_source(network, group);
+    if (!reference) return reference.error();
+    GroupConfiguration wanted = group.config;
+    wanted.dc_reference = group.dc_reference = *reference;
+    const auto count = plan_datagrams(network.slaves(), number, wanted, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
     if (prepared) group.was_mapped = true;

@@ -183,7 +183,7 @@ ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfigurati
         const StationAddress reference = slaves[wanted.dc_reference - 1U].station_address;
         add({Command::FRMW,
              {reference, wire::reg::kSystemTime.address},
-             wire::reg::kSystemTime.length,
+             slaves[wanted.dc_reference - 1U].dl.dc_64bit ? wire::reg::kSystemTime.length : std::uint16_t{4},
              &Group::dc_time});
     }
     return plans;

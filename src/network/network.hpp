@@ -3,6 +3,7 @@
 
 #include "link/engine.hpp"
 #include "mailbox/mailboxes.hpp"
+#include "network/clocks.hpp"
 #include "network/process_data.hpp"
 #include "network/slave_marks.hpp"
 #include "network/topology.hpp"
@@ -76,6 +77,7 @@ struct Network {
     std::uint8_t newcomers = 0;  // counts the newcomers, so that each one gets an address of its own
     bool searching = false;      // a search (find_lost()) is executing
     std::uint32_t scans = 0;     // number of scans started: older requests detect that the table has changed
+    Clocks clocks;
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;

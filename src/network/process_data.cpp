@@ -196,7 +196,9 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
     const auto planned = tables.scratch.first(count);
-    const ReadingPlans readings = plan_readings(group.slaves, group.config);
+    GroupConfiguration wanted = group.config;
+    wanted.dc_reference = group.dc_reference;
+    const ReadingPlans readings = plan_readings(group.slaves, wanted);
     // A first frame that is completely reserved for others is not sent.
     const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
@@ -224,6 +226,24 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     group.complete = true;
     group.special = group.extras || sets > 1;
     return Result<>();
+}
+
+bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
+    if (group.overlap.sets > 1) return false;
+    for (const PreparedFrame& frame : group.prepared)
+        if (frame.slot != nullptr) return false;
+    for (PreparedFrame& frame : group.prepared) {
+        for (const PreparedReading& reading : frame.readings) {
+            if (reading.into != &group.dc_time) continue;
+            const MutableBytes head = MutableBytes(frame.bytes).subspan(reading.offset);
+            wire::DatagramLayout::command::store(head, reference == nullptr ? wire::Command::NOP : wire::Command::FRMW);
+            if (reference != nullptr) store_le<std::uint16_t>(head, 2, reference->station_address.value);
+            store_le<std::uint32_t>(head, wire::kDatagramHeaderBytes, static_cast<std::uint32_t>(about_ns));
+        }
+    }
+    if (reference != nullptr) group.dc_reference = reference->number;
+    group.dc_time.value = 0;  // the next time does not follow the last one
+    return true;
 }
 
 Result<> send_cycle(ProcessGroup& group, Link& link, Time now) {

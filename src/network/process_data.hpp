@@ -38,6 +38,7 @@ struct ProcessGroup : Group {
     std::span<SlaveMarks> marks;    // and their marks
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
+    std::uint16_t dc_reference = 0;  // the slave whose time the cycle carries, as config_map() has found it
     std::uint8_t number = 0;
     // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.
     bool special = true;
@@ -104,6 +105,11 @@ void give_inputs(ProcessGroup& group);
     group.cycles_lost = 0;
     return group.expected_wkc;
 }
+
+// The cycle carries the time of this slave from now on; nullptr: no time. `about_ns` is the system time, for the slaves
+// before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
+// may be sending).
+[[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 

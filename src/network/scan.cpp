@@ -176,6 +176,7 @@ class Scanning {
     void begin() {
         ++network_.scans;
         network_.mailboxes.forget_all();
+        network_.clocks.forget();
         network_.count = 0;
         network_.ring_count = 0;
         network_.target = AlState::op;

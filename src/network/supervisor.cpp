@@ -302,6 +302,9 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
+    if (network.clocks.watch == nullptr) co_return Nothing{};
+    auto watched = co_await network.clocks.watch(network);
+    if (!watched && watched.error().code == Errc::capacity) watch.look_at = network.engine.now();
     co_return Nothing{};
 }
 

@@ -103,8 +103,13 @@ void Segment::build(Route& route, unsigned master_port) {
         visit_of[route.visits[v].slave] = v;
         note(route, v);
     }
-    for (const auto& hop : route.hops)
-        if (visit_of[hop.at.slave] != kNobody) route.ports[visit_of[hop.at.slave]][hop.at.port] = hop.offset;
+    // An ESC takes the receive time where it takes the system time: behind the physical layer of the port. So the delay
+    // of the port belongs to the cable.
+    for (const auto& hop : route.hops) {
+        if (visit_of[hop.at.slave] == kNobody) continue;
+        const auto& chip = nodes_[hop.at.slave].esc->description();
+        route.ports[visit_of[hop.at.slave]][hop.at.port] = hop.offset + chip.ports[hop.at.port].delay;
+    }
 }
 
 // Follows the frame from the port at which it arrives until it reaches a master or is lost.
@@ -131,7 +136,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                     return;  // the frame was marked before, so it is destroyed
                 route.visits.push_back({entry.slave, t, marks});
                 t += chip.processing_delay;
-            } else if (chip.ports[port].kind != wire::PortKind::not_implemented) {
+            } else if (chip.ports[port].kind >= wire::PortKind::ebus) {
                 t += chip.forwarding_delay;
             }
             port = kNext[port];

@@ -111,9 +111,11 @@ void SyncUnit::activate(Time at) {
 void SyncUnit::clock_changed(Time now) {
     if (!active_) return;
     const bool waiting = (registers_->get<std::uint8_t>(reg::kActivationStatus.address) & 1) != 0;
-    if (waiting)
+    // The start time may come while a frame is on its way to the slave: then the pulse is due, and no change of the
+    // clock by that frame takes it back.
+    if (waiting && next_[0] > now)
         next_[0] = clock_->start_moment(due_[0], now);
-    else
+    else if (!waiting)
         for (unsigned s = 0; s < 2; ++s)
             if (next_[s] != kNever) next_[s] = std::max(now, clock_->moment_of(due_[s], now));
 }

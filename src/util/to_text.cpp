@@ -87,6 +87,10 @@ std::string_view to_text(Errc code) {
                    "slaves 1 and up, or use expect()";
         case Errc::start_up_unfinished:
             return "the commands or the hook after the transition have not ended, or were ended by a timeout";
+        case Errc::no_clock: return "no clock that runs";
+        case Errc::clock_before_reference:
+            return "a slave before the reference clock in the ring has a clock, which the reference cannot synchronise";
+        case Errc::not_in_sync: return "the clock is not in sync";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";
@@ -135,6 +139,8 @@ std::string_view to_text(Step step) {
         case Step::command_bi: return "command at BI";
         case Step::application_hook: return "the hook of the application";
         case Step::supervise: return "supervising the slaves";
+        case Step::configure_clocks: return "synchronising the clocks";
+        case Step::configure_sync: return "activating SYNC";
         case Step::recover: return "recovering the slave";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
@@ -167,6 +173,8 @@ std::string_view to_text(Operation operation) {
         case Operation::soe_write: return "a SoE write";
         case Operation::soe_command: return "a SoE command";
         case Operation::find_entry: return "a search for an entry";
+        case Operation::configure_clocks: return "a synchronisation of the clocks";
+        case Operation::set_sync: return "a change of SYNC signals";
     }
     return "";
 }

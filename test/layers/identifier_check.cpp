@@ -16,9 +16,9 @@ struct Rule {
 };
 
 const std::set<std::string>& core_layers() {
-    static const std::set<std::string> names = {"include",      "util", "wire",     "osal contract",
-                                                "nic contract", "link", "station",  "mailbox",
-                                                "network",      "api",  "subdevice"};
+    static const std::set<std::string> names = {"include",      "util", "wire",    "osal contract",
+                                                "nic contract", "link", "station", "mailbox",
+                                                "network",      "api",  "clock",   "subdevice"};
     return names;
 }
 

@@ -128,7 +128,7 @@ TEST_F(ReadingsTest, TheReferenceClockIsASlaveWithAClock) {
 // The octets that both readings need in the first frame: 12 + 2 and 12 + 8.
 TEST(ReadingsPlan, TheFirstFrameHasRoomForThem) {
     std::vector<Slave> slaves{io_slave(1, 0, (1486 - 34) * 8)};
-    slaves[0].dl.dc = true;
+    slaves[0].dl.dc = slaves[0].dl.dc_64bit = true;
     slaves[0].dl.ram_kib = 16;
     GroupConfiguration wanted;
     wanted.al_status = true;

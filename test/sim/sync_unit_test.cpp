@@ -47,6 +47,19 @@ TEST_F(SyncUnitTest, CyclicFromTheStartTimeOn) {
     EXPECT_EQ(pulses(1), 0u) << "not switched on";
 }
 
+// The frame that is on the wire when the start time comes changes the rate of the clock when it arrives, 190 ns later.
+TEST_F(SyncUnitTest, AStartTimeWhileAFrameIsOnItsWay) {
+    const auto begin = copy() + 1'000'000;
+    start(begin, 1'000'000, 0, 0x03);
+    rig.pass(Duration(static_cast<std::int64_t>(begin - copy())) - rig.step - 100ns);
+    EXPECT_EQ(pulses(0), 0u);
+    EXPECT_EQ(rig.put<std::uint64_t>(0, 0x0910, begin), 1) << "the time control loop compares";
+    rig.pass(500us);
+    EXPECT_EQ(pulses(0), 1u);
+    rig.pass(1ms);
+    EXPECT_EQ(pulses(0), 2u);
+}
+
 // Acknowledge mode: with pulse length 0 the signal stays active until the PDI reads its status.
 struct Acknowledged : SyncUnitTest {
     Acknowledged() { pulse_length = 0; }

@@ -1,0 +1,111 @@
+// Distributed clocks: the clocks of the slaves run synchronously with the clock of one slave, the reference clock, and
+// generate the SYNC signals of the slaves (ETG.1000.4 "Distributed clock").
+//
+//     config_init(ctx);
+//     configdc(ctx, {.cycle = 1ms});   // slaves in PREOP: delays, offsets, and the drift until all clocks are in sync
+//     config_map(ctx, image);          // activates SYNC for the slaves whose SlaveSetup::dc says so, before SAFEOP
+//     …
+//     SuperviseRequest                 // watches the clocks; gives clock and SYNC back to a slave that was lost
+//
+// The time of the reference clock is sent to all slaves behind it in the ring with each cycle of one group
+// (Group::dc_time). System time is the time that all clocks show: nanoseconds since an origin that ClockSettings sets.
+#pragma once
+
+#include <margay/context.hpp>
+#include <margay/request.hpp>
+
+#include <cstdint>
+
+namespace margay {
+
+// The clock of a slave, as its registers show it. The features register of some chips promises a clock that is switched
+// off, so it is not used.
+enum class ClockKind : std::uint8_t {
+    unknown,        // configdc() has not looked
+    none,           // no clock and no receive times
+    receive_times,  // no clock that runs, but receive times: the delay behind the slave can be measured
+    bits32,         // a clock of 32 bits: it wraps every 4.29 s
+    bits64,
+};
+[[nodiscard]] std::string_view to_text(ClockKind kind);
+
+// What is known about the clock of one slave.
+struct SlaveClock {
+    ClockKind kind = ClockKind::unknown;
+    bool synchronised = false;  // delay and offset are written: the slave follows the reference clock, or is that clock
+    bool in_sync = false;       // its difference was within the limit for the settle time
+    bool sync_active = false;   // SYNC signals were activated
+    std::uint32_t delay_ns = 0;       // from the reference clock (ESC register 0x0928)
+    std::int32_t difference_ns = 0;   // to the reference clock as read last (0x092C); negative: behind
+    std::uint64_t offset_ns = 0;      // system time minus the slave's own time (0x0920)
+    std::uint64_t sync_start_ns = 0;  // system time of the first SYNC0
+};
+
+struct ClockSettings {
+    // The slave whose clock is the reference clock; 0: the first slave in the ring whose clock runs. No slave before it
+    // in the ring may have a clock: the time of the reference clock does not reach these slaves.
+    std::uint16_t reference = 0;
+    // The group whose cycle carries the time, unless GroupConfiguration::dc_reference of a group says otherwise.
+    std::uint8_t group = 0;
+    // How often the receive times are latched and read; the delays are the mean. 1 to 255.
+    std::uint8_t measurements = 16;
+    // Before the clocks are compared, this many frames bring them the time of the reference clock, so that each clock
+    // learns its drift ("static drift compensation"): `burst_bulk` of them may be on the wire at the same time.
+    std::uint16_t burst_frames = 10000;
+    std::uint8_t burst_bulk = 12;
+    // The cycle of the SYNC signals of slaves whose SyncSettings do not say it.
+    Duration cycle = std::chrono::milliseconds(1);
+    // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
+    // all slaves, also for a slave that comes back. Zero: the slave's own cycle.
+    Duration start_grid{0};
+    // How far in the future SYNC0 starts at least.
+    Duration start_delay = std::chrono::milliseconds(100);
+    // System time is the time of the osal plus this time, at the moment of configdc().
+    Duration system_time_at_zero{0};
+    // A clock is in sync when its difference stays within `limit_ns` for `settle`.
+    std::uint32_t limit_ns = 200;
+    Duration settle = std::chrono::milliseconds(10);
+    Duration timeout = std::chrono::seconds(3);  // for all clocks to be in sync
+    // How often a supervision reads the differences. Zero: never.
+    Duration watch_interval = std::chrono::milliseconds(10);
+};
+
+// Synchronises the clocks of all slaves; see configdc().
+struct ClockRequest : Request {
+    ClockRequest();
+    ClockSettings settings;
+    std::uint16_t reference = 0;  // result: number of the reference clock
+};
+
+// Finds out which slaves have a clock, measures the propagation delays, writes delays and offsets, and sends the time
+// of the reference clock until all clocks are in sync. SYNC signals that are active are switched off. Returns the
+// number of the slave with the reference clock. Call it in PREOP, after config_init() and before config_map(). Waits.
+//
+// Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), clock_before_reference (slave: the
+// reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the greatest difference,
+// expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring it into sync later),
+// invalid_argument, wrong_state (no slaves yet), no_frame, capacity.
+Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
+
+// Activates or switches off the SYNC signals of one slave now; see dcsync0().
+struct SyncRequest : SlaveRequest {
+    SyncRequest();
+    SyncSettings sync;  // source `none`: off
+};
+
+// Activates SYNC0 (dcsync01(): SYNC0 and SYNC1) of one slave with this cycle, or switches the signals off. The first
+// SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
+// negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
+// again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock, unknown_slave,
+// invalid_argument (a cycle that is negative or does not fit 32 bits), working_counter, no_frame.
+Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
+Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
+                  Duration shift = Duration{0});
+
+// What is known about the clock of a slave; for a slave that does not exist, a clock of kind `unknown`. For the thread
+// that owns the context; callable from the cycle.
+[[nodiscard]] const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave);
+// The slave with the reference clock; 0: none.
+[[nodiscard]] std::uint16_t reference_clock(Context& ctx);
+
+}  // namespace margay

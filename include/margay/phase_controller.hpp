@@ -1,0 +1,90 @@
+// Steers a phase: of the master's cycle against the reference clock (master shift), or of the reference clock against
+// the master's time (bus shift). A proportional part, and an integral part that learns the drift between both clocks.
+#pragma once
+
+#include <margay/time.hpp>
+
+#include <cstdint>
+
+namespace margay {
+
+struct PhaseSettings {
+    Duration cycle = std::chrono::milliseconds(1);
+    // The part of the error that one cycle corrects, in parts per thousand, when the controller has settled. Before
+    // that the controller corrects more, so that it learns phase and drift from few cycles.
+    std::uint16_t gain_ppt = 20;
+    // An error that differs by more from the last ones is an outlier and corrects nothing; after kMostOutliers in
+    // succession the controller starts again. 0: no error is an outlier.
+    std::uint32_t outlier_ns = 3000;
+    std::uint32_t limit_ns = 4000;                      // in sync: every error is within this limit,
+    Duration settle = std::chrono::milliseconds(1500);  // for this time
+    std::uint32_t most_drift_ppm = 600;                 // what the time control loop of an ESC can follow
+    std::uint32_t most_step_ns = 0;                     // the greatest correction of one cycle; 0: no limit
+    // A correction is visible in the next error (0), or in the error after that (1).
+    std::uint8_t cycles_late = 0;
+};
+
+enum class PhaseState : std::uint8_t {
+    idle,  // no error was given yet
+    busy,  // not in sync yet
+    in_sync,
+    drift_too_high,   // the clocks differ by more than PhaseSettings::most_drift_ppm
+    error_too_large,  // was in sync, and an error has exceeded the limit
+};
+
+class PhaseController {
+  public:
+    static constexpr std::uint8_t kMostOutliers = 8;
+
+    // Starts again with these settings. The statistics are reset.
+    void start(const PhaseSettings& settings);
+
+    // One cycle: `error_ns` is positive when the phase is late. Returns the correction in ns: positive means that the
+    // phase must come earlier. The fraction of a nanosecond is kept for the next cycle.
+    [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now);
+    // One cycle without a reading: corrects the drift that is known.
+    [[nodiscard]] std::int64_t coast();
+
+    [[nodiscard]] PhaseState state() const { return state_; }
+    // The drift between both clocks, in parts per thousand million: positive when the phase becomes later by itself.
+    [[nodiscard]] std::int32_t drift_ppb() const;
+
+    // The errors since start() or reset_statistics(): the last one, the mean of the magnitudes, the greatest magnitude.
+    [[nodiscard]] std::int64_t error_ns() const { return error_ns_; }
+    [[nodiscard]] std::uint64_t average_ns() const { return count_ == 0 ? 0 : sum_ns_ / count_; }
+    [[nodiscard]] std::uint64_t most_ns() const { return most_ns_; }
+    void reset_statistics() { sum_ns_ = most_ns_ = count_ = 0; }
+
+  private:
+    [[nodiscard]] bool is_outlier(std::int64_t error_ns);
+    void watch(std::int64_t error_ns, Time now);
+    void note(std::int64_t error_ns);
+    void learn_drift(std::int64_t change_ps);
+    [[nodiscard]] std::int64_t whole(std::int64_t correction_ps);
+
+    PhaseSettings settings_;
+    std::uint32_t seen_ = 0;  // errors since the start, at most the number after which the gains stay
+    std::uint8_t outliers_ = 0;
+    std::uint8_t saturated_ = 0;    // errors in succession that want a greater drift than the settings allow
+    std::int64_t drift_ps_ = 0;     // in a cycle
+    std::int64_t fraction_ps_ = 0;  // not corrected yet
+    std::int64_t pending_ps_ = 0;   // corrected, and not visible yet
+    PhaseState state_ = PhaseState::idle;
+    Time within_since_ = kNever;
+    std::int64_t error_ns_ = 0;
+    std::uint64_t sum_ns_ = 0;
+    std::uint64_t most_ns_ = 0;
+    std::uint64_t count_ = 0;
+};
+
+// `time_ns` within a cycle of `cycle_ns`, less `wanted_ns`: from -cycle/2 to cycle/2.
+[[nodiscard]] constexpr std::int64_t phase_error_ns(std::uint64_t time_ns, std::uint64_t cycle_ns,
+                                                    std::int64_t wanted_ns) {
+    if (cycle_ns == 0) return 0;
+    const auto cycle = static_cast<std::int64_t>(cycle_ns);
+    std::int64_t error = (static_cast<std::int64_t>(time_ns % cycle_ns) - wanted_ns) % cycle;
+    if (error < 0) error += cycle;
+    return error > cycle / 2 ? error - cycle : error;
+}
+
+}  // namespace margay

@@ -1,0 +1,126 @@
+// The requests for distributed clocks.
+#include "network/clocks.hpp"
+
+#include "api/master.hpp"
+#include "api/operation.hpp"
+
+#include <margay/margay.hpp>
+
+namespace margay {
+namespace {
+
+Error check_settings(const ClockSettings& settings) {
+    const Duration times[] = {settings.start_grid, settings.start_delay, settings.settle, settings.timeout,
+                              settings.watch_interval};
+    bool right = settings.measurements >= 1 && settings.burst_bulk >= 1 && settings.cycle > Duration{0};
+    for (const Duration time : times) right &= time >= Duration{0};
+    return right ? Error{} : invalid(Argument::clock_settings, Step::configure_clocks);
+}
+
+}  // namespace
+
+static Error check(Network& network, const ClockRequest& request) {
+    if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::configure_clocks};
+    const Error refused = check_settings(request.settings);
+    if (refused.code != Errc::none || request.settings.reference == 0) return refused;
+    return check_slave(network, request.settings.reference, Step::configure_clocks);
+}
+
+static Error check(Network& network, const SyncRequest& request) {
+    const Error refused = check_slave(network, request.slave, Step::configure_sync);
+    if (refused.code != Errc::none) return refused;
+    if (network.clocks.prepare == nullptr)
+        return {.code = Errc::wrong_state, .step = Step::configure_sync, .slave = request.slave};
+    const bool on = request.sync.source != SyncSettings::Source::none;
+    if (on && request.sync.sync0_cycle < Duration{0})
+        return invalid(Argument::sync_cycle, Step::configure_sync, request.slave);
+    Error error = sync_registers(request.sync, network.clocks.settings).error();
+    error.slave = error.code == Errc::none ? std::uint16_t{0} : request.slave;
+    return error;
+}
+
+static Task<Result<>> run(Network& network, ClockRequest& request) {
+    auto reference = co_await configure_clocks(network, request.settings);
+    request.reference = network.clocks.reference;
+    if (reference) co_return Result<>();
+    const Error error = reference.error();
+    if (error.slave != 0 && error.slave <= network.count)
+        network.note(network.slave(error.slave), error);
+    else
+        network.note(error);
+    co_return error;
+}
+
+static Task<Result<>> run(Network& network, SyncRequest& request) {
+    Slave& slave = network.slave(request.slave);
+    const auto wanted = sync_registers(request.sync, network.clocks.settings);
+    ClockEntry& clock = network.clocks.of(slave);
+    auto done = co_await activate_sync(network, slave, *wanted);
+    if (!done) co_return done;
+    clock.sync = *wanted;
+    clock.sync_set = true;
+    co_return done;
+}
+
+static constexpr OperationDescription kClocks =
+    describe_operation<ClockRequest, check, run>(Operation::configure_clocks, Step::configure_clocks, Needs::segment);
+static constexpr OperationDescription kSync =
+    describe_operation<SyncRequest, check, run>(Operation::set_sync, Step::configure_sync, Needs::its_slave);
+ClockRequest::ClockRequest() : Request(kClocks) {}
+SyncRequest::SyncRequest() : SlaveRequest(kSync) {}
+
+Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings) {
+    ClockRequest request;
+    request.settings = settings;
+    return submit_and_wait(ctx, request, request.reference);
+}
+
+Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1, Duration shift) {
+    constexpr std::uint16_t kBoth = 0x0700;
+    SyncRequest request;
+    request.slave = slave;
+    if (active)
+        request.sync = {.source = SyncSettings::Source::application,
+                        .assign_activate = kBoth,
+                        .sync0_cycle = cycle0,
+                        .sync1_cycle = cycle1,
+                        .shift = shift};
+    return submit_and_wait(ctx, request);
+}
+
+Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift) {
+    constexpr std::uint16_t kSync0 = 0x0300;
+    SyncRequest request;
+    request.slave = slave;
+    if (active)
+        request.sync = {.source = SyncSettings::Source::application,
+                        .assign_activate = kSync0,
+                        .sync0_cycle = cycle0,
+                        .shift = shift};
+    return submit_and_wait(ctx, request);
+}
+
+const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave) {
+    static constexpr SlaveClock kUnknown;
+    Master* master = master_of(ctx);
+    if (master == nullptr || slave < 1 || slave > master->network.count) return kUnknown;
+    return master->network.clocks.entries[slave - 1U];
+}
+
+std::uint16_t reference_clock(Context& ctx) {
+    Master* master = master_of(ctx);
+    return master == nullptr ? std::uint16_t{0} : master->network.clocks.reference;
+}
+
+std::string_view to_text(ClockKind kind) {
+    switch (kind) {
+        case ClockKind::unknown: return "unknown";
+        case ClockKind::none: return "no clock";
+        case ClockKind::receive_times: return "receive times only";
+        case ClockKind::bits32: return "32 bits";
+        case ClockKind::bits64: return "64 bits";
+    }
+    return "unknown";
+}
+
+}  // namespace margay

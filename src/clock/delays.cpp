@@ -1,0 +1,117 @@
+#include "clock/delays.hpp"
+
+namespace margay {
+namespace {
+
+// The order in which a frame passes the ports; the processing unit is behind port 0.
+constexpr std::uint8_t next_port(std::uint8_t port) {
+    constexpr std::uint8_t kNext[4] = {3, 2, 0, 1};
+    return kNext[port & 3];
+}
+
+// Whether the frame passes the processing unit on its way from port `from` to port `to`. From a port to itself the
+// frame passes all of the slave.
+bool passes_processing_unit(std::uint8_t from, std::uint8_t to) {
+    std::uint8_t port = from;
+    do {
+        if (port == 0) return true;
+        port = next_port(port);
+    } while (port != to);
+    return false;
+}
+
+bool has_neighbour(const DelayNode& node, std::uint8_t port) { return (node.neighbours >> port & 1) != 0; }
+
+// The last port at which the frame arrives before it leaves by `port`.
+std::uint8_t port_before(const DelayNode& node, std::uint8_t port) {
+    std::uint8_t last = node.entry_port;
+    for (std::uint8_t p = next_port(node.entry_port); p != port && p != node.entry_port; p = next_port(p))
+        if (has_neighbour(node, p)) last = p;
+    return last;
+}
+
+// The last port at which the frame arrives; the entry port when nothing is connected behind the slave.
+std::uint8_t last_port(const DelayNode& node) { return port_before(node, node.entry_port); }
+
+std::int64_t inner_ps(const DelayNode& node, std::uint8_t from, std::uint8_t to) {
+    return passes_processing_unit(from, to) ? std::int64_t{node.processing_ns} * 1000 : 0;
+}
+
+// From the arrival of the frame until it has left towards the master, without the forwarding that every slave has.
+std::int64_t stay_ps(const DelayNode& node) {
+    const std::uint8_t last = last_port(node);
+    const std::int64_t behind = last == node.entry_port ? 0 : node.times->port_ps(last);
+    return behind + inner_ps(node, last, node.entry_port);
+}
+
+void find_above(std::span<DelayNode> nodes, DelayNode& node) {
+    std::uint16_t at = node.parent;
+    node.above_port = node.parent_port;
+    // A frame passes a parent before its children, except at entry ports other than 0: limit the walk.
+    for (std::size_t steps = 0; at != 0 && at <= nodes.size() && steps <= nodes.size(); ++steps) {
+        if (nodes[at - 1U].timed()) {
+            node.above = at;
+            return;
+        }
+        node.above_port = nodes[at - 1U].parent_port;
+        at = nodes[at - 1U].parent;
+    }
+    node.above = 0;
+}
+
+bool same_branch(const DelayNode& a, const DelayNode& b) {
+    return b.timed() && a.above == b.above && (a.above == 0 || a.above_port == b.above_port);
+}
+
+// All slaves with receive times behind one port of `above`, beginning with `first`: mostly one, several behind a
+// junction without receive times. The frame passes one after the other.
+void place_branch(std::span<DelayNode> nodes, std::size_t first) {
+    DelayNode& head = nodes[first];
+    std::int64_t arrival = 0;
+    std::int64_t cable = 0;
+    if (head.above != 0) {
+        const DelayNode& above = nodes[head.above - 1U];
+        const std::uint8_t before = port_before(above, head.above_port);
+        const std::int64_t left = before == above.entry_port ? 0 : above.times->port_ps(before);
+        const std::int64_t through = inner_ps(above, before, head.above_port);
+        std::int64_t rest = above.times->port_ps(head.above_port) - left - through;
+        std::int64_t cables = 1;
+        for (std::size_t n = first; n < nodes.size(); ++n) {
+            if (!same_branch(head, nodes[n])) continue;
+            rest -= stay_ps(nodes[n]);
+            ++cables;
+        }
+        cable = rest > 0 ? rest / cables : 0;
+        arrival = above.arrival_ps + left + through + cable;
+    }
+    for (std::size_t n = first; n < nodes.size(); ++n) {
+        DelayNode& node = nodes[n];
+        if (!same_branch(head, node)) continue;
+        node.arrival_ps = arrival;
+        arrival += stay_ps(node) + cable;
+        node.passed_ps = node.arrival_ps;
+        if (node.times->has_processing())
+            node.passed_ps += node.times->processing_ps();
+        else if (node.entry_port != 0 && has_neighbour(node, 0))
+            node.passed_ps += node.times->port_ps(0);
+    }
+}
+
+}  // namespace
+
+void compute_delays(std::span<DelayNode> nodes) {
+    for (DelayNode& node : nodes) find_above(nodes, node);
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        if (!nodes[n].timed()) continue;
+        bool placed = false;
+        for (std::size_t before = n; before-- > 0 && !placed;) placed = same_branch(nodes[n], nodes[before]);
+        if (!placed) place_branch(nodes, n);
+    }
+}
+
+std::int64_t delay_between_ns(const DelayNode& reference, const DelayNode& node) {
+    const std::int64_t ps = node.passed_ps - reference.passed_ps;
+    return (ps + (ps < 0 ? -500 : 500)) / 1000;
+}
+
+}  // namespace margay

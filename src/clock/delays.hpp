@@ -1,0 +1,43 @@
+// Propagation delays from receive times and topology (ETG.1000.4 "Distributed clock"; ESC data sheets, "Propagation
+// delay measurement"; ETG.8000).
+#pragma once
+
+#include "clock/port_times.hpp"
+
+#include <cstdint>
+#include <span>
+
+namespace margay {
+
+// One place of the ring. Places are counted from 1 in the order in which a frame passes their processing units.
+struct DelayNode {
+    std::uint16_t parent = 0;  // place; 0: the master
+    std::uint8_t parent_port = 0;
+    std::uint8_t entry_port = 0;
+    // Bit p: a slave is connected behind port p. A port to the master's second NIC, or without a neighbour, is not set:
+    // its receive time is old.
+    std::uint8_t neighbours = 0;
+    // How much longer a frame needs through the processing unit than from port to port without it.
+    std::uint16_t processing_ns = 0;
+    const PortTimes* times = nullptr;  // nullptr: the slave has no receive times; it is a part of the cable
+
+    [[nodiscard]] bool timed() const { return times != nullptr && times->count() != 0; }
+
+    // Results. When the frame arrived, and when it passed the processing unit, in picoseconds from the arrival at the
+    // first slave with receive times.
+    std::int64_t arrival_ps = 0;
+    std::int64_t passed_ps = 0;
+
+    // For the computation: the next place with receive times towards the master, and the port by which it reaches this.
+    std::uint16_t above = 0;
+    std::uint8_t above_port = 0;
+};
+
+// Fills the results of all nodes with receive times. Slaves without receive times count as cable: the time that is left
+// is divided equally between the cables. `nodes` are in the order of the ring.
+void compute_delays(std::span<DelayNode> nodes);
+
+// The delay from `reference` to `node` in nanoseconds, rounded; negative when the frame passes `node` first.
+[[nodiscard]] std::int64_t delay_between_ns(const DelayNode& reference, const DelayNode& node);
+
+}  // namespace margay

@@ -1,0 +1,56 @@
+// The receive times of one slave (ESC registers 0x0900–0x090F and 0x0918), averaged over several measurements.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace margay {
+
+// What one measurement has latched, in the slave's own time. A port without a neighbour keeps an old value.
+struct ReceiveTimes {
+    std::array<std::uint32_t, 4> port_ns{};
+    // The low half of register 0x0918: when the frame passed the processing unit.
+    std::uint32_t processing_ns = 0;
+    bool has_processing = false;  // the slave has this register
+};
+
+// Times since the frame arrived at the entry port. Local times have 32 bits and wrap every 4.29 s; a frame needs less
+// than half of that, so the differences modulo 2^32 are right.
+class PortTimes {
+  public:
+    void clear() { *this = PortTimes{}; }
+    void add(const ReceiveTimes& times, std::uint8_t entry_port) {
+        const std::uint32_t entry = times.port_ns[entry_port & 3];
+        for (unsigned p = 0; p < 4; ++p) add_one(p, times.port_ns[p] - entry);
+        has_processing_ = times.has_processing;
+        add_one(kProcessing, times.processing_ns - entry);
+        ++count_;
+    }
+    [[nodiscard]] std::uint8_t count() const { return count_; }
+    [[nodiscard]] bool full() const { return count_ == kMost; }
+    // The means, in picoseconds: sums of many rounded nanoseconds would deviate.
+    [[nodiscard]] std::int64_t port_ps(std::uint8_t port) const { return mean_ps(port & 3); }
+    [[nodiscard]] bool has_processing() const { return has_processing_; }
+    [[nodiscard]] std::int64_t processing_ps() const { return mean_ps(kProcessing); }
+
+    static constexpr std::uint8_t kMost = 255;
+
+  private:
+    static constexpr unsigned kProcessing = 4;
+
+    void add_one(unsigned which, std::uint32_t since_entry) {
+        const auto time = static_cast<std::int32_t>(since_entry);
+        if (count_ == 0) first_[which] = time;
+        sum_[which] += std::int64_t{time} - first_[which];
+    }
+    [[nodiscard]] std::int64_t mean_ps(unsigned which) const {
+        return count_ == 0 ? 0 : std::int64_t{first_[which]} * 1000 + sum_[which] * 1000 / count_;
+    }
+
+    std::array<std::int32_t, 5> first_{};
+    std::array<std::int64_t, 5> sum_{};  // of the differences to `first_`
+    std::uint8_t count_ = 0;
+    bool has_processing_ = false;
+};
+
+}  // namespace margay

@@ -1,0 +1,264 @@
+// SYNC signals, and the clock of a slave that comes back.
+#include "clock/system_time.hpp"
+#include "network/network.hpp"
+#include "station/sii_access.hpp"
+#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+
+constexpr Step kStep = Step::configure_sync;
+
+Result<std::uint32_t> cycle_ns(Duration cycle) {
+    if (cycle >= Duration{0} && cycle.count() <= UINT32_MAX) return static_cast<std::uint32_t>(cycle.count());
+    return Error{
+        .code = Errc::invalid_argument, .step = kStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
+}
+
+// A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
+Duration times_factor(Duration cycle, std::int16_t factor) {
+    if (factor == 0) return cycle;
+    return factor > 0 ? cycle * factor : cycle / -factor;
+}
+
+// The registers for an operation mode of the SII. The SYNC1 register is the time from a SYNC0 to the SYNC1 that
+// belongs to it, and contains the SYNC0 cycles between (ESC data sheets, "SyncSignal generation").
+Result<SyncRegisters> registers_of_mode(const wire::sii::DcOpMode& mode, const ClockSettings& clocks) {
+    SyncSettings settings{.source = SyncSettings::Source::application, .assign_activate = mode.assign_activate};
+    settings.sync0_cycle = mode.sync0_cycle_time_ns != 0 ? Duration(mode.sync0_cycle_time_ns)
+                                                         : times_factor(clocks.cycle, mode.sync0_cycle_factor);
+    if (mode.sync1_cycle_factor > 1) settings.sync1_cycle = settings.sync0_cycle * (mode.sync1_cycle_factor - 1);
+    settings.sync1_cycle += Duration(std::max(mode.sync1_shift_time_ns, 0));
+    settings.shift = Duration(mode.sync0_shift_time_ns);
+    return sync_registers(settings, clocks);
+}
+
+Error no_such_mode(const Slave& slave, std::uint8_t mode) {
+    Error error{.code = Errc::unsupported, .step = kStep, .slave = slave.number};
+    error.subindex = mode;
+    return error;
+}
+
+// Reads operation mode `number` from the DC category. The SII belongs to the master meanwhile.
+Task<Result<SyncRegisters>> read_mode(Network& network, const Slave& slave, std::uint8_t number) {
+    namespace sii = wire::sii;
+    constexpr unsigned kMostCategories = 64;
+    SiiReader reader(network.station(slave));
+    sii::CategoryChain chain(sii::content_end_word(slave.sii_bytes));
+    for (unsigned n = 0; chain.more() && n < kMostCategories; ++n) {
+        std::array<std::byte, sii::kCategoryHeaderBytes> header{};
+        auto read_header = co_await reader.read(chain.header_word(), header);
+        if (!read_header) co_return read_header.error();
+        const auto place = chain.step(header);
+        if (!place) break;
+        if (place->type != sii::category::kDc) continue;
+        if ((number + 1U) * sii::kDcOpModeBytes > place->words * sii::kWordBytes) break;
+        std::array<std::byte, sii::kDcOpModeBytes> content{};
+        const auto word = static_cast<std::uint32_t>(place->word + number * sii::kDcOpModeBytes / sii::kWordBytes);
+        auto read_content = co_await reader.read(word, content);
+        if (!read_content) co_return read_content.error();
+        co_return registers_of_mode(sii::load_dc_op_mode(content), network.clocks.settings);
+    }
+    co_return no_such_mode(slave, number);
+}
+
+// What the slave wants: by dcsync0(), by its configuration, or by its SII.
+Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
+    const ClockEntry& clock = network.clocks.of(slave);
+    const SyncSettings wanted = slave.config.dc();
+    if (clock.sync_set) co_return clock.sync;
+    if (wanted.source == SyncSettings::Source::none) co_return SyncRegisters{};
+    if (wanted.source == SyncSettings::Source::application) co_return sync_registers(wanted, network.clocks.settings);
+    auto assigned = co_await sii_assign(network.station(slave), false);
+    if (!assigned) co_return assigned.error();
+    auto mode = co_await read_mode(network, slave, wanted.sii_mode);
+    auto offered = co_await sii_assign(network.station(slave), true);
+    if (mode && !offered) co_return offered.error();
+    co_return mode;
+}
+
+// The start time lies in the future when the registers are written; when a frame was lost meanwhile, the caller tries
+// again.
+Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
+    const Station station = network.station(slave);
+    ClockEntry& clock = network.clocks.of(slave);
+    const ClockSettings& settings = network.clocks.settings;
+    auto off = co_await write_clock_register(station, reg::kSyncActivation, 0);
+    clock.sync_active = false;
+    if (!off || sync.assign_activate == 0) co_return off;
+    constexpr wire::Register kBothCycles{reg::kSync0CycleTime.address, 8};
+    const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
+    auto written = co_await write_clock_register(station, kBothCycles, cycles);
+    if (!written) co_return written;
+    auto time = co_await read<std::uint64_t>(station, reg::kSystemTime, kStep);
+    if (!time) co_return time.error();
+    const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
+    const std::uint64_t now_ns =
+        clock.kind == ClockKind::bits64 ? *time : extend_time_ns(static_cast<std::uint32_t>(*time), about);
+    const std::uint64_t grid = settings.start_grid > Duration{0}
+                                   ? static_cast<std::uint64_t>(settings.start_grid.count())
+                                   : sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
+    clock.sync_start_ns =
+        start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
+    wire::Register start = reg::kSyncStartTime;
+    if (clock.kind == ClockKind::bits32) start.length = 4;
+    written = co_await write_clock_register(station, start, clock.sync_start_ns);
+    if (!written) co_return written;
+    constexpr wire::Register kAssignActivate{reg::kCyclicUnitControl.address, 2};
+    written = co_await write_clock_register(station, kAssignActivate, sync.assign_activate);
+    clock.sync_active = written.ok();
+    co_return written;
+}
+
+// Whether the slave has the offset and the delay that were written, so that its clock was not reset.
+Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
+    const ClockEntry& clock = network.clocks.of(slave);
+    std::array<std::byte, 12> there{};
+    const Station station = network.station(slave);
+    Datagram look(station.engine.link(), wire::Command::FPRD, {station.address, reg::kSystemTimeOffset.address},
+                  MutableBytes(there));
+    auto reply = co_await look;
+    const Error error = error_of_reply(station, reply, Step::configure_clocks, reg::kSystemTimeOffset.address);
+    if (error.code != Errc::none) co_return error;
+    const std::uint64_t mask = clock.kind == ClockKind::bits64 ? UINT64_MAX : UINT32_MAX;
+    co_return ((load_le<std::uint64_t>(there) ^ clock.offset_ns) & mask) == 0 &&
+        load_le<std::uint32_t>(there, 8) == clock.delay_ns;
+}
+
+// The clock of the slave from that of the reference: both latch the same frame.
+Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
+    Clocks& clocks = network.clocks;
+    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Measuring measuring(clocks);
+    Slave& reference = network.slave(clocks.reference);
+    const bool measured = clocks.of(slave).times.count() != 0;
+    auto latched = co_await latch_receive_times(network);
+    if (!latched) co_return latched;
+    auto mine = co_await read_receive_times(network, slave);
+    if (!mine) co_return mine;
+    auto other = co_await read_receive_times(network, reference);
+    if (!other) co_return other;
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
+    if (!offset) co_return offset.error();
+    if (!measured) compute_clock_delays(network);
+    ClockEntry& clock = clocks.of(slave);
+    const ClockEntry& source = clocks.of(reference);
+    const std::uint64_t system = source.local_ns + *offset - source.delay_ns;
+    clocks.note_time(system, source.kind == ClockKind::bits64, clocks.latched_at);
+    clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.delay_ns, clock.local_ns);
+    co_return co_await write_clock(network, slave);
+}
+
+// Sends the time until the slave's clock is within the limit. A clock that is not after this time stays under the eyes
+// of the supervision.
+Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
+    constexpr Duration kLongest = std::chrono::milliseconds(800);
+    const Time give_up = later(network.engine.now(), kLongest);
+    unsigned good = 0;
+    constexpr unsigned kEnough = 10;
+    while (good < kEnough && network.engine.now() < give_up) {
+        auto sent = co_await send_time(network);
+        if (!sent) co_return sent;
+        auto seen = co_await read_difference(network, slave);
+        if (!seen) co_return seen;
+        const std::int64_t away = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
+        good = away <= network.clocks.settings.limit_ns ? good + 1 : 0;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+    co_return Result<>();
+}
+
+// The slave is before the reference in the ring, so the time of the reference does not reach it: the frame passes it
+// with zeros. While no time is sent it is set by the reference, and then is the reference itself. The other clocks go
+// on at their rates meanwhile.
+Task<Result<>> become_reference(Network& network, Slave& slave) {
+    Clocks& clocks = network.clocks;
+    constexpr unsigned kMostTries = 100;
+    for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
+    auto set = co_await set_clock_by_reference(network, slave);
+    const std::uint16_t before = clocks.reference;
+    if (set) clocks.reference = slave.number;
+    const Slave& reference = network.slave(clocks.reference);
+    for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
+        co_await network.engine.next_poll();
+    clocks.of(slave).synchronised = set.ok();
+    if (set) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
+    co_return set;
+}
+
+Task<Result<>> restore_clock(Network& network, Slave& slave) {
+    Clocks& clocks = network.clocks;
+    ClockEntry& clock = clocks.of(slave);
+    if (clock.kind == ClockKind::unknown) {
+        auto probed = co_await probe_clock(network, slave);
+        if (!probed) co_return probed;
+    }
+    if (!is_clock(clock.kind) || clocks.reference == 0 || clocks.reference == slave.number) co_return Result<>();
+    if (clock.synchronised) {
+        auto same = co_await has_its_clock(network, slave);
+        if (!same) co_return same.error();
+        if (*same) co_return Result<>();
+    }
+    if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
+    clock.synchronised = clock.in_sync = false;
+    clock.watch.reset();
+    clocks.all_in_sync = false;
+    const Slave& reference = network.slave(clocks.reference);
+    if (slave.ring_position < reference.ring_position) co_return co_await become_reference(network, slave);
+    auto set = co_await set_clock_by_reference(network, slave);
+    if (!set) co_return set;
+    clock.synchronised = true;
+    co_return co_await wait_for_clock(network, slave);
+}
+
+}  // namespace
+
+Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks) {
+    if (settings.source == SyncSettings::Source::none) return SyncRegisters{};
+    const auto cycle0 = cycle_ns(settings.sync0_cycle < Duration{0} ? clocks.cycle : settings.sync0_cycle);
+    if (!cycle0) return cycle0.error();
+    const auto cycle1 = cycle_ns(settings.sync1_cycle);
+    if (!cycle1) return cycle1.error();
+    return SyncRegisters{.assign_activate = settings.assign_activate,
+                         .sync0_cycle_ns = *cycle0,
+                         .sync1_cycle_ns = *cycle1,
+                         .shift_ns = settings.shift.count()};
+}
+
+Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync) {
+    if (!is_clock(network.clocks.of(slave).kind))
+        co_return Error{.code = Errc::no_clock, .step = kStep, .slave = slave.number};
+    constexpr unsigned kMostTries = 3;
+    Result<> written;
+    for (unsigned n = 0; n < kMostTries; ++n) {
+        const Time begin = network.engine.now();
+        written = co_await write_sync(network, slave, sync);
+        const bool late = network.engine.now() - begin > network.clocks.settings.start_delay / 2;
+        if (!written || !late || sync.assign_activate == 0) break;
+    }
+    if (written) co_return written;
+    Error error = written.error();
+    error.step = kStep;
+    co_return error;
+}
+
+Task<Result<>> prepare_clock(Network& network, Slave& slave) {
+    auto restored = co_await restore_clock(network, slave);
+    if (!restored) co_return restored;
+    auto sync = co_await find_sync(network, slave);
+    if (!sync) {
+        Error error = sync.error();
+        error.slave = slave.number;
+        co_return error;
+    }
+    if (sync->assign_activate == 0) co_return Result<>();
+    co_return co_await activate_sync(network, slave, *sync);
+}
+
+}  // namespace margay

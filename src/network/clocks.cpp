@@ -1,0 +1,381 @@
+#include "network/clocks.hpp"
+
+#include "clock/system_time.hpp"
+#include "network/network.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+using wire::Command;
+using wire::DatagramAddress;
+
+constexpr Step kStep = Step::configure_clocks;
+constexpr std::uint16_t kSpeedCounterDefault = 0x1000;
+
+constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}, r.address}; }
+
+// How much longer the way through the processing unit takes: the data sheets of all chips give about 40 ns.
+constexpr std::uint16_t kProcessingNs = 40;
+
+// Switches the SYNC signals of all slaves off, and starts the control loops of all clocks again.
+Task<Result<>> reset_clocks(Network& network) {
+    static constexpr std::array<std::byte, 1> kOff{};
+    std::array<std::byte, 2> start{};
+    store_le<std::uint16_t>(start, 0, kSpeedCounterDefault);
+    Datagram off(network.engine.link(), Command::BWR, broadcast(reg::kSyncActivation), Bytes(kOff));
+    Datagram loops(network.engine.link(), Command::BWR, broadcast(reg::kSpeedCounterStart), Bytes(start));
+    co_await together(off, loops);
+    for (const Datagram* d : {&off, &loops})
+        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kStep};
+    co_return Nothing{};
+}
+
+Task<Result<>> probe_if_there(Network& network, Slave& slave, Error& first) {
+    network.clocks.of(slave) = {};
+    if (slave.al.state == AlState::none || slave.ring_position == 0) co_return Nothing{};
+    auto probed = co_await probe_clock(network, slave);
+    if (!probed && first.code == Errc::none) first = probed.error();
+    co_return Nothing{};
+}
+
+Task<Result<>> read_times_if_any(Network& network, Slave& slave) {
+    const ClockEntry& clock = network.clocks.of(slave);
+    if (clock.kind < ClockKind::receive_times || slave.al.state == AlState::none) co_return Nothing{};
+    co_return co_await read_receive_times(network, slave);
+}
+
+// The reference that the settings choose; 0 and an error if there is none.
+Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
+    Error error{.code = Errc::no_clock, .step = kStep, .slave = wanted};
+    if (wanted != 0) {
+        if (wanted > network.count || !is_clock(network.clocks.entries[wanted - 1U].kind)) return error;
+        error.code = Errc::clock_before_reference;
+        error.expected = clock_before(network, wanted);
+        return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
+    }
+    for (const RingPlace& place : network.seen_ring())
+        if (place.slave != 0 && is_clock(network.clocks.entries[place.slave - 1U].kind)) return place.slave;
+    return error;
+}
+
+// One measurement: all latch, all are read.
+Task<Result<>> measure_once(Network& network) {
+    auto latched = co_await latch_receive_times(network);
+    if (!latched) co_return latched;
+    Error first;
+    const auto read = [&network](Slave& s) { return read_times_if_any(network, s); };
+    auto all = co_await for_each_slave(network, read, &first);
+    if (!all) co_return all;
+    if (first.code != Errc::none) co_return first;
+    co_return Nothing{};
+}
+
+Task<Result<>> measure(Network& network) {
+    const Measuring measuring(network.clocks);
+    for (std::uint8_t n = 0; n < network.clocks.settings.measurements; ++n) {
+        auto once = co_await measure_once(network);
+        if (!once) co_return once;
+    }
+    compute_clock_delays(network);
+    co_return Nothing{};
+}
+
+// The offsets of all clocks from the last measurement.
+void compute_offsets(Network& network) {
+    Clocks& clocks = network.clocks;
+    clocks.system_at = clocks.latched_at;
+    const Duration since_zero = clocks.system_at - Time{} + clocks.settings.system_time_at_zero;
+    clocks.system_ns = static_cast<std::uint64_t>(since_zero.count());
+    for (ClockEntry& clock : clocks.entries.first(network.count)) {
+        clock.synchronised = is_clock(clock.kind);
+        if (clock.synchronised) clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.delay_ns, clock.local_ns);
+    }
+}
+
+Task<Result<>> write_clock_if_any(Network& network, Slave& slave) {
+    if (!network.clocks.of(slave).synchronised) co_return Nothing{};
+    co_return co_await write_clock(network, slave);
+}
+
+Task<Result<>> write_delay_if_any(Network& network, Slave& slave) {
+    const ClockEntry& clock = network.clocks.of(slave);
+    if (!clock.synchronised) co_return Nothing{};
+    co_return co_await write_clock_register(network.station(slave), reg::kSystemTimeDelay, clock.delay_ns);
+}
+
+Task<Result<>> read_difference_if_any(Network& network, Slave& slave) {
+    if (!network.clocks.of(slave).synchronised || slave.al.state == AlState::none) co_return Nothing{};
+    co_return co_await read_difference(network, slave);
+}
+
+// Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
+// burst ends with its time.
+Task<Result<>> send_burst(Network& network) {
+    constexpr Duration kLongest = std::chrono::seconds(2);
+    const ClockSettings& settings = network.clocks.settings;
+    const Time give_up = later(network.engine.now(), kLongest);
+    Crew crew(settings.burst_bulk);
+    for (std::uint16_t n = 0; n < settings.burst_frames && network.engine.now() < give_up; ++n) {
+        while (crew.full()) co_await crew.one();
+        while (!crew.start(send_time(network))) {
+            if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = kStep, .detail = Error::kTasks};
+            co_await crew.one();
+        }
+    }
+    co_await crew.all();
+    co_return Nothing{};
+}
+
+// The error of the clock with the greatest difference above the limit; code none if there is none.
+Error worst_clock(Network& network) {
+    Error error{.step = kStep, .expected = network.clocks.settings.limit_ns};
+    std::int64_t most = network.clocks.settings.limit_ns;
+    for (const Slave& slave : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        const std::int64_t away = std::abs(std::int64_t{clock.difference_ns});
+        if (!clock.synchronised || away <= most) continue;
+        most = away;
+        error.code = Errc::not_in_sync;
+        error.slave = slave.number;
+        error.actual = static_cast<std::uint32_t>(clock.difference_ns);
+    }
+    return error;
+}
+
+// Sends the time until every clock has been within the limit for the settle time.
+Task<Result<>> wait_until_in_sync(Network& network) {
+    const ClockSettings& settings = network.clocks.settings;
+    const Time give_up = later(network.engine.now(), settings.timeout);
+    Time since = kNever;
+    for (;;) {
+        auto sent = co_await send_time(network);
+        if (!sent) co_return sent;
+        auto greatest = co_await read_greatest_difference(network);
+        if (!greatest) co_return greatest.error();
+        const Time now = network.engine.now();
+        if (*greatest > settings.limit_ns) since = kNever;
+        if (*greatest <= settings.limit_ns && since == kNever) since = now;
+        if ((since != kNever && now >= later(since, settings.settle)) || now >= give_up) break;
+        co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    }
+    const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
+    auto all = co_await for_each_slave(network, read);
+    if (!all) co_return all;
+    const Error worst = worst_clock(network);
+    if (worst.code != Errc::none) co_return worst;
+    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.in_sync = clock.synchronised;
+    network.clocks.all_in_sync = true;
+    co_return Nothing{};
+}
+
+// Measures delays and writes offsets, from the clocks' own times.
+Task<Result<>> set_clocks(Network& network) {
+    auto measured = co_await measure(network);
+    if (!measured) co_return measured;
+    compute_offsets(network);
+    Error first;
+    const auto write = [&network](Slave& s) { return write_clock_if_any(network, s); };
+    auto written = co_await for_each_slave(network, write, &first);
+    if (!written) co_return written;
+    co_return first.code == Errc::none ? Result<>() : Result<>(first);
+}
+
+// Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
+Task<Result<>> improve_delays(Network& network) {
+    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
+    auto measured = co_await measure(network);
+    if (!measured) co_return measured;
+    const auto write = [&network](Slave& s) { return write_delay_if_any(network, s); };
+    co_return co_await for_each_slave(network, write);
+}
+
+}  // namespace
+
+void Clocks::forget() {
+    for (ClockEntry& entry : entries) entry = {};
+    reference = 0;
+    measuring = all_in_sync = paused = false;
+    without_time = 0;
+    prepare = nullptr;
+    watch = nullptr;
+}
+
+// Before configdc() the features register has to be believed.
+std::uint16_t clock_before(Network& network, std::uint16_t reference) {
+    const Clocks& clocks = network.clocks;
+    if (reference != 0 && reference <= network.count && !network.slave(reference).dl.dc) return 0;
+    for (const RingPlace& place : network.seen_ring()) {
+        if (place.slave == reference) return 0;
+        if (place.slave == 0 || place.slave > network.count) continue;
+        const bool unknown = clocks.entries.empty() || clocks.entries[place.slave - 1U].kind == ClockKind::unknown;
+        const bool has_clock =
+            unknown ? network.slave(place.slave).dl.dc : is_clock(clocks.entries[place.slave - 1U].kind);
+        if (has_clock) return place.slave;
+    }
+    return 0;
+}
+
+Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value) {
+    std::array<std::byte, 8> bytes{};
+    store_le<std::uint64_t>(bytes, 0, value);
+    Datagram write(station.engine.link(), Command::FPWR, {station.address, r.address}, Bytes(bytes).first(r.length));
+    auto reply = co_await write;
+    const Error error = error_of_reply(station, reply, kStep, r.address);
+    if (error.code != Errc::none) co_return error;
+    co_return Nothing{};
+}
+
+Task<Result<>> send_time(Network& network) {
+    const Slave& reference = network.slave(network.clocks.reference);
+    const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
+    std::array<std::byte, 8> time{};
+    const Time now = network.engine.now();
+    store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(now));  // taken by all if the reference is lost
+    Datagram carry(network.engine.link(), Command::FRMW, {reference.station_address, reg::kSystemTime.address},
+                   MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
+    carry.send_alone();
+    auto reply = co_await carry;
+    if (reply.ok() && reply.wkc != 0) network.clocks.note_time(load_le<std::uint64_t>(time), wide, now);
+    co_return Nothing{};  // a lost frame is one of many
+}
+
+Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
+    std::array<std::byte, 4> all{};
+    Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
+    auto reply = co_await look;
+    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
+    co_return load_greatest_difference_ns(load_le<std::uint32_t>(all));
+}
+
+Task<Result<>> read_difference(Network& network, Slave& slave) {
+    auto raw = co_await read<std::uint32_t>(network.station(slave), reg::kSystemTimeDifference, kStep);
+    if (!raw) co_return raw.error();
+    network.clocks.of(slave).difference_ns = load_difference_ns(*raw);
+    co_return Nothing{};
+}
+
+// A clock runs when two readings differ. Only a clock of 64 bits shows an offset of 2^32 in its upper half.
+Task<Result<>> probe_clock(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    ClockEntry& clock = network.clocks.of(slave);
+    clock.kind = ClockKind::none;
+    slave.dl.dc = slave.dl.dc_64bit = false;
+    auto there = co_await read<std::uint8_t>(station, reg::kType, kStep);
+    if (!there) co_return there.error();
+    auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kStep);
+    if (does_not_answer(times.error())) co_return Nothing{};
+    if (!times) co_return times.error();
+    clock.kind = ClockKind::receive_times;
+    auto written = co_await write_clock_register(station, reg::kSystemTimeOffset, std::uint64_t{1} << 32);
+    if (does_not_answer(written.error())) co_return Nothing{};
+    if (!written) co_return written;
+    std::array<std::uint64_t, 2> seen{};
+    for (std::uint64_t& time : seen) {
+        auto read_time = co_await read<std::uint64_t>(station, reg::kSystemTime, kStep);
+        if (does_not_answer(read_time.error())) co_return Nothing{};
+        if (!read_time) co_return read_time.error();
+        time = *read_time;
+    }
+    if (seen[0] == seen[1]) co_return Nothing{};
+    clock.kind = seen[1] >> 32 != 0 ? ClockKind::bits64 : ClockKind::bits32;
+    slave.dl.dc = true;
+    slave.dl.dc_64bit = clock.kind == ClockKind::bits64;
+    co_return Nothing{};
+}
+
+Task<Result<>> latch_receive_times(Network& network) {
+    static constexpr std::array<std::byte, 4> kAny{};
+    Datagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), Bytes(kAny));
+    network.clocks.latched_at = network.engine.now();
+    auto reply = co_await latch;
+    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
+    co_return Nothing{};
+}
+
+Task<Result<>> read_receive_times(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    ClockEntry& clock = network.clocks.of(slave);
+    std::array<std::byte, reg::kPortReceiveTime.length> ports{};
+    std::array<std::byte, reg::kProcessingUnitReceiveTime.length> unit{};
+    Link& link = network.engine.link();
+    Datagram read_ports(link, Command::FPRD, {station.address, reg::kPortReceiveTime.address}, MutableBytes(ports));
+    Datagram read_unit(link, Command::FPRD, {station.address, reg::kProcessingUnitReceiveTime.address},
+                       MutableBytes(unit));
+    co_await together(read_ports, read_unit);
+    const Error error = error_of_reply(station, read_ports.reply(), kStep, reg::kPortReceiveTime.address);
+    if (error.code != Errc::none) co_return error;
+    ReceiveTimes latched;
+    for (unsigned p = 0; p < 4; ++p) latched.port_ns[p] = load_le<std::uint32_t>(ports, 4 * p);
+    latched.has_processing = read_unit.reply().ok() && read_unit.reply().wkc == 1;
+    latched.processing_ns = load_le<std::uint32_t>(unit);
+    clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[slave.entry_port & 3];
+    if (!clock.times.full()) clock.times.add(latched, slave.entry_port);
+    co_return Nothing{};
+}
+
+void compute_clock_delays(Network& network) {
+    Clocks& clocks = network.clocks;
+    const auto ring = network.seen_ring();
+    const auto nodes = clocks.nodes.first(std::min(clocks.nodes.size(), ring.size()));
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        const RingPlace& place = ring[n];
+        nodes[n] = {.parent = place.parent, .parent_port = place.parent_port, .entry_port = place.entry_port};
+        nodes[n].processing_ns = kProcessingNs;
+        for (unsigned p = 0; p < 4; ++p)
+            if (p != place.entry_port && place.ports[p].open && place.ports[p].neighbour != 0)
+                nodes[n].neighbours = static_cast<std::uint8_t>(nodes[n].neighbours | 1U << p);
+        if (place.slave != 0) nodes[n].times = &clocks.entries[place.slave - 1U].times;
+    }
+    compute_delays(nodes);
+    const std::size_t reference = network.slave(clocks.reference).ring_position;
+    if (reference == 0 || reference > nodes.size()) return;
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        if (ring[n].slave == 0 || !nodes[n].timed()) continue;
+        const std::int64_t delay = delay_between_ns(nodes[reference - 1], nodes[n]);
+        clocks.entries[ring[n].slave - 1U].delay_ns = static_cast<std::uint32_t>(std::max<std::int64_t>(delay, 0));
+    }
+}
+
+Task<Result<>> write_clock(Network& network, Slave& slave) {
+    const Station station = network.station(slave);
+    const ClockEntry& clock = network.clocks.of(slave);
+    wire::Register offset = reg::kSystemTimeOffset;
+    if (clock.kind == ClockKind::bits32) offset.length = 4;
+    auto written = co_await write_clock_register(station, offset, clock.offset_ns);
+    if (written) written = co_await write_clock_register(station, reg::kSystemTimeDelay, clock.delay_ns);
+    if (written) written = co_await reset_control_loop(station);
+    co_return written;
+}
+
+Task<Result<>> reset_control_loop(Station station) {
+    co_return co_await write_clock_register(station, reg::kSpeedCounterStart, kSpeedCounterDefault);
+}
+
+Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings) {
+    Clocks& clocks = network.clocks;
+    clocks.forget();
+    clocks.settings = settings;
+    auto reset = co_await reset_clocks(network);
+    if (!reset) co_return reset.error();
+    Error first;
+    const auto probe = [&network, &first](Slave& s) { return probe_if_there(network, s, first); };
+    auto probed = co_await for_each_slave(network, probe);
+    if (!probed) co_return probed.error();
+    if (first.code != Errc::none) co_return first;
+    const auto reference = choose_reference(network, settings.reference);
+    if (!reference) co_return reference;
+    clocks.reference = *reference;
+    clocks.prepare = prepare_clock;
+    clocks.watch = watch_clocks;
+    auto set = co_await set_clocks(network);
+    if (set) set = co_await send_burst(network);
+    if (set) set = co_await improve_delays(network);
+    if (set) set = co_await wait_until_in_sync(network);
+    if (!set) co_return set.error();
+    co_return *reference;
+}
+
+}  // namespace margay

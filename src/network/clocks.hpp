@@ -1,0 +1,124 @@
+// The distributed clocks of the segment: measurement, offsets, drift, SYNC signals, and their supervision. The
+// functions are reached through `Clocks::prepare` and `Clocks::watch`, which configure_clocks() sets: a program that
+// does not use clocks does not link them.
+#pragma once
+
+#include "clock/delays.hpp"
+#include "clock/port_times.hpp"
+#include "clock/sync_watch.hpp"
+#include "clock/system_time.hpp"
+#include "util/task.hpp"
+
+#include "wire/esc.hpp"
+
+#include <margay/clocks.hpp>
+
+#include <span>
+
+namespace margay {
+
+struct Network;
+struct Station;
+struct ProcessGroup;
+
+// SYNC signals as the registers have them.
+struct SyncRegisters {
+    std::uint16_t assign_activate = 0;  // 0: no SYNC signals
+    std::uint32_t sync0_cycle_ns = 0;
+    std::uint32_t sync1_cycle_ns = 0;
+    std::int64_t shift_ns = 0;
+};
+
+struct ClockEntry : SlaveClock {
+    PortTimes times;
+    SyncWatch watch;
+    std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
+    SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
+    bool sync_set = false;
+};
+
+struct Clocks {
+    ClockSettings settings;
+    std::uint16_t reference = 0;    // number of the slave; 0: configure_clocks() has not succeeded
+    std::span<ClockEntry> entries;  // by slave number - 1
+    std::span<DelayNode> nodes;     // by place
+    Time latched_at{};              // when receive times were latched last
+    std::uint64_t system_ns = 0;    // a system time that is known,
+    Time system_at{};               // at this time
+    bool measuring = false;         // receive times are latched, and not all of them are read
+    bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
+    std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
+    bool all_in_sync = false;
+    Time watch_at = Time::min();
+    // Called before a slave is requested to enter SAFEOP; once in each round of the supervision.
+    Task<Result<>> (*prepare)(Network& network, Slave& slave) = nullptr;
+    Task<Result<>> (*watch)(Network& network) = nullptr;
+
+    // The system time at `now`, from the last one that is known.
+    [[nodiscard]] std::uint64_t system_at_ns(Time now) const {
+        return system_ns + static_cast<std::uint64_t>((now - system_at).count());
+    }
+    // The reference clock showed `time_ns` (`wide`: 64 bits of it) in a frame that was queued at `now`.
+    void note_time(std::uint64_t time_ns, bool wide, Time now) {
+        const std::uint64_t about = system_at_ns(now);
+        system_ns = wide ? time_ns : extend_time_ns(static_cast<std::uint32_t>(time_ns), about);
+        system_at = now;
+    }
+    [[nodiscard]] ClockEntry& of(const Slave& slave) { return entries[slave.number - 1U]; }
+    void forget();
+};
+
+// Keeps others from latching receive times while these are read.
+class Measuring {
+  public:
+    explicit Measuring(Clocks& clocks) : clocks_(clocks) { clocks_.measuring = true; }
+    Measuring(const Measuring&) = delete;
+    Measuring& operator=(const Measuring&) = delete;
+    ~Measuring() { clocks_.measuring = false; }
+
+  private:
+    Clocks& clocks_;
+};
+
+[[nodiscard]] constexpr bool is_clock(ClockKind kind) { return kind == ClockKind::bits32 || kind == ClockKind::bits64; }
+
+// See configdc(). Returns the number of the reference clock.
+[[nodiscard]] Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings);
+
+// Gives a slave whose clock was reset delay and offset, as prepare does it, and activates its SYNC signals.
+[[nodiscard]] Task<Result<>> prepare_clock(Network& network, Slave& slave);
+[[nodiscard]] Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync);
+// The registers for settings of the application; invalid_argument when a time does not fit.
+[[nodiscard]] Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks);
+
+[[nodiscard]] Task<Result<>> watch_clocks(Network& network);
+
+// ------------------------------------------------------------------ parts of the sequences
+
+// The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
+[[nodiscard]] bool carry_time_of(Network& network, const Slave* slave);
+// Sends the time of the reference clock to all slaves once, in a frame of its own.
+[[nodiscard]] Task<Result<>> send_time(Network& network);
+// An upper estimate of the differences of all clocks, by one broadcast.
+[[nodiscard]] Task<Result<std::uint32_t>> read_greatest_difference(Network& network);
+// Reads register 0x092C of a slave into its entry.
+[[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
+[[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);
+// Latches the receive times of all slaves; read_receive_times() adds those of one slave to its entry.
+[[nodiscard]] Task<Result<>> latch_receive_times(Network& network);
+[[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave);
+// Computes the delay of every slave from the measurements so far.
+void compute_clock_delays(Network& network);
+// Writes offset and delay of the entry, and starts the control loop of the clock again.
+[[nodiscard]] Task<Result<>> write_clock(Network& network, Slave& slave);
+
+// Writes `bytes` octets of a register. The error names the slave and the register.
+[[nodiscard]] Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint64_t value);
+
+// Starts the control loop of a clock again: it forgets its rate.
+[[nodiscard]] Task<Result<>> reset_control_loop(Station station);
+
+// A slave before the reference in the ring that has a clock; 0: none.
+[[nodiscard]] std::uint16_t clock_before(Network& network, std::uint16_t reference);
+
+}  // namespace margay

@@ -1,0 +1,191 @@
+// Measures distributed clocks in virtual time: how fast the clocks of a segment are in sync, how far they are from each
+// other then, and how far the cycle of the master is from SYNC0. All numbers are against the simulation's true time.
+// Random numbers follow from the seed (first argument); the second argument is the time of each run in seconds (10).
+//
+// Every clock has a drift of up to ±100 ppm that wanders, frames are lost, and the cycle begins up to 10 µs late. For
+// comparison, each segment is also started without the burst and with one measurement, by waiting until the differences
+// are small. The receive times of the simulated chips have the granularity of 1 ns.
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "process_data/io_image.hpp"
+#include "sim/devices.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+#include <margay/master_clock.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <vector>
+
+namespace {
+
+using namespace margay;
+using namespace std::chrono_literals;
+
+enum class Shape { line, tree };
+enum class Way { burst, wait };
+
+struct Row {
+    double in_sync_ms = 0;
+    double most_ns = 0;
+    double rms_ns = 0;
+    double phase_rms_ns = 0;
+    std::uint64_t edges_wrong = 0;
+    bool ok = false;
+};
+
+class Bench {
+  public:
+    Bench(std::uint16_t slaves, Shape shape, double loss, std::uint64_t seed)
+        : slaves_(slaves), random_(seed), nic_(segment_, osal_), ctx_({.slaves = slaves}) {
+        build(shape);
+        loss_ = loss;
+        segment_.power_up(osal_.now());
+    }
+
+    Row run(Way way, Duration duration) {
+        Row row;
+        if (!init(ctx_, nic_, osal_) || !config_init(ctx_)) return row;
+        segment_.set_noise({.lost = loss_, .seed = random_()});
+        for (std::uint16_t n = 1; n <= slaves_; ++n) ctx_.slave(n).config.setup = &setup_;
+        ClockSettings settings{.timeout = 5s};
+        if (way == Way::wait) settings.burst_frames = 0;
+        if (way == Way::wait) settings.measurements = 1;
+        const Time begin = osal_.now();
+        row.ok = configdc(ctx_, settings).ok();
+        row.in_sync_ms = std::chrono::duration<double, std::milli>(osal_.now() - begin).count();
+        if (!config_map(ctx_, image_)) return row;
+        MasterClock clock({.mode = MasterClock::Mode::master_shift, .set_value = -300us, .phase = {}});
+        cycle(clock, 1s, row);  // phase and drift are learned
+        row.most_ns = row.rms_ns = row.phase_rms_ns = 0;
+        const auto cycles = cycle(clock, duration, row);
+        row.rms_ns = std::sqrt(row.rms_ns / (static_cast<double>(cycles) * slaves_));
+        row.phase_rms_ns = std::sqrt(row.phase_rms_ns / static_cast<double>(cycles));
+        for (std::uint16_t n = 1; n <= slaves_; ++n) row.edges_wrong += wrong_edges(n);
+        return row;
+    }
+
+  private:
+    void build(Shape shape) {
+        std::uniform_int_distribution<std::int32_t> drift(-100'000, 100'000);
+        std::uniform_int_distribution<std::int64_t> cable(5, 500);
+        for (std::uint32_t n = 0; n < slaves_; ++n) {
+            auto made = sim::device_from_sii(io_image(8, 8, {.emulation = true}));
+            made.chip = shape == Shape::line ? sim::ip_core() : sim::junction();
+            made.chip.ram_kib = 16;
+            drifts_.push_back(drift(random_));
+            made.chip.clock = {drifts_.back(), random_()};
+            (void)segment_.add(std::move(made).assemble());
+            if (n == 0) {
+                (void)segment_.connect_master({0, 0});
+            } else if (shape == Shape::line) {
+                (void)segment_.connect({n - 1, 1}, {n, 0}, Duration(cable(random_)));
+            } else {  // every slave has up to three others behind it
+                static constexpr std::array<std::uint8_t, 3> kPorts{3, 1, 2};
+                (void)segment_.connect({(n - 1) / 3, kPorts[(n - 1) % 3]}, {n, 0}, Duration(cable(random_)));
+            }
+        }
+    }
+    // Every clock becomes a little faster or slower.
+    void wander() {
+        std::uniform_int_distribution<std::int32_t> step(-20, 20);
+        for (std::uint32_t n = 0; n < slaves_; ++n) {
+            drifts_[n] = std::clamp(drifts_[n] + step(random_), -100'000, 100'000);
+            segment_.slave(n).set_drift(drifts_[n], osal_.now());
+        }
+    }
+    std::uint64_t copy(std::uint16_t slave, Time at) { return segment_.slave(slave - 1U).clock().copy(at); }
+
+    std::uint64_t cycle(MasterClock& clock, Duration duration, Row& row) {
+        std::uniform_int_distribution<std::int64_t> jitter(0, 10'000);
+        const Time end = osal_.now() + duration;
+        if (due_ == Time{}) due_ = osal_.now() + 1ms;
+        std::uint64_t count = 0;
+        for (; due_ < end; ++count) {
+            const Duration late{jitter(random_)};
+            osal_.wait(due_ + late, -1);
+            (void)send_processdata(ctx_);
+            (void)receive_processdata(ctx_, 500us);
+            const Duration earlier = clock.update(ctx_, late);
+            (void)poll(ctx_, osal_.now());
+            if (count % 100 == 0) wander();
+            note(row, clock);
+            due_ += 1ms - earlier;
+        }
+        return count;
+    }
+    void note(Row& row, const MasterClock& clock) {
+        const Time now = osal_.now();
+        const std::uint64_t reference = copy(1, now);
+        std::int64_t least = 0;
+        std::int64_t most = 0;
+        for (std::uint16_t n = 1; n <= slaves_; ++n) {
+            const auto away = static_cast<std::int64_t>(copy(n, now) - reference);
+            least = std::min(least, away);
+            most = std::max(most, away);
+            row.rms_ns += static_cast<double>(away) * static_cast<double>(away);
+        }
+        row.most_ns = std::max(row.most_ns, static_cast<double>(most - least));
+        row.phase_rms_ns += static_cast<double>(clock.error_ns()) * static_cast<double>(clock.error_ns());
+    }
+    // SYNC0 edges since the start time, too many or too few.
+    std::uint64_t wrong_edges(std::uint16_t slave) {
+        segment_.advance(osal_.now());
+        const SlaveClock& clock = slave_clock(ctx_, slave);
+        const std::uint64_t since = copy(slave, osal_.now()) - clock.sync_start_ns;
+        const std::uint64_t wanted = since / 1'000'000 + 1;
+        const std::uint64_t got = segment_.slave(slave - 1U).sync().pulses(0);
+        return got > wanted ? got - wanted : wanted - got;
+    }
+
+    std::uint16_t slaves_;
+    std::mt19937_64 random_;
+    VirtualOsal osal_;
+    sim::Segment segment_;
+    SimulatedNic nic_;
+    HostContext ctx_;
+    std::vector<std::int32_t> drifts_;
+    std::vector<std::byte> image_ = std::vector<std::byte>(4096);
+    SlaveSetup setup_{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
+    double loss_ = 0;
+    Time due_{};
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const std::uint64_t seed = argc > 1 ? std::strtoull(argv[1], nullptr, 0) : 1;
+    const Duration duration = std::chrono::seconds(argc > 2 ? std::atoi(argv[2]) : 10);
+    std::printf("%6s %-5s %5s %-6s %8s %12s %9s %9s %12s %6s\n", "slaves", "shape", "loss", "start", "in sync",
+                "after ms", "max ns", "rms ns", "phase rms ns", "edges");
+    bool kept = true;
+    for (const std::uint16_t slaves : std::array<std::uint16_t, 4>{1, 10, 100, 300}) {
+        for (const Shape shape : {Shape::line, Shape::tree}) {
+            for (const double loss : {0.0, 0.01}) {
+                for (const Way way : {Way::burst, Way::wait}) {
+                    Bench bench(slaves, shape, loss, seed);
+                    const Row row = bench.run(way, duration);
+                    std::printf("%6d %-5s %4.0f%% %-6s %8s %12.0f %9.0f %9.1f %12.0f %6llu\n", slaves,
+                                shape == Shape::line ? "line" : "tree", loss * 100,
+                                way == Way::burst ? "burst" : "wait", row.ok ? "yes" : "NO", row.in_sync_ms,
+                                row.most_ns, row.rms_ns, row.phase_rms_ns,
+                                static_cast<unsigned long long>(row.edges_wrong));
+                    std::fflush(stdout);
+                    if (way == Way::wait) continue;
+                    const double soon = slaves > 100 ? 2000 : 1000;
+                    kept &= row.ok && row.edges_wrong == 0 && row.phase_rms_ns <= 1000 && row.in_sync_ms <= soon &&
+                            row.most_ns <= 100 && row.rms_ns <= 20;
+                }
+            }
+        }
+    }
+    std::printf(
+        "targets: in sync within 1 s (300 slaves: 2 s), max 100 ns, rms 20 ns, phase 1000 ns, no wrong edge: %s\n",
+        kept ? "kept" : "NOT KEPT");
+    return kept ? 0 : 1;
+}

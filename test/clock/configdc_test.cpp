@@ -1,0 +1,171 @@
+// configdc(): which slaves have a clock, delays, offsets, and clocks in sync.
+#include "clock/clock_bus.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using sim::DcUnit;
+
+struct Configdc : testing::Test, ClockBus {};
+
+TEST_F(Configdc, BringsALineInSync) {
+    add_line(6);
+    start();
+    const auto reference = configdc(*ctx, kFewFrames);
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    EXPECT_EQ(*reference, 1);
+    EXPECT_EQ(reference_clock(*ctx), 1);
+    for (std::uint16_t n = 1; n <= 6; ++n) {
+        EXPECT_EQ(clock(n).kind, ClockKind::bits64) << n;
+        EXPECT_TRUE(clock(n).synchronised && clock(n).in_sync) << n;
+        // The last slave turns the frame past a closed port, which costs 20 ns that no register shows: 10 one way.
+        EXPECT_NEAR(static_cast<double>(clock(n).delay_ns), static_cast<double>((n - 1) * kHop_ns), 11) << n;
+        EXPECT_EQ(register_of<std::uint32_t>(n, wire::reg::kSystemTimeDelay), clock(n).delay_ns) << n;
+    }
+    EXPECT_LE(greatest_error_ns(6), 250);
+    const auto shown = segment.slave(0).clock().copy(osal.now());
+    const auto time = static_cast<std::uint64_t>(osal.now().time_since_epoch().count());
+    EXPECT_NEAR(static_cast<double>(shown), static_cast<double>(time), 200'000)
+        << "system time is the time of the osal";
+}
+
+TEST_F(Configdc, SystemTimeBeginsWhereTheCallerSays) {
+    add_line(2);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.system_time_at_zero = std::chrono::hours(24 * 365 * 20);
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    const auto years = std::chrono::nanoseconds(static_cast<std::int64_t>(segment.slave(1).clock().copy(osal.now())));
+    EXPECT_EQ(std::chrono::duration_cast<std::chrono::hours>(years).count(), 24 * 365 * 20);
+}
+
+// A clock of 32 bits among others, a slave with receive times only, a slave without both whose features register
+// promises a clock, and a clock that its features register denies.
+TEST_F(Configdc, AsksTheRegistersNotTheFeatures) {
+    add({.unit = DcUnit::receive_times});
+    add({.drift_ppb = 40'000, .start_ns = 0x1'8000'0000});
+    add({.unit = DcUnit::none, .features = 0x01CC});
+    add({.drift_ppb = -60'000, .start_ns = 0xFFFF'0000, .unit = DcUnit::bits32, .features = 0x01CC});
+    add({.start_ns = 77, .features = 0x01C0});
+    start();
+    const auto reference = configdc(*ctx, kFewFrames);
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    EXPECT_EQ(*reference, 2) << "the first that runs";
+    EXPECT_EQ(clock(1).kind, ClockKind::receive_times);
+    EXPECT_EQ(clock(2).kind, ClockKind::bits64);
+    EXPECT_EQ(clock(3).kind, ClockKind::none);
+    EXPECT_EQ(clock(4).kind, ClockKind::bits32);
+    EXPECT_EQ(clock(5).kind, ClockKind::bits64);
+    EXPECT_FALSE(clock(1).synchronised);
+    EXPECT_FALSE(clock(3).synchronised);
+    // Slave 3 is cable: half of the asymmetry of its own is not known.
+    EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), 2.0 * kHop_ns, 50);
+    EXPECT_LE(std::abs(static_cast<std::int32_t>(static_cast<std::uint32_t>(ahead_ns(4, 2)))), 300);
+    EXPECT_LE(std::abs(ahead_ns(5, 2)), 300);
+    EXPECT_EQ(ctx->slave(3).dl.dc, false);
+    EXPECT_EQ(ctx->slave(5).dl.dc, true);
+}
+
+TEST_F(Configdc, ATreeWithBranches) {
+    const auto junction = [this](std::int32_t drift) {
+        auto made = clocked({.drift_ppb = drift, .start_ns = 0xFFFF'FFFF'0000'0000});
+        made.chip.ports = sim::junction().ports;
+        return segment.add(std::move(made).assemble());
+    };
+    const auto root = junction(20'000);
+    ASSERT_TRUE(segment.connect_master({root, 0}));
+    const auto a = junction(-90'000);
+    const auto b = junction(80'000);
+    const auto c = junction(1'000);
+    const auto d = junction(0);
+    ASSERT_TRUE(segment.connect({root, 3}, {a, 0}, 300ns));
+    ASSERT_TRUE(segment.connect({root, 1}, {b, 0}, 900ns));
+    ASSERT_TRUE(segment.connect({root, 2}, {c, 0}, 100ns));
+    ASSERT_TRUE(segment.connect({b, 3}, {d, 0}, 2000ns));
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_LE(greatest_error_ns(5), 300);
+}
+
+TEST_F(Configdc, WithoutAnyClockSaysSo) {
+    add({.unit = DcUnit::none});
+    add({.unit = DcUnit::receive_times});
+    start();
+    const auto reference = configdc(*ctx, kFewFrames);
+    EXPECT_EQ(reference.error().code, Errc::no_clock);
+    EXPECT_EQ(words(reference.error()), "synchronising the clocks: no clock that runs");
+    EXPECT_EQ(reference_clock(*ctx), 0);
+}
+
+TEST_F(Configdc, WithOneClockIsInSync) {
+    add({.unit = DcUnit::none});
+    add({.drift_ppb = 100'000});
+    start();
+    const auto reference = configdc(*ctx, kFewFrames);
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    EXPECT_EQ(*reference, 2);
+}
+
+TEST_F(Configdc, AClockBeforeTheReferenceIsRefused) {
+    add({.unit = DcUnit::none});
+    add_line(0);
+    add({});
+    add({});
+    start();
+    const auto reference = configdc(*ctx, {.reference = 3, .burst_frames = 100});
+    EXPECT_EQ(reference.error().code, Errc::clock_before_reference);
+    EXPECT_EQ(
+        words(reference.error()),
+        "slave 3: synchronising the clocks: a slave before the reference clock in the ring has a clock, which the "
+        "reference cannot synchronise (slave 2)");
+    EXPECT_EQ(configdc(*ctx, {.reference = 1, .burst_frames = 100}).error().code, Errc::no_clock);
+    EXPECT_TRUE(configdc(*ctx, {.reference = 2, .burst_frames = 100}).ok());
+    ctx->group(0).config.dc_reference = 3;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::clock_before_reference);
+    EXPECT_EQ(mapped.error().slave, 3);
+    EXPECT_EQ(mapped.error().expected, 2U);
+}
+
+// 2000 ppm: beyond what a chip can follow. The slave is named with its difference, and the other clocks are in sync.
+TEST_F(Configdc, AClockThatCannotFollowIsNamed) {
+    add({});
+    add({.drift_ppb = 2'000'000});
+    add({.drift_ppb = 50'000});
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.timeout = 500ms;
+    const auto reference = configdc(*ctx, settings);
+    EXPECT_EQ(reference.error().code, Errc::not_in_sync);
+    EXPECT_EQ(reference.error().slave, 2);
+    EXPECT_NE(words(reference.error()).find("ns ahead, the limit is 200 ns"), std::string::npos)
+        << words(reference.error());
+    EXPECT_LE(std::abs(ahead_ns(3)), 300);
+    EXPECT_EQ(reference_clock(*ctx), 1);
+}
+
+TEST_F(Configdc, SettingsOutOfRangeAreRefused) {
+    add_line(1);
+    start();
+    EXPECT_EQ(configdc(*ctx, {.measurements = 0}).error().code, Errc::invalid_argument);
+    EXPECT_EQ(configdc(*ctx, {.burst_bulk = 0}).error().code, Errc::invalid_argument);
+    EXPECT_EQ(configdc(*ctx, {.cycle = 0ms}).error().code, Errc::invalid_argument);
+    EXPECT_EQ(configdc(*ctx, {.start_delay = -1ms}).error().code, Errc::invalid_argument);
+    EXPECT_EQ(configdc(*ctx, {.reference = 9}).error().code, Errc::unknown_slave);
+    HostContext empty({.slaves = 1});
+    EXPECT_EQ(configdc(empty).error().code, Errc::wrong_state);
+}
+
+TEST_F(Configdc, EndsWhenFramesAreLost) {
+    add_line(3);
+    start();
+    segment.set_noise({.lost = 0.01, .seed = 3});
+    const auto reference = configdc(*ctx, kFewFrames);
+    EXPECT_TRUE(reference.ok()) << words(reference.error());
+    segment.set_power(1, false, osal.now());
+    EXPECT_FALSE(configdc(*ctx, kFewFrames).ok());
+}
+
+}  // namespace
+}  // namespace margay

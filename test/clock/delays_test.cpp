@@ -1,0 +1,267 @@
+// Propagation delays. The receive times of each test follow by hand from the delays that the test names.
+#include "clock/delays.hpp"
+#include <places.hpp>
+#include "network/topology.hpp"
+#include "oshw/pcap/capture_file.hpp"
+#include "wire/datagram.hpp"
+#include "wire/esc.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+
+namespace margay {
+namespace {
+
+// A ring of slaves whose receive times the test gives.
+class Ring {
+  public:
+    static constexpr std::uint16_t kProcessing = 40;
+    std::vector<PortTimes> times = std::vector<PortTimes>(16);
+    std::vector<DelayNode> nodes;
+
+    // `ports`: since the arrival at the entry port; a port that is not listed has no neighbour.
+    void add(std::uint16_t parent, std::uint8_t parent_port, const std::map<unsigned, std::uint32_t>& ports,
+             std::uint8_t entry = 0, std::uint32_t start_ns = 1000) {
+        DelayNode node{.parent = parent, .parent_port = parent_port, .entry_port = entry, .processing_ns = kProcessing};
+        ReceiveTimes latched;
+        latched.port_ns.fill(0xDEADBEEF);
+        latched.port_ns[entry] = start_ns;
+        for (const auto& [port, since] : ports) {
+            latched.port_ns[port] = start_ns + since;
+            node.neighbours = static_cast<std::uint8_t>(node.neighbours | 1U << port);
+        }
+        PortTimes& mine = times[nodes.size()];
+        mine.add(latched, entry);
+        node.times = &mine;
+        nodes.push_back(node);
+    }
+    void add_without_times(std::uint16_t parent, std::uint8_t parent_port) {
+        nodes.push_back({.parent = parent, .parent_port = parent_port});
+    }
+    std::int64_t delay(std::size_t place, std::size_t reference = 1) {
+        compute_delays(nodes);
+        return delay_between_ns(nodes[reference - 1], nodes[place - 1]);
+    }
+};
+
+// Every slave needs 140 ns through its processing unit and 100 ns without it; the cables need 500 and 300 ns. So the
+// frame is at B after 140 + 500 = 640 and at C after 640 + 140 + 300 = 1080. C turns it (140); it is back at B at 1520
+// and, after 100 through B, at A at 2120.
+TEST(Delays, OfALine) {
+    Ring ring;
+    ring.add(0, 0, {{1, 2120}});
+    ring.add(1, 1, {{1, 1520 - 640}});
+    ring.add(2, 1, {});
+    EXPECT_EQ(ring.delay(1), 0);
+    EXPECT_EQ(ring.delay(2), 640);
+    EXPECT_EQ(ring.delay(3), 1080);
+    EXPECT_EQ(ring.delay(1, 2), -640) << "before the reference";
+    EXPECT_EQ(ring.delay(3, 2), 440);
+}
+
+// A junction: the frame leaves by port 3, then 1, then 2. X is there after 140 + 200 = 340, turns the frame, which is
+// back at port 3 after 680; 100 further, and after 400 of cable, at Y at 1180; back at port 1 at 1720; 100 further, and
+// after 50 of cable, at Z at 1870; back at port 2 at 2060.
+TEST(Delays, OfAStar) {
+    Ring ring;
+    ring.add(0, 0, {{3, 680}, {1, 1720}, {2, 2060}});
+    ring.add(1, 3, {});
+    ring.add(1, 1, {});
+    ring.add(1, 2, {});
+    EXPECT_EQ(ring.delay(2), 340);
+    EXPECT_EQ(ring.delay(3), 1180);
+    EXPECT_EQ(ring.delay(4), 1870);
+}
+
+// A drop line: a trunk slave with a slave at port 3 and the rest of the trunk at port 1. D turns at 140 + 100 + 140 =
+// 380: back at 480. The trunk goes on at 580 with 1000 of cable: 1580; turned at 1720, back at 2720.
+TEST(Delays, OfADropLine) {
+    Ring ring;
+    ring.add(0, 0, {{1, 140 + 300 + (2720 + 100) + 300}});
+    ring.add(1, 1, {{3, 480}, {1, 2720}});
+    ring.add(2, 3, {});
+    ring.add(2, 1, {});
+    EXPECT_EQ(ring.delay(2), 440);
+    EXPECT_EQ(ring.delay(3), 440 + 240);
+    EXPECT_EQ(ring.delay(4), 440 + 1580);
+}
+
+// B has no receive times. Its own 140 and 100 ns count as cable: half of 140 + 100 + 2 · 500 + 2 · 300 each way.
+TEST(Delays, PastASlaveWithoutReceiveTimes) {
+    Ring ring;
+    ring.add(0, 0, {{1, 2120}});
+    ring.add_without_times(1, 1);
+    ring.add(2, 1, {});
+    // (2120 - 40 - 40) / 2 + 40: the asymmetry of B (40 / 2) is not known.
+    EXPECT_EQ(ring.delay(3), 1060);
+}
+
+// A junction without receive times, with two slaves behind it: the three cables count equally. 140 to leave A, three
+// times 600, and twice 140 to turn.
+TEST(Delays, BehindAJunctionWithoutReceiveTimes) {
+    Ring ring;
+    ring.add(0, 0, {{1, 140 + 600 + 140 + 600 + 140 + 600}});
+    ring.add_without_times(1, 1);
+    ring.add(2, 3, {});
+    ring.add(2, 1, {});
+    // The 100 ns that every pass has count as cable: (2220 - 3 · 40) / 3 = 700 each.
+    EXPECT_EQ(ring.delay(3), 40 + 700);
+    EXPECT_EQ(ring.delay(4), 40 + 700 + 40 + 700);
+}
+
+TEST(Delays, OfTheFirstSlaveWithTimesAfterOneWithout) {
+    Ring ring;
+    ring.add_without_times(0, 0);
+    ring.add(1, 1, {{1, 140 + 500 + 140 + 500}});
+    ring.add(2, 1, {});
+    EXPECT_EQ(ring.delay(3, 2), 640);
+}
+
+// B is connected by its port 1, and nothing is at its port 0: the frame passes its processing unit 60 ns after the
+// arrival, as register 0x0918 shows.
+TEST(Delays, ByAnotherEntryPort) {
+    Ring ring;
+    ring.add(0, 0, {{1, 140 + 500 + 140 + 500}});
+    ReceiveTimes latched{.port_ns = {7, 5000, 7, 7}, .processing_ns = 5060, .has_processing = true};
+    ring.times[1].add(latched, 1);
+    ring.nodes.push_back(
+        {.parent = 1, .parent_port = 1, .entry_port = 1, .processing_ns = 40, .times = &ring.times[1]});
+    EXPECT_EQ(ring.delay(2), 640 + 60);
+}
+
+// The last slave of a ring that is closed to a second NIC: its port 1 is open, but no slave is there. The time of this
+// port is old and counts for nothing.
+TEST(Delays, OfTheLastSlaveInAClosedRing) {
+    Ring ring;
+    ring.add(0, 0, {{1, 140 + 500 + 140 + 500}});
+    ring.add(1, 1, {});
+    EXPECT_EQ(ring.delay(2), 640);
+}
+
+TEST(Delays, WhenTheTimesWrap) {
+    for (const std::uint32_t start : {0xFFFF'FFFFU, 0xFFFF'FC00U, 0U, 0x7FFF'FF00U}) {
+        Ring ring;
+        ring.add(0, 0, {{1, 2120}}, 0, start);
+        ring.add(1, 1, {{1, 880}}, 0, start - 100);
+        ring.add(2, 1, {}, 0, start + 5);
+        EXPECT_EQ(ring.delay(3), 1080) << start;
+    }
+}
+
+// A real chip counts in steps of 10 ns, and the frame comes up to 5 ns earlier or later.
+TEST(Delays, AreTheMeanOfSeveralMeasurements) {
+    Ring ring;
+    ring.add(0, 0, {{1, 2120}});
+    ring.add(1, 1, {});
+    ring.times[0].clear();
+    for (const std::uint32_t away : {1280U, 1290U, 1270U, 1290U, 1270U, 1280U})
+        ring.times[0].add({.port_ns = {0xFFFF'FFF0U, 0xFFFF'FFF0U + away, 0, 0}}, 0);
+    EXPECT_EQ(ring.times[0].count(), 6);
+    EXPECT_EQ(ring.delay(2), 640);
+}
+
+// 300 slaves: the halves of odd sums do not add up.
+TEST(Delays, OfALongLineAreNotRoundedAtEachSlave) {
+    std::vector<PortTimes> times(300);
+    std::vector<DelayNode> nodes(300);
+    std::uint32_t away = 0;  // of the slave that the loop is at, from the last one on
+    for (std::size_t n = 300; n-- > 0;) {
+        times[n].add({.port_ns = {1, 1 + away, 0, 0}}, 0);
+        nodes[n] = {.parent = static_cast<std::uint16_t>(n), .parent_port = 1, .processing_ns = 40, .times = &times[n]};
+        if (n != 299) nodes[n].neighbours = 2;
+        away += 140 + 100 + 2 * 75 + (n == 299 ? 40U : 0U) + 1;  // an odd sum
+    }
+    compute_delays(nodes);
+    EXPECT_EQ(delay_between_ns(nodes[0], nodes[299]), (299 * 431 + 1) / 2);
+}
+
+// What a slave tells may contradict itself: nothing follows but wrong numbers.
+TEST(Delays, OfNonsenseAreFinite) {
+    Ring ring;
+    ring.add(2, 3, {{1, 0xFFFF'0000}});
+    ring.add(1, 1, {{0, 5}, {2, 3}}, 3);
+    ring.add(9, 1, {{1, 1}});
+    compute_delays(ring.nodes);
+    for (const DelayNode& node : ring.nodes) EXPECT_LT(std::abs(node.passed_ps), 1'000'000'000'000'000) << node.parent;
+}
+
+// ------------------------------------------------------------------ a recording of real slaves
+
+struct Recorded {
+    ReceiveTimes times;
+    std::uint16_t dl_status = 0;
+    std::uint32_t written_delay_ns = 0;  // by ethercrab, where the slave has the register
+    bool has_clock = false;
+};
+
+std::array<Recorded, 3> recorded(const std::string& path) {
+    std::array<Recorded, 3> slaves;
+    CaptureFile capture;
+    EXPECT_TRUE(capture.load(path).ok()) << capture.problem();
+    for (const CapturedFrame& frame : capture.frames()) {
+        if (!frame.reply) continue;
+        wire::DatagramReader reader(capture.bytes(frame));
+        while (const auto d = reader.next()) {
+            const wire::DatagramAddress address = d->header.address;
+            const auto n = static_cast<std::size_t>(address.adp() - 0x1000);
+            if (n >= slaves.size() || d->wkc != 1) continue;
+            const bool read = d->header.command == wire::Command::FPRD;
+            if (read && address.ado() == wire::reg::kDlStatus.address)
+                slaves[n].dl_status = load_le<std::uint16_t>(d->data);
+            if (read && address.ado() == wire::reg::kPortReceiveTime.address)
+                for (unsigned p = 0; p < 4; ++p) slaves[n].times.port_ns[p] = load_le<std::uint32_t>(d->data, 4 * p);
+            if (read && address.ado() == wire::reg::kProcessingUnitReceiveTime.address) {
+                slaves[n].times.processing_ns = load_le<std::uint32_t>(d->data);
+                slaves[n].times.has_processing = true;
+            }
+            if (!read && address.ado() == wire::reg::kSystemTimeDelay.address) {
+                slaves[n].written_delay_ns = load_le<std::uint32_t>(d->data);
+                slaves[n].has_clock = true;
+            }
+        }
+    }
+    return slaves;
+}
+
+// EK1100, EL2828 (receive times, and no clock), EL2889. By hand: the frame was away from the EK1100 for 0x3C6211AA -
+// 0x3C620F52 = 600 ns, and from the EL2828 for 0x3D0BD7E4 - 0x3D0BD6AE = 310 ns. So the cables (with all that is in
+// them) take (600 - 310) / 2 = 145 and 310 / 2 = 155 ns one way: 300 together, which is what ethercrab has written. A
+// processing unit that takes 40 ns longer than the way back adds half of that at the EK1100, where the way back is
+// without it; behind the EL2828 both ways have one.
+TEST(DelaysRecorded, OfRealSlaves) {
+    const std::string path = std::string(MARGAY_CAPTURES_DIR) + "/replay-dc.pcapng";
+    if (!std::filesystem::exists(path)) GTEST_SKIP() << "no captures of real segments";
+    const auto slaves = recorded(path);
+    EXPECT_EQ(slaves[0].times.port_ns[1] - slaves[0].times.port_ns[0], 600U);
+    EXPECT_EQ(slaves[1].times.port_ns[1] - slaves[1].times.port_ns[0], 310U);
+    EXPECT_FALSE(slaves[1].has_clock);
+    EXPECT_EQ(slaves[2].written_delay_ns, 300U);
+
+    std::array<RingPlace, 3> places;
+    for (std::size_t n = 0; n < 3; ++n)
+        places[n] = {.slave = static_cast<std::uint16_t>(n + 1), .dl_status = slaves[n].dl_status};
+    ASSERT_TRUE(find_topology(places).ok());
+    for (const std::uint16_t processing : {std::uint16_t{0}, std::uint16_t{40}}) {
+        std::array<PortTimes, 3> times;
+        std::array<DelayNode, 3> nodes;
+        for (std::size_t n = 0; n < 3; ++n) {
+            times[n].add(slaves[n].times, places[n].entry_port);
+            nodes[n] = {.parent = places[n].parent,
+                        .parent_port = places[n].parent_port,
+                        .entry_port = places[n].entry_port,
+                        .processing_ns = processing,
+                        .times = &times[n]};
+            for (unsigned p = 0; p < 4; ++p)
+                if (p != places[n].entry_port && places[n].ports[p].neighbour != 0)
+                    nodes[n].neighbours = static_cast<std::uint8_t>(nodes[n].neighbours | 1U << p);
+        }
+        compute_delays(nodes);
+        EXPECT_EQ(delay_between_ns(nodes[0], nodes[1]), 145 + processing / 2);
+        EXPECT_EQ(delay_between_ns(nodes[0], nodes[2]), 300 + processing / 2);
+    }
+}
+
+}  // namespace
+}  // namespace margay

@@ -1,0 +1,139 @@
+// The master's clock against the reference clock: master shift, bus shift, and the time of the master as reference.
+#include "clock/clock_bus.hpp"
+#include "osal/cyclic_schedule.hpp"
+
+#include <margay/master_clock.hpp>
+
+#include <cmath>
+#include <random>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(CyclicScheduleShift, MovesAllFurtherDeadlines) {
+    CyclicSchedule schedule(1ms, 0us);
+    schedule.start(Time{10ms});
+    const Time first = schedule.deadline();
+    EXPECT_EQ(schedule.wake(first).deadline, first);
+    schedule.shift(-30us);
+    EXPECT_EQ(schedule.deadline(), first + 970us);
+    const CyclicTick tick = schedule.wake(first + 975us);
+    EXPECT_EQ(tick.lateness, 5us);
+    EXPECT_EQ(schedule.deadline(), first + 1970us);
+}
+
+// A segment whose reference clock drifts against the master, and a cycle with jitter.
+struct MasterClockTest : testing::Test, ClockBus {
+    std::mt19937 random{1};
+    std::int64_t jitter_ns = 10'000;
+    Time due{};
+    double squares = 0;
+    int counted = 0;
+    double most = 0;
+
+    void bring_up(std::int32_t drift_ppb, bool others = true) {
+        add({.drift_ppb = drift_ppb, .start_ns = 99});
+        if (others) add({.drift_ppb = -30'000});
+        if (others) add({.drift_ppb = 50'000, .start_ns = 0x7'1234'5678});
+        start();
+        const auto reference = configdc(*ctx, {.burst_frames = 300});
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        due = osal.now() + 10ms;
+    }
+    // When the frame that is sent at `due` passes the reference clock, against the whole milliseconds of its time.
+    double phase_at_due() {
+        const std::uint64_t shown = segment.slave(0).clock().copy(osal.now());
+        const auto then = shown - static_cast<std::uint64_t>((osal.now() - due).count());
+        const auto into = static_cast<std::int64_t>(then % 1'000'000);
+        return static_cast<double>(into > 500'000 ? into - 1'000'000 : into);
+    }
+    void run_cycles(MasterClock& clock, int count, double set_value_ns = 0) {
+        std::uniform_int_distribution<std::int64_t> jitter(0, jitter_ns);
+        for (int n = 0; n < count; ++n) {
+            const Duration late{jitter(random)};
+            osal.wait(due + late, -1);
+            ASSERT_TRUE(send_processdata(*ctx).ok());
+            (void)receive_processdata(*ctx, reply_timeout);
+            const double error = phase_at_due() - set_value_ns;
+            squares += error * error;
+            most = std::max(most, std::abs(error));
+            ++counted;
+            const Duration earlier = clock.update(*ctx, late);
+            (void)poll(*ctx, osal.now());
+            due += 1ms - earlier;
+        }
+    }
+    void forget() { squares = most = counted = 0; }
+    double rms() const { return std::sqrt(squares / counted); }
+};
+
+TEST_F(MasterClockTest, TheCycleFollowsTheReferenceClock) {
+    bring_up(80'000);
+    MasterClock clock(
+        {.mode = MasterClock::Mode::master_shift, .set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
+    EXPECT_EQ(clock.state(), PhaseState::idle);
+    run_cycles(clock, 200, -200'000);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    forget();
+    run_cycles(clock, 5000, -200'000);
+    EXPECT_LE(rms(), 1000) << "the target: 1 µs at 10 µs of jitter";
+    EXPECT_LE(most, 1000);
+    EXPECT_NEAR(clock.drift_ppb(), 80'000, 3'000);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    EXPECT_LE(clock.error_ns(), 1000);
+    EXPECT_LE(greatest_error_ns(3), 100);
+}
+
+TEST_F(MasterClockTest, TheReferenceClockFollowsTheCycle) {
+    bring_up(-60'000);
+    MasterClock clock({.mode = MasterClock::Mode::bus_shift, .phase = {.cycle = 1ms, .settle = 100ms}});
+    run_cycles(clock, 4000);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+    forget();
+    const Time begin = osal.now();
+    const std::uint64_t shown = segment.slave(0).clock().copy(begin);
+    run_cycles(clock, 5000);
+    EXPECT_LE(rms(), 1000);
+    EXPECT_LE(most, 2000);
+    EXPECT_NEAR(static_cast<double>(segment.slave(0).clock().copy(osal.now()) - shown),
+                static_cast<double>((osal.now() - begin).count()), 2000)
+        << "the reference clock runs at the rate of the master";
+    EXPECT_LE(greatest_error_ns(3), 100) << "and the other clocks follow it";
+}
+
+TEST_F(MasterClockTest, TheTimeOfTheMasterIsTheReference) {
+    bring_up(40'000);
+    jitter_ns = 0;
+    MasterClock clock({.mode = MasterClock::Mode::master_reference, .phase = {.cycle = 1ms}});
+    run_cycles(clock, 3000);
+    const Time begin = osal.now();
+    const std::uint64_t shown = segment.slave(0).clock().copy(begin);
+    run_cycles(clock, 5000);
+    EXPECT_NEAR(static_cast<double>(segment.slave(0).clock().copy(osal.now()) - shown),
+                static_cast<double>((osal.now() - begin).count()), 1000);
+    EXPECT_LE(greatest_error_ns(3), 200);
+}
+
+TEST_F(MasterClockTest, ADriftThatIsTooHighIsSaid) {
+    bring_up(800'000, false);
+    MasterClock clock({.mode = MasterClock::Mode::master_shift, .phase = {.cycle = 1ms}});
+    run_cycles(clock, 500);
+    EXPECT_EQ(clock.state(), PhaseState::drift_too_high);
+    EXPECT_EQ(to_text(clock.state()), "the drift between both clocks is too high");
+}
+
+TEST_F(MasterClockTest, CyclesThatAreLostKeepTheRate) {
+    bring_up(50'000);
+    MasterClock clock({.mode = MasterClock::Mode::master_shift, .phase = {.cycle = 1ms}});
+    run_cycles(clock, 1000);
+    segment.set_noise({.lost = 0.05, .seed = 5});
+    forget();
+    run_cycles(clock, 3000);
+    EXPECT_LE(most, 1500);
+}
+
+}  // namespace
+}  // namespace margay

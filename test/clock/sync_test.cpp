@@ -1,0 +1,236 @@
+// SYNC signals: activated on a grid, before SAFEOP, and again when a slave comes back; clocks watched, and a reference
+// that is lost.
+#include "clock/clock_bus.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using sim::DcUnit;
+
+struct Sync : testing::Test, ClockBus {
+    SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
+
+    // Slaves in a line, clocks in sync, SYNC0 every millisecond.
+    void bring_up(unsigned slaves) {
+        add_line(slaves);
+        start();
+        const auto reference = configdc(*ctx, kFewFrames);
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        for (std::uint16_t n = 1; n <= slaves; ++n) ctx->slave(n).config.setup = &every_ms;
+    }
+    std::uint64_t pulses(std::uint16_t slave, unsigned signal = 0) {
+        segment.advance(osal.now());
+        return segment.slave(slave - 1U).sync().pulses(signal);
+    }
+    // The time of the next SYNC0 of a slave within its cycle, in system time.
+    std::uint64_t phase_ns(std::uint16_t slave, std::uint64_t cycle = 1'000'000) {
+        return register_of<std::uint64_t>(slave, wire::reg::kSyncStartTime) % cycle;
+    }
+};
+
+TEST_F(Sync, IsActiveBeforeTheSlaveChecksIt) {
+    bring_up(4);
+    SlaveSetup shifted = every_ms;
+    shifted.dc.shift = -100us;
+    shifted.dc.assign_activate = 0x0700;
+    shifted.dc.sync1_cycle = 250us;
+    ctx->slave(3).config.setup = &shifted;
+    const std::uint64_t before = segment.slave(0).clock().copy(osal.now());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(ctx->group(0).dc_time.value, 0U);
+    for (std::uint16_t n = 1; n <= 4; ++n) {
+        EXPECT_EQ(ctx->slave(n).al.state, AlState::safeop) << n;
+        EXPECT_TRUE(clock(n).sync_active) << n;
+        EXPECT_GE(clock(n).sync_start_ns, before + 100'000'000U) << "in the future";
+        EXPECT_LE(clock(n).sync_start_ns, before + 130'000'000U);
+        EXPECT_EQ(clock(n).sync_start_ns % 1'000'000, n == 3 ? 900'000U : 0U) << n;
+        EXPECT_EQ(register_of<std::uint16_t>(n, wire::reg::kCyclicUnitControl), n == 3 ? 0x0700 : 0x0300) << n;
+        EXPECT_EQ(register_of<std::uint32_t>(n, wire::reg::kSync0CycleTime), 1'000'000U) << n;
+        EXPECT_EQ(register_of<std::uint32_t>(n, wire::reg::kSync1CycleTime), n == 3 ? 250'000U : 0U) << n;
+        EXPECT_EQ(pulses(n), 0U) << n;
+    }
+    cycles(300);
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 4) << "the cycle carries the time of the reference clock by itself";
+    EXPECT_LE(greatest_error_ns(4), 100);
+    for (std::uint16_t n = 1; n <= 4; ++n) {
+        EXPECT_NEAR(static_cast<double>(pulses(n)), static_cast<double>(pulses(1)), 1) << n;
+        EXPECT_EQ(phase_ns(n), n == 3 ? 900'000U : 0U) << n;
+    }
+    EXPECT_EQ(pulses(1, 1), 0U);
+    EXPECT_NEAR(static_cast<double>(pulses(3, 1)), static_cast<double>(pulses(3)), 1);
+}
+
+TEST_F(Sync, OnTheGridOfTheCaller) {
+    add_line(3);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.start_grid = 8ms;
+    settings.start_delay = 20ms;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ASSERT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
+    osal.advance(3ms);
+    ASSERT_TRUE(dcsync0(*ctx, 2, true, 2ms, 30us).ok());
+    osal.advance(3ms);
+    ASSERT_TRUE(dcsync01(*ctx, 3, true, 500us, 1500us, -30us).ok());
+    EXPECT_EQ(clock(1).sync_start_ns % 8'000'000, 0U);
+    EXPECT_EQ(clock(2).sync_start_ns % 8'000'000, 30'000U);
+    EXPECT_EQ(clock(3).sync_start_ns % 8'000'000, 7'970'000U);
+    ASSERT_TRUE(dcsync0(*ctx, 2, false, 0ms).ok());
+    EXPECT_FALSE(clock(2).sync_active);
+    EXPECT_EQ(register_of<std::uint8_t>(2, wire::reg::kSyncActivation), 0);
+}
+
+TEST_F(Sync, MistakesAreNamed) {
+    add({});
+    add({.unit = DcUnit::receive_times});
+    start();
+    EXPECT_EQ(words(dcsync0(*ctx, 1, true, 1ms).error()),
+              "slave 1: activating SYNC: not possible in this state (call configdc() before)");
+    ctx->slave(1).config.setup = &every_ms;
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::wrong_state);
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    EXPECT_EQ(words(dcsync0(*ctx, 2, true, 1ms).error()), "slave 2: activating SYNC: no clock that runs");
+    EXPECT_EQ(dcsync0(*ctx, 1, true, -1ms).error().code, Errc::invalid_argument);
+    EXPECT_EQ(dcsync0(*ctx, 1, true, 5s).error().code, Errc::invalid_argument);
+    EXPECT_EQ(dcsync01(*ctx, 1, true, 1ms, -1ms).error().code, Errc::invalid_argument);
+    EXPECT_EQ(dcsync0(*ctx, 7, true, 1ms).error().code, Errc::unknown_slave);
+    ctx->slave(2).config.setup = &every_ms;
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_EQ(mapped.error().code, Errc::no_clock);
+    EXPECT_EQ(mapped.error().slave, 2) << "and slave 1 is in SAFEOP";
+    EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
+}
+
+// Slave 3 loses its power and comes back with a clock that begins anew: delay, offset and SYNC in the old phase. The
+// other clocks stay in sync, and their SYNC0 goes on.
+TEST_F(Sync, ASlaveThatComesBackHasItsOldPhase) {
+    bring_up(4);
+    run();
+    cycles(500);
+    (void)events();
+    const auto delay = clock(3).delay_ns;
+    power(2, false);
+    cycles(50);
+    const std::uint64_t others = pulses(2);
+    power(2, true);
+    ASSERT_TRUE(until([&] { return in_op(3) && in_op(4); }, 1500)) << joined(events());
+    cycles(300);
+    EXPECT_TRUE(clock(3).sync_active);
+    EXPECT_EQ(clock(3).delay_ns, delay);
+    EXPECT_EQ(register_of<std::uint32_t>(3, wire::reg::kSystemTimeDelay), delay);
+    EXPECT_EQ(phase_ns(3), 0U);
+    EXPECT_LE(greatest_error_ns(4), 150);
+    EXPECT_TRUE(clock(3).in_sync);
+    const auto all = events();
+    EXPECT_EQ(told(all, "slave 1: clock"), 0) << joined(all);
+    EXPECT_EQ(told(all, "slave 2: clock"), 0) << joined(all);
+    EXPECT_GT(pulses(2), others + 300);
+}
+
+TEST_F(Sync, AClockThatLeavesTheLimitIsReported) {
+    bring_up(3);
+    run();
+    cycles(300);
+    EXPECT_TRUE(clock(3).in_sync);
+    (void)events();
+    segment.slave(2).set_drift(3'000'000, osal.now());
+    cycles(100);
+    auto all = events();
+    EXPECT_EQ(told(all, "slave 3: clock out of sync, "), 1) << joined(all);
+    EXPECT_EQ(told(all, " ns ahead (limit 200 ns)"), 1) << joined(all);
+    EXPECT_EQ(told(all, "slave 2: clock"), 0) << joined(all);
+    EXPECT_FALSE(clock(3).in_sync);
+    EXPECT_GT(clock(3).difference_ns, 200);
+    segment.slave(2).set_drift(10'000, osal.now());
+    cycles(3000);
+    all = events();
+    EXPECT_EQ(told(all, "slave 3: clock in sync, "), 1) << joined(all);
+    EXPECT_TRUE(clock(3).in_sync);
+}
+
+// The slave with the reference clock loses its power. The next clock takes over, and when the lost slave is back, it is
+// the reference again. Without the lost slave the frame is at slave 4 earlier by its way to slave 3 and back (1.7 µs):
+// one comparison is wrong by that, until the cycle stops to carry the time. The control loops of the clocks that are
+// left need some tenths of a second to be together again.
+TEST_F(Sync, TheNextClockTakesOver) {
+    segment.add(clocked({.unit = DcUnit::none}).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    const auto hang = [this](std::uint32_t at, std::uint8_t port, std::int32_t drift) {
+        auto made = clocked({.drift_ppb = drift, .start_ns = at * 12345});
+        made.chip.ports = sim::junction().ports;
+        const auto n = segment.add(std::move(made).assemble());
+        EXPECT_TRUE(segment.connect({at, port}, {n, 0}, kCable));
+    };
+    auto root = clocked({.unit = DcUnit::receive_times});
+    root.chip.ports = sim::junction().ports;
+    const auto fork = segment.add(std::move(root).assemble());
+    ASSERT_TRUE(segment.connect({0, 1}, {fork, 0}));
+    hang(fork, 3, 30'000);   // slave 3: the reference
+    hang(fork, 1, -50'000);  // slave 4
+    hang(3, 1, 90'000);      // slave 5
+    start();
+    const auto reference = configdc(*ctx, kFewFrames);
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    ASSERT_EQ(*reference, 3);
+    for (std::uint16_t n = 3; n <= 5; ++n) ctx->slave(n).config.setup = &every_ms;
+    run();
+    cycles(500);
+    (void)events();
+    EXPECT_LE(greatest_error_ns(5), 100);
+    const Time lost = osal.now();
+    const auto system = segment.slave(3).clock().copy(lost);
+    power(2, false);
+    std::int64_t most = 0;
+    for (int n = 0; n < 1000; ++n) {
+        cycles(1);
+        most = std::max(most, std::abs(ahead_ns(4, 5)));
+    }
+    EXPECT_LE(most, 2500) << "not much more than the way that is missing";
+    EXPECT_LE(greatest_error_ns(5), 100) << "and after a second all is in sync";
+    EXPECT_EQ(reference_clock(*ctx), 4);
+    auto all = events();
+    EXPECT_EQ(told(all, "the clock of slave 4 is the reference clock now, in place of slave 3"), 1) << joined(all);
+    const auto passed = (osal.now() - lost).count();
+    EXPECT_NEAR(static_cast<double>(segment.slave(3).clock().copy(osal.now()) - system), static_cast<double>(passed),
+                static_cast<double>(passed) * 1e-4)
+        << "goes on at the rate of the lost clock, at most 100 ppm away";
+    power(2, true);
+    most = 0;
+    for (int n = 0; n < 3000; ++n) {
+        cycles(1);
+        most = std::max(most, std::abs(ahead_ns(4, 5)));
+    }
+    EXPECT_TRUE(in_op(3)) << joined(events());
+    EXPECT_EQ(reference_clock(*ctx), 3);
+    EXPECT_LE(most, 1500) << "the rate of the reference has changed, its phase has not";
+    EXPECT_LE(greatest_error_ns(5), 100);
+    EXPECT_EQ(phase_ns(3), 0U);
+}
+
+// Operation mode 1 of the DC category: SYNC0 with twice the cycle, shifted by 25 µs; SYNC1 with every second SYNC0.
+TEST_F(Sync, AsTheSiiSays) {
+    const std::array<wire::sii::DcOpMode, 2> modes{wire::sii::DcOpMode{.assign_activate = 0x0100},
+                                                   wire::sii::DcOpMode{.sync0_shift_time_ns = 25'000,
+                                                                       .sync1_shift_time_ns = 40'000,
+                                                                       .sync1_cycle_factor = 2,
+                                                                       .assign_activate = 0x0730,
+                                                                       .sync0_cycle_factor = 2}};
+    segment.add(clocked({}, modes).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    SlaveSetup setup{.dc = {.source = SyncSettings::Source::sii, .sii_mode = 1}};
+    ctx->slave(1).config.setup = &setup;
+    const auto mapped = config_map(*ctx, image);
+    ASSERT_TRUE(mapped.ok()) << words(mapped.error());
+    EXPECT_EQ(register_of<std::uint16_t>(1, wire::reg::kCyclicUnitControl), 0x0730);
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync0CycleTime), 2'000'000U);
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSync1CycleTime), 2'040'000U);
+    EXPECT_EQ(clock(1).sync_start_ns % 4'000'000, 25'000U) << "both signals together repeat after two SYNC0";
+    setup.dc.sii_mode = 2;
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::unsupported) << "there is no third mode";
+}
+
+}  // namespace
+}  // namespace margay
