@@ -29,6 +29,8 @@ endfunction()
 # row(PROGRAM words): one line of the table; what it has more than `sdo` is behind the sums.
 function(row program words)
   measure(${program})
+  set(text ${text_of_${program}})
+  set(ram ${ram_of_${program}})
   math(EXPR more "${text} - ${text_of_sdo}")
   set(text_of_${program} ${text} PARENT_SCOPE)
   set(ram_of_${program} ${ram} PARENT_SCOPE)
