@@ -135,7 +135,8 @@ Task<Result<>> watch_clocks(Network& network) {
     auto greatest = co_await read_greatest_difference(network);
     if (!greatest) co_return greatest.error();
     if (*greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Result<>();
-    auto all = co_await for_each_slave(network, [&network](Slave& s) { return look_at_clock(network, s); });
+    const auto each = [&network](Slave& s) { return look_at_clock(network, s); };
+    auto all = co_await for_each_slave(network, each);
     clocks.all_in_sync = all_in_sync(network);
     co_return all;
 }

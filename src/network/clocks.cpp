@@ -66,8 +66,8 @@ Task<Result<>> measure_once(Network& network) {
     auto latched = co_await latch_receive_times(network);
     if (!latched) co_return latched;
     Error first;
-    auto all = co_await for_each_slave(
-        network, [&network](Slave& s) { return read_times_if_any(network, s); }, &first);
+    const auto each = [&network](Slave& s) { return read_times_if_any(network, s); };
+    auto all = co_await for_each_slave(network, each, &first);
     if (!all) co_return all;
     if (first.code != Errc::none) co_return first;
     co_return Result<>();
@@ -161,7 +161,8 @@ Task<Result<>> wait_until_in_sync(Network& network) {
         if ((since != kNever && now >= later(since, settings.settle)) || now >= give_up) break;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
-    auto all = co_await for_each_slave(network, [&network](Slave& s) { return read_difference_if_any(network, s); });
+    const auto each = [&network](Slave& s) { return read_difference_if_any(network, s); };
+    auto all = co_await for_each_slave(network, each);
     if (!all) co_return all;
     const Error worst = worst_clock(network);
     if (worst.code != Errc::none) co_return worst;
@@ -176,8 +177,8 @@ Task<Result<>> set_clocks(Network& network) {
     if (!measured) co_return measured;
     compute_offsets(network);
     Error first;
-    auto written = co_await for_each_slave(
-        network, [&network](Slave& s) { return write_clock_if_any(network, s); }, &first);
+    const auto each = [&network](Slave& s) { return write_clock_if_any(network, s); };
+    auto written = co_await for_each_slave(network, each, &first);
     if (!written) co_return written;
     co_return first.code == Errc::none ? Result<>() : Result<>(first);
 }
@@ -187,7 +188,8 @@ Task<Result<>> improve_delays(Network& network) {
     for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
     auto measured = co_await measure(network);
     if (!measured) co_return measured;
-    co_return co_await for_each_slave(network, [&network](Slave& s) { return write_delay_if_any(network, s); });
+    const auto each = [&network](Slave& s) { return write_delay_if_any(network, s); };
+    co_return co_await for_each_slave(network, each);
 }
 
 }  // namespace
@@ -359,8 +361,8 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     auto reset = co_await reset_clocks(network);
     if (!reset) co_return reset.error();
     Error first;
-    auto probed =
-        co_await for_each_slave(network, [&network, &first](Slave& s) { return probe_if_there(network, s, first); });
+    const auto each = [&network, &first](Slave& s) { return probe_if_there(network, s, first); };
+    auto probed = co_await for_each_slave(network, each);
     if (!probed) co_return probed.error();
     if (first.code != Errc::none) co_return first;
     const auto reference = choose_reference(network, settings.reference);
