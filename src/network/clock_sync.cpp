@@ -12,12 +12,12 @@ namespace {
 
 namespace reg = wire::reg;
 
-constexpr Step kStep = Step::configure_sync;
+constexpr Step kSyncStep = Step::configure_sync;
 
 Result<std::uint32_t> cycle_ns(Duration cycle) {
     if (cycle >= Duration{0} && cycle.count() <= UINT32_MAX) return static_cast<std::uint32_t>(cycle.count());
     return Error{
-        .code = Errc::invalid_argument, .step = kStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
+        .code = Errc::invalid_argument, .step = kSyncStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
 }
 
 // A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
@@ -39,7 +39,7 @@ Result<SyncRegisters> registers_of_mode(const wire::sii::DcOpMode& mode, const C
 }
 
 Error no_such_mode(const Slave& slave, std::uint8_t mode) {
-    Error error{.code = Errc::unsupported, .step = kStep, .slave = slave.number};
+    Error error{.code = Errc::unsupported, .step = kSyncStep, .slave = slave.number};
     error.subindex = mode;
     return error;
 }
@@ -95,7 +95,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     const std::uint64_t cycles = sync.sync0_cycle_ns | std::uint64_t{sync.sync1_cycle_ns} << 32;
     auto written = co_await write_clock_register(station, kBothCycles, cycles);
     if (!written) co_return written;
-    auto time = co_await read<std::uint64_t>(station, reg::kSystemTime, kStep);
+    auto time = co_await read<std::uint64_t>(station, reg::kSystemTime, kSyncStep);
     if (!time) co_return time.error();
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     const std::uint64_t now_ns =
@@ -233,7 +233,7 @@ Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSe
 
 Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync) {
     if (!is_clock(network.clocks.of(slave).kind))
-        co_return Error{.code = Errc::no_clock, .step = kStep, .slave = slave.number};
+        co_return Error{.code = Errc::no_clock, .step = kSyncStep, .slave = slave.number};
     constexpr unsigned kMostTries = 3;
     Result<> written;
     for (unsigned n = 0; n < kMostTries; ++n) {
@@ -244,7 +244,7 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
     }
     if (written) co_return written;
     Error error = written.error();
-    error.step = kStep;
+    error.step = kSyncStep;
     co_return error;
 }
 

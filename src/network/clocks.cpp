@@ -12,7 +12,7 @@ namespace reg = wire::reg;
 using wire::Command;
 using wire::DatagramAddress;
 
-constexpr Step kStep = Step::configure_clocks;
+constexpr Step kClockStep = Step::configure_clocks;
 constexpr std::uint16_t kSpeedCounterDefault = 0x1000;
 
 constexpr DatagramAddress broadcast(wire::Register r) { return {std::uint16_t{0}, r.address}; }
@@ -29,7 +29,7 @@ Task<Result<>> reset_clocks(Network& network) {
     Datagram loops(network.engine.link(), Command::BWR, broadcast(reg::kSpeedCounterStart), Bytes(start));
     co_await together(off, loops);
     for (const Datagram* d : {&off, &loops})
-        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kStep};
+        if (!d->reply().ok()) co_return Error{.code = d->reply().errc, .step = kClockStep};
     co_return Nothing{};
 }
 
@@ -49,7 +49,7 @@ Task<Result<>> read_times_if_any(Network& network, Slave& slave) {
 
 // The reference that the settings choose; 0 and an error if there is none.
 Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
-    Error error{.code = Errc::no_clock, .step = kStep, .slave = wanted};
+    Error error{.code = Errc::no_clock, .step = kClockStep, .slave = wanted};
     if (wanted != 0) {
         if (wanted > network.count || !is_clock(network.clocks.entries[wanted - 1U].kind)) return error;
         error.code = Errc::clock_before_reference;
@@ -121,7 +121,7 @@ Task<Result<>> send_burst(Network& network) {
     for (std::uint16_t n = 0; n < settings.burst_frames && network.engine.now() < give_up; ++n) {
         while (crew.full()) co_await crew.one();
         while (!crew.start(send_time(network))) {
-            if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = kStep, .detail = Error::kTasks};
+            if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = kClockStep, .detail = Error::kTasks};
             co_await crew.one();
         }
     }
@@ -131,7 +131,7 @@ Task<Result<>> send_burst(Network& network) {
 
 // The error of the clock with the greatest difference above the limit; code none if there is none.
 Error worst_clock(Network& network) {
-    Error error{.step = kStep, .expected = network.clocks.settings.limit_ns};
+    Error error{.step = kClockStep, .expected = network.clocks.settings.limit_ns};
     std::int64_t most = network.clocks.settings.limit_ns;
     for (const Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
@@ -223,7 +223,7 @@ Task<Result<>> write_clock_register(Station station, wire::Register r, std::uint
     store_le<std::uint64_t>(bytes, 0, value);
     Datagram write(station.engine.link(), Command::FPWR, {station.address, r.address}, Bytes(bytes).first(r.length));
     auto reply = co_await write;
-    const Error error = error_of_reply(station, reply, kStep, r.address);
+    const Error error = error_of_reply(station, reply, kClockStep, r.address);
     if (error.code != Errc::none) co_return error;
     co_return Nothing{};
 }
@@ -246,12 +246,12 @@ Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
     std::array<std::byte, 4> all{};
     Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kSystemTimeDifference), MutableBytes(all));
     auto reply = co_await look;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
+    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kClockStep};
     co_return load_greatest_difference_ns(load_le<std::uint32_t>(all));
 }
 
 Task<Result<>> read_difference(Network& network, Slave& slave) {
-    auto raw = co_await read<std::uint32_t>(network.station(slave), reg::kSystemTimeDifference, kStep);
+    auto raw = co_await read<std::uint32_t>(network.station(slave), reg::kSystemTimeDifference, kClockStep);
     if (!raw) co_return raw.error();
     network.clocks.of(slave).difference_ns = load_difference_ns(*raw);
     co_return Nothing{};
@@ -263,9 +263,9 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     ClockEntry& clock = network.clocks.of(slave);
     clock.kind = ClockKind::none;
     slave.dl.dc = slave.dl.dc_64bit = false;
-    auto there = co_await read<std::uint8_t>(station, reg::kType, kStep);
+    auto there = co_await read<std::uint8_t>(station, reg::kType, kClockStep);
     if (!there) co_return there.error();
-    auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kStep);
+    auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kClockStep);
     if (does_not_answer(times.error())) co_return Nothing{};
     if (!times) co_return times.error();
     clock.kind = ClockKind::receive_times;
@@ -274,7 +274,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     if (!written) co_return written;
     std::array<std::uint64_t, 2> seen{};
     for (std::uint64_t& time : seen) {
-        auto read_time = co_await read<std::uint64_t>(station, reg::kSystemTime, kStep);
+        auto read_time = co_await read<std::uint64_t>(station, reg::kSystemTime, kClockStep);
         if (does_not_answer(read_time.error())) co_return Nothing{};
         if (!read_time) co_return read_time.error();
         time = *read_time;
@@ -291,7 +291,7 @@ Task<Result<>> latch_receive_times(Network& network) {
     Datagram latch(network.engine.link(), Command::BWR, broadcast(reg::kPortReceiveTime), Bytes(kAny));
     network.clocks.latched_at = network.engine.now();
     auto reply = co_await latch;
-    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kStep};
+    if (!reply.ok()) co_return Error{.code = reply.errc, .step = kClockStep};
     co_return Nothing{};
 }
 
@@ -305,7 +305,7 @@ Task<Result<>> read_receive_times(Network& network, Slave& slave) {
     Datagram read_unit(link, Command::FPRD, {station.address, reg::kProcessingUnitReceiveTime.address},
                        MutableBytes(unit));
     co_await together(read_ports, read_unit);
-    const Error error = error_of_reply(station, read_ports.reply(), kStep, reg::kPortReceiveTime.address);
+    const Error error = error_of_reply(station, read_ports.reply(), kClockStep, reg::kPortReceiveTime.address);
     if (error.code != Errc::none) co_return error;
     ReceiveTimes latched;
     for (unsigned p = 0; p < 4; ++p) latched.port_ns[p] = load_le<std::uint32_t>(ports, 4 * p);
