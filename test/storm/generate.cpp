@@ -85,8 +85,10 @@ class Maker {
         if (plan_.settings.expect < 4) plan_.settings.bring_up_drop = kRates[chance.below(kRates.size())];
         for (auto& device : plan_.devices) {
             if (!device.quirks.empty() || chance.below(3) != 0) continue;
-            device.quirks.emplace_back("sii_no_pdos");
+            // In this order: a quirk of the firmware writes the SII anew.
             device.quirks.emplace_back(kManners[chance.below(kManners.size())]);
+            device.quirks.emplace_back("sii_no_pdos");
+            if (chance.below(2) == 0) device.quirks.emplace_back("sii_sync_managers_off");
         }
     }
 
@@ -108,7 +110,7 @@ class Maker {
         };
         if (chance.below(2) == 0) {  // SYNC pulses, as fast as possible
             const auto nanoseconds = static_cast<std::uint32_t>(1 + chance.below(chance.below(2) == 0 ? 3 : 5000));
-            insert(chance, {write(0x09A0, nanoseconds, 4), write(0x09A4, nanoseconds, 4), write(0x0990, 100'000, 8),
+            insert(chance, {write(0x09A0, nanoseconds, 4), write(0x09A4, nanoseconds, 4), write(0x0990, 20'000'000, 8),
                             write(0x0981, 0x07 | static_cast<std::uint32_t>(chance.below(256)), 1)});
             return;
         }

@@ -31,8 +31,7 @@ void World::hostile_write(const Step& step) {
     auto& write = hostile_writes_.emplace_back();
     std::uint64_t value = step.args[2];
     // A start time counts from now on.
-    if (step.args[1] == wire::reg::kSyncStartTime.address)
-        value += static_cast<std::uint64_t>((osal_.now().time_since_epoch()).count());
+    if (step.args[1] == wire::reg::kSyncStartTime.address) value += segment_.slave(*device).clock().copy(osal_.now());
     for (std::size_t n = 0; n < write.data.size(); ++n) write.data[n] = static_cast<std::byte>(value >> (8 * n));
     write.request.slave = slave;
     write.request.address = static_cast<std::uint16_t>(step.args[1]);
@@ -41,8 +40,8 @@ void World::hostile_write(const Step& step) {
     if (!submit(*ctx_, write.request)) return;
     hostile_registers_ = true;
     if (tampered_.insert(*device).second) {
-        insert_due({osal_.now() + 100ms, {0, Op::power_off, {step.args[0]}}});
-        insert_due({osal_.now() + 105ms, {0, Op::power_on, {step.args[0]}}});
+        insert_due({osal_.now() + 2s, {0, Op::power_off, {step.args[0]}}});
+        insert_due({osal_.now() + 2005ms, {0, Op::power_on, {step.args[0]}}});
     }
 }
 

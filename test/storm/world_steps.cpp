@@ -53,7 +53,7 @@ void World::do_step(const Step& step) {
 
 // Steps that lose, delay or double frames.
 void World::note_disturbance(const Step& step) {
-    constexpr std::uint32_t kMuch = 20'000;  // frames per million
+    constexpr std::uint32_t kMuch = 50'000;  // frames per million
     switch (step.op) {
         case Op::noise:
         case Op::drop:
