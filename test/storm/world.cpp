@@ -133,6 +133,7 @@ void World::wait_in_call(Time until) {
         fail("a call waits for nothing", std::string(call_ == nullptr ? "the cycle" : call_));
     if (until == kNever) until = world_steps_.front().at;
     pass(until);
+    note_presence(false);
     calls_waits_ = osal_.now() > before ? 0 : calls_waits_ + 1;
     if (calls_waits_ > kMostPollsAtOnce) fail("a call loops without progress", call_ == nullptr ? "the cycle" : call_);
     if (call_ != nullptr && osal_.now() - call_since_ > kLongestCall) fail("a call never returns", call_);

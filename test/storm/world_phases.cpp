@@ -266,10 +266,11 @@ void World::fresh_start() {
         ctx_->group(g).config = {.start = ctx_->group(g).config.start};
         call_ = "config_map()", call_since_ = osal_.now();
         for (const Slave& slave : ctx_->slaves()) slave.config.group = 0;
+        note_presence(true);
         const auto mapped = config_map(*ctx_, images_[g], g);
         call_ = nullptr;
         if (g == 0) blame("a fresh start fails", mapped.error());
-        if (mapped) check_bits(g, call_since_);
+        check_bits(g, call_since_);
         on_their_way_[g].clear();
     }
     supervision_.target = AlState::op;

@@ -35,7 +35,7 @@ void World::check_ends() {
             fail("a request ends before its time is over", words);
         if (error.code == Errc::reply_lost && !disturbed_much_ && !hostile_ && !hostile_registers_)
             fail("a lost reply was not asked for again", words);
-        if (error.code == Errc::none && kinds()[slot.operation->kind()].name == "map")
+        if (kinds()[slot.operation->kind()].name == "map")
             check_bits(static_cast<const MapRequest&>(request).group, slot.since);
         if (kinds()[slot.operation->kind()].name != "sii_write") continue;
         for (const auto device : devices_at(static_cast<const SiiWriteRequest&>(request).slave))
@@ -99,20 +99,21 @@ bool keeps_bits(const DevicePlan& device, const Slave& slave) {
 
 }  // namespace
 
-// After a mapping that has succeeded, each slave that was there all the time has the process data of its device.
+// After a mapping each slave that was there all the time, and of which the master does not say that its process data is
+// unknown, has the process data of its device.
 void World::check_bits(std::uint8_t group, Time since) {
     if (hostile_ || hostile_registers_ || !ctx_->group(group).mapped) return;
     note_presence(true);
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.config.group != group || slave.held || slave.config.highest < AlState::safeop) continue;
-        if (slave.al.state == AlState::none) continue;
+        if (slave.al.state == AlState::none || slave.pdos_failed || slave.unplaced || slave.hook_failed) continue;
         for (std::uint32_t n = 0; n < presence_.size(); ++n) {
             const auto& one = presence_[n];
             if (!one.there || one.station != slave.station_address.value || one.since > since || dirty_[n]) continue;
             if (!keeps_bits(plan_.devices[n], slave)) continue;
             const DeviceBits bits = bits_of_device(plan_.devices[n].name);
             if (slave.image.inputs.bits == bits.inputs && slave.image.outputs.bits == bits.outputs) continue;
-            fail("config_map() succeeds, and a slave has not its process data",
+            fail("a slave is mapped without its process data",
                  place(slave.number) + ": inputs " + std::to_string(slave.image.inputs.bits) + " of " +
                      std::to_string(bits.inputs) + ", outputs " + std::to_string(slave.image.outputs.bits) + " of " +
                      std::to_string(bits.outputs) + story());

@@ -185,11 +185,12 @@ void World::configure(std::uint32_t number, std::uint32_t what, std::uint32_t va
 
 Result<> World::map_now(std::uint8_t group) {
     configure_all();
+    note_presence(true);
     call_ = "config_map()", call_since_ = osal_.now();
     const auto mapped = config_map(*ctx_, images_[group], group);
     call_ = nullptr;
     if (mapped.error().code == Errc::canceled) fail("a request that nobody cancelled is canceled", "config_map()");
-    if (mapped) check_bits(group, call_since_);
+    check_bits(group, call_since_);
     on_their_way_[group].clear();
     next_cycle_ = std::max(next_cycle_, osal_.now());
     return mapped ? Result<>() : Result<>(mapped.error());
