@@ -98,13 +98,15 @@ Result<> World::scan_now() {
     return found ? Result<>() : Result<>(found.error());
 }
 
-// Maps all groups. Where frames are lost, a mapping that fails is repeated without losses, as an application would.
+// Maps all groups. Where frames are lost or hooks fail, a mapping that fails is repeated, as an application would: a
+// slave whose process data is unknown has no place until then.
 void World::map_all() {
     for (std::uint8_t g = 0; g < images_.size(); ++g) {
         if (plan_.settings.bring_up_drop != 0) lose_frames();
         const auto mapped = map_now(g);
         nic_->settle();
-        if (plan_.settings.bring_up_drop != 0 && !mapped) (void)map_now(g);
+        const bool again = plan_.settings.bring_up_drop != 0 || plan_.settings.hooks == 2;
+        if (again && !mapped) (void)map_now(g);
     }
 }
 
