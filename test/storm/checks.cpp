@@ -170,7 +170,7 @@ void World::note_outputs(std::uint8_t group) {
 }
 
 void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
-    if (hostile_ || !ctx_->group(group).mapped) return;
+    if (hostile_ || hostile_registers_ || !ctx_->group(group).mapped) return;
     const auto at = [&](const Slave& slave) {  // devices that had the slave's station address when the cycle passed
         std::vector<std::uint32_t> found;
         for (std::uint32_t n = 0; n < cycle.station.size(); ++n)
@@ -217,7 +217,7 @@ void World::check_outputs() {
     for (std::uint32_t n = 0; n < spies_.size(); ++n) {
         if (spies_[n] == nullptr) continue;
         for (const Value& value : spies_[n]->take_applied()) {
-            if (zero(value)) continue;
+            if (zero(value) || hostile_registers_) continue;
             const bool written = std::ranges::any_of(
                 sent_[n], [&](const auto& one) { return one.second.contains(first_bits(value, one.first)); });
             if (!written)

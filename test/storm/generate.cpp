@@ -12,6 +12,9 @@
 namespace margay::storm {
 namespace {
 
+// Quirks that were added to the table later are chosen by more_harm(): the plans of the seeds stay as they were.
+constexpr std::size_t kQuirksOfOldSeeds = 51;
+
 class Maker {
   public:
     explicit Maker(std::uint64_t seed) : chance_(seed) { plan_.seed = seed; }
@@ -21,6 +24,7 @@ class Maker {
         devices();
         steps();
         more_settings();
+        more_harm();
         return std::move(plan_);
     }
 
@@ -60,6 +64,90 @@ class Maker {
         s.close_busy = one_in(4) ? 1 : 0;
     }
 
+    // Mailbox faults during bring-up, EEPROMs with mailboxes that no frame carries, hostile register writes, and writes
+    // to the EEPROM beside faults of the power supply. Also from a chance of their own.
+    void more_harm() {
+        Chance chance(plan_.seed * 40503ULL + 2);
+        const auto below = [&](std::size_t bound) { return static_cast<std::uint32_t>(chance.below(bound)); };
+        if (below(4) == 0) lose_mail(chance);
+        if (below(8) == 0) too_large_mailbox(chance);
+        if (below(5) == 0)
+            for (std::uint32_t n = 1 + below(3); n > 0; --n) hostile_writes(chance);
+        if (below(4) == 0)
+            for (std::uint32_t n = 1 + below(3); n > 0; --n) eeprom_updates(chance);
+    }
+
+    // Replies that are lost, some for good, of devices whose SII does not list their PDOs.
+    void lose_mail(Chance& chance) {
+        constexpr std::array kManners{"never_replies", "never_replies", "empty_repeats", "slow_replies",
+                                      "short_replies", "empty_replies", "mailbox_full"};
+        constexpr std::array<std::uint32_t, 4> kRates{0, 30'000, 100'000, 200'000};
+        if (plan_.settings.expect < 4) plan_.settings.bring_up_drop = kRates[chance.below(kRates.size())];
+        for (auto& device : plan_.devices) {
+            if (!device.quirks.empty() || chance.below(3) != 0) continue;
+            // In this order: a quirk of the firmware writes the SII anew.
+            device.quirks.emplace_back(kManners[chance.below(kManners.size())]);
+            device.quirks.emplace_back("sii_no_pdos");
+            if (chance.below(2) == 0) device.quirks.emplace_back("sii_sync_managers_off");
+        }
+    }
+
+    void too_large_mailbox(Chance& chance) {
+        constexpr std::array kNames{"sii_mailbox_1487", "sii_mailbox_large", "sii_mailbox_in_large"};
+        auto& device = plan_.devices[chance.below(plan_.devices.size())];
+        device.quirks.emplace_back(kNames[chance.below(kNames.size())]);
+    }
+
+    void insert(Chance& chance, std::initializer_list<Step> steps) {
+        const auto at = static_cast<std::ptrdiff_t>(chance.below(plan_.steps.size() + 1));
+        plan_.steps.insert(plan_.steps.begin() + at, steps);
+    }
+
+    void hostile_writes(Chance& chance) {
+        const auto device = plan_.devices[chance.below(plan_.devices.size())].id;
+        const auto write = [&](std::uint32_t address, std::uint32_t value, std::uint32_t octets) {
+            return Step{static_cast<std::uint32_t>(chance.below(300)), Op::hostile, {device, address, value, octets}};
+        };
+        if (chance.below(2) == 0) {  // SYNC pulses, as fast as possible
+            const auto nanoseconds = static_cast<std::uint32_t>(1 + chance.below(chance.below(2) == 0 ? 3 : 5000));
+            insert(chance, {write(0x09A0, nanoseconds, 4), write(0x09A4, nanoseconds, 4), write(0x0990, 20'000'000, 8),
+                            write(0x0981, 0x07 | static_cast<std::uint32_t>(chance.below(256)), 1)});
+            return;
+        }
+        // DL control, watchdogs, FMMUs, SyncManagers, clock, SYNC and latch.
+        constexpr std::array<std::pair<std::uint32_t, std::uint32_t>, 7> kAreas{{{0x0100, 4},
+                                                                                 {0x0400, 0x22},
+                                                                                 {0x0600, 0x80},
+                                                                                 {0x0800, 0x80},
+                                                                                 {0x0910, 0x26},
+                                                                                 {0x0980, 0x08},
+                                                                                 {0x0990, 0x40}}};
+        for (auto n = 1 + chance.below(4); n > 0; --n) {
+            const auto [base, size] = kAreas[chance.below(kAreas.size())];
+            const auto address = base + static_cast<std::uint32_t>(chance.below(size));
+            const auto value = static_cast<std::uint32_t>(chance.next());
+            insert(chance, {write(address, value, static_cast<std::uint32_t>(1 + chance.below(8)))});
+        }
+    }
+
+    // A write, and the power off before it ends, or its EEPROM deaf for a time, or nothing.
+    void eeprom_updates(Chance& chance) {
+        const auto device = plan_.devices[chance.below(plan_.devices.size())].id;
+        const Step write{
+            1'000,
+            Op::eeprom_update,
+            {device, static_cast<std::uint32_t>(chance.below(0x10000)), static_cast<std::uint32_t>(chance.below(2))}};
+        const auto later = static_cast<std::uint32_t>(chance.below(25'000));
+        switch (chance.below(3)) {
+            case 0: insert(chance, {write, {later, Op::power_off, {device}}, {5'000, Op::power_on, {device}}}); break;
+            case 1:
+                insert(chance,
+                       {write, {later, Op::eeprom_deaf, {device, static_cast<std::uint32_t>(110 + chance.below(80))}}});
+                break;
+            default: insert(chance, {write});
+        }
+    }
+
     // From a chance of their own: what came before them stays as it was for a seed.
     void more_settings() {
         Chance chance(plan_.seed * 2654435761ULL + 1);
@@ -81,7 +169,7 @@ class Maker {
             d.name = std::string(one_in(6) ? std::string_view("junction")
                                            : names[below(static_cast<std::uint32_t>(names.size()))]);
             if (one_in(5)) {
-                const auto all = sim::quirks();
+                const auto all = sim::quirks().first(kQuirksOfOldSeeds);
                 for (std::uint32_t n = 1 + below(2); n > 0; --n)
                     d.quirks.emplace_back(all[below(static_cast<std::uint32_t>(all.size()))].name);
             }

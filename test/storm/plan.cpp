@@ -24,6 +24,8 @@ constexpr OpInfo kOps[] = {
     {"cycles", 1, Actor::owner, false},     {"map", 1, Actor::owner, false},
     {"late", 1, Actor::owner, false},       {"watch", 1, Actor::owner, false},
     {"configure", 3, Actor::owner, false},  {"write_state", 2, Actor::owner, false},
+    {"hostile", 4, Actor::owner, true},     {"eeprom_update", 3, Actor::owner, true},
+    {"eeprom_deaf", 2, Actor::world, true},
 };
 static_assert(std::size(kOps) == static_cast<std::size_t>(Op::count_of_ops));
 
@@ -106,6 +108,7 @@ const std::vector<SettingInfo>& setting_infos() {
         {"round_trip_us", &Settings::round_trip_us},
         {"supervise_target", &Settings::supervise_target},
         {"line_ms", &Settings::line_ms},
+        {"bring_up_drop", &Settings::bring_up_drop},
         {"close_busy", &Settings::close_busy},
     };
     return kAll;

@@ -53,6 +53,12 @@ enum class Op : std::uint8_t {
     watch,        // microseconds: argument of watch_mailboxes()
     configure,    // slave, what, value: sets a field of the slave's configuration
     write_state,  // slave, state: calls writestate(), which blocks
+    // device, address, value, octets: writes any value to a register of this device. Some time later the power of the
+    // device is switched off and on, because nothing else mends its registers.
+    hostile,
+    eeprom_update,  // device, value, how: writes the configuration area of its EEPROM, see World::update_eeprom()
+    // Steps of the segment, added later: their numbers do not change the numbers of the steps above.
+    eeprom_deaf,  // device, milliseconds (at most 190): its EEPROM acknowledges nothing during this time
     count_of_ops,
 };
 
@@ -101,7 +107,9 @@ struct Settings {
     std::uint32_t wire_time = 0;  // frames need time on the wire
     std::uint32_t round_trip_us = 100;
     std::uint32_t supervise_target = 8;
-    std::uint32_t line_ms = 0;     // interval for reading the error counters
+    std::uint32_t line_ms = 0;  // interval for reading the error counters
+    // Incoming frames per million that are lost while the segment is scanned and mapped for the first time.
+    std::uint32_t bring_up_drop = 0;
     std::uint32_t close_busy = 0;  // 1: the context is destroyed while requests are busy
 };
 struct SettingInfo {

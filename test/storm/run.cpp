@@ -1,5 +1,6 @@
 #include "storm/run.hpp"
 
+#include "storm/device_bits.hpp"
 #include "storm/world.hpp"
 
 #include <execinfo.h>
@@ -100,6 +101,7 @@ std::string headline(const std::string& output) {
 }  // namespace
 
 Verdict execute(const Plan& plan, unsigned cpu_seconds) {
+    for (const auto& device : plan.devices) (void)bits_of_device(device.name);  // read before fork(), for all plans
     std::array<int, 2> pipe{};
     if (::pipe(pipe.data()) != 0) return {"no pipe", "", 0};
     std::fflush(nullptr);

@@ -25,6 +25,8 @@ World::World(const Plan& plan, Reporter reporter)
 
 World::~World() {
     for (auto& slot : slots_) slot.operation.reset();
+    hostile_writes_.clear();
+    updates_.clear();
     supervision_.cancel();
 }
 
@@ -61,11 +63,14 @@ void World::build() {
     reachable_.assign(count, false);
     station_.assign(count, 0);
     sent_.resize(count);
+    in_ring_.assign(count, false);
+    presence_.resize(count);
     const Settings& s = plan_.settings;
     images_.assign(s.groups, std::vector<std::byte>(kImageBytes));
     on_their_way_.resize(s.groups);
     choose_group();
     segment_.power_up(osal_.now());
+    note_presence(true);
     wire_ = std::make_unique<SimulatedNic>(
         segment_, osal_,
         SimulatedNic::Options{.round_trip = std::chrono::microseconds(s.round_trip_us), .wire_time = s.wire_time != 0});
@@ -92,7 +97,7 @@ void World::build() {
 // In a callback or a hook of the library.
 void World::meddle(std::uint32_t number) {
     if (!meddling_) return;
-    if (auto& slot = slots_[number * 7 % kSlots]; slot.operation) slot.operation->cancel();
+    slots_[number * 7 % kSlots].cancel();
     if (plan_.settings.callback == 3 && number % 5 == 2) supervision_.cancel();
 }
 
@@ -113,6 +118,7 @@ void World::pass(Time until) {
         osal_.set(due.at);
         in_step_ = true;
         do_step(due.step);
+        note_presence(true);
         in_step_ = false;
         if (osal_.woken) break;
     }
@@ -127,6 +133,7 @@ void World::wait_in_call(Time until) {
         fail("a call waits for nothing", std::string(call_ == nullptr ? "the cycle" : call_));
     if (until == kNever) until = world_steps_.front().at;
     pass(until);
+    note_presence(false);
     calls_waits_ = osal_.now() > before ? 0 : calls_waits_ + 1;
     if (calls_waits_ > kMostPollsAtOnce) fail("a call loops without progress", call_ == nullptr ? "the cycle" : call_);
     if (call_ != nullptr && osal_.now() - call_since_ > kLongestCall) fail("a call never returns", call_);
@@ -156,7 +163,11 @@ bool World::run_until(Time end, const std::function<bool()>& holds) {
         if (cycling_ && osal_.now() >= next_cycle_) do_cycle();
         poll_once();
         if (supervising_ && !supervision_.busy()) (void)submit(*ctx_, supervision_);
+        note_presence(false);
         drain_told();
+        check_states();
+        check_ends();
+        check_eeproms();
         check_outputs();
         if (holds()) return true;
         Time next = std::min(deadline_, end);
@@ -191,6 +202,7 @@ void World::drain_told() {
         if (event->slave > most_slaves_ || event->other > most_slaves_)
             fail("an event names no slave", std::string(describe(*event, text)));
         if (describe(*event, text).empty()) fail("an event without words", "");
+        if (event->kind == EventKind::lost) check_lost(event->slave, event->at, "an event says so");
         keep(describe(*event, text));
     }
 }

@@ -71,6 +71,13 @@ class World {
     struct Slot {
         std::unique_ptr<Operation> operation;
         Time since{};
+        bool checked = true;  // its end was checked
+        bool cancelled = false;
+        void cancel() {
+            if (!operation) return;
+            cancelled = true;
+            operation->cancel();
+        }
     };
     struct Due {
         Time at{};
@@ -110,9 +117,10 @@ class World {
     // world_steps.cpp
     void do_step(const Step& step);
     void world_step(const Step& step);
+    void note_disturbance(const Step& step);
     void submit_slot(const Step& step, bool by_owner);
     void configure(std::uint32_t slave, std::uint32_t what, std::uint32_t value);
-    void map_now(std::uint8_t group);
+    Result<> map_now(std::uint8_t group);
     void heal();
     [[nodiscard]] std::optional<std::uint32_t> number_of(std::uint32_t id) const;
 
@@ -127,6 +135,9 @@ class World {
 
     // world_phases.cpp
     void bring_up();
+    void lose_frames();
+    [[nodiscard]] Result<> scan_now();
+    void map_all();
     void blame(const char* rule, const Error& error);
     void configure_all();
     void copy_between_slaves();
@@ -137,6 +148,24 @@ class World {
     void close_busy();
     [[nodiscard]] bool in_op(std::uint32_t device);
     [[nodiscard]] bool clean(std::uint32_t device) const;
+
+    // world_harm.cpp
+    void insert_due(const Due& due);
+    [[nodiscard]] std::uint16_t slave_at(std::uint32_t device);
+    void hostile_write(const Step& step);
+    void update_eeprom(const Step& step);
+    void make_dirty(std::uint32_t device);
+    void eeprom_deaf(std::uint32_t device, std::uint32_t milliseconds);
+    void check_eeproms();
+    void check_acknowledged(const Request& request, std::uint32_t device, Time since);
+
+    // world_rules.cpp
+    [[nodiscard]] static Duration patience_of(const Slot& slot);
+    void check_ends();
+    void note_presence(bool ring_changed);
+    void check_lost(std::uint16_t number, Time at, const char* how);
+    void check_states();
+    void check_bits(std::uint8_t group, Time since);
 
     // checks.cpp
     void show_inputs();
@@ -170,6 +199,34 @@ class World {
     std::vector<std::map<std::uint32_t, std::set<Value>>> sent_;
     std::vector<std::uint32_t> ids_;
     bool hostile_ = false;  // frames were damaged without detection by the FCS: process data cannot be checked
+
+    // Whether a device is in the ring, and its station address; since when both are so.
+    struct Presence {
+        bool there = false;
+        std::uint16_t station = 0;
+        Time since{};
+    };
+    std::vector<bool> in_ring_;
+    std::vector<Presence> presence_;
+    std::vector<AlState> states_;  // by slave, at the last check_states()
+    bool disturbed_ = false;       // frames were lost, delayed or doubled, or polls were late
+    bool disturbed_much_ = false;  // so many that a reply may be lost again and again
+    struct HostileWrite {
+        std::array<std::byte, 8> data{};
+        RegisterWriteRequest request;
+    };
+    std::deque<HostileWrite> hostile_writes_;
+    bool hostile_registers_ = false;    // process data cannot be checked
+    std::set<std::uint32_t> tampered_;  // devices with hostile writes whose power was not switched since
+    struct Update {
+        std::array<std::byte, 16> old{};
+        std::array<std::byte, 16> wanted{};
+        Time since{};
+        bool checked = false;
+        SiiWriteRequest request;
+    };
+    std::map<std::uint32_t, Update> updates_;  // by device
+    std::set<std::uint32_t> faulty_eeproms_;   // devices whose EEPROM did not acknowledge, on purpose
 
     std::vector<std::vector<std::byte>> images_;
     std::vector<std::deque<Cycle>> on_their_way_;

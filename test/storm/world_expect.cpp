@@ -96,6 +96,7 @@ void World::switch_away() {
         segment_.set_cable({away_.front(), 0}, false);
     else
         for (const auto n : away_) segment_.set_power(n, false, osal_.now());
+    note_presence(true);
     run_for(std::chrono::milliseconds(5));
 }
 
@@ -105,8 +106,7 @@ void World::come_back() {
     for (const auto n : away_) {
         const Op op = plan_.settings.expect == 5 ? Op::mend : Op::power_on;
         const Due due{at, {0, op, {ids_[n]}}};
-        const auto place = std::ranges::find_if(world_steps_, [at](const Due& other) { return other.at > at; });
-        world_steps_.insert(place, due);
+        insert_due(due);
         at += std::chrono::milliseconds(7);
     }
 }

@@ -85,20 +85,48 @@ void World::blame(const char* rule, const Error& error) {
         if (station_[n] == 0x1000 + error.slave && clean(n)) fail(rule, words);
 }
 
-void World::bring_up() {
+void World::lose_frames() {
+    nic_->rates.drop_in = {std::min(plan_.settings.bring_up_drop, 1'000'000U)};
+    disturbed_ = disturbed_much_ = true;
+}
+
+Result<> World::scan_now() {
     call_ = "config_init()", call_since_ = osal_.now();
     const auto found = config_init(*ctx_);
     call_ = nullptr;
+    if (found.error().code == Errc::canceled) fail("a request that nobody cancelled is canceled", "config_init()");
+    return found ? Result<>() : Result<>(found.error());
+}
+
+// Maps all groups. Where frames are lost or hooks fail, a mapping that fails is repeated, as an application would: a
+// slave whose process data is unknown has no place until then.
+void World::map_all() {
+    for (std::uint8_t g = 0; g < images_.size(); ++g) {
+        if (plan_.settings.bring_up_drop != 0) lose_frames();
+        const auto mapped = map_now(g);
+        nic_->settle();
+        const bool again = plan_.settings.bring_up_drop != 0 || plan_.settings.hooks == 2;
+        if (again && !mapped) (void)map_now(g);
+    }
+}
+
+void World::bring_up() {
+    if (plan_.settings.bring_up_drop != 0) lose_frames();
+    auto found = scan_now();
+    if (plan_.settings.bring_up_drop != 0 && !found) {
+        nic_->settle();
+        found = scan_now();
+    }
     look_around();
     blame("bring-up", found.error());
     if (ctx_->slaves().size() != plan_.devices.size()) fail("bring-up", "config_init() does not find all slaves");
     if (plan_.settings.expect >= 4) {
-        for (std::uint8_t g = 0; g < images_.size(); ++g) map_now(g);
+        map_all();
         keep_places();
         switch_away();
     }
     if (plan_.settings.expect != 0) expect_slaves();
-    for (std::uint8_t g = 0; g < images_.size(); ++g) map_now(g);
+    map_all();
     if (plan_.settings.copies != 0) copy_between_slaves();
     supervision_.target = plan_.settings.supervise_target == 4 ? AlState::safeop : AlState::op;
     if (plan_.settings.line_ms != 0) supervision_.line_interval = std::chrono::milliseconds(plan_.settings.line_ms);
@@ -153,7 +181,7 @@ void World::copy_between_slaves() {
         copy.bits = std::min<std::uint32_t>(
             {ctx_->slave(copy.from_slave).image.inputs.bits, ctx_->slave(copy.to_slave).image.outputs.bits, 12});
         ctx_->group(g).config.copies = Borrowed<SlaveToSlave>(&copy, 1);
-        map_now(g);
+        (void)map_now(g);
         if (!ctx_->group(g).mapped) fail("bring-up", "a group with a copy between slaves is not mapped" + story());
     }
 }
@@ -195,8 +223,9 @@ void World::finish_requests() {
 }
 
 void World::check_arena() {
-    for (auto& slot : slots_)
-        if (slot.operation) slot.operation->cancel();
+    for (auto& slot : slots_) slot.cancel();
+    for (auto& write : hostile_writes_) write.request.cancel();
+    for (auto& [device, update] : updates_) update.request.cancel();
     supervising_ = false;
     supervision_.cancel();
     (void)watch_mailboxes(*ctx_, Duration{0});
@@ -214,11 +243,14 @@ void World::fresh_start() {
     cycling_ = false;
     run_for(10ms);
     for (std::uint32_t n = 0; n < segment_.size(); ++n) segment_.set_power(n, false, osal_.now());
+    note_presence(true);
     run_for(10ms);
     for (std::uint32_t n = 0; n < segment_.size(); ++n) segment_.set_power(n, true, osal_.now());
+    note_presence(true);
     run_for(20ms);
     wrong_ = 0;
-    hostile_ = false;
+    hostile_ = hostile_registers_ = false;
+    updates_.clear();
     if (!expect(*ctx_, {})) fail("expect() is refused", "");
     call_ = "config_init()", call_since_ = osal_.now();
     const auto found = config_init(*ctx_);
@@ -236,9 +268,11 @@ void World::fresh_start() {
         ctx_->group(g).config = {.start = ctx_->group(g).config.start};
         call_ = "config_map()", call_since_ = osal_.now();
         for (const Slave& slave : ctx_->slaves()) slave.config.group = 0;
+        note_presence(true);
         const auto mapped = config_map(*ctx_, images_[g], g);
         call_ = nullptr;
         if (g == 0) blame("a fresh start fails", mapped.error());
+        check_bits(g, call_since_);
         on_their_way_[g].clear();
     }
     supervision_.target = AlState::op;

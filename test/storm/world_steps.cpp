@@ -20,23 +20,22 @@ void World::do_step(const Step& step) {
     switch (step.op) {
         case Op::submit: submit_slot(step, true); break;
         case Op::submit_other: submit_slot(step, false); break;
-        case Op::cancel:
-            if (auto& slot = slots_[a[0] % kSlots]; slot.operation) slot.operation->cancel();
-            break;
+        case Op::cancel: slots_[a[0] % kSlots].cancel(); break;
         case Op::destroy: slots_[a[0] % kSlots].operation.reset(); break;
         case Op::ask_cancel:
-            if (auto& slot = slots_[a[0] % kSlots]; slot.operation) {
-                osal_.thread = 2;
-                slot.operation->cancel();
-                osal_.thread = 1;
-            }
+            osal_.thread = 2;
+            slots_[a[0] % kSlots].cancel();
+            osal_.thread = 1;
             break;
         case Op::cycles:
             cycling_ = a[0] != 0;
             next_cycle_ = osal_.now();
             break;
-        case Op::map: map_now(static_cast<std::uint8_t>(a[0] % images_.size())); break;
-        case Op::late: late_ = std::chrono::microseconds(a[0]); break;
+        case Op::map: (void)map_now(static_cast<std::uint8_t>(a[0] % images_.size())); break;
+        case Op::late:
+            late_ = std::chrono::microseconds(a[0]);
+            disturbed_ = disturbed_ || a[0] != 0;
+            break;
         case Op::watch: (void)watch_mailboxes(*ctx_, std::chrono::microseconds(a[0])); break;
         case Op::configure: configure(a[0], a[1], a[2]); break;
         case Op::write_state: {
@@ -46,8 +45,25 @@ void World::do_step(const Step& step) {
             call_ = nullptr;
             break;
         }
+        case Op::hostile: hostile_write(step); break;
+        case Op::eeprom_update: update_eeprom(step); break;
         default: world_step(step);
     }
+}
+
+// Steps that lose, delay or double frames.
+void World::note_disturbance(const Step& step) {
+    constexpr std::uint32_t kMuch = 50'000;  // frames per million
+    switch (step.op) {
+        case Op::noise:
+        case Op::drop:
+        case Op::duplicate: disturbed_much_ = disturbed_much_ || std::max(step.args[0], step.args[1]) > kMuch; break;
+        case Op::delay:
+        case Op::busy: disturbed_much_ = disturbed_much_ || step.args[0] > kMuch; break;
+        case Op::flip: break;
+        default: return;
+    }
+    disturbed_ = disturbed_ || step.args[0] != 0 || step.args[1] != 0;
 }
 
 void World::world_step(const Step& step) {
@@ -60,21 +76,30 @@ void World::world_step(const Step& step) {
     }
     const Time now = osal_.now();
     segment_.advance(now);
+    note_disturbance(step);
     switch (step.op) {
         case Op::cut: segment_.set_cable({device, 0}, false); break;
         case Op::mend: segment_.set_cable({device, 0}, true); break;
-        case Op::power_off: segment_.set_power(device, false, now); break;
+        case Op::power_off:
+            segment_.set_power(device, false, now);
+            tampered_.erase(device);
+            break;
         case Op::power_on:
             if (!segment_.powered(device)) halted_[device] = false;
             segment_.set_power(device, true, now);
             break;
         case Op::noise: segment_.set_noise({a[0] / 1e6, a[1] / 1e6, plan_.seed + 1}); break;
-        case Op::eeprom_nacks: segment_.slave(device).sii().fail_next(a[1]); break;
+        case Op::eeprom_nacks:
+            segment_.slave(device).sii().fail_next(a[1]);
+            faulty_eeproms_.insert(device);
+            break;
+        case Op::eeprom_deaf: eeprom_deaf(device, a[1]); break;
         case Op::eeprom_word:
             if (auto& image = segment_.slave(device).sii().image(); 2 * std::size_t{a[1]} + 1 < image.size()) {
                 image[2 * std::size_t{a[1]}] = static_cast<std::byte>(a[2]);
                 image[2 * std::size_t{a[1]} + 1] = static_cast<std::byte>(a[2] >> 8);
                 dirty_[device] = true;
+                updates_.erase(device);
             }
             break;
         case Op::halt:
@@ -86,10 +111,9 @@ void World::world_step(const Step& step) {
             if (spies_[device] != nullptr) {
                 std::vector<std::byte> sii = segment_.slave(device).sii().image();
                 (void)spies_[device]->add_quirk(static_cast<sim::Quirk>(a[1]), sii);
-                dirty_[device] = true;
-                // A head whose SII was written anew has no alias: nobody knows its group.
-                if (!group_.empty() && device == group_.front())
-                    for (const auto member : group_) dirty_[member] = true;
+                make_dirty(device);
+                updates_.erase(device);
+                faulty_eeproms_.insert(device);
             }
             break;
         case Op::replug:
@@ -132,6 +156,7 @@ void World::submit_slot(const Step& step, bool by_owner) {
             configure_all();
         }
         slot.since = osal_.now();
+        slot.checked = slot.cancelled = false;
     }
     if (!by_owner) osal_.thread = 2;
     const auto submitted = slot.operation->submit(*ctx_);
@@ -139,6 +164,7 @@ void World::submit_slot(const Step& step, bool by_owner) {
     if (busy && submitted) fail("a busy request is taken again", std::string(of.name));
     if (!submitted && !busy && slot.operation->request().busy())
         fail("a request that was refused is busy", std::string(of.name));
+    if (!submitted && !busy) slot.checked = true;
 }
 
 void World::configure(std::uint32_t number, std::uint32_t what, std::uint32_t value) {
@@ -157,13 +183,17 @@ void World::configure(std::uint32_t number, std::uint32_t what, std::uint32_t va
     }
 }
 
-void World::map_now(std::uint8_t group) {
+Result<> World::map_now(std::uint8_t group) {
     configure_all();
+    note_presence(true);
     call_ = "config_map()", call_since_ = osal_.now();
-    (void)config_map(*ctx_, images_[group], group);
+    const auto mapped = config_map(*ctx_, images_[group], group);
     call_ = nullptr;
+    if (mapped.error().code == Errc::canceled) fail("a request that nobody cancelled is canceled", "config_map()");
+    check_bits(group, call_since_);
     on_their_way_[group].clear();
     next_cycle_ = std::max(next_cycle_, osal_.now());
+    return mapped ? Result<>() : Result<>(mapped.error());
 }
 
 // Ends all faults.
@@ -178,13 +208,16 @@ void World::heal() {
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
         segment_.set_cable({n, 0}, true);
         segment_.slave(n).sii().fail_next(0);
-        if (halted_[n]) segment_.set_power(n, false, osal_.now());
+        if (halted_[n] || tampered_.contains(n)) segment_.set_power(n, false, osal_.now());
     }
+    note_presence(true);
     run_for(std::chrono::milliseconds(5));
     for (std::uint32_t n = 0; n < segment_.size(); ++n) {
         halted_[n] = false;
         segment_.set_power(n, true, osal_.now());
     }
+    tampered_.clear();
+    note_presence(true);
 }
 
 }  // namespace margay::storm

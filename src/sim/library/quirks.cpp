@@ -54,6 +54,24 @@ bool no_mailbox_sizes(Device& device) {
     std::fill_n(device.sii.begin() + 0x14 * 2, 16, std::byte{0});  // boot and standard mailboxes; the protocols stay
     return true;
 }
+// Sizes of the mailboxes, in the words of the SII; 0: unchanged. From then on the device does what its SII says: its
+// own program would refuse such mailboxes.
+bool set_mailbox_sizes(Device& device, std::uint16_t out_bytes, std::uint16_t in_bytes) {
+    if (device.sii.size() < kFirstCategory) return false;
+    auto at = MutableBytes(device.sii).subspan(sii::word::kBootMailbox * sii::kWordBytes, sii::kMailboxesBytes);
+    auto boxes = sii::load_mailboxes(at);
+    if (boxes.standard.out_bytes == 0 || boxes.standard.in_bytes == 0) return false;
+    if (out_bytes != 0) boxes.standard.out_bytes = out_bytes;
+    if (in_bytes != 0) boxes.standard.in_bytes = in_bytes;
+    // Behind each other: mailboxes that overlap are refused for that.
+    boxes.standard.in_start = static_cast<std::uint16_t>(boxes.standard.out_start + boxes.standard.out_bytes);
+    sii::store_mailboxes(at, boxes);
+    device.firmware = device_from_sii(device.sii).firmware;
+    return true;
+}
+bool mailbox_1487(Device& device) { return set_mailbox_sizes(device, 1487, 1487); }
+bool mailbox_large(Device& device) { return set_mailbox_sizes(device, 4096, 4096); }
+bool mailbox_in_large(Device& device) { return set_mailbox_sizes(device, 0, 1500); }
 bool no_pdos(Device& device) {
     for_each_category(device.sii, [&](unsigned type, const Category& c) {
         if (type == kTxPdos || type == kRxPdos) store_le<std::uint16_t>(device.sii, c.head, kVendors);
@@ -223,6 +241,9 @@ constexpr Row kRows[] = {
     {{"few_mapping_entries", "it accepts at most eight entries per PDO"}, nullptr, Quirk::few_mapping_entries},
     {{"coe_disagrees", "its objects and its SII assign different PDOs"}, nullptr, Quirk::coe_disagrees},
     {{"other_pdos", "it has other PDOs than other devices of the same identity"}, nullptr, Quirk::other_pdos},
+    {{"sii_mailbox_1487", "the mailboxes in its SII are one octet larger than a frame carries"}, mailbox_1487},
+    {{"sii_mailbox_large", "the mailboxes in its SII have 4 KiB"}, mailbox_large},
+    {{"sii_mailbox_in_large", "the send mailbox in its SII is larger than a frame carries"}, mailbox_in_large},
 };
 
 }  // namespace

@@ -1,0 +1,17 @@
+// The process data of the devices of the library, as a master finds it on an undisturbed segment.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace margay::storm {
+
+struct DeviceBits {
+    std::uint32_t inputs = 0;
+    std::uint32_t outputs = 0;
+};
+
+// Of a device without quirks. Read once per process and device.
+[[nodiscard]] DeviceBits bits_of_device(const std::string& name);
+
+}  // namespace margay::storm

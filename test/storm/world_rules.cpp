@@ -1,0 +1,124 @@
+// Rules about the ends of requests, about slaves that are reported lost, and about the process data of a mapping.
+#include "storm/device_bits.hpp"
+#include "storm/world.hpp"
+
+#include <algorithm>
+
+namespace margay::storm {
+
+using namespace std::chrono_literals;
+
+// ------------------------------------------------------------------ requests
+
+// How long a request may at least take before it ends with a timeout; zero: it is not known here.
+Duration World::patience_of(const Slot& slot) {
+    constexpr Duration kEachAnswer = 3s;
+    const KindInfo& of = kinds()[slot.operation->kind()];
+    const Duration own = slot.operation->request().timeout;
+    if (of.mail) return own > Duration{0} ? std::min(own, kEachAnswer) : kEachAnswer;
+    const bool simple = of.name == "register_read" || of.name == "register_write" || of.name == "sii_read" ||
+                        of.name == "sii_write" || of.name == "state_check";
+    return simple ? own : Duration{0};
+}
+
+void World::check_ends() {
+    std::array<char, 300> text{};
+    for (Slot& slot : slots_) {
+        if (slot.checked || !slot.operation || slot.operation->request().busy()) continue;
+        slot.checked = true;
+        const Request& request = slot.operation->request();
+        const Error& error = request.error();
+        const auto words = std::string(kind_name(slot.operation->kind())) + ": " + std::string(describe(error, text));
+        if (error.code == Errc::canceled && !slot.cancelled) fail("a request that nobody cancelled is canceled", words);
+        const Duration patience = patience_of(slot);
+        if (error.code == Errc::timeout && patience > Duration{0} && osal_.now() < slot.since + patience)
+            fail("a request ends before its time is over", words);
+        if (error.code == Errc::reply_lost && !disturbed_much_ && !hostile_ && !hostile_registers_)
+            fail("a lost reply was not asked for again", words);
+        if (kinds()[slot.operation->kind()].name == "map")
+            check_bits(static_cast<const MapRequest&>(request).group, slot.since);
+        if (kinds()[slot.operation->kind()].name != "sii_write") continue;
+        for (const auto device : devices_at(static_cast<const SiiWriteRequest&>(request).slave))
+            check_acknowledged(request, device, slot.since);
+    }
+}
+
+// ------------------------------------------------------------------ lost slaves
+
+// Call it when cables, power or addresses may have changed.
+void World::note_presence(bool ring_changed) {
+    if (ring_changed) {
+        std::fill(in_ring_.begin(), in_ring_.end(), false);
+        for (const auto n : segment_.order()) in_ring_[n] = segment_.powered(n);
+    }
+    for (std::uint32_t n = 0; n < presence_.size(); ++n) {
+        const Presence now{in_ring_[n], segment_.slave(n).station(), osal_.now()};
+        if (now.there != presence_[n].there || now.station != presence_[n].station) presence_[n] = now;
+    }
+}
+
+// A slave that has answered at its address for two seconds is not lost, whatever happened to frames.
+void World::check_lost(std::uint16_t number, Time at, const char* how) {
+    if (hostile_ || hostile_registers_ || number == 0 || number > ctx_->slaves().size()) return;
+    const auto address = ctx_->slave(number).station_address.value;
+    for (std::uint32_t n = 0; n < presence_.size(); ++n)
+        if (presence_[n].there && presence_[n].station == address && presence_[n].since + 2s < at)
+            fail("a slave is lost that answers", place(number) + ": " + how + story());
+}
+
+void World::check_states() {
+    const auto slaves = ctx_->slaves();
+    if (states_.size() != slaves.size()) states_.assign(slaves.size(), AlState::none);
+    for (const Slave& slave : slaves) {
+        AlState& before = states_[slave.number - 1U];
+        if (before != AlState::none && slave.al.state == AlState::none && slave.seen)
+            check_lost(slave.number, osal_.now(), "its state is none");
+        before = slave.al.state;
+    }
+}
+
+// ------------------------------------------------------------------ process data
+
+namespace {
+
+// Quirks with which the process data of a device is what it is without them, or cannot be read.
+constexpr std::array<std::string_view, 19> kSameBits{
+    "old_mail",        "counter_zero",  "replies_twice",   "emergency_first", "ethernet_first",
+    "mail_for_others", "mailbox_full",  "slow_replies",    "never_replies",   "overlong_replies",
+    "empty_replies",   "short_replies", "foreign_replies", "empty_repeats",   "slow_state_changes",
+    "sii_4_bytes",     "sii_slow",      "sii_nacks",       "slow_firmware"};
+
+bool keeps_bits(const DevicePlan& device, const Slave& slave) {
+    constexpr unsigned kAsked = mailbox_protocol::kCoE | mailbox_protocol::kSoE;
+    return std::ranges::all_of(device.quirks, [&](const std::string& quirk) {
+        if (quirk == "sii_no_pdos" || quirk == "sii_sync_managers_off")
+            return (slave.mailbox.protocols & kAsked) != 0;  // it can be asked
+        return std::ranges::find(kSameBits, quirk) != kSameBits.end();
+    });
+}
+
+}  // namespace
+
+// After a mapping each slave that was there all the time, and of which the master does not say that its process data is
+// unknown, has the process data of its device.
+void World::check_bits(std::uint8_t group, Time since) {
+    if (hostile_ || hostile_registers_ || !ctx_->group(group).mapped) return;
+    note_presence(true);
+    for (const Slave& slave : ctx_->slaves()) {
+        if (slave.config.group != group || slave.held || slave.config.highest < AlState::safeop) continue;
+        if (slave.al.state == AlState::none || slave.pdos_failed || slave.unplaced || slave.hook_failed) continue;
+        for (std::uint32_t n = 0; n < presence_.size(); ++n) {
+            const auto& one = presence_[n];
+            if (!one.there || one.station != slave.station_address.value || one.since > since || dirty_[n]) continue;
+            if (!keeps_bits(plan_.devices[n], slave)) continue;
+            const DeviceBits bits = bits_of_device(plan_.devices[n].name);
+            if (slave.image.inputs.bits == bits.inputs && slave.image.outputs.bits == bits.outputs) continue;
+            fail("a slave is mapped without its process data",
+                 place(slave.number) + ": inputs " + std::to_string(slave.image.inputs.bits) + " of " +
+                     std::to_string(bits.inputs) + ", outputs " + std::to_string(slave.image.outputs.bits) + " of " +
+                     std::to_string(bits.outputs) + story());
+        }
+    }
+}
+
+}  // namespace margay::storm
