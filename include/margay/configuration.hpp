@@ -182,6 +182,7 @@ extern const EntryPart kEntryPart;
 class EntryList : public std::span<EntryHandle* const> {
   public:
     constexpr EntryList() : part_(nullptr) {}
+    constexpr EntryList(std::span<EntryHandle* const> list) : std::span<EntryHandle* const>(list) {}
     using std::span<EntryHandle* const>::span;
     // nullptr: there was never a list.
     [[nodiscard]] constexpr const detail::EntryPart* part() const { return empty() ? nullptr : part_; }

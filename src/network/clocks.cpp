@@ -121,7 +121,8 @@ Task<Result<>> send_burst(Network& network) {
     for (std::uint16_t n = 0; n < settings.burst_frames && network.engine.now() < give_up; ++n) {
         while (crew.full()) co_await crew.one();
         while (!crew.start(send_time(network))) {
-            if (crew.running() == 0) co_return Error{.code = Errc::capacity, .step = kClockStep, .detail = Error::kTasks};
+            if (crew.running() == 0)
+                co_return Error{.code = Errc::capacity, .step = kClockStep, .detail = Error::kTasks};
             co_await crew.one();
         }
     }

@@ -62,6 +62,8 @@ TEST_F(Unfinished, ACommandAfterATransitionIsNotSkippedByTheNextAttempt) {
         if (ctx.slaves().empty()) begin();
         ctx.slave(2).config.setup = &setup;
         (void)config_map(ctx, image);
+        while (ctx.events().take()) {
+        }
         const std::string text = reached();
         EXPECT_NE(text.find(kRefused), std::string::npos) << text;
         EXPECT_FALSE(all_right(ctx));

@@ -3,7 +3,7 @@
 if(MARGAY_SANITIZE)
   add_library(margay_checked ALIAS margay)
 else()
-  foreach(folder src src/api src/link src/station src/mailbox src/network src/util src/wire)
+  foreach(folder src src/api src/clock src/link src/station src/mailbox src/network src/util src/wire)
     file(GLOB found CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
     list(APPEND checked_sources ${found})
   endforeach()
