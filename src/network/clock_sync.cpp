@@ -33,7 +33,7 @@ Result<SyncRegisters> registers_of_mode(const wire::sii::DcOpMode& mode, const C
     settings.sync0_cycle = mode.sync0_cycle_time_ns != 0 ? Duration(mode.sync0_cycle_time_ns)
                                                          : times_factor(clocks.cycle, mode.sync0_cycle_factor);
     if (mode.sync1_cycle_factor > 1) settings.sync1_cycle = settings.sync0_cycle * (mode.sync1_cycle_factor - 1);
-    settings.sync1_cycle += Duration(std::max(mode.sync1_shift_time_ns, 0));
+    settings.sync1_cycle += Duration(std::max<std::int32_t>(mode.sync1_shift_time_ns, 0));
     settings.shift = Duration(mode.sync0_shift_time_ns);
     return sync_registers(settings, clocks);
 }
