@@ -19,7 +19,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
 static_assert(is_size(sizeof(Master), 6240, 4416), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
-static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): kClockBytes");
+static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): clock");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 24, 20), "context_bytes(): kMarksBytes");
 static_assert(is_size(sizeof(ProcessGroup), 408, 304), "context_bytes(): kGroupBytes");
@@ -166,13 +166,13 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
     const auto mailboxes = carver.take<MailboxChannel>(limits.slaves);
     const auto emergencies = carver.take<Emergency>(std::size_t{limits.slaves} * limits.emergencies);
     const auto ring = carver.take<RingPlace>(std::size_t{limits.slaves} + limits.guests);
-    const auto clocks = carver.take<ClockEntry>(limits.slaves);
-    const auto delays = carver.take<DelayNode>(std::size_t{limits.slaves} + limits.guests);
+    const auto clocks = carver.take<ClockEntry>(limits.clocks ? limits.slaves : 0);
+    const auto delays = carver.take<DelayNode>(limits.clocks ? std::size_t{limits.slaves} + limits.guests : 0);
     const auto errors = carver.take<Error>(limits.errors);
     const auto warnings = carver.take<Error>(limits.errors);
     const auto events = carver.take<Event>(limits.events);
-    if (place == nullptr || ring.empty() || clocks.empty() || delays.empty() || table.marks.empty() || frames.empty() ||
-        mailboxes.empty())
+    if (place == nullptr || ring.empty() || clocks.empty() == limits.clocks || delays.empty() == limits.clocks ||
+        table.marks.empty() || frames.empty() || mailboxes.empty())
         return Error{.code = Errc::capacity, .step = Step::open_nic};
     const ProcessTables process = carve_process_tables(carver, limits);
     const std::size_t tasks = limits.tasks == 0 ? limits.slaves : limits.tasks;

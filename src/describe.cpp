@@ -162,6 +162,7 @@ std::string_view capacity_text(const Error& e) {
         case Step::soe_read:
         case Step::mailbox_receive: return "the buffer of the call";
         case Step::map_process_data: return "SharedImage";
+        case Step::configure_clocks: return "Limits::clocks is false";
         default: return "Limits::tasks";
     }
 }

@@ -37,13 +37,13 @@ struct Master;
     constexpr std::size_t kMarksBytes = kWide ? 24 : 20;             // what the library notes about a slave
     constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    constexpr std::size_t kClockBytes = 240;  // the clock of a slave, and its place in the topology
+    const std::size_t clock = limits.clocks ? 240 : 0;  // the clock of a slave, and its place in the topology
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
     const std::size_t slave =
-        kClockBytes + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
+        clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
            limits.process_frames * kProcessFrameBytes + arena + arena / 64 +
-           limits.guests * (kRingBytes + kClockBytes) + 2U * limits.errors * sizeof(Error) +
+           limits.guests * (kRingBytes + clock) + 2U * limits.errors * sizeof(Error) +
            limits.events * sizeof(Event) + kAlignmentBytes;
 }
 

@@ -31,6 +31,8 @@ struct Limits {
     // need. Less slows down, since sequences wait for memory; too little for one sequence ends it with Errc::capacity.
     // Context::arena_peak_bytes() shows what a program has needed.
     std::uint32_t arena_bytes = 0;
+    // False: no memory for distributed clocks (240 octets for each slave); configdc() fails with Errc::capacity.
+    bool clocks = true;
 };
 
 }  // namespace margay

@@ -21,6 +21,8 @@ Error check_settings(const ClockSettings& settings) {
 
 static Error check(Network& network, const ClockRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::configure_clocks};
+    if (network.clocks.entries.empty())
+        return {.code = Errc::capacity, .step = Step::configure_clocks, .expected = network.count};
     const Error refused = check_settings(request.settings);
     if (refused.code != Errc::none || request.settings.reference == 0) return refused;
     return check_slave(network, request.settings.reference, Step::configure_clocks);
@@ -104,6 +106,7 @@ const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave) {
     static constexpr SlaveClock kUnknown;
     Master* master = master_of(ctx);
     if (master == nullptr || slave < 1 || slave > master->network.count) return kUnknown;
+    if (master->network.clocks.entries.empty()) return kUnknown;
     return master->network.clocks.entries[slave - 1U];
 }
 

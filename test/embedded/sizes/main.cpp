@@ -18,7 +18,8 @@ constexpr Limits kLimits{.slaves = 8,
                          .errors = 8,
                          .events = 4,
                          .guests = 0,
-                         .arena_bytes = 7168};
+                         .arena_bytes = 7168,
+                         .clocks = false};
 
 BareOsal osal(board::description());
 Lan9118 nic(board::ethernet(), {0x00, 0x4d, 0x41, 0x52, 0x47, 0x59});
