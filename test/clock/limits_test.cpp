@@ -16,10 +16,8 @@ TEST(ClockLimits, WithoutClocksConfigdcSaysSoAndAllElseWorks) {
     bus.start(kWithout);
     const Error refused = configdc(*bus.ctx).error();
     std::array<char, 200> text{};
-    EXPECT_EQ(
-        describe(refused, text),
-        "configuring the clocks: the application gives too little memory for it: Limits::clocks is false (needed 2, "
-        "there is room for 0)");
+    EXPECT_EQ(describe(refused, text),
+              "synchronising the clocks: not enough memory: Limits::clocks is false (needed 2, there is room for 0)");
     EXPECT_EQ(slave_clock(*bus.ctx, 1).kind, ClockKind::unknown);
     std::array<std::byte, 16> image{};
     ASSERT_TRUE(config_map(*bus.ctx, image));
