@@ -380,12 +380,6 @@ Time serve_queue(Master& master, Time now) {
     return first_deadline(master);
 }
 
-bool is_waiting(const RequestQueue& queue, Operation which) {
-    for (Request* r = queue.waiting; r != nullptr; r = next(*r))
-        if (operation(*r).operation == which) return true;
-    return false;
-}
-
 bool begins_at_once(Master& master) {
     const RequestQueue& queue = master.queue;
     if (queue.any_submitted.load(std::memory_order_relaxed) || queue.cancel_asked.load(std::memory_order_relaxed))

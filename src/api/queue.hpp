@@ -65,9 +65,6 @@ struct RequestQueue {
 // are cancelled or whose timeout is over. Returns the time of the next necessary call.
 Time serve_queue(Master& master, Time now);
 
-// Whether a request of this kind is accepted and has not begun. For the owner.
-[[nodiscard]] bool is_waiting(const RequestQueue& queue, Operation which);
-
 // Whether a waiting request can begin now: serve_queue() is to be called again at once.
 [[nodiscard]] bool begins_at_once(Master& master);
 

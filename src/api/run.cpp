@@ -256,8 +256,7 @@ TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
 
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
     Master* master = master_of(ctx);
-    const bool owner = master != nullptr && master->owned_by_caller();
-    if (owner && (master->network.supervised || is_waiting(master->queue, Operation::supervise))) {
+    if (master != nullptr && master->owned_by_caller() && master->network.supervised) {
         const Error refused = check_target(master->network, slave, state);
         if (refused.code != Errc::none) return refused;
         set_targets(master->network, slave, state);

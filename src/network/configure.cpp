@@ -197,6 +197,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto clock = co_await prepare_clock_if_any(network, slave);
     if (!clock) co_return clock;
+    mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);
     update_al_status(slave.al, seen);

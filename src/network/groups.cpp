@@ -177,7 +177,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         (void)cleared;  // a slave that does not answer maps nothing
     }
     const bool due = network.marks(slave).held_back || slave.al.state == AlState::init ||
-                     has_late_commands(network, slave) || network.marks(slave).unfinished != Transition::none;
+                     has_late_commands(network, slave) || is_unfinished(network, slave);
     if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
@@ -237,7 +237,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
 
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.image.group != number) co_return Nothing{};
-    const bool unfinished = network.marks(slave).unfinished != Transition::none;
+    const bool unfinished = is_unfinished(network, slave);
     if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || slave.al.state == AlState::none ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);

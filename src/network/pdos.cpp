@@ -267,8 +267,9 @@ Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
 constinit const detail::EntryPart detail::kEntryPart{.discover = discover_with_entries, .place = place_entries};
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
-    const bool grouped = slave.config.group < network.process.groups.size();
-    const auto* part = grouped ? network.process.groups[slave.config.group].config.entries.part() : nullptr;
+    const std::uint16_t group = slave.image.group != SlaveImage::kNoGroup ? slave.image.group : slave.config.group;
+    const bool grouped = group < network.process.groups.size();
+    const auto* part = grouped ? network.process.groups[group].config.entries.part() : nullptr;
     return part == nullptr ? discover(network, slave, nullptr) : part->discover(network, slave);
 }
 

@@ -48,6 +48,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
         if (!now) co_return now.error();
         slave.al = *now;
     }
+    mark_unfinished(network, slave, which);
     auto state = co_await change_al_state_from(station, slave.al, AlState::preop, slave.device_emulation,
                                                al_timeout(slave, AlState::preop));
     if (state) {

@@ -198,7 +198,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     const bool to_be_asked = is_to_be_asked(network, slave);
     if (to == AlState::init || (to == AlState::preop && process && !to_be_asked))
         co_return co_await lower(network, slave, to);
-    const auto unfinished = [&] { return network.marks(slave).unfinished != Transition::none; };
+    const auto unfinished = [&] { return is_unfinished(network, slave); };
     bool configured = is_configured(slave) && !unfinished();
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);

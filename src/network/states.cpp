@@ -50,7 +50,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
-    if (process) {
+    if (process && state > slave.al.state) {
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
     }

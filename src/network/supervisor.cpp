@@ -100,7 +100,7 @@ bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
-    if (network.marks(slave).unfinished != Transition::none) return true;
+    if (is_unfinished(network, slave)) return true;
     return to >= AlState::safeop && !slave.takes_part && exchanges(slave);
 }
 

@@ -93,8 +93,16 @@ class Following {
     Transition which_;
 };
 
+// There is nothing after the transition (any more).
+static void nothing_follows(SlaveMarks& marks, Transition which) {
+    if (marks.unfinished == which) marks.unfinished = Transition::none;
+}
+
 Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
-    if (!concerns(slave, which, moment)) co_return Nothing{};
+    if (!concerns(slave, which, moment)) {
+        if (moment == Moment::after) nothing_follows(network.marks(slave), which);
+        co_return Nothing{};
+    }
     const bool up = goes_up(which);
     Following following(network.marks(slave), up && moment == Moment::after ? which : Transition::none);
     Result<> done;
@@ -107,6 +115,15 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
     }
     following.succeeded = done.ok();
     co_return up ? done : Result<>();
+}
+
+void mark_unfinished(Network& network, Slave& slave, Transition which) {
+    if (goes_up(which) && concerns(slave, which, Moment::after)) network.marks(slave).unfinished = which;
+}
+
+bool is_unfinished(const Network& network, const Slave& slave) {
+    const Row* row = row_of(network.marks(slave).unfinished);
+    return row != nullptr && slave.al.state >= row->to;
 }
 
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
@@ -128,7 +145,12 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         auto before = co_await around_transition(network, slave, which, Moment::before);
         if (!before) co_return before.error();
     }
-    network.marks(slave).requested = Transition::none;
+    // A state that was requested without waiting, and reached since: what follows is still to be done.
+    const Transition before_this = std::exchange(network.marks(slave).requested, Transition::none);
+    const Row* reached = row_of(before_this);
+    const bool pending = which == Transition::none && reached != nullptr && reached->to == state;
+    const Transition follows = pending ? before_this : which;
+    mark_unfinished(network, slave, follows);
     const Time now = network.engine.now();
     const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
@@ -138,10 +160,11 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
-    if (which != Transition::none && !goes_up(which)) network.marks(slave).unfinished = Transition::none;
-    if (concerns(slave, which, Moment::after)) {
-        auto after = co_await around_transition(network, slave, which, Moment::after);
+    if (concerns(slave, follows, Moment::after)) {
+        auto after = co_await around_transition(network, slave, follows, Moment::after);
         if (!after) co_return after.error();
+    } else {
+        nothing_follows(network.marks(slave), follows);
     }
     co_return changed;
 }

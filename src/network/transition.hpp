@@ -15,6 +15,12 @@ namespace margay {
 // contains the reached state. The change of the state itself is given up at `until`; kNever: after al_timeout().
 [[nodiscard]] Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until = kNever);
 
+// Call it before a state is requested: until the commands and the hook after the transition have succeeded, the slave
+// is unfinished in the new state, also when the request is cut meanwhile.
+void mark_unfinished(Network& network, Slave& slave, Transition which);
+// Whether the slave is in a state whose commands or hook after the transition have not succeeded.
+[[nodiscard]] bool is_unfinished(const Network& network, const Slave& slave);
+
 // The same for a request of the application. Additional errors: those of refusal().
 [[nodiscard]] Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until);
 

@@ -12,7 +12,7 @@ namespace {
 Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
 // For slaves of a hot connect group, which may be missing as a whole.
-bool head_is_there(Network& network, std::uint8_t hot_connect) {
+bool head_is_there(const Network& network, std::uint8_t hot_connect) {
     return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
         return s.al.state != AlState::none && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
                is_located(network.expected, *s.wanted);
@@ -46,10 +46,10 @@ Error state_trouble(const Network& network, const Slave& slave, AlState wanted) 
     error.detail = slave.al.code;
     const SlaveMarks& marks = network.marks(slave);
     if (slave.al.error) return error;
-    if (slave.al.state == wanted && marks.unfinished == Transition::none && !marks.following) return {};
+    const bool unfinished = is_unfinished(network, slave);
+    if (slave.al.state == wanted && !unfinished && !marks.following) return {};
     if (slave.al.state == wanted) error.code = Errc::start_up_unfinished;
-    const bool failed =
-        slave.hook_failed || slave.pdos_failed || marks.attempts > 0 || marks.unfinished != Transition::none;
+    const bool failed = slave.hook_failed || slave.pdos_failed || marks.attempts > 0 || unfinished;
     return failed ? start_up_error(slave, error) : error;
 }
 
@@ -117,7 +117,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
     const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
-                         !is_optional(*slave.wanted);
+                         !is_optional(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);
     const bool leaving = slave.image.group != slave.config.group && is_being_mapped(network, slave);
     return (!slave.config.optional || awaited) && !leaving && !nobody && !absent &&
            wanted_state(network, slave) >= AlState::safeop;
@@ -144,7 +144,7 @@ Error state_error(Network& network, const Slave& slave) {
 }
 
 Error start_up_refusal(const Network& network, const Slave& slave) {
-    const bool unfinished = network.marks(slave).unfinished != Transition::none;
+    const bool unfinished = is_unfinished(network, slave);
     if (!slave.hook_failed && !slave.pdos_failed && !unfinished) return {};
     const Errc code = unfinished ? Errc::start_up_unfinished : Errc::wrong_state;
     return start_up_error(slave, fault(slave, code, Step::request_state));
@@ -158,7 +158,8 @@ Error target_refusal(const Slave& slave, AlState state) {
 Error refusal(const Network& network, const Slave& slave, AlState state) {
     const Error never = target_refusal(slave, state);
     if (never.code != Errc::none) return never;
-    const Error failed = state >= AlState::safeop ? start_up_refusal(network, slave) : Error{};
+    const bool up = state >= AlState::safeop && state > slave.al.state;
+    const Error failed = up ? start_up_refusal(network, slave) : Error{};
     if (failed.code != Errc::none) return failed;
     if (!network.supervised || is_being_mapped(network, slave) || state == goal(network, slave)) return {};
     Error error = fault(slave, Errc::supervised, Step::request_state);

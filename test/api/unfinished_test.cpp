@@ -119,5 +119,47 @@ TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
     EXPECT_EQ(slow.ended, 2);
 }
 
+// The hook after SAFEOP to OP fails: the slave can be lowered, and started again by hand.
+struct Fails {
+    bool now = true;
+    static Result<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
+        const bool here = slave.number() == 2 && which == Transition::safeop_to_op && when == Moment::after;
+        return here && static_cast<Fails*>(user)->now ? Result<>(Error{.code = Errc::check_failed}) : Result<>();
+    }
+};
+TEST_F(Unfinished, ASlaveWithAFailedHookCanBeLowered) {
+    begin();
+    Fails fails;
+    ctx.slave(2).hooks.user = &fails;
+    ctx.slave(2).hooks.transition = Fails::hook;
+    ASSERT_TRUE(config_map(ctx, image));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    EXPECT_FALSE(reach(ctx, AlState::op, 2s));
+    for (const AlState lower : {AlState::safeop, AlState::preop, AlState::init}) {
+        ASSERT_TRUE(set_target(ctx, 0, lower));
+        EXPECT_TRUE(reach(ctx, lower, 3s)) << words(reach(ctx, lower, 1s).error());
+        EXPECT_EQ(ctx.slave(2).al.state, lower);
+    }
+    fails.now = false;
+    EXPECT_EQ(reached(), "no error");
+}
+
+// The state change is cut while the slave is on its way to OP: what follows is not forgotten.
+TEST_F(Unfinished, AStateChangeThatIsCutIsNotFinished) {
+    begin();
+    Slow slow{.lasts = 10ms};
+    ctx.slave(2).hooks.user = &slow;
+    ctx.slave(2).hooks.transition = Slow::hook;
+    ASSERT_TRUE(config_map(ctx, image));
+    for (int cut = 1; cut < 60; ++cut) {
+        ASSERT_TRUE(set_target(ctx, 0, AlState::safeop));
+        slow.ended = 0;
+        (void)reach(ctx, AlState::op, std::chrono::microseconds(100) * cut);
+        EXPECT_EQ(reached(), "no error") << cut;
+        EXPECT_GE(slow.ended, 1) << "cut after " << cut << " times 0.1 ms";
+    }
+}
+
 }  // namespace
 }  // namespace margay
