@@ -81,11 +81,13 @@ struct ClockBus : Plant {
         std::int64_t most = INT64_MIN;
         std::int64_t least = INT64_MAX;
         for (std::uint16_t n = 1; n <= slaves; ++n) {
-            if (!is_powered(n) || clock(n).kind < ClockKind::bits64) continue;
-            most = std::max(most, ahead_ns(n));
-            least = std::min(least, ahead_ns(n));
+            if (!is_powered(n) || clock(n).kind < ClockKind::bits32) continue;
+            const std::int64_t ahead = static_cast<std::int32_t>(ahead_ns(n));  // some clocks have 32 bits
+            most = std::max(most, ahead);
+            least = std::min(least, ahead);
         }
-        return most - least;
+        if (most < least) ADD_FAILURE() << "no slave has a clock";
+        return most < least ? INT64_MAX : most - least;
     }
     bool is_powered(std::uint16_t slave) { return segment.powered(slave - 1U); }
     template <class T>
