@@ -77,29 +77,30 @@ Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings) {
     return submit_and_wait(ctx, request, request.reference);
 }
 
-Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1, Duration shift) {
-    constexpr std::uint16_t kBoth = 0x0700;
+static Result<> set_sync(Context& ctx, std::uint16_t slave, bool active, const SyncSettings& wanted) {
     SyncRequest request;
     request.slave = slave;
-    if (active)
-        request.sync = {.source = SyncSettings::Source::application,
-                        .assign_activate = kBoth,
-                        .sync0_cycle = cycle0,
-                        .sync1_cycle = cycle1,
-                        .shift = shift};
+    if (active) request.sync = wanted;
     return submit_and_wait(ctx, request);
+}
+
+Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1, Duration shift) {
+    constexpr std::uint16_t kBoth = 0x0700;
+    return set_sync(ctx, slave, active,
+                    {.source = SyncSettings::Source::application,
+                     .assign_activate = kBoth,
+                     .sync0_cycle = cycle0,
+                     .sync1_cycle = cycle1,
+                     .shift = shift});
 }
 
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift) {
     constexpr std::uint16_t kSync0 = 0x0300;
-    SyncRequest request;
-    request.slave = slave;
-    if (active)
-        request.sync = {.source = SyncSettings::Source::application,
-                        .assign_activate = kSync0,
-                        .sync0_cycle = cycle0,
-                        .shift = shift};
-    return submit_and_wait(ctx, request);
+    return set_sync(ctx, slave, active,
+                    {.source = SyncSettings::Source::application,
+                     .assign_activate = kSync0,
+                     .sync0_cycle = cycle0,
+                     .shift = shift});
 }
 
 const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave) {

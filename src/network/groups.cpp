@@ -22,13 +22,6 @@ namespace {
 
 Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
 
-Error invalid(Argument argument, std::uint16_t slave = 0) {
-    return {.code = Errc::invalid_argument,
-            .step = Step::map_process_data,
-            .slave = slave,
-            .detail = static_cast<std::uint32_t>(argument)};
-}
-
 // Two images at the same logical addresses would be exchanged with the slaves of both groups.
 bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
     const std::uint64_t begin = group.layout.start.value;
@@ -49,7 +42,7 @@ Result<> check_extras(ProcessGroup& group) {
         Error error{.code = Errc::unknown_slave, .step = Step::map_process_data, .slave = number};
         error.expected = static_cast<std::uint32_t>(group.slaves.size());
         if (number < 1 || number > group.slaves.size()) return error;
-        return invalid(Argument::copy, number);
+        return invalid_mapping(Argument::copy, number);
     }
     if (group.config.shared == nullptr || group.config.shared->attach(group.output_bytes, group.input_bytes))
         return Result<>();
@@ -89,7 +82,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
     if (++group.mappings == 0) group.mappings = 1;
-    if (!clear_of_others(tables, group)) return invalid(Argument::image_start);
+    if (!clear_of_others(tables, group)) return invalid_mapping(Argument::image_start);
     for (const ProcessGroup& other : tables.groups) {
         if (!other.mapped || other.number == number || !share_octets(other.image, group.image)) continue;
         Error error = fault(Errc::image_overlaps, 0);
@@ -135,7 +128,7 @@ void report_copies(Network& network, const Slave& slave) {
         return copy.from_slave == slave.number || copy.to_slave == slave.number;
     };
     if (group.mapped && std::ranges::any_of(group.config.copies, names))
-        network.note(invalid(Argument::copy, slave.number));
+        network.note(invalid_mapping(Argument::copy, slave.number));
 }
 
 // The slave was in the earlier mapping of a group, and the application has assigned it to another group since. Its

@@ -9,13 +9,6 @@ namespace {
 
 constexpr std::uint32_t kMostUnits = 0xFFFF;  // of a watchdog register
 
-Error fault(Argument argument, std::uint16_t slave) {
-    return {.code = Errc::invalid_argument,
-            .step = Step::map_process_data,
-            .slave = slave,
-            .detail = static_cast<std::uint32_t>(argument)};
-}
-
 Argument invalid_time(const SlaveTimes& times) {
     const Duration none{0};
     if (std::min({times.to_preop, times.to_safeop, times.to_op, times.down}) < none) return Argument::state_time;
@@ -36,25 +29,32 @@ Argument invalid_configuration(const SlaveConfiguration& config) {
 
 }  // namespace
 
+Error invalid_mapping(Argument argument, std::uint16_t slave) {
+    return {.code = Errc::invalid_argument,
+            .step = Step::map_process_data,
+            .slave = slave,
+            .detail = static_cast<std::uint32_t>(argument)};
+}
+
 Duration watchdog_unit(const SlaveTimes& times) {
     return std::chrono::nanoseconds(40) * (times.watchdog_divider.value_or(kDividerFor100us) + 2);
 }
 
 Error invalid_setting(const Slave& slave) {
     if (const Argument wrong = invalid_configuration(slave.config); wrong != Argument::unknown)
-        return fault(wrong, slave.number);
+        return invalid_mapping(wrong, slave.number);
     return invalid_commands(slave);
 }
 
 Error invalid_setting(const Network& network, const ProcessGroup& group) {
     const GroupConfiguration& config = group.config;
     if (config.cycles_in_flight < 1 || config.cycles_in_flight > GroupConfiguration::kMostCyclesInFlight)
-        return fault(Argument::cycles_in_flight, 0);
+        return invalid_mapping(Argument::cycles_in_flight);
     if (std::ranges::any_of(config.entries, [](const EntryHandle* entry) { return entry == nullptr; }))
-        return fault(Argument::entry_handle, 0);
+        return invalid_mapping(Argument::entry_handle);
     const bool empty =
         std::ranges::none_of(network.slaves(), [&](const Slave& slave) { return slave.config.group == group.number; });
-    return empty && !config.al_status && config.dc_reference == 0 ? fault(Argument::empty_group, 0) : Error{};
+    return empty && !config.al_status && config.dc_reference == 0 ? invalid_mapping(Argument::empty_group) : Error{};
 }
 
 }  // namespace margay

@@ -10,6 +10,9 @@ inline constexpr std::uint16_t kDividerFor100us = 2498;
 // The unit in which an ESC counts the times of its watchdogs.
 [[nodiscard]] Duration watchdog_unit(const SlaveTimes& times);
 
+// The error of config_map() for a setting; slave 0: of the group.
+[[nodiscard]] Error invalid_mapping(Argument argument, std::uint16_t slave = 0);
+
 // Errors of `slave.config`: invalid_argument (detail: the Argument), and those of invalid_commands().
 [[nodiscard]] Error invalid_setting(const Slave& slave);
 

@@ -69,6 +69,11 @@ std::string_view initials(Transition one) {
     return row == nullptr ? "" : row->initials;
 }
 
+// There is nothing after the transition (any more).
+static void nothing_follows(SlaveMarks& marks, Transition which) {
+    if (marks.unfinished == which) marks.unfinished = Transition::none;
+}
+
 // While what follows a transition to a higher state executes. If it fails or is cut, the slave is in its state without
 // it. Transition::none: nothing is marked.
 class Following {
@@ -81,10 +86,10 @@ class Following {
     ~Following() {
         if (which_ == Transition::none) return;
         marks_.following = false;
-        if (!succeeded)
+        if (succeeded)
+            nothing_follows(marks_, which_);
+        else
             marks_.unfinished = which_;
-        else if (marks_.unfinished == which_)
-            marks_.unfinished = Transition::none;
     }
     bool succeeded = false;
 
@@ -92,11 +97,6 @@ class Following {
     SlaveMarks& marks_;
     Transition which_;
 };
-
-// There is nothing after the transition (any more).
-static void nothing_follows(SlaveMarks& marks, Transition which) {
-    if (marks.unfinished == which) marks.unfinished = Transition::none;
-}
 
 Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment) {
     if (!concerns(slave, which, moment)) {
