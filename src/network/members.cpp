@@ -3,6 +3,8 @@
 #include "network/expectation.hpp"
 #include "network/wanted.hpp"
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -40,10 +42,9 @@ void count(ProcessGroup& group, const Slave& slave, bool more) {
         change(group.statuses[0].full, 1, more);
         return;
     }
-    const auto fmmus = make_fmmus(slave, group.layout);
-    if (!fmmus) return;
+    const SlaveFmmus ranges = exchanged_ranges(slave, group.layout);
     for (std::size_t n = 0; n < group.statuses.size(); ++n) {
-        const std::uint16_t share = working_counter_of(*fmmus, group.plans[n]);
+        const std::uint16_t share = working_counter_of(ranges, group.plans[n]);
         change(group.statuses[n].expected, share, more);
         group.expected_wkc = more ? group.expected_wkc + share : group.expected_wkc - share;
     }
@@ -57,10 +58,9 @@ void set_takes_part(Network& network, Slave& slave, bool takes_part) {
     if (takes_part) network.marks(slave).awaited = true;
     ProcessGroup* group = group_of(network, slave);
     if (group == nullptr) return;
-    const auto fmmus = make_fmmus(slave, group->layout);
-    if (!fmmus) return;
+    const SlaveFmmus ranges = exchanged_ranges(slave, group->layout);
     for (std::size_t n = 0; n < group->statuses.size(); ++n)
-        change(group->statuses[n].accepted, working_counter_of(*fmmus, group->plans[n]), takes_part);
+        change(group->statuses[n].accepted, working_counter_of(ranges, group->plans[n]), takes_part);
     update_counted(network, slave);
     settle(*group);
     if (takes_part) note_joining(*group, slave);
@@ -92,12 +92,22 @@ bool is_head_of_group(Network& network, const Slave& slave) {
     return slave.wanted != nullptr && slave.wanted->hot_connect != 0 && is_located(network.expected, *slave.wanted);
 }
 
-void forget_awaited_members(Network& network, const Slave& lost) {
-    if (!is_head_of_group(network, lost)) return;
+bool head_is_there(const Network& network, std::uint8_t hot_connect) {
+    return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
+        return s.al.state != AlState::none && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
+               is_located(network.expected, *s.wanted);
+    });
+}
+
+void leave_exchange(Network& network, Slave& lost) {
+    set_takes_part(network, lost, false);
+    if (lost.wanted == nullptr || lost.wanted->hot_connect == 0) return;
+    if (head_is_there(network, lost.wanted->hot_connect)) return;
     for (Slave& slave : network.slaves()) {
         if (slave.wanted == nullptr || slave.wanted->hot_connect != lost.wanted->hot_connect) continue;
-        network.marks(slave).awaited = false;
         network.marks(slave).missing_reported = false;
+        // A member that still takes part is not starting up: it stays awaited.
+        if (!slave.takes_part) network.marks(slave).awaited = false;
         update_counted(network, slave);
     }
 }

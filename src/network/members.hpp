@@ -25,11 +25,14 @@ void begin_counting(Network& network, ProcessGroup& group);
 void leave_counters(Network& network, Slave& slave);
 
 // Members of a hot connect group are counted while the head is present, except while the group starts up after it was
-// connected. await_slave(): the member has taken part, has failed to, or should have come with its head. Call
-// forget_awaited_members() when a slave is lost: without its head the whole group may be missing.
+// connected. await_slave(): the member has taken part, has failed to, or should have come with its head.
 [[nodiscard]] bool is_head_of_group(Network& network, const Slave& slave);
+[[nodiscard]] bool head_is_there(const Network& network, std::uint8_t hot_connect);
 void await_slave(Network& network, Slave& slave);
-void forget_awaited_members(Network& network, const Slave& lost);
+
+// Call it when a slave is lost, after slave.al is NONE: the slave does not take part. Without its head the whole hot
+// connect group may be missing.
+void leave_exchange(Network& network, Slave& lost);
 
 // Call it when a slave that was `unplaced` has no process data.
 void forget_unplaced(Network& network, Slave& slave);

@@ -1,0 +1,340 @@
+// Hot connect groups, which come and go as a whole.
+#include "process_data/hot_connect.hpp"
+
+namespace margay {
+namespace {
+
+// Two groups of two slaves. Their heads are identified by alias 0x0010 and by device ID 7.
+struct Groups {
+    std::uint32_t a = 0, a2 = 0, b = 0, b2 = 0;
+};
+class HotConnectGroups : public HotConnectTest {
+  protected:
+    Groups g;
+    std::array<ExpectedSlave, 7> expected{};
+    void SetUp() override {
+        HotConnectTest::SetUp();
+        g.a = make({.product = 0x200, .alias = 0x0010});
+        g.a2 = make({.product = 0x201});
+        g.b = make({.product = 0x200, .flags = wire::sii::general_flag::kIdentAlStatus});
+        program(g.b).set_device_id(7);
+        g.b2 = make({.product = 0x201});
+        ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
+        ASSERT_TRUE(segment.connect({g.b, 1}, {g.b2, 0}));
+        expected = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head(1), member(1), head(2), member(2)};
+        expected[3].alias = std::uint16_t{0x0010};
+        expected[5].device_id = std::uint16_t{7};
+    }
+    static ExpectedSlave head(std::uint8_t group) {
+        return {.vendor = kVendor, .product = 0x200, .hot_connect = group, .config = &kIo};
+    }
+    static ExpectedSlave member(std::uint8_t group) {
+        return {.vendor = kVendor, .product = 0x201, .hot_connect = group, .config = &kIo};
+    }
+    void expect_all_exchange() {
+        const std::uint32_t numbers[] = {line[0], line[1], line[2], g.a, g.a2, g.b, g.b2};
+        for (std::size_t n = 1; n <= 7; ++n) expect_exchanged(n, numbers[n - 1]);
+        EXPECT_EQ(*cycle(), 21U);
+    }
+};
+
+TEST_F(HotConnectGroups, AreFoundWhereverTheyHang) {
+    plug({line[0], 2}, g.b);
+    plug({line[2], 1}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_EQ(ctx->slaves().size(), 7U);
+    run();
+    expect_all_exchange();
+    EXPECT_EQ(ctx->slave(6).parent, 1);
+    EXPECT_EQ(ctx->slave(6).parent_port, 2);
+    EXPECT_EQ(ctx->slave(7).parent, 6);
+    EXPECT_EQ(ctx->slave(4).parent, 3);
+}
+
+TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 9U);
+    plug({line[1], 2}, g.a);
+    power(g.a, true);
+    power(g.a2, true);
+    ASSERT_TRUE(until([&] { return in_op(4) && in_op(5); })) << joined(events());
+    EXPECT_EQ(*cycle(), 15U);
+    plug({line[0], 2}, g.b);
+    power(g.b, true);
+    power(g.b2, true);
+    ASSERT_TRUE(until([&] { return in_op(6) && in_op(7); })) << joined(events());
+    expect_all_exchange();
+    EXPECT_EQ(told(events(), "not in the list of expected slaves"), 0);
+}
+
+// The other slaves lose only the cycles during which cables are pulled and plugged.
+TEST_F(HotConnectGroups, SwapPortsDuringOp) {
+    plug({line[0], 2}, g.a);
+    plug({line[1], 2}, g.b);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (int round = 0; round < 4; ++round) {
+        SCOPED_TRACE(round);
+        pull(g.a);
+        pull(g.b);
+        cycles(round % 2 == 0 ? 30 : 400);
+        EXPECT_EQ(*cycle(), 9U);
+        // With loss of power, as on a docking machine, or without.
+        if (round < 2)
+            for (const auto number : {g.a, g.a2, g.b, g.b2}) {
+                power(number, false);
+                power(number, true);
+            }
+        plug({line[round % 2 == 0 ? 1 : 0], 2}, g.a);
+        plug({line[round % 2 == 0 ? 0 : 1], 2}, g.b);
+        ASSERT_TRUE(until([&] { return in_op(4) && in_op(5) && in_op(6) && in_op(7); })) << joined(events());
+        cycles(100);
+        expect_all_exchange();
+        EXPECT_EQ(ctx->slave(4).parent, round % 2 == 0 ? 2 : 1);
+        EXPECT_EQ(ctx->slave(6).parent, round % 2 == 0 ? 1 : 2);
+        EXPECT_EQ(ctx->slave(1).ports[2].neighbour, round % 2 == 0 ? 6 : 4);
+        const auto story = events();
+        EXPECT_EQ(
+            told(story, "not in the list of expected slaves") + told(story, "another slave") + told(story, "failed"), 0)
+            << joined(story);
+        EXPECT_EQ(told(story, "lost, it was"), 4) << joined(story);
+        EXPECT_EQ(told(story, "found again"), 4) << joined(story);
+    }
+}
+
+TEST_F(HotConnectGroups, AWrongMemberIsNamed) {
+    const auto wrong = make({.product = 0x2FF});
+    segment.disconnect({g.a2, 0});
+    ASSERT_TRUE(segment.connect({g.a, 1}, {wrong, 0}));
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(
+        bring_up(expected),
+        (Words{
+            "slave 5: comparing with what is expected: another slave than expected (expected product 0x00000201, got "
+            "0x000002ff of vendor 0x00004d47)"}));
+    // The same while the segment is in OP.
+    pull(g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    plug({line[0], 2}, g.a);
+    power(g.a, true);
+    power(wrong, true);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    const auto story = events();
+    EXPECT_EQ(
+        told(story,
+             "slave 5: another slave in its place (expected product 0x00000201, got 0x000002ff of vendor 0x00004d47)"),
+        1)
+        << joined(story);
+    EXPECT_FALSE(in_op(5));
+}
+
+TEST_F(HotConnectGroups, AMissingMemberIsTold) {
+    segment.disconnect({g.a2, 0});
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), (Words{"slave 5: comparing with what is expected: an expected slave is missing"}));
+    pull(g.a);
+    EXPECT_EQ(bring_up(expected), Words()) << "the whole group may be missing";
+    run();
+    plug({line[0], 2}, g.a);
+    power(g.a, true);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    EXPECT_EQ(cycle().error(), (Error{.code = Errc::working_counter,
+                                      .step = Step::exchange_process_data,
+                                      .slave = 5,
+                                      .detail = Error::kOthersFresh,
+                                      .expected = 15,
+                                      .actual = 12}));
+    EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1);
+    // When the slave arrives, it belongs to the group.
+    ASSERT_TRUE(segment.connect({g.a, 1}, {g.a2, 0}));
+    power(g.a2, true);
+    ASSERT_TRUE(until([&] { return in_op(5); })) << joined(events());
+    expect_exchanged(5, g.a2);
+}
+
+// A member that is present and cannot be configured is counted, like a slave of the line.
+TEST_F(HotConnectGroups, AMemberThatIsRefusedIsCounted) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ctx->slave(5).config.highest = static_cast<AlState>(9);
+    EXPECT_FALSE(config_map(*ctx, image).ok());
+    EXPECT_EQ(ctx->group(0).expected_wkc, 15U);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(100);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
+    // After the group was away and is back, too.
+    pull(g.a);
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U) << "the whole group may be missing";
+    plug({line[1], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+}
+
+TEST_F(HotConnectGroups, MayBeRemovedWithoutASupervision) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_EQ(to_op().state, AlState::op);
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    cycles(5);
+    EXPECT_TRUE(readstate(*ctx).ok());
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+TEST_F(HotConnectGroups, AMemberMayBeMissingTwice) {
+    segment.disconnect({g.a2, 0});
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    for (int time = 0; time < 2; ++time) {
+        plug({line[0], 2}, g.a);
+        power(g.a, true);
+        ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+        cycles(2000);
+        EXPECT_EQ(cycle().error().code, Errc::working_counter) << time;
+        EXPECT_EQ(told(events(), "slave 5: missing, though the head of its group, slave 4, is there"), 1) << time;
+        pull(g.a);
+        cycles(100);
+        EXPECT_EQ(*cycle(), 9U) << time;
+    }
+}
+
+// The head comes back with its address, because its power was kept; its member does not.
+TEST_F(HotConnectGroups, AHeadThatKeptItsPowerComesWithoutItsMember) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    segment.disconnect({g.a2, 0});
+    cycles(100);
+    EXPECT_EQ(*cycle(), 9U);
+    (void)events();
+    plug({line[0], 2}, g.a);
+    ASSERT_TRUE(until([&] { return in_op(4); })) << joined(events());
+    cycles(2000);
+    const auto story = events();
+    EXPECT_EQ(told(story, "slave 5: missing, though the head of its group, slave 4, is there"), 1) << joined(story);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+}
+
+// The head alone is lost for a moment, its member goes on: afterwards a loss of the member is a fault again.
+TEST_F(HotConnectGroups, AMemberThatWentOnWithoutItsHeadIsMissedLater) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 15U);
+    segment.slave(g.a).registers().set<std::uint16_t>(0x0010, 0);  // the head loses its address
+    segment.reconsider();
+    cycles(3000);
+    EXPECT_EQ(told(events(), "slave 4: lost, it was in OP"), 1);
+    ASSERT_TRUE(in_op(4));
+    cycles(100);
+    EXPECT_EQ(*cycle(), 15U);
+    segment.disconnect({g.a2, 0});
+    cycles(5000);
+    EXPECT_EQ(ctx->group(0).expected_wkc, 15U);
+    EXPECT_EQ(cycle().error().code, Errc::working_counter);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 5);
+}
+
+// A connector that bounces: the member is back before its head is identified, then the group is gone again.
+TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    pull(g.a);
+    cycles(500);
+    EXPECT_EQ(ctx->group(0).expected_wkc, 9U);
+    power(g.a, false);
+    power(g.a, true);
+    plug({line[0], 2}, g.a);
+    ASSERT_TRUE(until([&] { return ctx->slave(5).al.state != AlState::none; }));
+    pull(g.a);
+    cycles(5000);
+    EXPECT_EQ(*cycle(), 9U) << joined(events());
+    EXPECT_TRUE(all_right(*ctx));
+}
+
+// Without a supervision: a request finds the head lost.
+TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
+    plug({line[0], 2}, g.a);
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_EQ(to_op().state, AlState::op);
+    EXPECT_EQ(*cycle(), 15U);
+    pull(g.a);
+    for (const std::uint16_t slave : {std::uint16_t{5}, std::uint16_t{4}}) {
+        StateRequest request;
+        request.slave = slave;
+        request.wanted = AlState::op;
+        ASSERT_TRUE(submit(*ctx, request));
+        ASSERT_TRUE(until([&] { return !request.busy(); }));
+        EXPECT_FALSE(request.error().code == Errc::none);
+    }
+    EXPECT_EQ(*cycle(), 9U);
+}
+
+// Any order of pulling and plugging, power kept or lost, any port, lost frames, and memory for all slaves at once or
+// for one. In the end every slave is in OP and exchanges its own process data.
+class HotConnectInAnyOrder : public HotConnectGroups, public testing::WithParamInterface<std::uint32_t> {};
+
+TEST_P(HotConnectInAnyOrder, EverybodyIsWhoHeIsInTheEnd) {
+    limits.tasks = GetParam() % 2 == 0 ? 1 : 0;
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    std::uint32_t random = GetParam();
+    std::vector<std::string> story;
+    const auto next = [&](std::uint32_t below) {
+        random = random * 1664525 + 1013904223;
+        return (random >> 16) % below;
+    };
+    std::array<bool, 2> plugged{};
+    const std::array<std::uint32_t, 2> heads{g.a, g.b};
+    const std::array<std::uint32_t, 2> seconds{g.a2, g.b2};
+    const sim::PortRef ports[] = {{line[0], 2}, {line[1], 2}, {line[2], 1}, {line[2], 2}, {line[0], 3}};
+    for (const auto number : {g.a, g.a2, g.b, g.b2}) power(number, true);
+    segment.set_noise({.lost = GetParam() % 3 == 0 ? 0.0 : 0.03, .seed = GetParam()});
+    for (int step = 0; step < 60; ++step) {
+        const std::size_t n = next(2);
+        if (plugged[n]) pull(heads[n]);
+        plugged[n] = !plugged[n] &&
+                     (segment.connect(ports[next(5)], {heads[n], 0}) || segment.connect(ports[next(5)], {heads[n], 0}));
+        if (next(3) == 0) {
+            power(seconds[n], false);
+            cycles(static_cast<int>(next(10)));
+            power(seconds[n], true);
+        }
+        cycles(static_cast<int>(next(60)));
+        for (const auto& event : events()) story.push_back(event);
+    }
+    segment.set_noise({});
+    for (std::size_t n = 0; n < 2; ++n)
+        for (const sim::PortRef& port : ports) plugged[n] = plugged[n] || segment.connect(port, {heads[n], 0});
+    const auto all = [&] { return in_op(4) && in_op(5) && in_op(6) && in_op(7); };
+    const auto listen = [&] {
+        for (const auto& event : events()) story.push_back(event);
+        return all();
+    };
+    ASSERT_TRUE(until(listen, 5000)) << joined(story);
+    ASSERT_TRUE(until([&] { return cycle().ok() && all_in_op(); }));
+    expect_all_exchange();
+    EXPECT_EQ(told(story, "not in the list of expected slaves") + told(story, "another slave"), 0) << joined(story);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, HotConnectInAnyOrder, testing::Range(1U, 41U));
+// A slave got the address of another one: a device that was disconnected as a newcomer came back as the present one.
+INSTANTIATE_TEST_SUITE_P(OnceFailed, HotConnectInAnyOrder, testing::Values(247U, 722U, 800U, 910U, 996U));
+
+// ------------------------------------------------------------------ topology
+
+}  // namespace
+}  // namespace margay
