@@ -21,7 +21,7 @@ static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMail
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): clock");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
-static_assert(is_size(sizeof(SlaveMarks), 24, 20), "context_bytes(): kMarksBytes");
+static_assert(is_size(sizeof(SlaveMarks), 20, 20), "context_bytes(): kMarksBytes");
 static_assert(is_size(sizeof(ProcessGroup), 408, 304), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *

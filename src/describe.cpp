@@ -186,23 +186,31 @@ std::string_view argument_text(Argument argument) {
         case Argument::state: return "the state must be INIT, PREOP, SAFEOP or OP";
         case Argument::work: return "there is no work function";
         case Argument::sii_words: return "beyond the end of the EEPROM";
-        case Argument::sii_size: return "the SII is read and written in words, the data has an odd number of octets";
+        case Argument::sii_size:
+            return "the SII is read and written in words, the data must have an even number of octets, at least 2";
         case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
         case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
         case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
         case Argument::sync_manager_count: return "SlaveConfiguration::sm_count must be at most 8";
+        case Argument::sync_manager_direction: return "ProcessSm::direction is no Direction";
+        case Argument::sync_manager_of_mailbox:
+            return "SlaveConfiguration::sms names a SyncManager of the slave's mailbox";
+        case Argument::configuration_source: return "SlaveConfiguration::source is no ConfigurationSource";
         case Argument::sync_manager_twice: return "SlaveConfiguration::sms has this SyncManager twice";
         case Argument::pdi_watchdog: return "SlaveTimes::pdi_watchdog must be zero to 65535 units of the divider";
         case Argument::state_time: return "the times of SlaveTimes must not be negative";
         case Argument::mailbox_time: return "SlaveTimes::mailbox must not be negative";
-        case Argument::command_transition: return "has no transition";
+        case Argument::command_transition: return "has no transition, or an unknown one";
+        case Argument::command_kind: return "the kind or the moment of a start-up command is no known one";
         case Argument::command_time: return "the timeout of a start-up command must not be negative";
         case Argument::command_value:
             return "the value of the start-up command has a size that the command cannot have";
         case Argument::image_start:
             return "GroupConfiguration::start: the image overlaps another one, or ends above 0xffffffff";
+        case Argument::packing: return "GroupConfiguration::packing is no Packing";
+        case Argument::lost_inputs: return "GroupConfiguration::lost_inputs is no LostInputs";
         case Argument::cycles_in_flight: return "GroupConfiguration::cycles_in_flight must be 1 to 4";
         case Argument::reserve_bytes: return "GroupConfiguration::reserve_bytes leaves no space in the frame";
         case Argument::dc_reference: return "GroupConfiguration::dc_reference is a slave without a DC clock";

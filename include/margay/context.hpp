@@ -34,7 +34,7 @@ struct Master;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
-    constexpr std::size_t kMarksBytes = kWide ? 24 : 20;             // what the library notes about a slave
+    constexpr std::size_t kMarksBytes = 20;                          // what the library notes about a slave
     constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t clock = limits.clocks ? 240 : 0;  // the clock of a slave, and its place in the topology
@@ -42,9 +42,8 @@ struct Master;
     const std::size_t slave =
         clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 +
-           limits.guests * (kRingBytes + clock) + 2U * limits.errors * sizeof(Error) +
-           limits.events * sizeof(Event) + kAlignmentBytes;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * (kRingBytes + clock) +
+           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.

@@ -50,16 +50,17 @@ enum class Errc : std::uint8_t {
                     // that, and actual: its value)
     unexpected_slave,  // a slave that is not in the list of expect()
     no_place,  // a slave that appeared later has process data, and the image has no free part for it (expected: bits)
-    unknown_group,    // no group has this number, or the group is not mapped (index: the group)
-    image_too_large,  // the process image does not fit the buffer (expected, actual: octets)
-    fmmu_shortage,    // the slave has too few FMMUs (expected, actual)
-    sm_shortage,      // the slave does not have this SyncManager (index: its register, expected, actual: number of
-                      // SyncManagers)
-    sm_memory,        // a SyncManager is outside the slave's process data memory or overlaps another one (index: its
-                      // register)
-    too_many_frames,  // process data needs more frames than the context can prepare (expected, actual)
-    mailbox_full,     // the slave accepts no mailbox message: its mailbox is full, or not enabled in this state
-    wrong_size,       // a value has another size than requested (expected, actual: octets)
+    remapping_needed,  // SlaveConfiguration::sms were changed since the mapping of the group: config_map() is needed
+    unknown_group,     // no group has this number, or the group is not mapped (index: the group)
+    image_too_large,   // the process image does not fit the buffer (expected, actual: octets)
+    fmmu_shortage,     // the slave has too few FMMUs (expected, actual)
+    sm_shortage,       // the slave does not have this SyncManager (index: its register, expected, actual: number of
+                       // SyncManagers)
+    sm_memory,         // a SyncManager is outside the slave's process data memory or overlaps another one (index: its
+                       // register)
+    too_many_frames,   // process data needs more frames than the context can prepare (expected, actual)
+    mailbox_full,      // the slave accepts no mailbox message: its mailbox is full, or not enabled in this state
+    wrong_size,        // a value has another size than requested (expected, actual: octets)
     pdo_list,     // a list of PDOs that is invalid for every slave (index: PDO or SyncManager's register, subindex: the
                   // entry, detail: PdoListFault)
     pdo_unknown,  // no source knows the entries of a listed PDO (index: the PDO)
@@ -97,7 +98,7 @@ enum class Errc : std::uint8_t {
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
                          // gone. A scan deletes those of the scan before without a warning
     start_up_unfinished,     // the slave is in its target state, and its commands or its hook after the transition have
-                             // not ended, or were ended by a timeout (expected, actual: the state)
+                             // not ended, or were ended early (expected, actual: the state)
     no_clock,                // the slave has no clock that runs; slave 0: no slave has one
     clock_before_reference,  // a slave before the reference clock in the ring has a clock (expected: that slave)
     not_in_sync,  // a clock differs from the reference clock (expected: the limit, actual: the difference, ns)
@@ -246,7 +247,7 @@ enum class Argument : std::uint8_t {
     state,            // an AL state
     work,             // the function of run_cycle()
     sii_words,        // the words are beyond the end of the EEPROM
-    sii_size,         // an odd number of octets
+    sii_size,         // no octets, or an odd number of octets
     register_octets,  // no octets, too many octets, or octets beyond the last register
     complete_access,  // the subindex of a complete access
     soe_drive,        // the number of the drive
@@ -254,13 +255,19 @@ enum class Argument : std::uint8_t {
     watchdog_time,
     sync_manager_count,
     sync_manager_twice,
+    sync_manager_direction,
+    sync_manager_of_mailbox,
+    configuration_source,
     pdi_watchdog,  // members of SlaveTimes
     state_time,
     mailbox_time,
     command_transition,  // members of StartupCommand
+    command_kind,        // or its moment
     command_time,
     command_value,
     image_start,  // members of GroupConfiguration
+    packing,
+    lost_inputs,
     cycles_in_flight,
     reserve_bytes,
     dc_reference,

@@ -12,8 +12,8 @@
 //     static constexpr margay::SlaveSetup kSetup{.startup = kStartup};
 //     ctx.slave(1).config.setup = &kSetup;
 //
-// Commands of IP that are set after config_init() are executed by config_map(): it brings the slave to INIT and starts
-// it again. With the configuration set by expect() they are executed by config_init() already.
+// Commands of IP that are set or changed after config_init() are executed by config_map(): it brings the slave to INIT
+// and starts it again. With the configuration set by expect() they are executed by config_init() already.
 #pragma once
 
 #include <margay/al_state.hpp>

@@ -25,7 +25,7 @@ Error check_words(Network& network, const R& r, Step step) {
     if (refused.code != Errc::none) return refused;
     refused = invalid(Argument::sii_size, step, r.slave);
     refused.set_word(r.word);
-    if (r.data.size() % 2 != 0) return refused;
+    if (r.data.empty() || r.data.size() % 2 != 0) return refused;
     const std::uint32_t end = end_word(network.slave(r.slave), r.beyond_end);
     if (r.word <= end && r.data.size() / 2 <= end - r.word) return {};
     refused = invalid(Argument::sii_words, step, r.slave);

@@ -1,5 +1,6 @@
 #include "network/preop.hpp"
 
+#include "network/startup.hpp"
 #include "network/transition.hpp"
 #include "station/al_state.hpp"
 #include "wire/sync_manager.hpp"
@@ -39,7 +40,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
     network.marks(slave).unfinished = Transition::none;
-    network.marks(slave).started_with = slave.config.startup().data();
+    network.marks(slave).started_with = check_of_ip_commands(slave);
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
     auto before = co_await around_transition(network, slave, which, Moment::before);
     if (!before) co_return before;

@@ -22,9 +22,20 @@ Argument invalid_configuration(const SlaveConfiguration& config) {
     const AlState highest = config.highest;
     if (highest != AlState::preop && highest != AlState::safeop && highest != AlState::op) return Argument::highest;
     if (config.sm_count > SlaveConfiguration::kProcessSms) return Argument::sync_manager_count;
+    if (config.source > ConfigurationSource::application) return Argument::configuration_source;
     const auto watchdog = config.process_data_watchdog;
     if (watchdog && *watchdog > watchdog_unit(config.times()) * kMostUnits) return Argument::watchdog_time;
     return invalid_time(config.times());
+}
+
+// Of the SyncManagers that the application has set.
+Argument invalid_sync_manager(const Slave& slave) {
+    const bool mailbox = slave.mailbox.present() && !slave.config.no_mailbox;
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        if (sm.direction > Direction::inputs) return Argument::sync_manager_direction;
+        if (mailbox && sm.number < 2) return Argument::sync_manager_of_mailbox;
+    }
+    return Argument::unknown;
 }
 
 }  // namespace
@@ -43,6 +54,8 @@ Duration watchdog_unit(const SlaveTimes& times) {
 Error invalid_setting(const Slave& slave) {
     if (const Argument wrong = invalid_configuration(slave.config); wrong != Argument::unknown)
         return invalid_mapping(wrong, slave.number);
+    if (const Argument wrong = invalid_sync_manager(slave); wrong != Argument::unknown)
+        return invalid_mapping(wrong, slave.number);
     return invalid_commands(slave);
 }
 
@@ -50,6 +63,8 @@ Error invalid_setting(const Network& network, const ProcessGroup& group) {
     const GroupConfiguration& config = group.config;
     if (config.cycles_in_flight < 1 || config.cycles_in_flight > GroupConfiguration::kMostCyclesInFlight)
         return invalid_mapping(Argument::cycles_in_flight);
+    if (config.packing > Packing::bits) return invalid_mapping(Argument::packing);
+    if (config.lost_inputs > LostInputs::zero) return invalid_mapping(Argument::lost_inputs);
     if (std::ranges::any_of(config.entries, [](const EntryHandle* entry) { return entry == nullptr; }))
         return invalid_mapping(Argument::entry_handle);
     const bool empty =

@@ -9,8 +9,8 @@
 namespace margay {
 
 struct SlaveMarks {
-    // The list of start-up commands when the slave left INIT last.
-    const StartupCommand* started_with = nullptr;
+    // The check value of the commands of IP when the slave left INIT last.
+    std::uint32_t started_with = 0;
     // The transition that was requested and is not confirmed yet; its after-commands are pending.
     Transition requested = Transition::none;
     // The transition whose commands or hook after the new state have failed or were cut: the slave must be started
@@ -26,7 +26,8 @@ struct SlaveMarks {
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present
     bool awaited : 1 = false;    // member of a hot connect group whose start-up should have ended: see members.hpp
     bool counted : 1 = false;    // the expected working counters of its group include its share
-    bool following : 1 = false;  // the commands or the hook after a transition to a higher state are executing
+    bool following : 1 = false;  // the commands or the hook after a transition are executing
+    bool in_hook : 1 = false;    // a hook of the application is executing
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 

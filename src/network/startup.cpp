@@ -41,13 +41,20 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
 
 // What is wrong with the command for each slave; Argument::unknown: nothing.
 Argument invalid_member(const StartupCommand& command) {
-    if (command.transitions == Transition::none) return Argument::command_transition;
+    constexpr unsigned kTransitions = 0x7FF;
+    const auto transitions = static_cast<unsigned>(command.transitions);
+    if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
+    if (command.kind > StartupCommand::Kind::execute_parameter || command.moment > Moment::after)
+        return Argument::command_kind;
     if (command.timeout < Duration{0}) return Argument::command_time;
     const std::size_t bytes = command.octets().size();
     bool right = command.length <= command.value.size();
     if (command.kind == StartupCommand::Kind::write_register) right &= bytes != 0 && bytes <= kMostRegisterBytes;
     if (command.kind == StartupCommand::Kind::check_register) right &= command.data.empty() && command.length != 0;
     if (!right) return Argument::command_value;
+    if (!by_mailbox(command) && command.index + bytes > 0x10000) return Argument::register_octets;
+    if (command.complete_access && command.kind == StartupCommand::Kind::write_object && command.subindex > 1)
+        return Argument::complete_access;
     return by_soe(command) && command.subindex >= wire::soe::kDrives ? Argument::soe_drive : Argument::unknown;
 }
 
@@ -186,6 +193,38 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
     co_return Nothing{};
 }
 
-constinit const detail::StartupPart detail::kStartupPart{.run = run_commands};
+namespace {
+
+// Fowler, Noll and Vo's check value.
+class CheckValue {
+  public:
+    void add(unsigned octet) { value_ = (value_ ^ (octet & 0xFF)) * 0x01000193; }
+    void add(std::span<const std::byte> octets) {
+        for (const std::byte octet : octets) add(std::to_integer<unsigned>(octet));
+    }
+    [[nodiscard]] std::uint32_t get() const { return value_; }
+
+  private:
+    std::uint32_t value_ = 0x811C'9DC5;
+};
+
+std::uint32_t check_of_ip_commands(std::span<const StartupCommand> commands) {
+    CheckValue check;
+    for (const StartupCommand& command : commands) {
+        if (!contains(command.transitions, Transition::init_to_preop)) continue;
+        const unsigned flags = (command.may_fail ? 1U : 0U) + (command.complete_access ? 2U : 0U);
+        for (const unsigned octet :
+             {static_cast<unsigned>(command.kind), static_cast<unsigned>(command.moment), flags,
+              unsigned{command.index}, command.index / 256U, unsigned{command.subindex}, unsigned{command.length}})
+            check.add(octet);
+        check.add(command.octets());
+        check.add(command.mask);
+    }
+    return check.get();
+}
+
+}  // namespace
+
+constinit const detail::StartupPart detail::kStartupPart{.run = run_commands, .check = check_of_ip_commands};
 
 }  // namespace margay

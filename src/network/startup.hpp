@@ -18,6 +18,14 @@ namespace margay {
 
 struct detail::StartupPart {
     Task<Result<>> (*run)(Network& network, Slave& slave, Transition which, Moment moment);
+    // A check value of the commands of IP with what they write.
+    std::uint32_t (*check)(std::span<const StartupCommand> commands);
 };
+
+// Differs when the slave has other commands of IP; 0: it has no list.
+[[nodiscard]] inline std::uint32_t check_of_ip_commands(const Slave& slave) {
+    const auto commands = slave.config.startup();
+    return commands.empty() ? 0 : slave.config.setup->startup.part()->check(commands);
+}
 
 }  // namespace margay

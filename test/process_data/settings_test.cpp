@@ -73,6 +73,13 @@ TEST_F(Settings, OfASlaveThatNoSlaveCanHave) {
         return map_with([&](SlaveConfiguration& config, GroupConfiguration&) { set(config); });
     };
     const std::string at = kMapping;
+    EXPECT_EQ(slave([](auto& c) {
+                  c.source = ConfigurationSource::application;
+                  c.add({0, static_cast<Direction>(7), 0x64, 0x1100, 8});
+              }),
+              at + "ProcessSm::direction is no Direction");
+    EXPECT_EQ(slave([](auto& c) { c.source = static_cast<ConfigurationSource>(77); }),
+              at + "SlaveConfiguration::source is no ConfigurationSource");
     for (const auto state : {AlState::init, AlState::boot, static_cast<AlState>(9)})
         EXPECT_EQ(slave([state](auto& c) { c.highest = state; }),
                   at + "SlaveConfiguration::highest must be PREOP, SAFEOP or OP");
@@ -106,7 +113,8 @@ TEST_F(Settings, OfASetupThatNoSlaveCanHave) {
 TEST_F(Settings, OfACommandThatIsNeverExecuted) {
     const std::string at = kMapping;
     const StartupCommand right = write_register(Transition::preop_to_safeop, 0x0F80, std::uint8_t{1});
-    EXPECT_EQ(map_with_command(StartupCommand{}), at + "no. 1 of the start-up commands has no transition");
+    EXPECT_EQ(map_with_command(StartupCommand{}),
+              at + "no. 1 of the start-up commands has no transition, or an unknown one");
     EXPECT_EQ(
         map_with_command(right.within(-1ms)),
         "slave 2: command at PS (no. 1, register 0x0f80): argument out of range: the timeout of a start-up command "
@@ -117,6 +125,26 @@ TEST_F(Settings, OfACommandThatIsNeverExecuted) {
         map_with_command(empty),
         "slave 2: command at PS (no. 1, register 0x0f80): argument out of range: the value of the start-up command "
         "has a size that the command cannot have");
+    StartupCommand other = right;
+    other.transitions = static_cast<Transition>(0x800);
+    EXPECT_NE(map_with_command(other).find("no. 1 of the start-up commands has no transition, or an unknown one"),
+              std::string::npos);
+    const std::string command_1 = "slave 2: command at PS (no. 1, register 0x0f80): argument out of range: ";
+    const std::string unknown = "the kind or the moment of a start-up command is no known one";
+    other = right;
+    other.moment = static_cast<Moment>(7);
+    EXPECT_EQ(map_with_command(other), command_1 + unknown);
+    other = right;
+    other.kind = static_cast<StartupCommand::Kind>(77);
+    EXPECT_NE(map_with_command(other).find(unknown), std::string::npos) << map_with_command(other);
+    EXPECT_EQ(map_with_command(write_register(Transition::preop_to_safeop, 0xFFFF, std::uint16_t{1})),
+              "slave 2: command at PS (no. 1, register 0xffff): argument out of range: 1 to 1486 octets, and none "
+              "beyond register 0xffff");
+    other = write_object(Transition::preop_to_safeop, 0x6060, 5, std::uint8_t{1});
+    other.complete_access = true;
+    EXPECT_EQ(map_with_command(other),
+              "slave 2: command at PS (no. 1, object 0x6060:5): argument out of range: a complete access begins at "
+              "subindex 0 or 1");
 }
 
 // A divider makes longer times possible.
@@ -145,6 +173,8 @@ TEST_F(Settings, OfAGroup) {
     EXPECT_EQ(group([](auto& c) { c.copies = kNothing; }),
               "slave 1: mapping process data: argument out of range: GroupConfiguration::copies: at least 1 bit, and "
               "only bits of the slave's data in this group");
+    EXPECT_EQ(group([](auto& c) { c.packing = static_cast<Packing>(9); }), at + "packing is no Packing");
+    EXPECT_EQ(group([](auto& c) { c.lost_inputs = static_cast<LostInputs>(9); }), at + "lost_inputs is no LostInputs");
     static constexpr EntryHandle* kNull[] = {nullptr};
     EXPECT_EQ(group([](auto& c) { c.entries = kNull; }), at + "entries has a null pointer");
     EXPECT_EQ(words(config_map(*ctx, std::span(image).subspan(32), 1).error()),
@@ -173,6 +203,17 @@ TEST_F(Settings, LateCommandsOfIpAreExecuted) {
     segment.slave(1).write(0x0F80, std::array{std::byte{0}});
     ASSERT_TRUE(config_map(*ctx, image).ok());
     EXPECT_EQ(segment.slave(1).registers().get<std::uint8_t>(0x0F80), 0) << "executed once";
+    // The same memory, with another value, and with another command behind it.
+    StartupCommand list[] = {kRight[0], write_register(Transition::init_to_preop, 0x0F82, std::uint8_t{0x66})};
+    setup.startup = Borrowed<StartupCommand>(list, 1);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(segment.slave(1).registers().get<std::uint8_t>(0x0F80), 0) << "the same commands in another list";
+    list[0].value[0] = std::byte{0x33};
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(segment.slave(1).registers().get<std::uint8_t>(0x0F80), 0x33);
+    setup.startup = list;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(segment.slave(1).registers().get<std::uint8_t>(0x0F82), 0x66);
     static constexpr StartupCommand kWrong[] = {write_object(Transition::init_to_preop, 0x5555, 1, std::uint8_t{1})};
     SlaveSetup other{.startup = kWrong};
     ctx->slave(2).config.setup = &other;

@@ -115,7 +115,7 @@ TEST_F(SiiWords, BeyondTheEndAreRefusedAndTheFirstOfThemIsNamed) {
                   std::to_string(end) + " words");
     EXPECT_EQ(words(read(0, 3).error()),
               "slave 2: reading the SII at word 0x0000: argument out of range: the SII is read and written in words, "
-              "the data has an odd number of octets");
+              "the data must have an even number of octets, at least 2");
 }
 
 TEST_F(SiiWords, BeyondTheDeclaredEndAreReadOnRequest) {
