@@ -117,8 +117,11 @@ struct SlaveConfiguration {
     bool fixed_pdos : 1 = false;  // the PDOs of `setup` describe what the slave has; the library writes none of them
     // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;
+    // The SyncManagers in the order of their data in the image. What is changed here counts from the next config_map()
+    // of the group on. Until then the slave is exchanged as it was mapped; when it is lost meanwhile, it stays in PREOP
+    // with Errc::remapping_needed.
     std::uint8_t sm_count = 0;
-    std::array<ProcessSm, kProcessSms> sms{};  // the order of the data in the image
+    std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In
     // steps of the watchdogs' unit (SlaveTimes::watchdog_divider), at most 65535 of them: by default steps of 100 µs,
     // at most 6.5535 s. Zero switches the watchdog off. Not set: the slave keeps its own value. If it is set, all

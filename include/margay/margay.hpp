@@ -108,17 +108,19 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
 // - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
 //   start-up command actual: the Argument, place: its number in the list);
+// - start_up_unfinished: the commands or the hook after PREOP to SAFEOP were ended by cancel() or a loss of the slave;
 // - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
 // sizes are known: by slave(n).config.sms, or by SlaveSetup::pdos if these lists name all entries. Expected working
 // counters count every wanted slave: while one of them does not take part, receive_processdata() returns an error.
 //
-// Errors of the whole group, after which no slave of the group is mapped: wrong_state (no slaves yet), unknown_group,
-// invalid_argument (a value in group(n).config; a SyncManager twice in slave(n).config; no slave belongs to the group,
-// which reads no register either; detail: the Argument),
-// image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory, too_many_frames
-// (limits().process_frames), unknown_slave (of a copy, or dc_reference), capacity (the memory of the SharedImage).
+// Errors of the call itself, which are not in errors(): wrong_state (no slaves yet), unknown_group (limits().groups).
+// Errors of the whole group, after which no slave of the group is mapped: invalid_argument (a value in group(n).config;
+// a SyncManager twice in slave(n).config; no slave belongs to the group, which reads no register either; detail: the
+// Argument), image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory,
+// too_many_frames (limits().process_frames), unknown_slave (of a copy, or dc_reference), capacity (the memory of the
+// SharedImage).
 Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::uint8_t group = 0);
 
 // AL states. The three functions update or use slave(n).al: the state that the slave reports, its error indication and
@@ -127,22 +129,27 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 //
 // readstate() reads the AL status of all slaves and returns the lowest state, with the error indication if any slave
 // has it. Missing slaves that are optional or tolerated do not count. A slave whose configuration does not allow a
-// higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state.
+// higher state (SlaveConfiguration::highest) does not lower the result once it has reached that state. Errors:
+// wrong_state (no slaves yet), unstable (a scan has begun meanwhile), those of reading the register.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
 // it is allowed. It starts from the state that was read last, first executes the start-up commands and the hook before
 // the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
-// and OP it returns the error of the first slave that is held or missing, or whose hook or PDOs have failed; the
-// request is sent to the other slaves nevertheless. While a supervision keeps another state, writestate() fails with
-// Errc::supervised: use set_target().
+// and OP it returns the error of the first slave that is held or missing, whose hook or PDOs have failed, or whose
+// commands or hook after the last transition have failed or were ended (start_up_unfinished, if there is no other
+// error); the request is sent to the other slaves nevertheless. While a supervision keeps another state, writestate()
+// fails with Errc::supervised: use set_target().
 //
 // The commands and the hook after the transition begin when the first of these sees the new state: readstate(),
 // statecheck(), or the supervision. They continue during all later calls of poll(). As long as they execute, other
-// requests that need the slave wait; after 10 s such a request ends them, and errors() has the error of the hook.
+// requests that need the slave, or the whole segment, wait. When they have executed for 10 s, such a request ends them:
+// errors() has a timeout of the hook, or start_up_unfinished where commands were ended. The same holds for a hook that
+// the supervision executes.
 //
 // statecheck() reads all slaves until `slave`, or all slaves (0), are in `state` without error and their commands and
 // hooks after the transition have ended, or until `timeout` is over (zero: reads once). Returns what it read last. A
-// timeout is no error: compare the returned state.
+// timeout is no error: compare the returned state. But where the state is reached and commands or hooks after the
+// transition have not ended, the timeout is the error start_up_unfinished of the first such slave.
 Result<AlStatus> readstate(Context& ctx);
 Result<> writestate(Context& ctx, std::uint16_t slave, AlState state);
 Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Duration timeout);

@@ -77,10 +77,11 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
 // other_slave, unexpected_slave, unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
-// (the slave is in another state than its target), every error of the slave's start-up, working_counter (the slave does
-// not take part in the cycle, or the working counter of a datagram is too low), no_frame (no cycle has come back),
-// wrong_state (no slaves yet), not_polled (requests are busy, and the owner has exchanged process data for a second
-// without a call of poll()).
+// (the slave is in another state than its target), start_up_unfinished (the slave is in its state, but the commands or
+// the hook after the transition have not ended, have failed or were ended), remapping_needed (when it came back), every
+// error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the working counter of
+// a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled (requests are
+// busy, and the owner has exchanged process data for a second without a call of poll()).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle

@@ -209,9 +209,7 @@ class Running {
             master_.network.segment_in_use = false;
             give_turn(master_.network);
         }
-        if (error_.code == Errc::canceled && error_.step == Step::none) error_ = error_of_cut();
-        if (error_.code == Errc::timeout && error_.step == Step::application_hook && error_.slave != 0)
-            master_.network.note(master_.network.slave(error_.slave), error_);
+        if (error_.code == Errc::canceled && error_.step == Step::none) end_by_cut();
         if (operation(request_).operation == Operation::supervise) master_.network.supervision_error = error_;
         RequestAccess::end(request_, error_, master_.osal);
     }
@@ -219,13 +217,15 @@ class Running {
 
   private:
     // The sequence of the request was destroyed. If it waited for a hook when its time was over, the hook is the cause.
-    [[nodiscard]] Error error_of_cut() const {
+    void end_by_cut() {
         const Errc why = RequestAccess::why(request_);
         const std::uint16_t hooked = master_.network.slave_of_cut_hook;
         const bool waits_for_it = operation(request_).ends == Ends::by_itself;
-        if (why == Errc::timeout && waits_for_it && hooked != 0)
-            return {.code = why, .step = Step::application_hook, .slave = hooked};
-        return {.code = why, .step = operation(request_).step, .slave = slave_of(request_)};
+        error_ = {.code = why, .step = operation(request_).step, .slave = slave_of(request_)};
+        if (why != Errc::timeout || !waits_for_it || hooked == 0) return;
+        error_.step = Step::application_hook;
+        error_.slave = hooked;
+        master_.network.note(master_.network.slave(hooked), error_);
     }
 
     Master& master_;
@@ -290,19 +290,35 @@ Time end_by_queue(Request& request) {
     return kNever;
 }
 
-// When what follows transitions ends, because a request waits for a slave that it uses.
-Time end_of_settling(Master& master) {
-    Network& network = master.network;
-    if (network.settling.running() == 0) return kNever;
-    for (Request* r = master.queue.waiting; r != nullptr; r = next(*r))
-        if (needs_of(network, *r) != Needs::nothing) return later(network.settling_since, Network::kLongestSettling);
+// When the work that no request waits for ends, because a waiting request needs its slave.
+Time end_of_work(Master& master, const SlaveWork& work) {
+    for (Request* r = master.queue.waiting; r != nullptr; r = next(*r)) {
+        const Needs needs = needs_of(master.network, *r);
+        if (needs == Needs::segment || (needs == Needs::its_slave && slave_of(*r) == work.slave))
+            return later(work.since, SlaveWork::kLongest);
+    }
     return kNever;
 }
 
+// Ends the works whose time is over. Returns when the next one ends.
+Time end_works(Master& master, Time now) {
+    Network& network = master.network;
+    Time first = kNever;
+    for (SlaveWork* work = network.works.front(); work != nullptr;) {
+        SlaveWork* const after = network.works.after(*work);
+        const Time end = end_of_work(master, *work);
+        if (end <= now)
+            end_work(network, *work);
+        else
+            first = std::min(first, end);
+        work = after;
+    }
+    return first;
+}
+
 // The earliest time at which the queue must end a request.
-Time first_deadline(Master& master) {
+Time first_deadline(Master& master, Time first) {
     const RequestQueue& queue = master.queue;
-    Time first = end_of_settling(master);
     for (Request* r = queue.waiting; r != nullptr; r = next(*r)) first = std::min(first, RequestAccess::deadline(*r));
     for (Request* r = queue.running; r != nullptr; r = next(*r)) first = std::min(first, end_by_queue(*r));
     return first;
@@ -371,13 +387,14 @@ Time serve_queue(Master& master, Time now) {
         end_some(master, queue.running, Errc::canceled, [&](Request& r) { return asked(r) && may_be_cut(r); });
     }
     end_some(master, queue.running, Errc::timeout, [now](Request& r) { return end_by_queue(r) <= now; });
+    Time end_of_first_work = kNever;
     if (queue.waiting != nullptr) {
-        if (end_of_settling(master) <= now) end_settling(master.network);
+        end_of_first_work = end_works(master, now);
         begin_waiting(master);
         end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
     }
     reserve_segment(master, now);
-    return first_deadline(master);
+    return first_deadline(master, end_of_first_work);
 }
 
 bool begins_at_once(Master& master) {

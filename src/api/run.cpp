@@ -38,7 +38,8 @@ struct Standing {
 bool can_change(const Network& network, const Slave& slave) {
     if (slave.al.state == AlState::none) return true;
     if (slave.held) return false;
-    return wanted_state(network, slave) < AlState::safeop || (is_mapped(network, slave) && has_place(slave));
+    if (wanted_state(network, slave) < AlState::safeop || is_to_be_asked(network, slave)) return true;
+    return is_mapped(network, slave) && has_place(slave) && is_as_mapped(slave);
 }
 
 Standing standing(Network& network) {
@@ -199,6 +200,12 @@ class RunningCycle {
     Network& network_;
 };
 
+bool supervision_waits(const RequestQueue& queue) {
+    for (Request* r = queue.waiting; r != nullptr; r = RequestAccess::next(*r))
+        if (RequestAccess::operation(*r).operation == Operation::supervise) return true;
+    return false;
+}
+
 bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) {
     master_of(ctx)->in_work = true;
     const bool goes_on = work(ctx, cycle, user);
@@ -256,6 +263,9 @@ TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
 
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
     Master* master = master_of(ctx);
+    // A SuperviseRequest that waits begins now, so that this target replaces its target.
+    if (master != nullptr && master->owned_by_caller() && !master->in_poll && supervision_waits(master->queue))
+        (void)poll(ctx, master->osal.now());
     if (master != nullptr && master->owned_by_caller() && master->network.supervised) {
         const Error refused = check_target(master->network, slave, state);
         if (refused.code != Errc::none) return refused;

@@ -55,7 +55,7 @@ class ReportChange {
         if (network_.supervised)
             note_change(network_, slave_, before_);
         else if (slave_.al.state == AlState::none)
-            set_takes_part(network_, slave_, false);
+            leave_exchange(network_, slave_);
     }
 
   private:

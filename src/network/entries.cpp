@@ -150,10 +150,9 @@ void EntryMatcher::note_type(const FoundEntry& by_sii) {
 }
 
 std::span<EntryHandle* const> entries_of(const Network& network, const Slave& slave) {
-    // During the first mapping the slave is not part of an image yet.
-    const std::uint16_t group = slave.image.group != SlaveImage::kNoGroup ? slave.image.group : slave.config.group;
-    if (group >= network.process.groups.size()) return {};
-    return network.process.groups[group].config.entries;
+    const ProcessGroup* group = group_of_entries(network, slave);
+    if (group == nullptr) return {};
+    return group->config.entries;
 }
 
 // ------------------------------------------------------------------ placing
@@ -184,6 +183,7 @@ Error check_entry_type(Error where, EntryKind kind, std::uint32_t type_bits, std
 
 Result<EntryPlace> place_of(const Slave& slave, const ProcessGroup& group, const EntryAddress& address,
                             const EntryAccess::Found& found) {
+    if (!is_as_mapped(slave)) return fault(Errc::remapping_needed, address);
     if (!found.any) return fault(found.other_direction ? Errc::entry_direction : Errc::entry_not_mapped, address);
     for (std::size_t n = 0; n < slave.config.used_sms().size(); ++n) {
         const ProcessSm& sm = slave.config.sms[n];

@@ -58,6 +58,13 @@ class EntryTypes final : public EntrySink {
     EntrySink& entries_;
 };
 
+// The group whose list has the entries of the slave; nullptr: the slave's configuration has an unknown group number.
+[[nodiscard]] inline const ProcessGroup* group_of_entries(const Network& network, const Slave& slave) {
+    // During the first mapping the slave is not part of an image yet.
+    const std::uint16_t group = slave.image.group != SlaveImage::kNoGroup ? slave.image.group : slave.config.group;
+    return group < network.process.groups.size() ? &network.process.groups[group] : nullptr;
+}
+
 // The handles of the slave's group; none when the slave's configuration has an unknown group number.
 [[nodiscard]] std::span<EntryHandle* const> entries_of(const Network& network, const Slave& slave);
 

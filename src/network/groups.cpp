@@ -136,6 +136,8 @@ void report_copies(Network& network, const Slave& slave) {
 Task<Result<>> leave_group(Network& network, Slave& slave) {
     report_copies(network, slave);
     leave_counters(network, slave);
+    if (network.has_mailbox(slave))
+        network.mailbox(slave).forget_status_bit(network.process.groups[slave.image.group].image);
     if (slave.al.state != AlState::none) {
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
@@ -150,7 +152,7 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
 
 // The application has set other start-up commands since the slave left INIT, and some of them are for that transition.
 bool has_late_commands(const Network& network, const Slave& slave) {
-    if (network.marks(slave).started_with == slave.config.startup().data()) return false;
+    if (network.marks(slave).started_with == check_of_ip_commands(slave)) return false;
     constexpr Transition kIp = Transition::init_to_preop;
     return has_commands(slave, kIp, Moment::before) || has_commands(slave, kIp, Moment::after);
 }
@@ -204,7 +206,11 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     }
     forget_kept_place(slave);
     auto hook = co_await prepare_slave(network, slave, faults);
-    (void)hook;  // a place is reserved for the slave nevertheless
+    (void)hook;                          // a place is reserved for the slave nevertheless
+    if (slave.config.group != number) {  // the hook has assigned the slave to another group
+        if (slave.image.group == number) co_return co_await leave_group(network, slave);
+        co_return Nothing{};
+    }
     auto found = co_await discover_pdos(network, slave);
     if (found) co_return Nothing{};
     slave.pdos_failed = true;

@@ -87,6 +87,21 @@ Result<> check_sync_managers(const Slave& slave) {
     return Result<>();
 }
 
+// Fletcher's sum.
+std::uint16_t check_of_sizes(const Slave& slave) {
+    std::uint32_t a = 1;
+    std::uint32_t b = 0;
+    for (const ProcessSm& sm : process_sms(slave)) {
+        if (sm.bits == 0) continue;
+        for (const std::uint32_t value : {std::uint32_t{sm.number} + 1, static_cast<std::uint32_t>(sm.direction),
+                                          sm.bits & 0xFF, sm.bits >> 8 & 0xFF, sm.bits >> 16}) {
+            a = (a + value) % 251;
+            b = (b + a) % 251;
+        }
+    }
+    return static_cast<std::uint16_t>(b << 8 | a);
+}
+
 // Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
 class Layer {
   public:
@@ -181,6 +196,7 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
         if (std::max(place.outputs.end, place.inputs.end) > room) return too_large();
         slave.image.outputs = part(place.outputs, image);
         slave.image.inputs = part(place.inputs, image);
+        slave.image.mapped_sizes = check_of_sizes(slave);
     }
     for (Slave& slave : slaves) {
         if (slave.image.group != group || !wants_mailbox_status(slave)) continue;
@@ -294,6 +310,22 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
                        .output_bytes = static_cast<std::uint32_t>(halves.outputs.end / 8),
                        .input_bytes = static_cast<std::uint32_t>((halves.inputs.end - halves.inputs.begin) / 8),
                        .status_bytes = static_cast<std::uint32_t>(halves.status_bits / 8)};
+}
+
+bool is_as_mapped(const Slave& slave) { return slave.image.mapped_sizes == check_of_sizes(slave); }
+
+SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout) {
+    SlaveFmmus ranges;
+    const SlaveImage& image = slave.image;
+    const std::uint64_t shift = std::uint64_t{layout.input_shift_bytes()} * 8;
+    const auto add = [&](FmmuUse use, std::uint64_t begin, std::uint64_t bits) {
+        if (bits != 0) ranges.at[ranges.count++] = to_fmmu({use, begin, begin + bits, 0, 0}, layout.start);
+    };
+    add(FmmuUse::outputs, image.outputs.offset_bits, image.outputs.bits);
+    add(FmmuUse::inputs, image.inputs.offset_bits - (image.inputs.bits != 0 ? shift : 0), image.inputs.bits);
+    const std::uint32_t status = image.mailbox_status_bit;
+    if (status != SlaveImage::kNone) add(FmmuUse::mailbox_status, status - shift, 1);
+    return ranges;
 }
 
 Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {

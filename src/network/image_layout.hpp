@@ -47,6 +47,14 @@ struct SlaveFmmus {
     std::uint8_t count = 0;  // number of active FMMUs
 };
 
+// Whether the application has not changed what decides about the slave's place (the SyncManagers, their directions and
+// sizes) since the mapping. What is changed counts from the next mapping on.
+[[nodiscard]] bool is_as_mapped(const Slave& slave);
+
+// The logical addresses that the slave reads and writes, by its place in the image alone. For working counters: as
+// FMMUs without physical address.
+[[nodiscard]] SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout);
+
 // Each FMMU gets the use that the SII describes for it, where possible. A slave without process data has no FMMU.
 // Errors: fmmu_shortage.
 [[nodiscard]] Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout);

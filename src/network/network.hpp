@@ -32,10 +32,15 @@ struct SlaveTable {
     std::span<SlaveMarks> marks;
 };
 
-// What follows a transition that nobody waits for: see settle_request().
-struct Settling : ListNode {
-    explicit Settling(std::uint16_t number) : slave(number) {}
+// Work on a slave that no request waits for: what follows a transition (settle_request()), or the supervision brings
+// the slave to its target. When the slave is lost meanwhile, the supervision ends the work.
+struct SlaveWork : ListNode {
+    SlaveWork(std::uint16_t number, Time begin) : slave(number), since(begin) {}
+    // After this time a request that needs the slave ends the work.
+    static constexpr Duration kLongest = std::chrono::seconds(10);
     std::uint16_t slave;
+    // When the work began to execute commands and hooks of the application; kNever: it does not.
+    Time since;
     std::coroutine_handle<> sequence{};
 };
 
@@ -88,11 +93,7 @@ struct Network {
     bool group_is_back = false;           // the head of a hot connect group: its members should come with it
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
-    List<Settling> settlings;             // one for each sequence in `settling`
-    // When the last of them began. They may use their slaves for kLongestSettling before a request that needs one of
-    // these slaves ends them.
-    Time settling_since{};
-    static constexpr Duration kLongestSettling = std::chrono::seconds(10);
+    List<SlaveWork> works;                // at most one for each slave
     Engine::Sleep::Timer* supervision_sleep = nullptr;  // while the supervision rests between two rounds
     bool in_run_cycle = false;  // groups that were mapped before a scan are missing until they are mapped again
     bool reaching = false;      // reach() has started the supervision itself

@@ -267,9 +267,8 @@ Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
 constinit const detail::EntryPart detail::kEntryPart{.discover = discover_with_entries, .place = place_entries};
 
 Task<Result<>> discover_pdos(Network& network, Slave& slave) {
-    const std::uint16_t group = slave.image.group != SlaveImage::kNoGroup ? slave.image.group : slave.config.group;
-    const bool grouped = group < network.process.groups.size();
-    const auto* part = grouped ? network.process.groups[group].config.entries.part() : nullptr;
+    const ProcessGroup* group = group_of_entries(network, slave);
+    const auto* part = group == nullptr ? nullptr : group->config.entries.part();
     return part == nullptr ? discover(network, slave, nullptr) : part->discover(network, slave);
 }
 

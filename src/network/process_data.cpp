@@ -40,8 +40,7 @@ std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
         if (slave.image.group != group.number || !absent) continue;
         if (slave.unplaced && counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
-        const auto fmmus = make_fmmus(slave, group.layout);
-        if (fmmus && working_counter_of(*fmmus, group.plans[n]) > 0) return slave.number;
+        if (working_counter_of(exchanged_ranges(slave, group.layout), group.plans[n]) > 0) return slave.number;
     }
     return 0;
 }

@@ -130,6 +130,8 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
         if (!taken_in) co_return taken_in;
     }
     if (!is_mapped(network, slave)) co_return Nothing{};
+    if (!is_as_mapped(slave))
+        co_return Error{.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
     const AlStatus before = slave.al;
     auto configured =
         co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);

@@ -245,8 +245,7 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) 
     if (!network.supervised) {
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
-        set_takes_part(network, slave, false);
-        forget_awaited_members(network, slave);
+        leave_exchange(network, slave);
         return;
     }
     if (slave.al.state == AlState::none || network.marks(slave).in_use) return;
@@ -259,8 +258,7 @@ void note_lost(Network& network, Slave& slave) {
     slave.al = {};
     slave.ring_position = 0;
     network.marks(slave).settled = AlState::none;
-    set_takes_part(network, slave, false);
-    forget_awaited_members(network, slave);
+    leave_exchange(network, slave);
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
@@ -292,7 +290,10 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     slave.al = now;
     network.marks(slave).attempts = 0;
     network.group_is_back |= is_head_of_group(network, slave);
-    if (mapped && now.state != AlState::init) set_takes_part(network, slave, true);
+    if (!mapped || now.state == AlState::init) co_return Nothing{};
+    set_takes_part(network, slave, true);
+    const bool well = network.supervised && now.state == wanted_state(network, slave) && !now.error;
+    if (well) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = now});
     co_return Nothing{};
 }
 

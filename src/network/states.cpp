@@ -27,6 +27,11 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
     const Transition which = transition(slave.al.state, state);
+    auto finished = co_await finish_requested(network, slave, which);
+    if (!finished) {
+        network.note(slave, finished.error());
+        co_return finished;
+    }
     auto before = co_await around_transition(network, slave, which, Moment::before);
     if (!before) {
         network.note(slave, before.error());
@@ -90,9 +95,11 @@ AlStatus lowest(Network& network) {
     return all;
 }
 
-// What follows the last transition of the slave is being executed; slave 0: of any slave.
-bool is_settling(Network& network, std::uint16_t slave) {
-    return slave == 0 ? !network.settlings.empty() : find_settling(network, network.slave(slave)) != nullptr;
+// The first slave with commands or hooks after a transition that have not ended, of all slaves or of `slave` alone.
+const Slave* find_settling(const Network& network, std::uint16_t slave) {
+    for (const Slave& one : network.slaves())
+        if ((slave == 0 || slave == one.number) && is_settling(network, one)) return &one;
+    return nullptr;
 }
 
 // A scan has begun: the table has other slaves now.
@@ -141,8 +148,10 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
         if (network.scans != scans) co_return kOtherSlaves;
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
-        const bool reached = now.state == state && !now.error && !is_settling(network, slave);
-        if (all && (reached || over)) co_return now;
+        const bool reached = now.state == state && !now.error;
+        const Slave* settling = reached ? find_settling(network, slave) : nullptr;
+        if (all && settling == nullptr && (reached || over)) co_return now;
+        if (all && over) co_return unfinished_error(network, *settling);
         co_await network.engine.sleep_until(std::min(until, network.engine.now() + pause));
         pause = std::min(pause * 2, kLongestPause);
     }

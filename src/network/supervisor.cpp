@@ -48,14 +48,16 @@ std::uint16_t answering(Network& network) {
         std::ranges::count_if(slaves, [](const Slave& s) { return s.al.state != AlState::none; }));
 }
 
-// Whether the supervision may look at the slave: nobody changes it now, or only what follows its last transition.
+// Whether the supervision may look at the slave: nobody changes it now, or the work on it executes commands and hooks
+// of the application, which may take long.
 bool may_look_at(Network& network, const Slave& slave) {
-    return !network.marks(slave).in_use || find_settling(network, slave) != nullptr;
+    const SlaveWork* work = find_work(network, slave);
+    return !network.marks(slave).in_use || (work != nullptr && work->since != kNever);
 }
 
-// The slave has left the state that its hook follows: the hook ends.
-void end_settling_of(Network& network, const Slave& slave) {
-    if (Settling* settling = find_settling(network, slave)) settling->sequence.destroy();
+// The slave has left the state in which the hook executes: the hook ends.
+void end_work_of(Network& network, const Slave& slave) {
+    if (SlaveWork* work = find_work(network, slave)) work->sequence.destroy();
 }
 
 // Reads the state of one slave.
@@ -69,11 +71,11 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (!may_look_at(network, slave) || (!seen && !does_not_answer(seen.error()))) co_return Nothing{};
     if (!seen) {
         if (!was_there || slave.al.state == AlState::none) co_return Nothing{};
-        end_settling_of(network, slave);
+        end_work_of(network, slave);
         note_lost(network, slave);
         co_return Nothing{};
     }
-    if (seen->state != slave.al.state) end_settling_of(network, slave);
+    if (seen->state != slave.al.state) end_work_of(network, slave);
     if (network.marks(slave).in_use) co_return Nothing{};
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
         if (network.is_reserved()) co_return Nothing{};
@@ -88,7 +90,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
 // All slaves answer without an error, but the working counter is short: checks whether this slave has lost its FMMUs.
 Task<Result<>> check_fmmus(Network& network, Slave& slave) {
     if (network.marks(slave).in_use || !slave.takes_part || is_being_mapped(network, slave) ||
-        !is_mapped(network, slave))
+        !is_mapped(network, slave) || !is_as_mapped(slave))
         co_return Nothing{};
     auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
     if (!same || *same) co_return Nothing{};
@@ -122,6 +124,8 @@ void apply_target(Watch& watch) {
 Task<Result<>> help(Watch& watch, Slave& slave) {
     Network& network = watch.network;
     const SlaveToken token(network.marks(slave));
+    SlaveWork work(slave.number, kNever);
+    network.works.push_back(work);
     const bool well = is_well(network, slave);
     auto done = co_await bring_back(network, slave);
     if (done) {
@@ -241,7 +245,10 @@ void start_helpers(Watch& watch, Crew& crew) {
         Slave& slave = slaves[at];
         if (crew.full() || !needs_help(watch.network, slave) || (watch.network.marks(slave).attempts > 0 && !again))
             continue;
-        if (!crew.start(help(watch, slave))) return;
+        Task<Result<>> task = help(watch, slave);
+        const std::coroutine_handle<> handle = task.handle();
+        if (!crew.start(std::move(task))) return;
+        if (SlaveWork* begun = find_work(watch.network, slave)) begun->sequence = handle;
         watch.next_helped = at + 1;
     }
 }
@@ -345,8 +352,9 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     }
     Crew crew(network.tasks);
     for (;;) {
+        const bool turn = network.supervision_turn;
         auto done = co_await round(watch, crew);
-        network.supervision_turn = false;
+        if (turn) network.supervision_turn = false;
         if (!done) co_return done;
         const Time now = network.engine.now();
         if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {

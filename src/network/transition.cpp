@@ -6,6 +6,7 @@
 #include "station/al_state.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace margay {
@@ -49,8 +50,8 @@ bool concerns(const Slave& slave, Transition which, Moment moment) {
 
 Task<Result<>> follow_transition(Network& network, Slave& slave) {
     const SlaveToken token(network.marks(slave));
-    Settling settling(slave.number);
-    network.settlings.push_back(settling);
+    SlaveWork work(slave.number, network.engine.now());
+    network.works.push_back(work);
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
@@ -74,21 +75,18 @@ static void nothing_follows(SlaveMarks& marks, Transition which) {
     if (marks.unfinished == which) marks.unfinished = Transition::none;
 }
 
-// While what follows a transition to a higher state executes. If it fails or is cut, the slave is in its state without
-// it. Transition::none: nothing is marked.
+// While what follows a transition executes. If it fails or is cut after a transition to a higher state, the slave is in
+// its state without it.
 class Following {
   public:
-    Following(SlaveMarks& marks, Transition which) : marks_(marks), which_(which) {
-        marks_.following = which != Transition::none;
-    }
+    Following(SlaveMarks& marks, Transition which) : marks_(marks), which_(which) { marks_.following = true; }
     Following(const Following&) = delete;
     Following& operator=(const Following&) = delete;
     ~Following() {
-        if (which_ == Transition::none) return;
         marks_.following = false;
         if (succeeded)
             nothing_follows(marks_, which_);
-        else
+        else if (goes_up(which_))
             marks_.unfinished = which_;
     }
     bool succeeded = false;
@@ -104,7 +102,8 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
         co_return Nothing{};
     }
     const bool up = goes_up(which);
-    Following following(network.marks(slave), up && moment == Moment::after ? which : Transition::none);
+    std::optional<Following> following;
+    if (moment == Moment::after) following.emplace(network.marks(slave), which);
     Result<> done;
     if (has_commands(slave, which, moment))
         done = co_await slave.config.setup->startup.part()->run(network, slave, which, moment);
@@ -113,7 +112,7 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
         done = co_await call_hook(network, slave, which, moment);
         if (!done && !up) network.note(slave, done.error());
     }
-    following.succeeded = done.ok();
+    if (following) following->succeeded = done.ok();
     co_return up ? done : Result<>();
 }
 
@@ -141,16 +140,15 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         slave.al = *now;
     }
     const Transition which = transition(slave.al.state, state);
+    if (network.marks(slave).requested != Transition::none) {
+        auto finished = co_await finish_requested(network, slave, which);
+        if (!finished) co_return finished.error();
+    }
     if (concerns(slave, which, Moment::before)) {
         auto before = co_await around_transition(network, slave, which, Moment::before);
         if (!before) co_return before.error();
     }
-    // A state that was requested without waiting, and reached since: what follows is still to be done.
-    const Transition before_this = std::exchange(network.marks(slave).requested, Transition::none);
-    const Row* reached = row_of(before_this);
-    const bool pending = which == Transition::none && reached != nullptr && reached->to == state;
-    const Transition follows = pending ? before_this : which;
-    mark_unfinished(network, slave, follows);
+    mark_unfinished(network, slave, which);
     const Time now = network.engine.now();
     const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});
     auto changed = co_await change_al_state_from(station, slave.al, state, slave.device_emulation, patience);
@@ -160,11 +158,11 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
-    if (concerns(slave, follows, Moment::after)) {
-        auto after = co_await around_transition(network, slave, follows, Moment::after);
+    if (concerns(slave, which, Moment::after)) {
+        auto after = co_await around_transition(network, slave, which, Moment::after);
         if (!after) co_return after.error();
     } else {
-        nothing_follows(network.marks(slave), follows);
+        nothing_follows(network.marks(slave), which);
     }
     co_return changed;
 }
@@ -173,27 +171,50 @@ void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (!met || network.marks(slave).in_use || network.segment_in_use) return;
-    network.settling_since = network.engine.now();
     Task<Result<>> task = follow_transition(network, slave);
     const std::coroutine_handle<> handle = task.handle();
     (void)network.settling.start(std::move(task));
-    if (Settling* begun = find_settling(network, slave)) begun->sequence = handle;
+    if (SlaveWork* begun = find_work(network, slave)) begun->sequence = handle;
 }
 
-Settling* find_settling(Network& network, const Slave& slave) {
-    for (Settling* s = network.settlings.front(); s != nullptr; s = network.settlings.after(*s))
-        if (s->slave == slave.number) return s;
+bool is_settling(const Network& network, const Slave& slave) {
+    const SlaveMarks& marks = network.marks(slave);
+    if (marks.following) return true;
+    const Row* row = row_of(marks.requested);
+    return row != nullptr && slave.al.state == row->to && !slave.al.error &&
+           concerns(slave, marks.requested, Moment::after);
+}
+
+Error unfinished_error(const Network& network, const Slave& slave) {
+    return {.code = Errc::start_up_unfinished,
+            .step = network.marks(slave).in_hook ? Step::application_hook : Step::request_state,
+            .slave = slave.number,
+            .expected = static_cast<std::uint32_t>(slave.al.state),
+            .actual = static_cast<std::uint32_t>(slave.al.state)};
+}
+
+Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next) {
+    const bool pending = is_settling(network, slave);
+    const Transition requested = std::exchange(network.marks(slave).requested, Transition::none);
+    if (!pending || (next != Transition::none && !goes_up(next))) co_return Nothing{};
+    co_return co_await around_transition(network, slave, requested, Moment::after);
+}
+
+SlaveWork* find_work(Network& network, const Slave& slave) {
+    for (SlaveWork* work = network.works.front(); work != nullptr; work = network.works.after(*work))
+        if (work->slave == slave.number) return work;
     return nullptr;
 }
 
-void end_settling(Network& network) {
-    while (Settling* settling = network.settlings.front()) {
-        network.slave_of_cut_hook = 0;
-        settling->sequence.destroy();
-        if (const std::uint16_t number = network.slave_of_cut_hook; number != 0)
-            network.note(network.slave(number),
-                         {.code = Errc::timeout, .step = Step::application_hook, .slave = number});
-    }
+void end_work(Network& network, SlaveWork& work) {
+    Slave& slave = network.slave(work.slave);
+    std::uint8_t& attempts = network.marks(slave).attempts;
+    Error error = unfinished_error(network, slave);
+    if (error.step == Step::application_hook)
+        error = {.code = Errc::timeout, .step = error.step, .slave = slave.number};
+    work.sequence.destroy();
+    network.note(slave, error);
+    attempts = std::max<std::uint8_t>(attempts, 1);
 }
 
 Error above_highest(const Slave& slave, AlState state) {

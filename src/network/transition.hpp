@@ -29,11 +29,21 @@ void mark_unfinished(Network& network, Slave& slave, Transition which);
 // memory the next reading starts them.
 void settle_request(Network& network, Slave& slave);
 
-// What settle_request() has started for the slave; nullptr: nothing, or it is over.
-[[nodiscard]] Settling* find_settling(Network& network, const Slave& slave);
+// Whether commands or hooks after a transition of the slave are executing, or a reading is still to start them.
+[[nodiscard]] bool is_settling(const Network& network, const Slave& slave);
 
-// Ends everything that settle_request() has started, and reports the hooks that have not ended by themselves.
-void end_settling(Network& network);
+// The error of a slave in its state while is_settling(): start_up_unfinished.
+[[nodiscard]] Error unfinished_error(const Network& network, const Slave& slave);
+
+// Executes what follows a state that was requested without waiting, and that the slave has reached since. Call it
+// before a transition from this state; `next` to a lower state: what follows is not executed any more.
+[[nodiscard]] Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next);
+
+// The work on the slave that no request waits for; nullptr: there is none.
+[[nodiscard]] SlaveWork* find_work(Network& network, const Slave& slave);
+
+// Ends the work, which has taken too long, and reports the hook or the commands that have not ended by themselves.
+void end_work(Network& network, SlaveWork& work);
 
 // How long the slave may take from its current state.
 [[nodiscard]] Duration al_timeout(const Slave& slave, AlState state);

@@ -11,14 +11,6 @@ namespace {
 
 Error fault(const Slave& slave, Errc code, Step step) { return {.code = code, .step = step, .slave = slave.number}; }
 
-// For slaves of a hot connect group, which may be missing as a whole.
-bool head_is_there(const Network& network, std::uint8_t hot_connect) {
-    return std::ranges::any_of(network.slaves(), [&](const Slave& s) {
-        return s.al.state != AlState::none && s.wanted != nullptr && s.wanted->hot_connect == hot_connect &&
-               is_located(network.expected, *s.wanted);
-    });
-}
-
 // An expected slave that may be missing, even while the head of its hot connect group is present.
 bool is_optional(const ExpectedSlave& wanted) {
     return wanted.optional || (wanted.config != nullptr && wanted.config->optional);
@@ -40,14 +32,16 @@ Error start_up_error(const Slave& slave, const Error& otherwise) {
 }
 
 Error state_trouble(const Network& network, const Slave& slave, AlState wanted) {
-    Error error = fault(slave, slave.al.error ? Errc::al_status : Errc::other_state, Step::request_state);
+    const bool in_hook = network.marks(slave).in_hook && !slave.al.error;
+    Error error = fault(slave, slave.al.error ? Errc::al_status : Errc::other_state,
+                        in_hook ? Step::application_hook : Step::request_state);
     error.expected = static_cast<std::uint32_t>(wanted);
     error.actual = static_cast<std::uint32_t>(slave.al.state);
     error.detail = slave.al.code;
     const SlaveMarks& marks = network.marks(slave);
     if (slave.al.error) return error;
     const bool unfinished = is_unfinished(network, slave);
-    if (slave.al.state == wanted && !unfinished && !marks.following) return {};
+    if (slave.al.state == wanted && !unfinished && !is_settling(network, slave)) return {};
     if (slave.al.state == wanted) error.code = Errc::start_up_unfinished;
     const bool failed = slave.hook_failed || slave.pdos_failed || marks.attempts > 0 || unfinished;
     return failed ? start_up_error(slave, error) : error;

@@ -40,6 +40,8 @@ std::string_view to_text(Errc code) {
         case Errc::missing_slave: return "an expected slave is missing";
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
         case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
+        case Errc::remapping_needed:
+            return "its SyncManagers in the configuration have changed since config_map(), which is needed again";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
@@ -86,7 +88,7 @@ std::string_view to_text(Errc code) {
             return "config or hooks of a slave that does not exist were written: write them after config_init(), to "
                    "slaves 1 and up, or use expect()";
         case Errc::start_up_unfinished:
-            return "the commands or the hook after the transition have not ended, or were ended by a timeout";
+            return "the commands or the hook after the transition have not ended, or were ended early";
         case Errc::no_clock: return "no clock that runs";
         case Errc::clock_before_reference:
             return "a slave before the reference clock in the ring has a clock, which the reference cannot synchronise";

@@ -124,13 +124,13 @@ TEST_F(Interrupted, RecoverSucceedsForASlaveThatIsThereAgainBesideASupervision) 
 
 // ------------------------------------------------------------------ timeouts
 
-struct SlowHook {
+struct CountedHook {
     int calls = 0;
     int ends = 0;
     static Task<> transition(HookedSlave slave, Transition, Moment, void* user) {
-        ++static_cast<SlowHook*>(user)->calls;
+        ++static_cast<CountedHook*>(user)->calls;
         auto paused = co_await slave.sleep(10s);
-        ++static_cast<SlowHook*>(user)->ends;
+        ++static_cast<CountedHook*>(user)->ends;
         co_return paused;
     }
     static Task<> after(HookedSlave slave, Transition, Moment moment, void*) {
@@ -141,9 +141,9 @@ struct SlowHook {
 
 TEST_F(Interrupted, TheTimeoutOfAStateRequestIncludesTheHook) {
     begin();
-    SlowHook hook;
+    CountedHook hook;
     ctx.slave(2).hooks.user = &hook;
-    ctx.slave(2).hooks.transition = SlowHook::transition;
+    ctx.slave(2).hooks.transition = CountedHook::transition;
     StateRequest request;
     request.slave = 2;
     request.wanted = AlState::preop;
@@ -162,9 +162,9 @@ TEST_F(Interrupted, AStateRequestThatIsCutReportsTheStateThatItHasReached) {
     supervision.target = AlState::safeop;
     ASSERT_TRUE(submit(ctx, supervision));
     cycles(300);
-    SlowHook hook;
+    CountedHook hook;
     ctx.slave(2).hooks.user = &hook;
-    ctx.slave(2).hooks.transition = SlowHook::after;
+    ctx.slave(2).hooks.transition = CountedHook::after;
     ASSERT_TRUE(set_target(ctx, 2, AlState::op));
     StateRequest request;
     request.slave = 2;
@@ -186,13 +186,15 @@ TEST_F(Interrupted, AStateRequestThatIsCutReportsTheStateThatItHasReached) {
 TEST_F(Interrupted, AStatecheckDoesNotCutTheHookAfterTheTransition) {
     begin();
     ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
-    SlowHook hook;
+    CountedHook hook;
     ctx.slave(2).hooks.user = &hook;
-    ctx.slave(2).hooks.transition = SlowHook::transition;
+    ctx.slave(2).hooks.transition = CountedHook::transition;
     for (int n = 0; n < 5; ++n) {
         const Time begin_of_check = osal.now();
         const auto seen = statecheck(ctx, 2, AlState::preop, 100ms);
-        EXPECT_EQ(seen->state, AlState::preop) << words(seen.error());
+        EXPECT_EQ(words(seen.error()),
+                  "slave 2: the hook of the application: the commands or the hook after the transition have not ended, "
+                  "or were ended early");
         EXPECT_LE(osal.now() - begin_of_check, 110ms);
         EXPECT_EQ(hook.calls, 1);
         EXPECT_EQ(hook.ends, 0);

@@ -1,8 +1,6 @@
 // What an attacker has found in the order of requests: each test shows one fault.
 #include "api/master.hpp"
-#include "segment/bench.hpp"
-
-#include <margay/hooked_slave.hpp>
+#include "api/slow_hook.hpp"
 
 #include <unistd.h>
 #include <algorithm>
@@ -14,71 +12,14 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class Patience : public SegmentTest {
-  protected:
-    std::array<std::byte, 512> image{};
-    bool cycling = true;
-
-    void begin(int count = 2) {
-        for (int n = 0; n < count; ++n) plug("odd_device");
-        switch_on();
-        ASSERT_TRUE(bring_up());
-    }
-    Time step() {
-        const Time next = poll(ctx, osal.now());
-        osal.wait(std::min(next, osal.now() + 100us), -1);
-        segment.advance(osal.now());
-        return next;
-    }
-    void cycles(int count) {
-        while (count-- > 0) cycle();
-    }
-    void cycle() {
-        (void)send_processdata(ctx);
-        (void)receive_processdata(ctx, 500us);
-        (void)step();
-    }
-    // Cycles until the condition holds; how long it took, at most `most`.
-    template <class Holds>
-    Duration until(Holds holds, Duration most = 10s) {
-        const Time start = osal.now();
-        while (!holds() && osal.now() - start < most) cycle();
-        return osal.now() - start;
-    }
-    static std::string said(const Error& error) { return words(error); }
-};
-
-// The hooks of this file: after SAFEOP to OP, or before.
-struct Slow {
-    Duration lasts{};
-    Transition which = Transition::safeop_to_op;
-    Moment when = Moment::after;
-    std::uint16_t slave = 0;
-    int begun = 0;
-    int ended = 0;
-    static Task<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
-        auto& my = *static_cast<Slow*>(user);
-        if (which != my.which || when != my.when || (my.slave != 0 && slave.number() != my.slave)) co_return Result<>();
-        ++my.begun;
-        auto slept = co_await slave.sleep(my.lasts);
-        (void)slept;
-        ++my.ended;
-        co_return Result<>();
-    }
-    void set(HostContext& ctx) {
-        for (const Slave& s : ctx.slaves()) {
-            s.hooks.user = this;
-            s.hooks.transition = hook;
-        }
-    }
-};
+class Patience : public HookTest {};
 
 // statecheck(): "A timeout is no error: compare the returned state". The hook after the transition takes longer than
 // the timeout.
 TEST_F(Patience, StatecheckWithALongHookAfterTheTransition) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Slow slow{.lasts = 100ms};
+    SlowHook slow{.lasts = 100ms};
     slow.set(ctx);
     for (int n = 0; n < 5; ++n) cycle();
     ASSERT_TRUE(writestate(ctx, 0, AlState::op));
@@ -90,7 +31,7 @@ TEST_F(Patience, StatecheckWithALongHookAfterTheTransition) {
         (void)until([&] { return !check.busy(); });
         if (check.state() == RequestState::success) break;
     }
-    EXPECT_EQ(check.state(), RequestState::success) << said(check.error());
+    EXPECT_EQ(check.state(), RequestState::success) << words(check.error());
     EXPECT_EQ(slow.begun, 2) << "ended " << slow.ended;
 }
 
@@ -98,7 +39,7 @@ TEST_F(Patience, StatecheckWithALongHookAfterTheTransition) {
 TEST_F(Patience, TargetOfASlaveWhoseHookTakesLong) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Slow slow{.lasts = 3s, .slave = 1};
+    SlowHook slow{.lasts = 3s, .slave = 1};
     slow.set(ctx);
     SuperviseRequest supervision;
     ASSERT_TRUE(submit(ctx, supervision));
@@ -121,9 +62,9 @@ TEST_F(Patience, TargetOfASlaveWhoseHookTakesLong) {
 // A hook that never ends: the timeout of the request ends it, and the error says where the time went.
 TEST_F(Patience, AMappingThatWaitsForAHookNamesTheSlaveAndTheHook) {
     begin();
-    Slow slow{.lasts = 1h, .which = {}, .slave = 2};
+    SlowHook slow{.lasts = 1h, .slave = 2, .which = {}};
     const auto forever = [](HookedSlave slave, void* user) -> Task<> {
-        auto& my = *static_cast<Slow*>(user);
+        auto& my = *static_cast<SlowHook*>(user);
         ++my.begun;
         auto slept = co_await slave.sleep(slave.number() == my.slave ? my.lasts : 0s);
         co_return slept;
@@ -137,7 +78,7 @@ TEST_F(Patience, AMappingThatWaitsForAHookNamesTheSlaveAndTheHook) {
     map.timeout = 2s;
     ASSERT_TRUE(submit(ctx, map));
     EXPECT_LT(until([&] { return !map.busy(); }), 2100ms);
-    EXPECT_EQ(said(map.error()), "slave 2: the hook of the application: timed out");
+    EXPECT_EQ(words(map.error()), "slave 2: the hook of the application: timed out");
     EXPECT_EQ(slow.begun, 2);
 }
 
@@ -149,7 +90,7 @@ TEST_F(Patience, APlainHookThatIsAlwaysBusyEnds) {
     };
     for (const Slave& s : ctx.slaves()) s.hooks.preop_to_safeop = +busy;
     const Time start = osal.now();
-    EXPECT_EQ(said(config_map(ctx, image).error()), "slave 1: the hook of the application: timed out");
+    EXPECT_EQ(words(config_map(ctx, image).error()), "slave 1: the hook of the application: timed out");
     EXPECT_GE(osal.now() - start, 10s);
     EXPECT_LT(osal.now() - start, 11s);
     EXPECT_EQ(ctx.slave(2).al.state, AlState::safeop);
@@ -221,9 +162,9 @@ TEST_F(Patience, ReadingTheStatesDuringAScan) {
         bool wrong = scan.state() != RequestState::success;
         for (const Slave& s : ctx.slaves()) wrong |= s.al.state != AlState::preop || s.error.code != Errc::none;
         if (wrong && ++bad < 4) {
-            std::printf("delay %d: %s reads %d\n", delay, said(scan.error()).c_str(), reads);
+            std::printf("delay %d: %s reads %d\n", delay, words(scan.error()).c_str(), reads);
             for (const Slave& s : ctx.slaves())
-                std::printf("  %d: state %d %s\n", s.number, static_cast<int>(s.al.state), said(s.error).c_str());
+                std::printf("  %d: state %d %s\n", s.number, static_cast<int>(s.al.state), words(s.error).c_str());
         }
     }
     EXPECT_EQ(bad, 0);

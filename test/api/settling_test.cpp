@@ -1,8 +1,6 @@
 // What follows a transition that nobody waits for, the turns of the supervision, and mappings that are cut.
-#include "segment/bench.hpp"
+#include "api/slow_hook.hpp"
 #include "wire/esc.hpp"
-
-#include <margay/hooked_slave.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -12,72 +10,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class Settling : public SegmentTest {
-  protected:
-    std::array<std::byte, 512> image{};
-    bool cycling = true;
-
-    void begin(int count = 2) {
-        for (int n = 0; n < count; ++n) plug("odd_device");
-        switch_on();
-        ASSERT_TRUE(bring_up());
-    }
-    void cycle() {
-        if (cycling) {
-            (void)send_processdata(ctx);
-            (void)receive_processdata(ctx, 500us);
-        }
-        const Time next = poll(ctx, osal.now());
-        osal.wait(std::min(next, osal.now() + 100us), -1);
-        segment.advance(osal.now());
-    }
-    void cycles(int count) {
-        while (count-- > 0) cycle();
-    }
-    template <class Holds>
-    Duration until(Holds holds, Duration most = 10s) {
-        const Time start = osal.now();
-        while (!holds() && osal.now() - start < most) cycle();
-        return osal.now() - start;
-    }
-    // What the device itself says.
-    AlState real(std::uint32_t device) {
-        return static_cast<AlState>(segment.slave(device).peek(0x0130, 1)[0] & std::byte{0xF});
-    }
-    bool all_in(AlState state) {
-        return std::ranges::all_of(ctx.slaves(), [&](const Slave& s) { return s.al.state == state; });
-    }
-};
-
-// After SAFEOP to OP the hook of one slave lasts.
-struct Settler {
-    Duration lasts{};
-    std::uint16_t slave = 1;
-    Moment when = Moment::after;
-    int begun = 0;
-    int ended = 0;
-    static Task<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
-        auto& my = *static_cast<Settler*>(user);
-        if (which != Transition::safeop_to_op || when != my.when || slave.number() != my.slave) co_return Result<>();
-        ++my.begun;
-        auto slept = co_await slave.sleep(my.lasts);
-        (void)slept;
-        ++my.ended;
-        co_return Result<>();
-    }
-    void set(HostContext& ctx) {
-        for (const Slave& s : ctx.slaves()) {
-            s.hooks.user = this;
-            s.hooks.transition = hook;
-        }
-    }
-};
+class Settling : public HookTest {};
 
 // StateCheckRequest: "`timeout` zero: reads the states once".
 TEST_F(Settling, StatecheckWithTimeoutZeroBesideALongHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Settler slow{.lasts = 60s};
+    SlowHook slow{.lasts = 60s, .slave = 1};
     slow.set(ctx);
     cycles(5);
     ASSERT_TRUE(writestate(ctx, 0, AlState::op));
@@ -92,7 +31,7 @@ TEST_F(Settling, StatecheckWithTimeoutZeroBesideALongHook) {
 TEST_F(Settling, ReadstateBesideALongHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Settler slow{.lasts = 60s};
+    SlowHook slow{.lasts = 60s, .slave = 1};
     slow.set(ctx);
     cycles(5);
     ASSERT_TRUE(writestate(ctx, 0, AlState::op));
@@ -107,7 +46,7 @@ TEST_F(Settling, ReadstateBesideALongHook) {
 TEST_F(Settling, StatecheckOfASlaveBesideALongHookOfAnother) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Settler slow{.lasts = 60s};
+    SlowHook slow{.lasts = 60s, .slave = 1};
     slow.set(ctx);
     cycles(5);
     ASSERT_TRUE(writestate(ctx, 1, AlState::op));
@@ -138,7 +77,7 @@ TEST_F(Settling, StatecheckOfASlaveBesideALongHookOfAnother) {
 TEST_F(Settling, ARequestForTheSlaveEndsTheHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Settler slow{.lasts = std::chrono::hours(1000)};
+    SlowHook slow{.lasts = std::chrono::hours(1000), .slave = 1};
     slow.set(ctx);
     cycles(5);
     ASSERT_TRUE(writestate(ctx, 0, AlState::op));
@@ -266,7 +205,7 @@ TEST_F(Settling, AMappingThatIsCut) {
 TEST_F(Settling, TheTimeoutOfASupervisionBesideAHook) {
     begin();
     ASSERT_TRUE(config_map(ctx, image));
-    Settler slow{.lasts = 60s, .when = Moment::before};
+    SlowHook slow{.lasts = 60s, .slave = 1, .when = Moment::before};
     slow.set(ctx);
     SuperviseRequest supervision;
     supervision.timeout = 500ms;

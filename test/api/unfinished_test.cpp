@@ -1,7 +1,5 @@
 // A slave whose commands or hook after a transition have failed, or were cut, is not as it is wanted.
-#include "segment/bench.hpp"
-
-#include <margay/hooked_slave.hpp>
+#include "api/slow_hook.hpp"
 
 #include <algorithm>
 
@@ -10,9 +8,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class Unfinished : public SegmentTest {
+class Unfinished : public HookTest {
   protected:
-    std::array<std::byte, 512> image{};
     SlaveSetup setup;
     SlaveConfiguration config{.setup = &setup};
     std::array<ExpectedSlave, 2> expected{ExpectedSlave{.number = 1}, ExpectedSlave{.number = 2, .config = &config}};
@@ -84,22 +81,10 @@ TEST_F(Unfinished, ACommandAfterATransitionIsNotSkippedByTheNextAttempt) {
 }
 
 // reach() waits for the hook after the transition.
-struct Slow {
-    int ended = 0;
-    Duration lasts = 300ms;
-    static Task<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
-        auto& my = *static_cast<Slow*>(user);
-        if (slave.number() != 2 || which != Transition::safeop_to_op || when != Moment::after) co_return {};
-        auto slept = co_await slave.sleep(my.lasts);
-        ++my.ended;
-        co_return slept;
-    }
-};
 TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
     begin();
-    Slow slow;
-    ctx.slave(2).hooks.user = &slow;
-    ctx.slave(2).hooks.transition = Slow::hook;
+    SlowHook slow{.lasts = 300ms, .slave = 2};
+    slow.set(ctx);
     ASSERT_TRUE(config_map(ctx, image));
     EXPECT_EQ(reached(), "no error");
     EXPECT_EQ(slow.ended, 1);
@@ -108,8 +93,8 @@ TEST_F(Unfinished, ReachWaitsForTheHookAfterTheTransition) {
     slow.lasts = 1h;
     EXPECT_EQ(
         reached(1s),
-        "slave 2: requesting a state: the commands or the hook after the transition have not ended, or were ended "
-        "by a timeout");
+        "slave 2: the hook of the application: the commands or the hook after the transition have not ended, or were "
+        "ended early");
     EXPECT_FALSE(all_right(ctx));
     slow.lasts = 10ms;
     EXPECT_EQ(reached(), "no error");
@@ -145,9 +130,9 @@ TEST_F(Unfinished, ASlaveWithAFailedHookCanBeLowered) {
 // The state change is cut while the slave is on its way to OP: what follows is not forgotten.
 TEST_F(Unfinished, AStateChangeThatIsCutIsNotFinished) {
     begin();
-    Slow slow{.lasts = 10ms};
+    SlowHook slow{.lasts = 10ms, .slave = 2};
     ctx.slave(2).hooks.user = &slow;
-    ctx.slave(2).hooks.transition = Slow::hook;
+    ctx.slave(2).hooks.transition = SlowHook::hook;
     ASSERT_TRUE(config_map(ctx, image));
     for (int cut = 1; cut < 60; ++cut) {
         ASSERT_TRUE(set_target(ctx, 0, AlState::safeop));

@@ -1,0 +1,282 @@
+// Hooks that no request waits for: after a state that was requested without waiting, and those that the supervision
+// executes.
+#include "api/slow_hook.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kEver = std::chrono::hours(1000);
+
+class NobodysHook : public HookTest {
+  protected:
+    // Cycles without poll(): the slaves change their states, and the master does not see it.
+    void cycle_unseen(int count) {
+        while (count-- > 0) {
+            (void)send_processdata(ctx);
+            (void)receive_processdata(ctx, 500us);
+            osal.advance(100us);
+            segment.advance(osal.now());
+        }
+    }
+};
+
+// A limit switch that is never reached: the drive loses its power meanwhile.
+TEST_F(NobodysHook, OfTheSupervisionEndsWhenItsSlaveIsLost) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    for (const Moment when : {Moment::before, Moment::after}) {
+        SlowHook slow{.lasts = kEver, .slave = 2, .when = when};
+        slow.set(ctx);
+        SuperviseRequest supervision;
+        ASSERT_TRUE(submit(ctx, supervision));
+        (void)until([&] { return slow.begun == 1; });
+        cycles(300);
+        EXPECT_EQ(wrong().substr(0, 38), "slave 2: the hook of the application: ") << wrong();
+        (void)events(EventKind::lost, 0);
+        segment.set_power(1, false, osal.now());
+        EXPECT_LT(until([&] { return ctx.slave(2).al.state == AlState::none; }, 1s), 1s);
+        EXPECT_FALSE(ctx.slave(2).takes_part);
+        EXPECT_EQ(events(EventKind::lost, 2), 1);
+        cycles(20);
+        ASSERT_TRUE(send_processdata(ctx));
+        EXPECT_EQ(receive_processdata(ctx, 500us).error().detail, Error::kOthersFresh);
+        segment.set_power(1, true, osal.now());
+        slow.lasts = 1ms;
+        EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
+        EXPECT_EQ(real(1), AlState::op);
+        EXPECT_EQ(slow.ended, 1);
+        supervision.cancel();
+        for (const Slave& slave : ctx.slaves()) slave.hooks = {};
+        ASSERT_TRUE(set_target(ctx, 0, AlState::safeop));
+    }
+}
+
+// A device that restarts so quickly that no reading finds it missing.
+TEST_F(NobodysHook, OfTheSupervisionEndsWhenItsSlaveRestarts) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    SlowHook slow{.lasts = kEver, .slave = 2};
+    slow.set(ctx);
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    (void)until([&] { return slow.begun == 1; });
+    segment.set_power(1, false, osal.now());
+    segment.set_power(1, true, osal.now());
+    slow.lasts = 1ms;
+    EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
+    EXPECT_EQ(slow.begun, 2);
+    EXPECT_EQ(slow.ended, 1);
+}
+
+TEST_F(NobodysHook, OfTheSupervisionEndsTenSecondsAfterItBeganWhenARequestNeedsTheSlave) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    SlowHook slow{.lasts = kEver, .slave = 2};
+    slow.set(ctx);
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    (void)until([&] { return slow.begun == 1; });
+    (void)errors();
+    RegisterReadRequest other;  // needs no slave for itself
+    std::array<std::byte, 2> octets{};
+    other.slave = 2;
+    other.data = octets;
+    ASSERT_TRUE(submit(ctx, other));
+    EXPECT_LT(until([&] { return !other.busy(); }), 1s);
+    ReconfigRequest again;
+    again.slave = 2;
+    ASSERT_TRUE(submit(ctx, again));
+    slow.lasts = 1ms;
+    const Duration took = until([&] { return !again.busy(); }, 60s);
+    EXPECT_GT(took, 9s);
+    EXPECT_LT(took, 12s);
+    EXPECT_EQ(again.state(), RequestState::success) << words(again.error());
+    EXPECT_EQ(errors(), std::vector<std::string>{"slave 2: the hook of the application: timed out"});
+    EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
+}
+
+TEST_F(NobodysHook, OfOneSlaveIsNotEndedByRequestsForAnother) {
+    for (const bool supervised : {false, true}) {
+        if (ctx.slaves().empty()) begin(3);
+        ASSERT_TRUE(config_map(ctx, image));
+        SlowHook slow{.lasts = 60s, .slave = 1};
+        slow.set(ctx);
+        SuperviseRequest supervision;
+        cycles(5);
+        if (supervised) {
+            ASSERT_TRUE(submit(ctx, supervision));
+        } else {
+            ASSERT_TRUE(writestate(ctx, 0, AlState::op));
+            (void)until([&] { return all_in(AlState::op) || !readstate(ctx); }, 1s);
+        }
+        (void)until([&] { return slow.begun == 1; });
+        (void)until([] { return false; }, 11s);
+        (void)errors();
+        ReconfigRequest first;
+        ReconfigRequest second;  // waits for the first
+        first.slave = second.slave = 2;
+        ASSERT_TRUE(submit(ctx, first));
+        ASSERT_TRUE(submit(ctx, second));
+        (void)until([&] { return !first.busy() && !second.busy(); });
+        EXPECT_EQ(errors(), std::vector<std::string>());
+        (void)until([&] { return slow.ended == 1; }, 100s);
+        EXPECT_EQ(slow.ended, 1) << "ended by the requests for slave 2";
+    }
+}
+
+// Each new hook of another slave has its own 10 s.
+TEST_F(NobodysHook, HasItsOwnTime) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    SlowHook slow{.lasts = kEver};
+    slow.set(ctx);
+    cycles(5);
+    ASSERT_TRUE(writestate(ctx, 1, AlState::op));
+    (void)until([&] { return readstate(ctx).ok() && slow.begun == 1; });
+    MapRequest map;  // waits for the hook of slave 1
+    map.image = image;
+    ASSERT_TRUE(submit(ctx, map));
+    (void)until([] { return false; }, 6s);
+    ASSERT_TRUE(map.busy());
+    slow.slave = 1;  // the mapping itself has no hook
+    EXPECT_LT(until([&] { return !map.busy(); }, 60s), 5s);
+    EXPECT_EQ(errors(), std::vector<std::string>{"slave 1: the hook of the application: timed out"});
+}
+
+// Commands that take too long are named, too.
+TEST_F(NobodysHook, CommandsThatAreEndedAreReported) {
+    begin();
+    ASSERT_TRUE(config_map(ctx, image));
+    static constexpr StartupCommand kNever[] = {
+        check_register<std::uint8_t>(Transition::safeop_to_op, 0x0F80, 1, 0xFF, std::chrono::hours(1)).afterwards()};
+    const SlaveSetup setup{.startup = kNever};
+    ctx.slave(2).config.setup = &setup;
+    cycles(5);
+    ASSERT_TRUE(writestate(ctx, 0, AlState::op));
+    (void)until([&] { return readstate(ctx).ok() && all_in(AlState::op); });
+    cycles(50);
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(ctx, map));
+    ctx.slave(2).config.setup = nullptr;
+    EXPECT_LT(until([&] { return !map.busy(); }, 60s), 12s);
+    const auto told = errors();
+    ASSERT_EQ(told.size(), 1U);
+    EXPECT_EQ(told[0],
+              "slave 2: requesting a state: the commands or the hook after the transition have not ended, or were "
+              "ended early");
+}
+
+// statecheck() does not say "in OP" before the hook has begun, for example because a mapping uses the segment.
+TEST_F(NobodysHook, IsWaitedForBeforeItHasBegun) {
+    begin(3);
+    ctx.slave(1).config.highest = AlState::safeop;
+    ctx.slave(3).config.group = 1;
+    ASSERT_TRUE(config_map(ctx, image));
+    SlowHook slow{.lasts = 1ms, .slave = 2, .fails = true};
+    slow.set(ctx);
+    cycles(5);
+    ASSERT_TRUE(writestate(ctx, 2, AlState::op));
+    cycle_unseen(300);
+    SlowHook mapping{.lasts = 5s};
+    ctx.slave(3).hooks.user = &mapping;
+    ctx.slave(3).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        auto slept = co_await slave.sleep(static_cast<SlowHook*>(user)->lasts);
+        co_return slept;
+    };
+    std::array<std::byte, 512> second{};
+    MapRequest map;
+    map.group = 1;
+    map.image = second;
+    ASSERT_TRUE(submit(ctx, map));
+    cycles(10);
+    for (const Duration timeout : {Duration{2s}, Duration{60s}}) {
+        StateCheckRequest check;
+        check.slave = 2;
+        check.wanted = AlState::op;
+        check.timeout = timeout;
+        ASSERT_TRUE(submit(ctx, check));
+        (void)until([&] { return !check.busy(); }, 100s);
+        if (timeout == 2s) {
+            EXPECT_EQ(check.error().code, Errc::start_up_unfinished) << words(check.error());
+            EXPECT_EQ(slow.begun, 0) << "the mapping uses the segment";
+            EXPECT_EQ(what_is_wrong(ctx).slave, 2);
+        }
+    }
+    EXPECT_FALSE(map.busy());
+    EXPECT_EQ(slow.ended, 1);
+    EXPECT_EQ(what_is_wrong(ctx).slave, 2) << wrong();
+}
+
+// The slave has reached SAFEOP, no reading has seen it: on the way to OP what follows PREOP to SAFEOP comes first.
+TEST_F(NobodysHook, IsNotLeftOutByTheNextStateChange) {
+    for (const bool by_request : {false, true}) {
+        if (ctx.slaves().empty()) begin(3);
+        ASSERT_TRUE(config_map(ctx, image));
+        cycles(5);
+        ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
+        (void)statecheck(ctx, 2, AlState::preop, 1s);
+        SlowHook slow{.lasts = 1ms, .slave = 2, .which = Transition::preop_to_safeop};
+        slow.set(ctx);
+        ASSERT_TRUE(writestate(ctx, 2, AlState::safeop));
+        cycle_unseen(100);
+        StateRequest safeop;
+        safeop.slave = 2;
+        safeop.wanted = AlState::safeop;
+        if (by_request) {
+            safeop.wanted = AlState::op;
+            ASSERT_TRUE(submit(ctx, safeop));
+            (void)until([&] { return !safeop.busy(); });
+            EXPECT_EQ(safeop.state(), RequestState::success) << words(safeop.error());
+        } else {
+            ASSERT_TRUE(writestate(ctx, 2, AlState::safeop));
+            EXPECT_EQ(statecheck(ctx, 2, AlState::safeop, 1s)->state, AlState::safeop);
+        }
+        EXPECT_EQ(slow.begun, 1) << by_request;
+        EXPECT_EQ(slow.ended, 1) << by_request;
+        for (const Slave& slave : ctx.slaves()) slave.hooks = {};
+    }
+}
+
+// A plain function that is busy for too long: one error.
+TEST_F(NobodysHook, ABusyHookIsReportedOnce) {
+    begin();
+    ctx.slave(2).hooks.preop_to_safeop = [](HookedSlave, void*) { return Result<>(Error{.code = Errc::busy}); };
+    EXPECT_FALSE(config_map(ctx, image));
+    EXPECT_EQ(errors(), std::vector<std::string>{"slave 2: the hook of the application: timed out"});
+}
+
+// The cause of a failed start-up is gone, and the slave has no place in the image: the error says what is missing now.
+TEST_F(NobodysHook, AfterAFailedHookOfIpTheErrorIsThePlace) {
+    begin(3);
+    SlowHook slow{.lasts = 1ms, .slave = 2, .which = Transition::init_to_preop, .when = Moment::before, .fails = true};
+    slow.set(ctx);
+    (void)set_target(ctx, 0, AlState::init);
+    (void)set_target(ctx, 0, AlState::preop);
+    EXPECT_EQ(words(config_map(ctx, image).error()).substr(0, 37), "slave 2: the hook of the application:");
+    slow.fails = false;
+    EXPECT_EQ(
+        words(reach(ctx, AlState::op, 10s).error()),
+        "slave 2: mapping process data: the slave has process data, but no place in the image is reserved for it");
+    EXPECT_TRUE(config_map(ctx, image)) << wrong();
+    EXPECT_TRUE(reach(ctx, AlState::op, 10s)) << wrong();
+}
+
+TEST_F(NobodysHook, ATargetThatIsSetBeforeTheSupervisionBeginsCounts) {
+    begin();
+    ASSERT_TRUE(config_map(ctx, image));
+    ASSERT_TRUE(allow_waiting(ctx, false));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    const Time before = osal.now();
+    ASSERT_TRUE(set_target(ctx, 0, AlState::preop));
+    EXPECT_EQ(osal.now(), before) << "does not wait";
+    cycles(2000);
+    EXPECT_TRUE(all_in(AlState::preop));
+    EXPECT_EQ(real(0), AlState::preop);
+}
+
+}  // namespace
+}  // namespace margay
