@@ -2,7 +2,7 @@
 // waits.
 //
 // Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
-// SoEread(), SoEwrite(), SoEcommand(). The functions that every master has keep their usual names: config_init(),
+// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(). The functions that every master has keep their usual names: config_init(),
 // config_map(), send_processdata(), receive_processdata(), readstate(), writestate(), statecheck(). Every other
 // function that does something is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(),
 // set_target(). A function that only returns what is known already is named after its result: all_right(),
@@ -19,6 +19,7 @@
 #include <margay/entry.hpp>
 #include <margay/expected.hpp>
 #include <margay/features.hpp>
+#include <margay/foe.hpp>
 #include <margay/hooked_slave.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>

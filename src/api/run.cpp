@@ -17,9 +17,10 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
     if (slave != 0 && state == AlState::none) return {};  // ends the slave's own target
-    if (!can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
+    const bool boot = slave != 0 && state == AlState::boot;  // only slaves that the application names
+    if (!boot && !can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
     if (slave == 0) return {};
-    return target_refusal(network.slave(slave), state);
+    return target_refusal(network, network.slave(slave), state);
 }
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {

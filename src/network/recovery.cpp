@@ -1,5 +1,6 @@
 #include "network/recovery.hpp"
 
+#include "network/boot.hpp"
 #include "network/configure.hpp"
 #include "network/entries.hpp"
 #include "network/expectation.hpp"
@@ -21,8 +22,6 @@
 namespace margay {
 namespace {
 
-namespace reg = wire::reg;
-
 // Changes the state with everything that belongs to the transition, and reports it as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     const AlStatus before = slave.al;
@@ -37,18 +36,7 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     if (!cleared) co_return cleared;
     auto init = co_await change(network, slave, AlState::init);
     if (!init) co_return init.error();
-    static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
-    const Station station = network.station(slave);
-    const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
-    if (count == 0) co_return Nothing{};
-    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
-                   Bytes(kNone).first(count * reg::kSyncManagerStride));
-    Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
-                  Bytes(kNone).first(1));
-    co_await together(write, sync);  // not every slave has a SYNC unit
-    const Error error = error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
-    if (error.code != Errc::none) co_return error;
-    co_return Nothing{};
+    co_return co_await clear_sync_managers(network.station(slave), slave);
 }
 
 // Reads the identity of a slave that was missing during the scan.
@@ -193,10 +181,11 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) co_return seen.error();
     note_state(network, slave, *seen);
+    if (stays_in_boot(network, slave)) co_return Nothing{};
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
     const bool to_be_asked = is_to_be_asked(network, slave);
-    if (to == AlState::init || (to == AlState::preop && process && !to_be_asked))
+    if (to == AlState::init || to == AlState::boot || (to == AlState::preop && process && !to_be_asked))
         co_return co_await lower(network, slave, to);
     const auto unfinished = [&] { return is_unfinished(network, slave); };
     bool configured = is_configured(slave) && !unfinished();

@@ -1,5 +1,6 @@
 #include "network/states.hpp"
 
+#include "network/boot.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -26,6 +27,13 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    if (crosses_boot(network, slave, state)) {
+        auto prepared = co_await prepare_boot(network, slave, state, kNever);
+        if (!prepared) {
+            network.note(slave, prepared.error());
+            co_return prepared;
+        }
+    }
     const Transition which = transition(slave.al.state, state);
     auto before = co_await around_transition(network, slave, which, Moment::before);
     if (!before) {

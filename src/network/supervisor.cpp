@@ -1,5 +1,6 @@
 #include "network/supervisor.hpp"
 
+#include "network/boot.hpp"
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/line_errors.hpp"
@@ -98,6 +99,7 @@ Task<Result<>> check_fmmus(Network& network, Slave& slave) {
 
 bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
+    if (stays_in_boot(network, slave)) return false;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     if (is_unfinished(network, slave)) return true;

@@ -1,6 +1,8 @@
 #include "network/transition.hpp"
 
+#include "network/boot.hpp"
 #include "network/hooks.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/startup.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -140,7 +142,12 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         if (!now) co_return now;
         slave.al = *now;
     }
-    const Transition which = transition(slave.al.state, state);
+    if (crosses_boot(network, slave, state)) {
+        auto prepared = co_await prepare_boot(network, slave, state, until);
+        if (!prepared) co_return prepared.error();
+    }
+    const AlState from = slave.al.state;
+    const Transition which = transition(from, state);
     if (concerns(slave, which, Moment::before)) {
         auto before = co_await around_transition(network, slave, which, Moment::before);
         if (!before) co_return before.error();
@@ -160,6 +167,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
+    if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
     if (concerns(slave, follows, Moment::after)) {
         auto after = co_await around_transition(network, slave, follows, Moment::after);
         if (!after) co_return after.error();
@@ -172,6 +180,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
 void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
+    if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
     if (!met || network.marks(slave).in_use || network.segment_in_use) return;
     network.settling_since = network.engine.now();
     Task<Result<>> task = follow_transition(network, slave);
@@ -194,6 +203,25 @@ void end_settling(Network& network) {
             network.note(network.slave(number),
                          {.code = Errc::timeout, .step = Step::application_hook, .slave = number});
     }
+}
+
+bool crosses_boot(Network& network, const Slave& slave, AlState to) {
+    const AlState from = slave.al.state;
+    if (to == AlState::boot) return from != AlState::boot;
+    if (network.boot == nullptr || to == AlState::init) return false;
+    if (from == AlState::boot) return true;
+    return from == AlState::init && to == AlState::preop && uses_mailbox(slave) && network.has_mailbox(slave) &&
+           !network.mailbox(slave).is_open();
+}
+
+Error boot_refusal(const Network& network, const Slave& slave) {
+    if (network.boot != nullptr && slave.boot_mailbox.present()) return {};
+    return {.code = Errc::unsupported, .step = Step::request_state, .slave = slave.number};
+}
+
+Task<Result<>> prepare_boot(Network& network, Slave& slave, AlState to, Time until) {
+    if (network.boot == nullptr) co_return boot_refusal(network, slave);
+    co_return co_await network.boot->prepare(network, slave, to, until);
 }
 
 Error above_highest(const Slave& slave, AlState state) {

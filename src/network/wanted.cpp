@@ -1,5 +1,6 @@
 #include "network/wanted.hpp"
 
+#include "network/boot.hpp"
 #include "network/expectation.hpp"
 #include "network/members.hpp"
 #include "network/transition.hpp"
@@ -103,7 +104,7 @@ AlState wanted_state(const Network& network, const Slave& slave) {
 
 AlState goal(const Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
-    if (wanted == AlState::init) return wanted;
+    if (wanted == AlState::init || wanted == AlState::boot) return wanted;
     if (slave.held) return slave.mailbox.present() && !slave.config.no_mailbox ? AlState::preop : AlState::init;
     return is_mapped(network, slave) && has_place(slave) ? wanted : AlState::preop;
 }
@@ -126,7 +127,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 Error state_error(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
-    if (wanted == AlState::init) return state_trouble(network, slave, wanted);
+    if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
@@ -150,13 +151,14 @@ Error start_up_refusal(const Network& network, const Slave& slave) {
     return start_up_error(slave, fault(slave, code, Step::request_state));
 }
 
-Error target_refusal(const Slave& slave, AlState state) {
+Error target_refusal(const Network& network, const Slave& slave, AlState state) {
+    if (state == AlState::boot) return boot_refusal(network, slave);
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
     return limited(slave, state) == state ? Error{} : above_highest(slave, state);
 }
 
 Error refusal(const Network& network, const Slave& slave, AlState state) {
-    const Error never = target_refusal(slave, state);
+    const Error never = target_refusal(network, slave, state);
     if (never.code != Errc::none) return never;
     const bool up = state >= AlState::safeop && state > slave.al.state;
     const Error failed = up ? start_up_refusal(network, slave) : Error{};
@@ -172,7 +174,10 @@ void set_targets(Network& network, std::uint16_t slave, AlState state) {
     if (slave == 0) network.target = state;
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
-        if (one.number == slave) one.target = state;
+        if (one.number == slave) {
+            one.target = state;
+            network.marks(one).leave_boot = state != AlState::boot;
+        }
         update_counted(network, one);
     }
 }

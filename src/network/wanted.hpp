@@ -46,8 +46,8 @@ void update_held(Network& network);
 [[nodiscard]] Error start_up_refusal(const Network& network, const Slave& slave);
 
 // The reason why this state cannot be the target of the slave: above_highest, other_slave or unexpected_slave (the
-// slave is held); code none when it can.
-[[nodiscard]] Error target_refusal(const Slave& slave, AlState state);
+// slave is held), unsupported (BOOT, and the slave has no bootstrap mailboxes); code none when it can.
+[[nodiscard]] Error target_refusal(const Network& network, const Slave& slave, AlState state);
 
 // The reason why an application's request for this state is refused; code none when it is allowed: that of
 // target_refusal(), that of start_up_refusal(), supervised.
