@@ -1,6 +1,7 @@
 // eepromtool: reads, writes and shows the EEPROM (SII) of a slave. An image file can be used in the place of a slave.
 #include "common/eeprom.hpp"
 #include "common/program.hpp"
+#include "common/progress_line.hpp"
 #include "common/sii_text.hpp"
 #include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
@@ -40,34 +41,13 @@ int print_system_error(const std::string& text) { return fail(text, exit_code::k
 
 void print_note(const std::string& text) { fmt::print(stderr, "{}\n", text); }
 
-// A progress line on standard error, written again at each step. It is shown on a terminal only. Ctrl-C stops the work
-// between two words.
-class ProgressLine {
-  public:
-    ProgressLine() : terminal_(::isatty(STDERR_FILENO) != 0) {}
-    ~ProgressLine() { clear(); }
-    ProgressLine(const ProgressLine&) = delete;
-    ProgressLine& operator=(const ProgressLine&) = delete;
-
-    [[nodiscard]] Progress progress() {
-        return [this](std::string_view what, std::size_t done, std::size_t total) {
-            if (terminal_) {
-                fmt::print(stderr, "\r\033[K{} {} of {}", what, done, total);
-                (void)std::fflush(stderr);
-                shown_ = true;
-            }
-            return !stop_asked();
-        };
-    }
-    void clear() {
-        if (shown_) fmt::print(stderr, "\r\033[K");
-        shown_ = false;
-    }
-
-  private:
-    bool terminal_;
-    bool shown_ = false;
-};
+// Shows the progress. Ctrl-C stops the work between two words.
+Progress progress_on(ProgressLine& line) {
+    return [&line](std::string_view what, std::size_t done, std::size_t total) {
+        line.show(fmt::format("{} {} of {}", what, done, total));
+        return !stop_asked();
+    };
+}
 
 // Reads the number of octets that --size gives, or else the whole EEPROM. When the size word gives more than any SII
 // needs, only the part up to the end mark is read.
@@ -81,10 +61,10 @@ EepromContent read_all(Eeprom& eeprom, const Options& options) {
             "note: word 0x003e of {} gives {} octets; only the part up to the end mark is read, use --size {} to "
             "read all",
             eeprom.name(), size.octets, size.octets));
-        return read_used_part(eeprom, line.progress());
+        return read_used_part(eeprom, progress_on(line));
     }
     if (absurd) print_note(fmt::format("note: reading {} octets of {}", size.octets, eeprom.name()));
-    return read_eeprom(eeprom, size.octets, line.progress());
+    return read_eeprom(eeprom, size.octets, progress_on(line));
 }
 
 int read(Eeprom& eeprom, const Options& options) {
@@ -130,7 +110,7 @@ int write(Eeprom& eeprom, const Options& options) {
     for (const auto& finding : sii_findings(file.octets))
         if (finding.fault != wire::sii::Fault::size_mismatch) print_note("warning: " + finding_text(finding));
     ProgressLine line;
-    const auto report = write_eeprom(eeprom, file.octets, line.progress());
+    const auto report = write_eeprom(eeprom, file.octets, progress_on(line));
     line.clear();
     if (!report.error.empty())
         return print_error(fmt::format("{}: {}\n{} of the {} words that differ were written{}{}", eeprom.name(),

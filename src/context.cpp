@@ -185,6 +185,7 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
     network.mailboxes.soe = features.soe;
     network.mailboxes.routing = features.routing;
     network.overlap = features.overlap;
+    network.boot = features.boot;
     network.clocks.entries = clocks;
     network.clocks.nodes = delays;
     network.engine.link().settings = ContextAccess::early_settings(ctx);

@@ -3,6 +3,7 @@
 #include "wire/al_status_code.hpp"
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
+#include "wire/foe.hpp"
 #include "wire/mailbox.hpp"
 #include "wire/sii.hpp"
 #include "wire/soe.hpp"
@@ -160,6 +161,7 @@ std::string_view capacity_text(const Error& e) {
         case Step::open_nic: return "the memory of the context";
         case Step::sdo_upload:
         case Step::soe_read:
+        case Step::foe_read:
         case Step::mailbox_receive: return "the buffer of the call";
         case Step::map_process_data: return "SharedImage";
         case Step::configure_clocks: return "Limits::clocks is false";
@@ -221,6 +223,8 @@ std::string_view argument_text(Argument argument) {
         case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
         case Argument::clock_settings:
             return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
+        case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
+        case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
     }
     return {};
 }
@@ -358,6 +362,11 @@ void write_cause(TextWriter& out, const Error& e) {
             (out << " (error code ").hex(e.detail, 4)
                 << ": " << wire::soe::to_text(static_cast<wire::soe::ErrorCode>(e.detail)) << ")";
             break;
+        case Errc::foe_error:
+            (out << " (error code ").hex(e.detail, 4)
+                << ": " << wire::foe::to_text(static_cast<wire::foe::ErrorCode>(e.detail)) << ")";
+            break;
+        case Errc::stream_failed: out << " (number " << e.detail << ")"; break;
         case Errc::command_failed: (out << " (data state ").hex(e.detail, 4) << ")"; break;
         case Errc::mailbox_error:
             (out << " (detail ").hex(e.detail, 4)
@@ -381,6 +390,8 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
+            if (e.step == Step::request_state)
+                out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
             if (is_refused_call(e))

@@ -42,6 +42,8 @@ enum class Errc : std::uint8_t {
     mailbox_error,     // mailbox error reply (detail: detail code, ETG.1000.6 table "Mailbox error reply")
     sdo_abort,         // SDO abort (detail: the abort code)
     soe_error,         // error reply of a drive (detail: the SoE error code)
+    foe_error,         // the slave ended a file transfer with an error (detail: the FoE error code)
+    stream_failed,     // the source or the sink of the application has failed (detail: the number that it gave)
     command_failed,    // a procedure command of a drive ended with an error (detail: its data state)
     unsupported,       // the slave does not support it
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
@@ -133,6 +135,8 @@ enum class Step : std::uint8_t {
     soe_read,
     soe_write,
     soe_command,
+    foe_read,
+    foe_write,
     read_register,
     write_register,
     topology,
@@ -181,6 +185,8 @@ enum class Operation : std::uint8_t {
     soe_read,
     soe_write,
     soe_command,
+    foe_read,
+    foe_write,
     find_entry,
     configure_clocks,
     set_sync,
@@ -196,7 +202,7 @@ struct Error {
     std::uint8_t subindex = 0;  // subindex, or number of the drive; of an SII word address: bits 16 to 23
     std::uint8_t place = 0;    // number of a start-up command in its list, the first is 1; of an SII word address: bits
                                // 24 to 31
-    std::uint32_t detail = 0;  // AL status code, abort code, mailbox error detail, SoE error code; k…Command
+    std::uint32_t detail = 0;  // AL status code, abort code, mailbox error detail, SoE or FoE error code; k…Command
     std::uint32_t expected = 0;
     std::uint32_t actual = 0;
 
@@ -276,6 +282,8 @@ enum class Argument : std::uint8_t {
     empty_group,     // no slave belongs to the group
     sync_cycle,      // members of SyncSettings
     clock_settings,  // members of ClockSettings
+    file_name,       // the name of a file does not fit the mailbox
+    file_time,       // a time of a FoeRequest
 };
 
 // Errc::other_slave: which property differs from the expected one.

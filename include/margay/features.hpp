@@ -14,6 +14,7 @@ namespace margay {
 struct SoeFeature;
 struct RoutingFeature;
 struct OverlapFeature;
+struct BootFeature;
 
 // The process data of SoE drives is read from their parameters, and their notifications are passed to
 // SlaveHooks::soe_notification. Without it: sizes come from the SII, and notifications are counted as unexpected mail.
@@ -23,12 +24,17 @@ extern const RoutingFeature kRoutingFeature;
 // GroupConfiguration::cycles_in_flight may be more than 1. Without it config_map() refuses that (Errc::unsupported).
 extern const OverlapFeature kOverlapFeature;
 
+// Slaves can be brought to BOOT, where they accept firmware. Without it BOOT is refused (Errc::unsupported).
+extern const BootFeature kBootFeature;
+
 struct Features {
     const SoeFeature* soe = nullptr;
     const RoutingFeature* routing = nullptr;
     const OverlapFeature* overlap = nullptr;
+    const BootFeature* boot = nullptr;
 };
 
-inline constexpr Features kAllFeatures{.soe = &kSoeFeature, .routing = &kRoutingFeature, .overlap = &kOverlapFeature};
+inline constexpr Features kAllFeatures{
+    .soe = &kSoeFeature, .routing = &kRoutingFeature, .overlap = &kOverlapFeature, .boot = &kBootFeature};
 
 }  // namespace margay

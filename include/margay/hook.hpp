@@ -6,9 +6,11 @@
 //
 // A sequence is a coroutine that returns a Task. It may await all functions of HookedSlave: access to the mailbox and
 // the registers of its slave. It does not stop the cycle or other slaves. (While a request for
-// the whole segment waits for the hook to end, the supervision helps other slaves only from time to time.) No time
-// limits it, except the timeout of the request that waits for it: the error then has the step application_hook and
-// names the slave. (A hook after a transition that writestate() has requested: see margay.hpp.)
+// the whole segment waits for the hook to end, the supervision helps other slaves only from time to time.) The timeout
+// of the request that waits for a hook ends it: the error then has the step application_hook and names the slave. A
+// hook that no request waits for (the supervision executes it, or it follows a state that writestate() has requested)
+// may take any time while no request needs its slave, and 10 s otherwise; it ends when its slave is lost or leaves its
+// state. A hook that is ended goes no further than its current co_await; its local objects are destroyed.
 //
 //     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {

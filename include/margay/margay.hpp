@@ -2,7 +2,7 @@
 // waits.
 //
 // Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
-// SoEread(), SoEwrite(), SoEcommand(). The functions that every master has keep their usual names: config_init(),
+// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(). The functions that every master has keep their usual names: config_init(),
 // config_map(), send_processdata(), receive_processdata(), readstate(), writestate(), statecheck(). Every other
 // function that does something is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(),
 // set_target(). A function that only returns what is known already is named after its result: all_right(),
@@ -19,6 +19,7 @@
 #include <margay/entry.hpp>
 #include <margay/expected.hpp>
 #include <margay/features.hpp>
+#include <margay/foe.hpp>
 #include <margay/hooked_slave.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
@@ -108,7 +109,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
 // - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
 //   start-up command actual: the Argument, place: its number in the list);
-// - start_up_unfinished: the commands or the hook after PREOP to SAFEOP were ended by cancel() or a loss of the slave;
+// - remapping_needed: slave(n).config.sms were changed while config_map() executed;
 // - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
@@ -137,7 +138,8 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
 // and OP it returns the error of the first slave that is held or missing, whose hook or PDOs have failed, or whose
 // commands or hook after the last transition have failed or were ended (start_up_unfinished, if there is no other
-// error); the request is sent to the other slaves nevertheless. While a supervision keeps another state, writestate()
+// error); the request is sent to the other slaves nevertheless. What follows an earlier transition that no reading has
+// seen is executed first. While a supervision keeps another state, writestate()
 // fails with Errc::supervised: use set_target().
 //
 // The commands and the hook after the transition begin when the first of these sees the new state: readstate(),

@@ -16,10 +16,11 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::request_state};
     if (const Error error = check_slave_or_all(network, slave, Step::request_state); error.code != Errc::none)
         return error;
-    if (slave != 0 && state == AlState::none) return {};  // ends the slave's own target
-    if (!can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
+    if (slave != 0 && state == AlState::none) return {};     // ends the slave's own target
+    const bool boot = slave != 0 && state == AlState::boot;  // only slaves that the application names
+    if (!boot && !can_be_target(state)) return invalid(Argument::state, Step::request_state, slave);
     if (slave == 0) return {};
-    return target_refusal(network.slave(slave), state);
+    return target_refusal(network, network.slave(slave), state);
 }
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
@@ -39,7 +40,7 @@ bool can_change(const Network& network, const Slave& slave) {
     if (slave.al.state == AlState::none) return true;
     if (slave.held) return false;
     if (wanted_state(network, slave) < AlState::safeop || is_to_be_asked(network, slave)) return true;
-    return is_mapped(network, slave) && has_place(slave) && is_as_mapped(slave);
+    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(slave);
 }
 
 Standing standing(Network& network) {
@@ -200,10 +201,11 @@ class RunningCycle {
     Network& network_;
 };
 
-bool supervision_waits(const RequestQueue& queue) {
+// The SuperviseRequest that has not begun; nullptr: there is none.
+SuperviseRequest* waiting_supervision(const RequestQueue& queue) {
     for (Request* r = queue.waiting; r != nullptr; r = RequestAccess::next(*r))
-        if (RequestAccess::operation(*r).operation == Operation::supervise) return true;
-    return false;
+        if (RequestAccess::operation(*r).operation == Operation::supervise) return static_cast<SuperviseRequest*>(r);
+    return nullptr;
 }
 
 bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user) {
@@ -263,12 +265,13 @@ TargetRequest::TargetRequest() : SlaveRequest(kTarget) {}
 
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
     Master* master = master_of(ctx);
-    // A SuperviseRequest that waits begins now, so that this target replaces its target.
-    if (master != nullptr && master->owned_by_caller() && !master->in_poll && supervision_waits(master->queue))
-        (void)poll(ctx, master->osal.now());
-    if (master != nullptr && master->owned_by_caller() && master->network.supervised) {
+    const bool owner = master != nullptr && master->owned_by_caller();
+    SuperviseRequest* const waiting = owner ? waiting_supervision(master->queue) : nullptr;
+    if (owner && (master->network.supervised || waiting != nullptr)) {
         const Error refused = check_target(master->network, slave, state);
         if (refused.code != Errc::none) return refused;
+        if (waiting != nullptr && slave == 0)
+            waiting->target = state;  // replaces the target that it was submitted with
         set_targets(master->network, slave, state);
         return Result<>();
     }

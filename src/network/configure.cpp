@@ -160,6 +160,18 @@ Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
+    static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
+    const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
+    if (count == 0) co_return Nothing{};
+    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
+                   Bytes(kNone).first(count * reg::kSyncManagerStride));
+    Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
+                  Bytes(kNone).first(1));
+    co_await together(write, sync);  // not every slave has a SYNC unit
+    co_return error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
+}
+
 Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout) {
     const auto wanted = make_fmmus(slave, layout);
     if (!wanted) co_return wanted.error();
@@ -197,6 +209,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (!prepared) co_return prepared;
     auto clock = co_await prepare_clock_if_any(network, slave);
     if (!clock) co_return clock;
+    network.marks(slave).requested = Transition::none;
     mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
     auto seen = co_await read_al_status(station);

@@ -16,6 +16,9 @@ namespace margay {
 // Clears the slave's FMMUs. After the reply the slave takes part no more.
 [[nodiscard]] Task<Result<>> clear_fmmus(Network& network, Slave& slave);
 
+// Clears all SyncManagers of a slave in INIT, and its SYNC activation.
+[[nodiscard]] Task<Result<>> clear_sync_managers(Station station, const Slave& slave);
+
 // Whether the FMMUs in the slave are those that its place in the image requires.
 [[nodiscard]] Task<Result<bool>> has_fmmus(Network& network, Slave& slave, const ImageLayout& layout);
 

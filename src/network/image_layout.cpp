@@ -87,19 +87,17 @@ Result<> check_sync_managers(const Slave& slave) {
     return Result<>();
 }
 
-// Fletcher's sum.
+// Fowler, Noll and Vo's check value, folded to 16 bits.
 std::uint16_t check_of_sizes(const Slave& slave) {
-    std::uint32_t a = 1;
-    std::uint32_t b = 0;
+    std::uint32_t check = 0x811C'9DC5;
+    const auto add = [&check](std::uint32_t octet) { check = (check ^ (octet & 0xFF)) * 0x01000193; };
     for (const ProcessSm& sm : process_sms(slave)) {
         if (sm.bits == 0) continue;
-        for (const std::uint32_t value : {std::uint32_t{sm.number} + 1, static_cast<std::uint32_t>(sm.direction),
-                                          sm.bits & 0xFF, sm.bits >> 8 & 0xFF, sm.bits >> 16}) {
-            a = (a + value) % 251;
-            b = (b + a) % 251;
-        }
+        add(sm.number);
+        add(static_cast<std::uint32_t>(sm.direction));
+        for (unsigned shift = 0; shift < 32; shift += 8) add(sm.bits >> shift);
     }
-    return static_cast<std::uint16_t>(b << 8 | a);
+    return static_cast<std::uint16_t>(check ^ check >> 16);
 }
 
 // Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
@@ -329,6 +327,7 @@ SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout) {
 }
 
 Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout) {
+    if (!is_as_mapped(slave)) return fault(Errc::remapping_needed, slave);
     const FmmuList list = needed_fmmus(slave, layout);
     const std::size_t available =
         not_asked(slave) ? SlaveFmmus::kMost : std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost);

@@ -56,7 +56,7 @@ struct SlaveFmmus {
 [[nodiscard]] SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout);
 
 // Each FMMU gets the use that the SII describes for it, where possible. A slave without process data has no FMMU.
-// Errors: fmmu_shortage.
+// Errors: fmmu_shortage, remapping_needed (see is_as_mapped()).
 [[nodiscard]] Result<SlaveFmmus> make_fmmus(const Slave& slave, const ImageLayout& layout);
 
 // Checks whether a slave that was absent during lay_out() can use the place that was reserved for it; `lrw`: its group

@@ -46,6 +46,7 @@ struct SlaveWork : ListNode {
 
 struct Expectation;
 struct OverlapFeature;
+struct BootFeature;
 
 struct Network {
     Network(Nic& nic, SlaveTable slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
@@ -75,6 +76,7 @@ struct Network {
     EventQueue events;
     Mailboxes mailboxes;
     const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
+    const BootFeature* boot = nullptr;             // the same
     const Expectation* expectation = nullptr;      // given by expect()
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;

@@ -1,5 +1,6 @@
 #include "network/recovery.hpp"
 
+#include "network/boot.hpp"
 #include "network/configure.hpp"
 #include "network/entries.hpp"
 #include "network/expectation.hpp"
@@ -21,14 +22,10 @@
 namespace margay {
 namespace {
 
-namespace reg = wire::reg;
-
 // Changes the state with everything that belongs to the transition, and reports it as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
-    const AlStatus before = slave.al;
-    auto changed = co_await bring_to_state(network, slave, state);
-    note_change(network, slave, before);
-    co_return changed;
+    const ChangeReport report(network, slave);
+    co_return co_await bring_to_state(network, slave, state);
 }
 
 // Brings the slave to INIT and clears its earlier configuration.
@@ -37,18 +34,7 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     if (!cleared) co_return cleared;
     auto init = co_await change(network, slave, AlState::init);
     if (!init) co_return init.error();
-    static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
-    const Station station = network.station(slave);
-    const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
-    if (count == 0) co_return Nothing{};
-    Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
-                   Bytes(kNone).first(count * reg::kSyncManagerStride));
-    Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
-                  Bytes(kNone).first(1));
-    co_await together(write, sync);  // not every slave has a SYNC unit
-    const Error error = error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
-    if (error.code != Errc::none) co_return error;
-    co_return Nothing{};
+    co_return co_await clear_sync_managers(network.station(slave), slave);
 }
 
 // Reads the identity of a slave that was missing during the scan.
@@ -132,11 +118,8 @@ Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
     if (!is_mapped(network, slave)) co_return Nothing{};
     if (!is_as_mapped(slave))
         co_return Error{.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
-    const AlStatus before = slave.al;
-    auto configured =
-        co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);
-    note_change(network, slave, before);
-    co_return configured;
+    const ChangeReport report(network, slave);
+    co_return co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);
 }
 
 // Removes the slave from the exchange and brings it to PREOP or INIT.
@@ -160,6 +143,8 @@ void note_change(Network& network, Slave& slave, const AlStatus& before) {
     if (before.state != AlState::none) note_lost(network, slave);
 }
 
+ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
+
 // NONE is not stored here: note_lost() does that.
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
@@ -170,12 +155,10 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
 Task<Result<>> restart(Network& network, Slave& slave) {
     auto init = co_await back_to_init(network, slave);
     if (!init) co_return init;
-    const AlStatus before = slave.al;
+    const ChangeReport report(network, slave);
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!offered) co_return offered;
-    auto preop = co_await bring_to_preop(network, slave);
-    note_change(network, slave, before);
-    co_return preop;
+    co_return co_await bring_to_preop(network, slave);
 }
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
@@ -195,10 +178,11 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen) co_return seen.error();
     note_state(network, slave, *seen);
+    if (stays_in_boot(network, slave)) co_return Nothing{};
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
     const bool to_be_asked = is_to_be_asked(network, slave);
-    if (to == AlState::init || (to == AlState::preop && process && !to_be_asked))
+    if (to == AlState::init || to == AlState::boot || (to == AlState::preop && process && !to_be_asked))
         co_return co_await lower(network, slave, to);
     const auto unfinished = [&] { return is_unfinished(network, slave); };
     bool configured = is_configured(slave) && !unfinished();

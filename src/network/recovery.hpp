@@ -5,6 +5,20 @@
 
 namespace margay {
 
+// Reports the change of a slave's state at its end, also when the sequence that changes the state is destroyed.
+class ChangeReport {
+  public:
+    ChangeReport(Network& network, Slave& slave) : network_(network), slave_(slave), before_(slave.al) {}
+    ChangeReport(const ChangeReport&) = delete;
+    ChangeReport& operator=(const ChangeReport&) = delete;
+    ~ChangeReport();
+
+  private:
+    Network& network_;
+    Slave& slave_;
+    AlStatus before_;
+};
+
 // Brings a slave to INIT, clears its earlier configuration, and brings it to PREOP.
 [[nodiscard]] Task<Result<>> restart(Network& network, Slave& slave);
 

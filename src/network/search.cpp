@@ -6,6 +6,7 @@
 #include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/survey.hpp"
+#include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
 #include "station/sii_access.hpp"
@@ -243,6 +244,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
+        if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);
@@ -292,7 +294,8 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     network.group_is_back |= is_head_of_group(network, slave);
     if (!mapped || now.state == AlState::init) co_return Nothing{};
     set_takes_part(network, slave, true);
-    const bool well = network.supervised && now.state == wanted_state(network, slave) && !now.error;
+    const bool well =
+        network.supervised && now.state == wanted_state(network, slave) && !now.error && !is_unfinished(network, slave);
     if (well) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = now});
     co_return Nothing{};
 }

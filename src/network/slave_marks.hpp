@@ -28,6 +28,9 @@ struct SlaveMarks {
     bool counted : 1 = false;    // the expected working counters of its group include its share
     bool following : 1 = false;  // the commands or the hook after a transition are executing
     bool in_hook : 1 = false;    // a hook of the application is executing
+    // In BOOT: the application has set another target for this slave since. Without it the supervision leaves the slave
+    // in BOOT.
+    bool leave_boot : 1 = false;
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 

@@ -1,5 +1,6 @@
 #include "network/states.hpp"
 
+#include "network/boot.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -26,6 +27,13 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    if (crosses_boot(network, slave, state)) {
+        auto prepared = co_await prepare_boot(network, slave, state, kNever);
+        if (!prepared) {
+            network.note(slave, prepared.error());
+            co_return prepared;
+        }
+    }
     const Transition which = transition(slave.al.state, state);
     auto finished = co_await finish_requested(network, slave, which);
     if (!finished) {
@@ -55,7 +63,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
-    if (process && state > slave.al.state) {
+    if (process && state >= slave.al.state) {
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
     }
@@ -95,10 +103,11 @@ AlStatus lowest(Network& network) {
     return all;
 }
 
-// The first slave with commands or hooks after a transition that have not ended, of all slaves or of `slave` alone.
-const Slave* find_settling(const Network& network, std::uint16_t slave) {
+// The first slave, of all slaves or `slave` alone, whose commands or hooks after a transition have not succeeded.
+const Slave* find_unfinished(const Network& network, std::uint16_t slave) {
     for (const Slave& one : network.slaves())
-        if ((slave == 0 || slave == one.number) && is_settling(network, one)) return &one;
+        if ((slave == 0 || slave == one.number) && (is_settling(network, one) || is_unfinished(network, one)))
+            return &one;
     return nullptr;
 }
 
@@ -149,9 +158,11 @@ Task<Result<AlStatus>> wait_for_state(Network& network, std::uint16_t slave, AlS
         if (!all && over) co_return all;
         const AlStatus now = slave == 0 ? *all : network.slave(slave).al;
         const bool reached = now.state == state && !now.error;
-        const Slave* settling = reached ? find_settling(network, slave) : nullptr;
-        if (all && settling == nullptr && (reached || over)) co_return now;
-        if (all && over) co_return unfinished_error(network, *settling);
+        const Slave* unfinished = reached ? find_unfinished(network, slave) : nullptr;
+        if (all && unfinished == nullptr && (reached || over)) co_return now;
+        // Only the supervision starts a slave again whose commands or hook have failed.
+        const bool in_vain = unfinished != nullptr && !network.supervised && !is_settling(network, *unfinished);
+        if (all && (over || in_vain)) co_return unfinished_error(network, *unfinished);
         co_await network.engine.sleep_until(std::min(until, network.engine.now() + pause));
         pause = std::min(pause * 2, kLongestPause);
     }

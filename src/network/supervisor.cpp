@@ -1,5 +1,6 @@
 #include "network/supervisor.hpp"
 
+#include "network/boot.hpp"
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/line_errors.hpp"
@@ -55,11 +56,6 @@ bool may_look_at(Network& network, const Slave& slave) {
     return !network.marks(slave).in_use || (work != nullptr && work->since != kNever);
 }
 
-// The slave has left the state in which the hook executes: the hook ends.
-void end_work_of(Network& network, const Slave& slave) {
-    if (SlaveWork* work = find_work(network, slave)) work->sequence.destroy();
-}
-
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
     if (!may_look_at(network, slave) || is_being_mapped(network, slave) ||
@@ -71,11 +67,15 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (!may_look_at(network, slave) || (!seen && !does_not_answer(seen.error()))) co_return Nothing{};
     if (!seen) {
         if (!was_there || slave.al.state == AlState::none) co_return Nothing{};
-        end_work_of(network, slave);
+        drop_work(network, slave);
         note_lost(network, slave);
         co_return Nothing{};
     }
-    if (seen->state != slave.al.state) end_work_of(network, slave);
+    if (seen->state != slave.al.state && find_work(network, slave) != nullptr) {
+        drop_work(network, slave);
+        std::uint8_t& attempts = network.marks(slave).attempts;
+        attempts = std::max<std::uint8_t>(attempts, 1);  // the next attempt comes after a pause
+    }
     if (network.marks(slave).in_use) co_return Nothing{};
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
         if (network.is_reserved()) co_return Nothing{};
@@ -100,6 +100,7 @@ Task<Result<>> check_fmmus(Network& network, Slave& slave) {
 
 bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
+    if (stays_in_boot(network, slave)) return false;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     if (is_unfinished(network, slave)) return true;
@@ -240,6 +241,7 @@ void start_helpers(Watch& watch, Crew& crew) {
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) update_counted(watch.network, slave);
     if (watch.network.is_reserved()) return;
+    if (again) watch.retry_at = later(now, watch.wanted.retry);
     for (std::size_t n = 0; n < slaves.size(); ++n) {
         const std::size_t at = (first + n) % slaves.size();
         Slave& slave = slaves[at];

@@ -1,6 +1,8 @@
 #include "network/transition.hpp"
 
+#include "network/boot.hpp"
 #include "network/hooks.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/startup.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -122,7 +124,7 @@ void mark_unfinished(Network& network, Slave& slave, Transition which) {
 
 bool is_unfinished(const Network& network, const Slave& slave) {
     const Row* row = row_of(network.marks(slave).unfinished);
-    return row != nullptr && slave.al.state >= row->to;
+    return row != nullptr && (row->to == AlState::boot ? slave.al.state == row->to : slave.al.state >= row->to);
 }
 
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
@@ -139,7 +141,12 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         if (!now) co_return now;
         slave.al = *now;
     }
-    const Transition which = transition(slave.al.state, state);
+    if (crosses_boot(network, slave, state)) {
+        auto prepared = co_await prepare_boot(network, slave, state, until);
+        if (!prepared) co_return prepared.error();
+    }
+    const AlState from = slave.al.state;
+    const Transition which = transition(from, state);
     if (network.marks(slave).requested != Transition::none) {
         auto finished = co_await finish_requested(network, slave, which);
         if (!finished) co_return finished.error();
@@ -158,6 +165,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
+    if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
     if (concerns(slave, which, Moment::after)) {
         auto after = co_await around_transition(network, slave, which, Moment::after);
         if (!after) co_return after.error();
@@ -170,6 +178,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
 void settle_request(Network& network, Slave& slave) {
     const Row* row = row_of(network.marks(slave).requested);
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
+    if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
     if (!met || network.marks(slave).in_use || network.segment_in_use) return;
     Task<Result<>> task = follow_transition(network, slave);
     const std::coroutine_handle<> handle = task.handle();
@@ -186,6 +195,7 @@ bool is_settling(const Network& network, const Slave& slave) {
 }
 
 Error unfinished_error(const Network& network, const Slave& slave) {
+    if (!is_settling(network, slave)) return start_up_refusal(network, slave);
     return {.code = Errc::start_up_unfinished,
             .step = network.marks(slave).in_hook ? Step::application_hook : Step::request_state,
             .slave = slave.number,
@@ -214,7 +224,35 @@ void end_work(Network& network, SlaveWork& work) {
         error = {.code = Errc::timeout, .step = error.step, .slave = slave.number};
     work.sequence.destroy();
     network.note(slave, error);
+    if (network.supervised && attempts == 0) {
+        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
+        event.error = error;
+        network.report(event);
+    }
     attempts = std::max<std::uint8_t>(attempts, 1);
+}
+
+void drop_work(Network& network, const Slave& slave) {
+    if (SlaveWork* work = find_work(network, slave)) work->sequence.destroy();
+}
+
+bool crosses_boot(Network& network, const Slave& slave, AlState to) {
+    const AlState from = slave.al.state;
+    if (to == AlState::boot) return from != AlState::boot;
+    if (network.boot == nullptr || to == AlState::init) return false;
+    if (from == AlState::boot) return true;
+    return from == AlState::init && to == AlState::preop && uses_mailbox(slave) && network.has_mailbox(slave) &&
+           !network.mailbox(slave).is_open();
+}
+
+Error boot_refusal(const Network& network, const Slave& slave) {
+    if (network.boot != nullptr && slave.boot_mailbox.present()) return {};
+    return {.code = Errc::unsupported, .step = Step::request_state, .slave = slave.number};
+}
+
+Task<Result<>> prepare_boot(Network& network, Slave& slave, AlState to, Time until) {
+    if (network.boot == nullptr) co_return boot_refusal(network, slave);
+    co_return co_await network.boot->prepare(network, slave, to, until);
 }
 
 Error above_highest(const Slave& slave, AlState state) {

@@ -32,7 +32,8 @@ void settle_request(Network& network, Slave& slave);
 // Whether commands or hooks after a transition of the slave are executing, or a reading is still to start them.
 [[nodiscard]] bool is_settling(const Network& network, const Slave& slave);
 
-// The error of a slave in its state while is_settling(): start_up_unfinished.
+// The error of a slave in its state while is_settling() or is_unfinished(): start_up_unfinished, or that of its
+// start-up.
 [[nodiscard]] Error unfinished_error(const Network& network, const Slave& slave);
 
 // Executes what follows a state that was requested without waiting, and that the slave has reached since. Call it
@@ -44,6 +45,9 @@ void settle_request(Network& network, Slave& slave);
 
 // Ends the work, which has taken too long, and reports the hook or the commands that have not ended by themselves.
 void end_work(Network& network, SlaveWork& work);
+
+// Ends the work on the slave, if there is any: the slave has left the state in which the work executes a hook.
+void drop_work(Network& network, const Slave& slave);
 
 // How long the slave may take from its current state.
 [[nodiscard]] Duration al_timeout(const Slave& slave, AlState state);

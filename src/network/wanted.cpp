@@ -1,6 +1,8 @@
 #include "network/wanted.hpp"
 
+#include "network/boot.hpp"
 #include "network/expectation.hpp"
+#include "network/image_layout.hpp"
 #include "network/members.hpp"
 #include "network/transition.hpp"
 
@@ -88,8 +90,10 @@ bool is_being_mapped(const Network& network, const Slave& slave) {
 
 bool has_place(const Slave& slave) {
     const bool wants = std::ranges::any_of(slave.config.used_sms(), [](const ProcessSm& sm) { return sm.bits != 0; });
-    return !slave.unplaced && (!wants || exchanges(slave));
+    return !slave.unplaced && (!wants || exchanges(slave) || !is_as_mapped(slave));
 }
+
+bool may_be_exchanged(const Slave& slave) { return slave.takes_part || !exchanges(slave) || is_as_mapped(slave); }
 
 AlState wanted_state(const Network& network, const Slave& slave) {
     return limited(slave, slave.target != AlState::none ? slave.target : network.target);
@@ -97,9 +101,9 @@ AlState wanted_state(const Network& network, const Slave& slave) {
 
 AlState goal(const Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
-    if (wanted == AlState::init) return wanted;
+    if (wanted == AlState::init || wanted == AlState::boot) return wanted;
     if (slave.held) return slave.mailbox.present() && !slave.config.no_mailbox ? AlState::preop : AlState::init;
-    return is_mapped(network, slave) && has_place(slave) ? wanted : AlState::preop;
+    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(slave) ? wanted : AlState::preop;
 }
 
 bool is_to_be_asked(const Network& network, const Slave& slave) {
@@ -120,7 +124,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 Error state_error(Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
-    if (wanted == AlState::init) return state_trouble(network, slave, wanted);
+    if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
@@ -132,6 +136,7 @@ Error state_error(Network& network, const Slave& slave) {
         const Error no_place = fault(slave, Errc::no_place, Step::map_process_data);
         return slave.pdos_failed ? start_up_error(slave, no_place) : no_place;
     }
+    if (process && !may_be_exchanged(slave)) return fault(slave, Errc::remapping_needed, Step::map_process_data);
     const Error state = state_trouble(network, slave, wanted);
     if (state.code != Errc::none || !process || !exchanges(slave) || slave.takes_part) return state;
     return fault(slave, Errc::working_counter, Step::exchange_process_data);
@@ -144,15 +149,16 @@ Error start_up_refusal(const Network& network, const Slave& slave) {
     return start_up_error(slave, fault(slave, code, Step::request_state));
 }
 
-Error target_refusal(const Slave& slave, AlState state) {
+Error target_refusal(const Network& network, const Slave& slave, AlState state) {
+    if (state == AlState::boot) return boot_refusal(network, slave);
     if (slave.held && state >= AlState::safeop) return held_error(slave, Step::request_state);
     return limited(slave, state) == state ? Error{} : above_highest(slave, state);
 }
 
 Error refusal(const Network& network, const Slave& slave, AlState state) {
-    const Error never = target_refusal(slave, state);
+    const Error never = target_refusal(network, slave, state);
     if (never.code != Errc::none) return never;
-    const bool up = state >= AlState::safeop && state > slave.al.state;
+    const bool up = state >= AlState::safeop && state >= slave.al.state;
     const Error failed = up ? start_up_refusal(network, slave) : Error{};
     if (failed.code != Errc::none) return failed;
     if (!network.supervised || is_being_mapped(network, slave) || state == goal(network, slave)) return {};
@@ -166,7 +172,10 @@ void set_targets(Network& network, std::uint16_t slave, AlState state) {
     if (slave == 0) network.target = state;
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
-        if (one.number == slave) one.target = state;
+        if (one.number == slave) {
+            one.target = state;
+            network.marks(one).leave_boot = state != AlState::boot;
+        }
         update_counted(network, one);
     }
 }

@@ -21,6 +21,8 @@ void update_held(Network& network);
 [[nodiscard]] bool is_being_mapped(const Network& network, const Slave& slave);
 // Whether all process data of the slave has a place in the image.
 [[nodiscard]] bool has_place(const Slave& slave);
+// Whether the slave takes part, or can: after the mapping its sizes have not changed in the configuration.
+[[nodiscard]] bool may_be_exchanged(const Slave& slave);
 [[nodiscard]] inline bool exchanges(const Slave& slave) {
     return slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
 }
@@ -29,7 +31,7 @@ void update_held(Network& network);
 [[nodiscard]] AlState wanted_state(const Network& network, const Slave& slave);
 
 // The state that the library brings the slave to: the wanted state, but PREOP while its group is not mapped or has no
-// place for it, and PREOP or INIT while it is held.
+// place for it or has another place than its configuration, and PREOP or INIT while it is held.
 [[nodiscard]] AlState goal(const Network& network, const Slave& slave);
 
 // The slave has no place in the image because nobody could read what it exchanges, which may be nothing.
@@ -46,8 +48,8 @@ void update_held(Network& network);
 [[nodiscard]] Error start_up_refusal(const Network& network, const Slave& slave);
 
 // The reason why this state cannot be the target of the slave: above_highest, other_slave or unexpected_slave (the
-// slave is held); code none when it can.
-[[nodiscard]] Error target_refusal(const Slave& slave, AlState state);
+// slave is held), unsupported (BOOT, and the slave has no bootstrap mailboxes); code none when it can.
+[[nodiscard]] Error target_refusal(const Network& network, const Slave& slave, AlState state);
 
 // The reason why an application's request for this state is refused; code none when it is allowed: that of
 // target_refusal(), that of start_up_refusal(), supervised.

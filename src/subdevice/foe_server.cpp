@@ -23,6 +23,7 @@ void FoeServer::state_changed(AlState state) {
 void FoeServer::end() {
     if (transfer_ != Transfer::none) store_.give_up();
     transfer_ = Transfer::none;
+    written_ = false;
 }
 
 std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& message, Outbox& out, Time now) {
@@ -91,7 +92,8 @@ void FoeServer::send_data(Outbox& out, Time now) {
 
 void FoeServer::acknowledged(std::uint32_t packet, Outbox& out, Time now) {
     if (transfer_ != Transfer::read) return fail(FoeError::illegal, out);
-    if (!sent_ && packet + 1 == packet_) return send_data(out, now);  // the store was busy at the last try
+    // The store was busy at the last try, or the packet was lost and the client has sent its acknowledgement again.
+    if (packet + 1 == packet_) return send_data(out, now);
     if (!sent_ || packet != packet_) return fail(FoeError::wrong_packet_number, out);
     if (last_) {
         transfer_ = Transfer::none;
@@ -105,8 +107,9 @@ void FoeServer::acknowledged(std::uint32_t packet, Outbox& out, Time now) {
 // ------------------------------------------------------------------ write
 
 void FoeServer::arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now) {
+    const bool again = packet == packet_ && packet != 0 && !finishing_;  // our acknowledge was lost
+    if (again && (transfer_ == Transfer::write || written_)) return send_acknowledge(out);
     if (transfer_ != Transfer::write) return fail(FoeError::illegal, out);
-    if (packet == packet_ && packet != 0 && !finishing_) return send_acknowledge(out);  // our acknowledge was lost
     if (packet != packet_ + 1) return fail(FoeError::wrong_packet_number, out);
     if (!finishing_) {
         const auto answer = store_.write(offset_, data, now);
@@ -118,6 +121,8 @@ void FoeServer::arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now)
         const auto answer = store_.finish_write(offset_, now);
         if (!answer.goes()) return refuse(answer, out);
         transfer_ = Transfer::none;
+        finishing_ = false;
+        written_ = true;
     }
     packet_ = packet;
     send_acknowledge(out);

@@ -111,6 +111,7 @@ class FoeServer final : public MailboxServer {
     bool sent_ = false;              // packet_ has been sent and is not acknowledged (false: the store was busy)
     bool last_ = false;              // packet_ is the last packet of the file
     bool finishing_ = false;         // all data are written, but the store is still busy
+    bool written_ = false;           // the last transfer has written its file: its last packet may come again
     std::uint16_t address_ = 0;
 };
 

@@ -34,6 +34,8 @@ std::string_view to_text(Errc code) {
         case Errc::mailbox_error: return "mailbox error reply";
         case Errc::sdo_abort: return "the slave aborted the transfer";
         case Errc::soe_error: return "the drive refused";
+        case Errc::foe_error: return "the slave ended the file transfer";
+        case Errc::stream_failed: return "the source or sink of the application has failed";
         case Errc::command_failed: return "the command could not be executed";
         case Errc::unsupported: return "not supported by the slave";
         case Errc::other_slave: return "another slave than expected";
@@ -41,7 +43,7 @@ std::string_view to_text(Errc code) {
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
         case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
         case Errc::remapping_needed:
-            return "its SyncManagers in the configuration have changed since config_map(), which is needed again";
+            return "SlaveConfiguration::sms have changed since config_map(): call config_map() again";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
@@ -125,6 +127,8 @@ std::string_view to_text(Step step) {
         case Step::soe_read: return "SoE read";
         case Step::soe_write: return "SoE write";
         case Step::soe_command: return "SoE command";
+        case Step::foe_read: return "FoE read";
+        case Step::foe_write: return "FoE write";
         case Step::read_register: return "reading";
         case Step::write_register: return "writing";
         case Step::configure_pdos: return "configuring PDOs";
@@ -174,6 +178,8 @@ std::string_view to_text(Operation operation) {
         case Operation::soe_read: return "a SoE read";
         case Operation::soe_write: return "a SoE write";
         case Operation::soe_command: return "a SoE command";
+        case Operation::foe_read: return "a FoE read";
+        case Operation::foe_write: return "a FoE write";
         case Operation::find_entry: return "a search for an entry";
         case Operation::configure_clocks: return "a synchronisation of the clocks";
         case Operation::set_sync: return "a change of SYNC signals";

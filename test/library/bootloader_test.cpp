@@ -69,6 +69,7 @@ class BootloaderTest : public testing::Test {
             if (at + bytes >= stop_after) return false;
         }
     }
+    std::uint32_t sii_revision() { return load_le<std::uint32_t>(Bytes(hand.esc().sii().image()), 2 * 0x0C); }
     bool leave_boot() {
         const auto status = hand.ask(AlState::init);
         hand.wait(500ms);
@@ -86,6 +87,32 @@ TEST_F(BootloaderTest, NewFirmwareRunsAfterBoot) {
     ASSERT_TRUE(leave_boot());
     ASSERT_EQ(hand.to(AlState::preop), (AlStatus{AlState::preop, false, 0}));
     EXPECT_EQ(version(), "2.17");
+}
+
+// The master has offered the EEPROM to the PDI, as it does before PREOP.
+TEST_F(BootloaderTest, TheRevisionOfTheNewFirmwareIsInTheSiiAndInTheDictionary) {
+    (void)hand.rig.write(0, wire::reg::kSiiConfig.address, {std::byte{1}});
+    ASSERT_EQ(hand.to(AlState::boot).state, AlState::boot);
+    EXPECT_EQ(sii_revision(), 0x0001'0000U);
+    ASSERT_TRUE(write(Bootloader::make_image(2, 17, 3000))) << error_text;
+    EXPECT_EQ(sii_revision(), 0x0001'0000U);
+    ASSERT_TRUE(leave_boot());
+    EXPECT_EQ(sii_revision(), 0x0002'0011U);
+    ASSERT_EQ(hand.to(AlState::preop).state, AlState::preop);
+    EXPECT_EQ(hand.number(0x1018, 3), 0x0002'0011);
+}
+
+TEST(OpenBootloader, HasNoPasswordAndTheUsualMailboxes) {
+    Hand hand("bootloader_open");
+    const auto& boxes = hand.model.fixed.mailboxes;
+    EXPECT_EQ(boxes.boot.out_start, boxes.standard.out_start);
+    EXPECT_EQ(boxes.boot.in_bytes, boxes.standard.in_bytes);
+    ASSERT_EQ(hand.to(AlState::boot).state, AlState::boot);
+    std::vector<std::byte> request(foe::kHeaderBytes);
+    Layout::opcode::store(request, Opcode::write);
+    for (const char c : std::string_view("firmware")) request.push_back(static_cast<std::byte>(c));
+    const auto reply = hand.exchange(wire::MailboxType::foe, request);
+    EXPECT_EQ(Layout::opcode::load(reply), Opcode::acknowledge);
 }
 
 TEST_F(BootloaderTest, AFileOfWholePacketsEndsWithAnEmptyOne) {

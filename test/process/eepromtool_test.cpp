@@ -1,5 +1,6 @@
 // The program eepromtool, executed on simulated slaves and on files.
 #include <places.hpp>
+#include "process/shell.hpp"
 #include "wire/sii_writer.hpp"
 
 #include <gtest/gtest.h>
@@ -19,12 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 namespace sii = wire::sii;
-
-struct Ran {
-    int status = -1;
-    std::string out;
-    std::string err;
-};
 
 class Eepromtool : public testing::Test {
   protected:

@@ -36,8 +36,7 @@ class NextSizes : public testing::Test, protected Bus {
 };
 
 constexpr auto kRemap =
-    "slave 2: mapping process data: its SyncManagers in the configuration have changed since config_map(), which is "
-    "needed again";
+    "slave 2: mapping process data: SlaveConfiguration::sms have changed since config_map(): call config_map() again";
 
 TEST_F(NextSizes, ASlaveThatComesBackWaitsForTheMapping) {
     const std::uint32_t expected = *cycle();
@@ -52,6 +51,9 @@ TEST_F(NextSizes, ASlaveThatComesBackWaitsForTheMapping) {
         EXPECT_EQ(cycle().error().expected, expected) << "counted as before";
         segment.set_power(1, true, osal.now());
         cycles(3000);
+        int states = 0;
+        while (const auto event = ctx->events().take()) states += event->kind == EventKind::state ? 1 : 0;
+        EXPECT_LE(states, 2) << "to PREOP, and there it stays";
         EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
         EXPECT_EQ(words(what_is_wrong(*ctx)), kRemap);
         EXPECT_EQ(cycle().error().expected, expected);

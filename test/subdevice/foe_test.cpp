@@ -236,6 +236,26 @@ TEST_F(FoeTest, ALostAcknowledgeIsSaidAgain) {
     EXPECT_EQ(store.files["x"].size(), kRoom + 1);
 }
 
+TEST_F(FoeTest, TheLastAcknowledgeIsSaidAgainToo) {
+    expect(exchange(packet(Opcode::write, 0, letters("x"))), Opcode::acknowledge, 0);
+    expect(exchange(packet(Opcode::data, 1, pattern(kRoom))), Opcode::acknowledge, 1);
+    expect(exchange(packet(Opcode::data, 2, pattern(1))), Opcode::acknowledge, 2);
+    expect(exchange(packet(Opcode::data, 2, pattern(1))), Opcode::acknowledge, 2);
+    EXPECT_EQ(store.files["x"].size(), kRoom + 1);
+    expect_error(exchange(packet(Opcode::data, 3, pattern(1))), FoeError::illegal);
+    expect_error(exchange(packet(Opcode::data, 2, pattern(1))), FoeError::illegal);
+}
+
+TEST_F(FoeTest, ALostPacketIsSentAgain) {
+    store.files["f"] = pattern(2 * kRoom + 1);
+    expect(exchange(packet(Opcode::read, 0, letters("f"))), Opcode::data, 1);
+    const auto second = exchange(packet(Opcode::acknowledge, 1));
+    expect(second, Opcode::data, 2);
+    EXPECT_EQ(exchange(packet(Opcode::acknowledge, 1)), second);
+    expect(exchange(packet(Opcode::acknowledge, 2)), Opcode::data, 3);
+    silent(packet(Opcode::acknowledge, 3));
+}
+
 TEST_F(FoeTest, ErrorsOfTheStoreEndTheTransfer) {
     store.limit = kRoom;
     expect(exchange(packet(Opcode::write, 0, letters("x"))), Opcode::acknowledge, 0);

@@ -1,16 +1,27 @@
-// "bootloader": a device whose firmware is replaced by FoE in BOOT.
+// "bootloader" and "bootloader_open": devices whose firmware is replaced by FoE in BOOT.
 #pragma once
 
 #include "sim/library/model.hpp"
+#include "sim/library/sii_revision.hpp"
 
+#include <optional>
 #include <vector>
 
 namespace margay::sim {
 
-class Bootloader final : public Model, private subdevice::FoeStore {
+class Bootloader : public Model, private subdevice::FoeStore {
   public:
     static constexpr std::uint32_t kPassword = 0x4D47;
     static constexpr std::size_t kFlashBytes = 256 * 1024;
+    static constexpr std::uint32_t kProduct = 0x5B00;
+    static constexpr std::uint32_t kOpenProduct = 0x5B01;
+
+    // The properties in which the devices differ.
+    struct Variant {
+        const subdevice::DeviceDescription* description = nullptr;
+        std::optional<std::uint32_t> password{};
+        std::size_t flash_bytes = kFlashBytes;
+    };
 
     // A firmware image: this header, followed by code.
     struct ImageLayout {
@@ -23,11 +34,9 @@ class Bootloader final : public Model, private subdevice::FoeStore {
         static constexpr std::size_t bytes = 16;
     };
     [[nodiscard]] static std::vector<std::byte> make_image(std::uint16_t major, std::uint16_t minor,
-                                                           std::size_t code_bytes);
-    // Checks an image. Returns go(), or the error.
-    [[nodiscard]] static subdevice::FoeAnswer check_image(Bytes image);
+                                                           std::size_t code_bytes, std::uint32_t product = kProduct);
 
-    Bootloader();
+    explicit Bootloader(const Variant& variant);
     [[nodiscard]] const subdevice::DeviceDescription& description() const override;
     void start(const Surroundings& around, Time now) override;
     void cycle(Time now, bool outputs_valid) override;
@@ -36,6 +45,8 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     [[nodiscard]] subdevice::FoeStore* files() override { return this; }
     [[nodiscard]] bool wants_restart() override;
 
+    // Writes the revision of a new firmware to the SII.
+    Time advance(Time now) override { return sii_revision_.advance(now); }
     // Object 0x100A: the version of the executing firmware.
     [[nodiscard]] MutableBytes version_text() { return MutableBytes(text_).first(text_bytes_); }
 
@@ -47,9 +58,13 @@ class Bootloader final : public Model, private subdevice::FoeStore {
     subdevice::FoeAnswer finish_write(std::size_t bytes, Time now) override;
     void give_up() override { finishing_ = false; }
 
-    [[nodiscard]] static subdevice::FoeAnswer check(const subdevice::FoeFile& file);
+    // Checks an image. Returns go(), or the error.
+    [[nodiscard]] subdevice::FoeAnswer check_image(Bytes image) const;
+    [[nodiscard]] subdevice::FoeAnswer check(const subdevice::FoeFile& file) const;
     [[nodiscard]] subdevice::FoeAnswer busy(Time now, Duration all, std::string_view what) const;
 
+    const Variant& variant_;
+    SiiRevision sii_revision_;
     MutableBytes image_;
     std::vector<std::byte> flash_;  // keeps its content without power
     std::array<std::byte, 16> text_{};

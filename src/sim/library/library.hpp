@@ -16,6 +16,7 @@ extern const Blueprint kEncoder;
 extern const Blueprint kDrive;
 extern const Blueprint kSoeDrive;
 extern const Blueprint kBootloader;
+extern const Blueprint kOpenBootloader;
 extern const Blueprint kOddDevice;
 
 // Creates the SII image of a device, with the current PDO assignment of `dictionary`.

@@ -1,0 +1,159 @@
+#include "mailbox/foe.hpp"
+
+#include "mailbox/arena_buffer.hpp"
+
+#include <algorithm>
+
+namespace margay {
+
+namespace foe = wire::foe;
+
+namespace {
+
+// All FoE messages of a slave: a reply to an earlier transfer cannot be distinguished from a reply to this one.
+constexpr std::uint64_t kKey = std::uint64_t{4} << 32;
+constexpr Duration kFirstPause = std::chrono::milliseconds(1);
+constexpr Duration kLongestPause = std::chrono::milliseconds(32);
+
+Error complete(Error error, const MailboxChannel& channel, Step step) {
+    error.slave = channel.station().number;
+    error.step = step;
+    return error;
+}
+
+// Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request.
+class AbortGuard {
+  public:
+    AbortGuard(MailboxChannel& channel, const FoeTransfer& transfer) : channel_(channel), transfer_(transfer) {}
+    AbortGuard(const AbortGuard&) = delete;
+    AbortGuard& operator=(const AbortGuard&) = delete;
+    ~AbortGuard() {
+        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
+    }
+
+  private:
+    MailboxChannel& channel_;
+    const FoeTransfer& transfer_;
+};
+
+// How long a slave has been busy with one packet, and the pause before it is asked again.
+class BusySlave {
+  public:
+    BusySlave(const FoeRequest& request, Time give_up) : most_(request.busy_timeout), give_up_(give_up) {}
+    void answers() {
+        since_ = kNever;
+        pause_ = kFirstPause;
+    }
+    // When to send the message again; kNever: the slave has been busy for too long.
+    [[nodiscard]] Time again_at(Time now) {
+        since_ = std::min(since_, now);
+        if (now >= give_up_ || now - since_ >= most_) return kNever;
+        const Time at = std::min(later(now, pause_), give_up_);
+        pause_ = std::min(2 * pause_, kLongestPause);
+        return at;
+    }
+
+  private:
+    Duration most_;
+    Time give_up_;
+    Time since_ = kNever;
+    Duration pause_ = kFirstPause;
+};
+
+Task<Result<>> run(MailboxChannel& channel, FoeTransfer& transfer, const MailPatience& patience, Step step) {
+    const AbortGuard guard(channel, transfer);
+    Engine& engine = channel.engine();
+    BusySlave busy(transfer.request(), patience.give_up);
+    unsigned again = 0;
+    while (!transfer.over()) {
+        const bool ready = transfer.prepare();
+        if (transfer.over()) break;
+        if (!ready) {  // the application has no octets, or no room for octets, at present
+            if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, step);
+            co_await engine.sleep_until(std::min(patience.give_up, later(engine.now(), kFirstPause)));
+            continue;
+        }
+        const bool reply = transfer.awaits_reply();
+        MailExchange exchange(channel, wire::MailboxType::foe, transfer,
+                              {.patience = patience, .key = kKey, .reply = reply});
+        const Error failed = co_await exchange;
+        if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
+            ++again;
+            continue;
+        }
+        if (failed.code != Errc::none) co_return complete(failed, channel, step);
+        again = 0;
+        if (!reply) transfer.finish();
+        if (!transfer.is_busy()) {
+            busy.answers();
+            continue;
+        }
+        const Time at = busy.again_at(engine.now());
+        if (at == kNever) co_return complete({.code = Errc::timeout}, channel, step);
+        co_await engine.sleep_until(at);
+    }
+    if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, step);
+    co_return Nothing{};
+}
+
+void reset(FoeRequest& request) {
+    FoeAccess::set_bytes(request, 0);
+    FoeAccess::set_text(request, {});
+}
+
+// Why a transfer cannot begin; code none: it can.
+Error check_room(const MailboxChannel& channel, const FoeRequest& request, Step step) {
+    const std::size_t needed = foe::kHeaderBytes + std::max<std::size_t>(request.name.size(), 1);
+    if (channel.send_room() <= foe::kHeaderBytes || channel.receive_room() <= foe::kHeaderBytes)
+        return complete({.code = Errc::unsupported}, channel, step);
+    if (channel.send_room() >= needed) return {};
+    return complete({.code = Errc::invalid_argument, .detail = static_cast<std::uint32_t>(Argument::file_name)},
+                    channel, step);
+}
+
+// The turn of a transfer, and its packet.
+Error no_memory(const MailboxChannel& channel, Step step) {
+    return complete({.code = Errc::capacity, .detail = Error::kTasks}, channel, step);
+}
+
+}  // namespace
+
+Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPatience& patience) {
+    constexpr Step kStep = Step::foe_read;
+    reset(request);
+    MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return complete(refused, channel, kStep);
+    const Error small = check_room(channel, request, kStep);
+    if (small.code != Errc::none) co_return small;
+    const std::size_t room = channel.receive_room() - foe::kHeaderBytes;
+    ArenaBuffer packet(channel.arena());
+    if (!packet.reserve(room)) co_return no_memory(channel, kStep);
+    MemorySink memory(request.data);
+    ByteSink& sink = request.sink != nullptr ? *request.sink : memory;
+    FoeReadTransfer transfer(request, sink, packet.bytes().first(room));
+    auto done = co_await run(channel, transfer, patience, kStep);
+    if (done) co_return done;
+    Error error = done.error();
+    if (error.code == Errc::capacity && error.detail == 0) error.actual = static_cast<std::uint32_t>(request.data.size());
+    co_return error;
+}
+
+Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailPatience& patience) {
+    constexpr Step kStep = Step::foe_write;
+    reset(request);
+    MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return complete(refused, channel, kStep);
+    const Error small = check_room(channel, request, kStep);
+    if (small.code != Errc::none) co_return small;
+    const std::size_t room = channel.send_room() - foe::kHeaderBytes;
+    ArenaBuffer packet(channel.arena());
+    if (!packet.reserve(room)) co_return no_memory(channel, kStep);
+    MemorySource memory(request.data);
+    ByteSource& source = request.source != nullptr ? *request.source : memory;
+    FoeWriteTransfer transfer(request, source, packet.bytes().first(room));
+    co_return co_await run(channel, transfer, patience, kStep);
+}
+
+}  // namespace margay

@@ -1,0 +1,53 @@
+#include "network/boot.hpp"
+
+#include "network/configure.hpp"
+#include "network/mailbox_setup.hpp"
+#include "network/transition.hpp"
+
+#include <margay/features.hpp>
+
+namespace margay {
+namespace {
+
+// The process data of the running cycle must not be written over the mailboxes of BOOT, which may have the same memory.
+Task<Result<>> to_init(Network& network, Slave& slave, Time until) {
+    auto cleared = co_await clear_fmmus(network, slave);
+    if (!cleared) co_return cleared;
+    auto init = co_await bring_to_state(network, slave, AlState::init, until);
+    co_return init ? Result<>() : Result<>(init.error());
+}
+
+Task<Result<>> prepare(Network& network, Slave& slave, AlState to, Time until) {
+    const bool enters = to == AlState::boot;
+    if (enters) {
+        const Error refused = boot_refusal(network, slave);
+        if (refused.code != Errc::none) co_return refused;
+    }
+    if (slave.al.state != AlState::init || enters) {
+        auto init = co_await to_init(network, slave, until);
+        if (!init) co_return init;
+    }
+    if (network.has_mailbox(slave)) network.mailbox(slave).close();
+    if (!enters && (to == AlState::init || !uses_mailbox(slave))) co_return Nothing{};
+    const Station station = network.station(slave);
+    // An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
+    auto cleared = co_await clear_sync_managers(station, slave);
+    if (!cleared) co_return cleared;
+    co_return co_await write_mailbox_sync_managers(station, slave, enters ? slave.boot_mailbox : slave.mailbox);
+}
+
+void reached(Network& network, Slave& slave, AlState from, AlState to) {
+    if (to == AlState::boot) network.marks(slave).leave_boot = false;
+    if (!network.has_mailbox(slave)) return;
+    MailboxChannel& channel = network.mailbox(slave);
+    if (to == AlState::init && from == AlState::boot) channel.close();
+    if (from != AlState::init || channel.is_open()) return;
+    if (to == AlState::boot) open_mailbox(network, slave, slave.boot_mailbox);
+    if (to == AlState::preop) open_mailbox(network, slave, slave.mailbox);
+}
+
+}  // namespace
+
+const BootFeature kBootFeature{.prepare = prepare, .reached = reached};
+
+}  // namespace margay

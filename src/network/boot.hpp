@@ -1,0 +1,33 @@
+// BOOT: the state in which a slave accepts firmware. It is reached from INIT and left to INIT, and has mailboxes of its
+// own (SII words 0x0014 to 0x0017). A context has this part by Features::boot.
+#pragma once
+
+#include "network/network.hpp"
+
+namespace margay {
+
+struct BootFeature {
+    // Does what is necessary before the slave can go to `to`: see crosses_boot(). Errors: unsupported (no bootstrap
+    // mailboxes), those of the way to INIT and of the registers.
+    Task<Result<>> (*prepare)(Network& network, Slave& slave, AlState to, Time until);
+    // The slave has gone from `from` to `to`: opens or closes its mailbox. May be called again.
+    void (*reached)(Network& network, Slave& slave, AlState from, AlState to);
+};
+
+// Whether prepare() must be called before the slave goes to `to`: it enters BOOT, or leaves it for another state than
+// INIT, or goes to PREOP and its mailbox is closed since it was in BOOT.
+[[nodiscard]] bool crosses_boot(Network& network, const Slave& slave, AlState to);
+
+// Calls prepare(); without the feature, BOOT is refused.
+[[nodiscard]] Task<Result<>> prepare_boot(Network& network, Slave& slave, AlState to, Time until);
+
+// The slave is in BOOT, and the application has not set another target for this slave since: nobody takes it out of
+// BOOT, where its firmware may be incomplete.
+[[nodiscard]] inline bool stays_in_boot(const Network& network, const Slave& slave) {
+    return slave.al.state == AlState::boot && !network.marks(slave).leave_boot;
+}
+
+// Why the slave cannot go to BOOT; code none if it can.
+[[nodiscard]] Error boot_refusal(const Network& network, const Slave& slave);
+
+}  // namespace margay
