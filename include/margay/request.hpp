@@ -142,9 +142,11 @@ struct SiiWriteRequest : SlaveRequest {
     std::span<const std::byte> data;
 };
 
-// Brings one slave to a state. `timeout` zero: the time that the standard allows for the transition. A hook that
-// executes when the time is over is ended a quarter of a second later. While a
-// supervision is busy, a slave that is lost is refused with missing_slave.
+// Brings one slave to a state. BOOT: the slave goes to INIT first, its process data is cleared, and its mailboxes are
+// those of BOOT (Errc::unsupported if its SII describes none); from BOOT to PREOP it goes through INIT. After BOOT the
+// process data must be configured again: reconfigure_slave(), or the supervision. `timeout` zero: the time that the
+// standard allows for the transition. A hook that executes when the time is over is ended a quarter of a second later.
+// While a supervision is busy, a slave that is lost is refused with missing_slave.
 struct StateRequest : SlaveRequest {
     StateRequest();
     AlState wanted = AlState::none;

@@ -25,20 +25,25 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 
 // ------------------------------------------------------------------ states
 
-// Sets the target state of a slave: INIT, PREOP, SAFEOP or OP; slave 0: of all slaves, and the targets of single slaves
-// end. `state` NONE ends the target of one slave: the target of all slaves applies to it again. The target may be above
-// or below the present state.
+// Sets the target state of a slave: INIT, PREOP, SAFEOP, OP, or BOOT for one slave; slave 0: of all slaves, and the
+// targets of single slaves end. `state` NONE ends the target of one slave: the target of all slaves applies to it
+// again. The target may be above or below the present state.
 //
 // While a SuperviseRequest is busy, set_target() returns at once, is callable from the cycle, and the supervision
 // brings the slaves to their targets. Without a supervision, set_target() itself changes the states and waits; OP needs
 // an exchange of process data, which reach() provides.
+//
+// BOOT: the slave goes to INIT first, gets the mailboxes of BOOT, and leaves the exchange of process data. Nothing but
+// a later call for this slave takes it out of BOOT, where its firmware may be incomplete: neither the supervision nor
+// the target of all slaves. The way back is the whole start-up.
 //
 // A slave with a target below SAFEOP is not wanted in the exchange of process data: the expected working counters do
 // not count it. With a target of SAFEOP or OP they count it at once: until the slave takes part, each cycle of its
 // group returns working_counter. Targets last until the next config_init(); then the target of all slaves is OP.
 // SuperviseRequest::target sets the target of all slaves when the request is submitted and when the value changes.
 //
-// Errors: wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), above_highest, other_slave and
+// Errors: wrong_state (no slaves yet), unknown_slave, invalid_argument (another state), unsupported (BOOT, and the
+// slave has no bootstrap mailboxes), above_highest, other_slave and
 // unexpected_slave (the slave is held); without a supervision also the errors of the state changes, with the first
 // slave that did not reach its target.
 Result<> set_target(Context& ctx, std::uint16_t slave, AlState state);

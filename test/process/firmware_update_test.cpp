@@ -133,8 +133,8 @@ TEST_F(FirmwareUpdate, SlavesThatTakeNoFirmware) {
 
 TEST_F(FirmwareUpdate, CtrlCEndsItAndSaysWhatToDo) {
     write_image("firmware.bin", 2, 17, 30'000'000, Bootloader::kOpenProduct);
-    const auto ran =
-        folder.run("timeout --preserve-status -s INT 0.4 '" MARGAY_BIN_DIR "/firmware_update' sim:bootloader 3 firmware.bin");
+    const auto ran = folder.run("timeout --preserve-status -s INT 0.4 '" MARGAY_BIN_DIR
+                                "/firmware_update' sim:bootloader 3 firmware.bin");
     EXPECT_EQ(ran.status, 1) << ran.out << ran.err;
     EXPECT_TRUE(contains(ran.err, "stopped")) << ran.err;
     if (contains(ran.err, "stopped after")) {
