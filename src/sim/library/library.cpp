@@ -5,8 +5,8 @@
 namespace margay::sim {
 
 std::span<const Blueprint* const> blueprints() {
-    static constexpr const Blueprint* kAll[] = {&kDigitalIo, &kAnalogIo,   &kEncoder,  &kDrive,
-                                                &kSoeDrive,  &kBootloader, &kOddDevice};
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,  &kEncoder,   &kDrive,     &kSoeDrive,
+                                                &kBootloader, &kOddDevice, &kVoeDevice, &kAoeGateway};
     return kAll;
 }
 
