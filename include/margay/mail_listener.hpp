@@ -63,7 +63,7 @@ class MailListener : private ListNode {
 
     // Called by poll() for each mail of this slave and type. Returns whether the listener takes the mail; if not, the
     // next listener is asked, in the order of listen(). The function must not wait; an exception that leaves it ends
-    // the program. It may submit requests, and listeners may be added, removed and destroyed.
+    // the program. It may submit requests, and listeners may be added (they get later mail), removed and destroyed.
     virtual bool take(const UnaskedMail& mail) = 0;
 
   private:

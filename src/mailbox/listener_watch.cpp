@@ -27,6 +27,7 @@ Task<Result<>> Mailboxes::look_for_listeners() {
         co_await engine_.sleep_until(next);
         const Time now = engine_.now();
         next = kNever;
+        listeners_.take_back(new_listeners_);
         for (MailListener* one = listeners_.front(); one != nullptr; one = listeners_.after(*one)) {
             if (one->look_every <= Duration{0}) continue;
             if (one->look_at_ <= now) {
@@ -40,6 +41,7 @@ Task<Result<>> Mailboxes::look_for_listeners() {
 }
 
 void Mailboxes::look_for(const MailListener& listener) {
+    if (listener.only_slave > channels_.size()) return;  // it was changed after listen()
     const std::size_t first = listener.only_slave == 0 ? 0 : listener.only_slave - 1U;
     const std::size_t count = listener.only_slave == 0 ? channels_.size() : 1;
     for (MailboxChannel& channel : channels_.subspan(first, count)) channel.look_once();

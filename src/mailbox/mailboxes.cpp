@@ -43,6 +43,7 @@ Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::sp
 
 Mailboxes::~Mailboxes() {
     close_all();
+    listeners_.take_back(new_listeners_);
     while (MailListener* listener = listeners_.front()) unlisten(*listener);
 }
 
@@ -64,8 +65,7 @@ MailListener::~MailListener() {
 void Mailboxes::listen(MailListener& listener) {
     listener.mailboxes_ = this;
     listener.look_at_ = Time::min();
-    listeners_.push_back(listener);
-    if (next_listener_ == nullptr) next_listener_ = &listener;  // it is added while the last listener is asked
+    new_listeners_.push_back(listener);
 }
 
 void Mailboxes::unlisten(MailListener& listener) {
@@ -74,8 +74,10 @@ void Mailboxes::unlisten(MailListener& listener) {
     listener.unlink();
 }
 
-// A listener may remove any listener while it is asked.
+// A listener may remove any listener while it is asked. One that it adds gets later mail only: otherwise listeners that
+// move to the end of the list would be asked without end.
 bool Mailboxes::offer(const UnaskedMail& mail) {
+    listeners_.take_back(new_listeners_);
     for (MailListener* listener = listeners_.front(); listener != nullptr; listener = next_listener_) {
         next_listener_ = listeners_.after(*listener);
         const bool right =

@@ -81,6 +81,7 @@ class Mailboxes {
     TaskHandle watch_;
     Engine::Sleep::Timer nap_;
     List<MailListener> listeners_;
+    List<MailListener> new_listeners_;       // since the last mail
     MailListener* next_listener_ = nullptr;  // the listener that offer() asks next
     TaskHandle listening_;                   // look_for_listeners()
     std::uint8_t routing_ = 0;

@@ -58,7 +58,7 @@ Task<Result<>> voe_receive(Mailboxes& mailboxes, VoeReceive& request, Time end) 
         if (!mailboxes.hears(*request.inbox))
             co_return Error{.code = Errc::mailbox_closed, .step = Step::voe_receive, .slave = slave};
         if (engine.now() >= end) co_return Error{.code = Errc::timeout, .step = Step::voe_receive, .slave = slave};
-        if (slave != 0) mailboxes.channel(slave).look_once();
+        if (slave != 0 && slave <= mailboxes.count()) mailboxes.channel(slave).look_once();
         co_await engine.sleep_until(std::min(end, engine.now() + kLookEvery));
     }
 }

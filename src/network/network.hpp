@@ -131,10 +131,7 @@ struct Network {
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.number); }
 
     // Adds an event with the current time.
-    void report(Event event) {
-        event.at = engine.now();
-        events.add(event);
-    }
+    void report(const Event& event);
 
     // Keeps an error that belongs to one slave. The slave keeps only the first error: it is the cause of the later
     // ones.

@@ -119,8 +119,25 @@ TEST_F(ListenerTest, MayChangeTheListenersWhileItIsAsked) {
     first->before = [&] { (void)listen(*bus.ctx, third); };
     send(1, {3});
     bus.idle(10ms);
+    EXPECT_EQ(third.all.size(), 1U) << "a listener that was added gets later mail";
+    // Listeners that move to the end of the list are asked once for each mail.
+    unsigned asked = 0;
+    const auto move = [&](Keeper& one) {
+        ++asked;
+        (void)unlisten(*bus.ctx, one);
+        (void)listen(*bus.ctx, one);
+    };
+    third.wanted = 99;
+    first->before = [&] { move(*first); };
+    third.before = [&] { move(third); };
+    send(1, {4});
+    bus.idle(10ms);
+    EXPECT_EQ(asked, 2U);
+    first->before = third.before = nullptr;
+    third.wanted.reset();
+    send(1, {5});
+    bus.idle(10ms);
     EXPECT_EQ(third.all.size(), 2U);
-    first->before = nullptr;
     third.before = [&] { first.reset(); };
     send(1, {4});
     bus.idle(10ms);
