@@ -43,8 +43,8 @@ enum class Errc : std::uint8_t {
     sdo_abort,         // SDO abort (detail: the abort code)
     soe_error,         // error reply of a drive (detail: the SoE error code)
     command_failed,    // a procedure command of a drive ended with an error (detail: its data state)
-    aoe_error,         // the AoE header of the answer has an error code: no device has executed the command (detail: the
-                       // code, expected: index group, actual: index offset)
+    aoe_error,         // the AoE header of the answer has an error code: no device has executed the command (detail:
+                       // the code, expected: index group, actual: index offset)
     aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
     unsupported,       // the slave does not support it
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
