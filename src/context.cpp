@@ -16,7 +16,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6240, 4416), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6304, 4480), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): clock");

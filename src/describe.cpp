@@ -1,6 +1,7 @@
 // describe() for an Error: writes it as a sentence.
 #include "util/text_writer.hpp"
 #include "wire/al_status_code.hpp"
+#include "wire/aoe.hpp"
 #include "wire/coe.hpp"
 #include "wire/esc.hpp"
 #include "wire/foe.hpp"
@@ -162,6 +163,9 @@ std::string_view capacity_text(const Error& e) {
         case Step::sdo_upload:
         case Step::soe_read:
         case Step::foe_read:
+        case Step::voe_receive:
+        case Step::aoe_read:
+        case Step::aoe_read_write:
         case Step::mailbox_receive: return "the buffer of the call";
         case Step::map_process_data: return "SharedImage";
         case Step::configure_clocks: return "Limits::clocks is false";
@@ -193,6 +197,10 @@ std::string_view argument_text(Argument argument) {
         case Argument::register_octets: return "1 to 1486 octets, and none beyond register 0xffff";
         case Argument::complete_access: return "a complete access begins at subindex 0 or 1";
         case Argument::soe_drive: return "a slave has drives 0 to 7";
+        case Argument::mail_type: return "the mailbox protocol must be 1 to 15";
+        case Argument::mail_size: return "the mailbox message";
+        case Argument::mail_listener: return "the object does not listen, call listen()";
+        case Argument::aoe_size: return "the length in the AoE command";
         case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
         case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
         case Argument::sync_manager_count: return "SlaveConfiguration::sm_count must be at most 8";
@@ -247,6 +255,8 @@ void write_argument(TextWriter& out, const Error& e) {
         out << " is " << e.actual << ", it must be 1 to " << e.expected;
     else if (argument == Argument::sii_words && e.expected != UINT32_MAX)
         out << ", which has " << e.expected << (e.expected == 1 ? " word" : " words");
+    else if (argument == Argument::mail_size || argument == Argument::aoe_size)
+        out << " is " << e.actual << " octets, at most " << e.expected << " are possible";
 }
 
 // The causes that are errors of the application's configuration.
@@ -301,6 +311,15 @@ void write_oversized_mailbox(TextWriter& out, const Error& e) {
 // What is needed, and how much there is.
 void write_room(TextWriter& out, const Error& e) {
     if (e.expected != 0) out << " (needed " << e.expected << ", there is room for " << e.actual << ")";
+}
+
+void write_aoe(TextWriter& out, const Error& e) {
+    (out << " (error code ").hex(e.detail, 4) << ": " << wire::aoe::error_text(e.detail);
+    if (e.expected != 0 || e.actual != 0) {
+        (out << "; index group ").hex(e.expected, 4);
+        (out << ", offset ").hex(e.actual, 4);
+    }
+    out << ")";
 }
 
 std::string_view code_text(const Error& e) {
@@ -367,6 +386,8 @@ void write_cause(TextWriter& out, const Error& e) {
                 << ": " << wire::foe::to_text(static_cast<wire::foe::ErrorCode>(e.detail)) << ")";
             break;
         case Errc::stream_failed: out << " (number " << e.detail << ")"; break;
+        case Errc::aoe_error:
+        case Errc::aoe_result: write_aoe(out, e); break;
         case Errc::command_failed: (out << " (data state ").hex(e.detail, 4) << ")"; break;
         case Errc::mailbox_error:
             (out << " (detail ").hex(e.detail, 4)

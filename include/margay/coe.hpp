@@ -13,6 +13,7 @@
 #pragma once
 
 #include <margay/emergency.hpp>
+#include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
 #include <margay/result.hpp>
 #include <margay/statistics.hpp>
@@ -135,6 +136,25 @@ struct MailPdoFetch : MailRequest {
     std::uint16_t number = 0;
     std::span<std::byte> data;
     std::size_t bytes = 0;  // result
+};
+
+// Receives the PDOs that a slave sends by mailbox on its own; see mail_listener.hpp.
+class MailPdoListener : public MailListener {
+  public:
+    MailPdoListener() : MailListener(MailboxType::coe) {}
+
+  protected:
+    ~MailPdoListener() = default;
+    // A TxPDO that no request waits for (CoE service TxPDO). The rules are those of MailListener::take(); `data` is
+    // valid until the function returns.
+    virtual void received(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data) = 0;
+    // The slave asks for an RxPDO (CoE service RxPDO remote request); to answer, submit a MailPdoSend.
+    virtual void wanted(std::uint16_t slave, std::uint16_t number) { (void)slave, (void)number; }
+
+  private:
+    // Inline, because a program with RTTI derives from this class, and the library has no RTTI.
+    bool take(const UnaskedMail& mail) final { return tell(mail); }
+    bool tell(const UnaskedMail& mail);
 };
 
 // ------------------------------------------------------------------ functions that wait

@@ -45,6 +45,9 @@ enum class Errc : std::uint8_t {
     foe_error,         // the slave ended a file transfer with an error (detail: the FoE error code)
     stream_failed,     // the source or the sink of the application has failed (detail: the number that it gave)
     command_failed,    // a procedure command of a drive ended with an error (detail: its data state)
+    aoe_error,         // the AoE header of the answer has an error code: no device has executed the command (detail:
+                       // the code, expected: index group, actual: index offset)
+    aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
     unsupported,       // the slave does not support it
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)
@@ -137,6 +140,16 @@ enum class Step : std::uint8_t {
     soe_command,
     foe_read,
     foe_write,
+    voe_send,
+    voe_receive,
+    aoe_read,
+    aoe_write,
+    aoe_read_write,
+    aoe_write_control,
+    aoe_read_state,
+    aoe_device_info,
+    aoe_notification,
+    aoe_net_id,
     read_register,
     write_register,
     topology,
@@ -187,6 +200,10 @@ enum class Operation : std::uint8_t {
     soe_command,
     foe_read,
     foe_write,
+    raw_mail,
+    voe_send,
+    voe_receive,
+    aoe,
     find_entry,
     configure_clocks,
     set_sync,
@@ -257,6 +274,10 @@ enum class Argument : std::uint8_t {
     register_octets,  // no octets, too many octets, or octets beyond the last register
     complete_access,  // the subindex of a complete access
     soe_drive,        // the number of the drive
+    mail_type,        // a mailbox protocol
+    mail_size,        // the octets of a mailbox message (expected: the most that fit, actual: those of the message)
+    mail_listener,    // an object that must listen
+    aoe_size,         // a length in an AoE command (expected: the most, actual: the length)
     highest,          // members of SlaveConfiguration
     watchdog_time,
     sync_manager_count,

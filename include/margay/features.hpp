@@ -16,8 +16,7 @@ struct RoutingFeature;
 struct OverlapFeature;
 struct BootFeature;
 
-// The process data of SoE drives is read from their parameters, and their notifications are passed to
-// SlaveHooks::soe_notification. Without it: sizes come from the SII, and notifications are counted as unexpected mail.
+// The process data of SoE drives is read from their parameters. Without it, sizes come from the SII.
 extern const SoeFeature kSoeFeature;
 // Mail from one slave to another is forwarded. Without it such mail is counted as unexpected.
 extern const RoutingFeature kRoutingFeature;

@@ -2,6 +2,7 @@
 // returns a Task; memory passed to the function must live until then.
 #pragma once
 
+#include <margay/aoe_address.hpp>
 #include <margay/coe.hpp>
 #include <margay/idn.hpp>
 #include <margay/slave.hpp>
@@ -42,6 +43,14 @@ class HookedSlave {
     [[nodiscard]] Task<Result<std::size_t>> soe_read(std::uint8_t drive, Idn idn, std::span<std::byte> into) const;
     [[nodiscard]] Task<> soe_write(std::uint8_t drive, Idn idn, std::span<const std::byte> value) const;
     [[nodiscard]] Task<> soe_command(std::uint8_t drive, Idn idn) const;
+
+    // Sends a mailbox message of any protocol (the octets behind the mailbox header, for example an init command of a
+    // configuration file), and receives the answer, which may be as long as `answer`; empty: none. Returns the size of
+    // the answer; errors as of raw_mail().
+    [[nodiscard]] Task<Result<std::size_t>> raw_mail(MailboxType type, std::span<const std::byte> message,
+                                                     std::span<std::byte> answer) const;
+    // Gives the slave its NetID; errors as of AOEset_net_id().
+    [[nodiscard]] Task<> aoe_set_net_id(const AoeNetId& net_id) const;
 
     // Access to ESC registers; errors as of read_register() and write_register().
     [[nodiscard]] Task<> register_read(std::uint16_t address, std::span<std::byte> into) const;

@@ -13,6 +13,7 @@
 // `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.
 #pragma once
 
+#include <margay/aoe.hpp>
 #include <margay/clocks.hpp>
 #include <margay/coe.hpp>
 #include <margay/context.hpp>
@@ -21,6 +22,7 @@
 #include <margay/features.hpp>
 #include <margay/foe.hpp>
 #include <margay/hooked_slave.hpp>
+#include <margay/mailbox.hpp>
 #include <margay/registers.hpp>
 #include <margay/request.hpp>
 #include <margay/run.hpp>
@@ -28,6 +30,7 @@
 #include <margay/sii.hpp>
 #include <margay/soe.hpp>
 #include <margay/supervision.hpp>
+#include <margay/voe.hpp>
 
 namespace margay {
 

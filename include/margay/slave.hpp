@@ -106,15 +106,6 @@ enum class DeviceIdSource : std::uint8_t { none, al_status, memory };
 class Context;
 struct ExpectedSlave;
 
-// A message that a drive sends by SoE on its own: that a procedure command has been executed, or an emergency.
-struct SoeNotification {
-    bool emergency = false;
-    std::uint8_t drive = 0;
-    std::uint8_t elements = 0;  // soe_element bits
-    Idn idn;                    // of the command
-    std::span<const std::byte> data;
-};
-
 // Functions of the application that poll() calls while it works on one slave. The library hands `user` to them.
 struct SlaveHooks {
     // Called in PREOP, before the library reads or configures the process data of the slave (SOEM's PO2SO hook): here
@@ -126,21 +117,6 @@ struct SlaveHooks {
     // keeps the slave in its present state. On the way down, the error is added to errors() and the state change
     // continues. An error of the hook after the state change is an error of the slave.
     Hook<Transition, Moment> transition;
-
-    // Called when a TxPDO has arrived by mailbox (CoE service TxPDO) that no request waits for. poll() calls the
-    // function: it must neither wait nor call the library; an exception that leaves it ends the program. `data` is
-    // valid until the function returns.
-    void (*mailbox_pdo)(std::uint16_t slave, std::uint16_t number, std::span<const std::byte> data,
-                        void* user) = nullptr;
-    // Called when the slave asks for an RxPDO (CoE service RxPDO remote request). To answer, submit a MailPdoSend after
-    // poll() has returned. The rules are those of mailbox_pdo, and so is the user pointer.
-    void (*mailbox_pdo_wanted)(std::uint16_t slave, std::uint16_t number, void* user) = nullptr;
-    void* mailbox_pdo_user = nullptr;
-
-    // Called when an SoE notification has arrived. The rules are those of mailbox_pdo; `notification` is valid until
-    // the function returns.
-    void (*soe_notification)(std::uint16_t slave, const SoeNotification& notification, void* user) = nullptr;
-    void* soe_notification_user = nullptr;
 };
 
 // One slave: what the library knows about it, and what the application wants of it.

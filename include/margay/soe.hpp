@@ -11,11 +11,12 @@
 //
 //     auto feedback = margay::SoEread<std::int32_t>(ctx, 2, 0, margay::Idn::standard(51));   // waits
 //
-// Messages that drives send on their own go to slave(n).hooks.soe_notification.
+// Messages that drives send on their own go to a SoeListener.
 #pragma once
 
 #include <margay/coe.hpp>
 #include <margay/idn.hpp>
+#include <margay/mail_listener.hpp>
 
 namespace margay {
 
@@ -49,6 +50,33 @@ struct SoeCommand : MailRequest {
     SoeCommand();
     std::uint8_t drive = 0;
     Idn idn;
+};
+
+// ------------------------------------------------------------------ messages that drives send on their own
+
+// That a procedure command has been executed, or an emergency.
+struct SoeNotification {
+    bool emergency = false;
+    std::uint8_t drive = 0;
+    std::uint8_t elements = 0;        // soe_element bits
+    Idn idn;                          // of the command
+    std::span<const std::byte> data;  // valid until notified() returns
+};
+
+// Receives notifications and emergencies of drives; see mail_listener.hpp.
+class SoeListener : public MailListener {
+  public:
+    SoeListener() : MailListener(MailboxType::soe) {}
+
+  protected:
+    ~SoeListener() = default;
+    // The rules are those of MailListener::take().
+    virtual void notified(std::uint16_t slave, const SoeNotification& notification) = 0;
+
+  private:
+    // Inline, because a program with RTTI derives from this class, and the library has no RTTI.
+    bool take(const UnaskedMail& mail) final { return tell(mail); }
+    bool tell(const UnaskedMail& mail);
 };
 
 // ------------------------------------------------------------------ functions that wait

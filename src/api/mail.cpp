@@ -4,19 +4,27 @@
 
 namespace margay {
 
-Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
+Error check_mailbox(Network& network, Error where) {
     const Error refused = check_slave(network, where.slave, where.step);
     where.code = refused.code;
     where.expected = refused.expected;
     if (refused.code != Errc::none) return where;
     const Slave& slave = network.slave(where.slave);
-    if (!slave.mailbox.present() || (slave.mailbox.protocols & protocol) == 0)
+    if (!slave.mailbox.present())
         where.code = Errc::unsupported;
     else if (network.supervised && slave.al.state == AlState::none)
         where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
     else if (!network.mailbox(slave).is_open())
         where.code = Errc::wrong_state;  // the slave never reached PREOP
     return where.code == Errc::none ? Error{} : where;
+}
+
+Error check_mailbox(Network& network, std::uint16_t protocol, Error where) {
+    const Error refused = check_mailbox(network, where);
+    if (refused.code == Errc::unknown_slave || (network.slave(where.slave).mailbox.protocols & protocol) != 0)
+        return refused;
+    where.code = Errc::unsupported;
+    return where;
 }
 
 Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index, std::uint8_t subindex) {

@@ -31,6 +31,12 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
 // Checks whether the slave in `where` supports this mailbox protocol; if not, returns `where` with the error code.
 [[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);
 
+// The same without a protocol: whether the mailbox of the slave works.
+[[nodiscard]] Error check_mailbox(Network& network, Error where);
+// The error of a message whose `bytes` octets behind the mailbox header do not fit the mailbox of the slave; code none:
+// they fit. Call it after check_mailbox().
+[[nodiscard]] Error check_message(Network& network, std::size_t bytes, const Error& where);
+
 // The same for an access to the object dictionary.
 [[nodiscard]] Error check_coe(Network& network, std::uint16_t slave, Step step, std::uint16_t index,
                               std::uint8_t subindex);

@@ -13,8 +13,7 @@ static bool has_wishes(const Slave& slave) {
                        config.no_complete_access || config.fixed_pdos;
     return flags || config.setup != nullptr || config.group != 0 || config.sm_count != 0 ||
            config.highest != AlState::op || config.process_data_watchdog ||
-           config.source != ConfigurationSource::none || hooks.preop_to_safeop || hooks.transition ||
-           hooks.mailbox_pdo != nullptr || hooks.mailbox_pdo_wanted != nullptr || hooks.soe_notification != nullptr;
+           config.source != ConfigurationSource::none || hooks.preop_to_safeop || hooks.transition;
 }
 
 void note_lost_wishes(Context& ctx, Step step) {

@@ -142,7 +142,7 @@ MailboxChannel::Action MailboxChannel::next_action() {
         return Action::send;
     }
     if (unsure_ != nullptr && t >= resend_at_) return Action::look_out;
-    if (!glance_ && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message())
+    if (stale_ == 0 && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message())
         return Action::send;
     if (expecting()) return next_look();
     return queue_.empty() && farewell_bytes_ == 0 ? Action::stop : Action::doze;
@@ -177,8 +177,7 @@ MailboxChannel::Action MailboxChannel::next_look() {
     if (now() < look_at_) return Action::doze;
     if (!bit_is_trusted()) return Action::look;
     // The bit shows the state of the last cycle: it still reports mail that was fetched after that cycle.
-    if (engine_->link().last_cycle() <= fetched_at_ ||
-        !has(*status_octet_, static_cast<std::uint8_t>(1U << status_bit_))) {
+    if (engine_->link().last_cycle() <= fetched_at_ || !bit_is_set()) {
         look_at_ = now() + timing.first_pause;
         return Action::doze;
     }
@@ -370,7 +369,10 @@ void MailboxChannel::reply_is_lost() {
 
 void MailboxChannel::nothing_there() {
     full_ = false;
-    if (repeat_ == Repeated::no) glance_ = false;
+    if (repeat_ == Repeated::no) {
+        glance_ = false;
+        stale_ = 0;
+    }
     pause_ = std::clamp(pause_, timing.first_pause, timing.longest_pause);
     look_at_ = on_grid(now() + pause_, pause_);
     pause_ = std::min(pause_ * 2, timing.longest_pause);
@@ -391,6 +393,7 @@ void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
         nothing_there();
     } else {
         look_soon();
+        if (stale_ > 0) --stale_;
         receive_mail(mailbox);
     }
 }

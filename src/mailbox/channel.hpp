@@ -57,8 +57,11 @@ class MailboxChannel {
     // is at most one at a time; while one waits, another one is ignored.
     void send_final_message(wire::MailboxType type, Bytes data);
 
-    // Looks for mail once.
+    // Looks for mail until the mailbox is empty. A slave that does not answer gets 100 looks.
     void glance();
+    // The same for a look that is repeated regularly: none while the channel looks by itself, or while a mapped bit
+    // reports no mail; a slave that does not answer gets one look.
+    void look_once();
 
     // Ends the use of a bit that lies in this memory.
     void forget_status_bit(Bytes memory) {
@@ -125,6 +128,9 @@ class MailboxChannel {
     [[nodiscard]] bool pick_message();
     [[nodiscard]] bool expecting() const;
     [[nodiscard]] bool bit_is_trusted() const;
+    [[nodiscard]] bool bit_is_set() const {
+        return ((std::to_integer<unsigned>(*status_octet_) >> status_bit_) & 1U) != 0;
+    }
     [[nodiscard]] Time doze_until() const;
     [[nodiscard]] bool compose(MutableBytes buffer);
     void sent(Reply reply);
@@ -177,8 +183,11 @@ class MailboxChannel {
 
     // Receiving.
     bool glance_ = false;
-    bool full_ = false;                  // there is mail, as far as is known
-    bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
+    // How many messages from before open() may still be fetched before the first message is sent; 0: sending may begin.
+    std::uint8_t stale_ = 0;
+    static constexpr std::uint8_t kMostStale = 16;  // a slave that always has mail must not prevent sending
+    bool full_ = false;                             // there is mail, as far as is known
+    bool watched_by_mailboxes_ = false;             // Mailboxes looks for mail in place of this channel
     Time look_at_ = Time::min();
     Duration pause_{0};
     std::uint8_t silent_looks_ = 0;                        // consecutive looks that the slave has not answered

@@ -1,7 +1,6 @@
-// Received mail: finds the exchange or protocol that it is for.
+// Received mail: finds the exchange or the listener that it is for.
 #include "mailbox/channel.hpp"
 #include "mailbox/mailboxes.hpp"
-#include "mailbox/protocols.hpp"
 
 namespace margay {
 
@@ -37,7 +36,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
         if (taken == MailClient::Taken::more) return prolong(exchange);
         if (taken == MailClient::Taken::all) return finish(exchange, {});
     }
-    if (take_unasked(*this, mail)) return;
+    if (mailboxes_->offer({.slave = number_, .type = mail.header.type, .data = mail.data, .at = now()})) return;
     ++statistics_.unexpected;
     owed_until_ = Time::min();  // most likely this was the late reply
 }

@@ -147,7 +147,9 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     counts_ = true;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
-    glance_ = true;  // mail from before, for example to another master, is fetched before the first message is sent
+    // Mail from before, for example to another master, is fetched before the first message is sent.
+    glance_ = true;
+    stale_ = kMostStale;
 }
 
 void MailboxChannel::forget() {
@@ -172,6 +174,7 @@ void MailboxChannel::close() {
         engine_->wake(session.timer_);
     }
     busy_types_ = 0;
+    stale_ = 0;
     sending_ = unsure_ = nullptr;
     sending_farewell_ = resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
     resend_at_ = lost_at_ = kNever;

@@ -1,5 +1,7 @@
 #include "mailbox/coe_mail_pdo.hpp"
 
+#include <margay/coe.hpp>
+
 #include <algorithm>
 
 namespace margay {
@@ -86,6 +88,20 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     error.expected = static_cast<std::uint32_t>(pdo.bytes);
     error.actual = static_cast<std::uint32_t>(into.size());
     co_return error;
+}
+
+// ------------------------------------------------------------------ PDOs that nobody asked for
+
+bool MailPdoListener::tell(const UnaskedMail& mail) {
+    if (mail.data.size() < coe::kHeaderBytes) return false;
+    const auto header = coe::load_header(mail.data);
+    if (header.service == coe::Service::tx_pdo)
+        received(mail.slave, header.number, mail.data.subspan(coe::kHeaderBytes));
+    else if (header.service == coe::Service::rx_pdo_remote_request)
+        wanted(mail.slave, header.number);
+    else
+        return false;
+    return true;
 }
 
 }  // namespace margay

@@ -41,6 +41,12 @@ Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::sp
         channels[n].emergencies().use(emergencies.subspan(n * each, each));
 }
 
+Mailboxes::~Mailboxes() {
+    close_all();
+    listeners_.take_back(new_listeners_);
+    while (MailListener* listener = listeners_.front()) unlisten(*listener);
+}
+
 void Mailboxes::close_all() {
     watch_.end();
     for (MailboxChannel& channel : channels_) channel.close();
@@ -48,6 +54,37 @@ void Mailboxes::close_all() {
 
 void Mailboxes::forget_all() {
     for (MailboxChannel& channel : channels_) channel.forget();
+}
+
+// ------------------------------------------------------------------ listeners
+
+MailListener::~MailListener() {
+    if (mailboxes_ != nullptr) mailboxes_->unlisten(*this);
+}
+
+void Mailboxes::listen(MailListener& listener) {
+    listener.mailboxes_ = this;
+    listener.look_at_ = Time::min();
+    new_listeners_.push_back(listener);
+}
+
+void Mailboxes::unlisten(MailListener& listener) {
+    if (next_listener_ == &listener) next_listener_ = listeners_.after(listener);
+    listener.mailboxes_ = nullptr;
+    listener.unlink();
+}
+
+// A listener may remove any listener while it is asked. One that it adds gets later mail only: otherwise listeners that
+// move to the end of the list would be asked without end.
+bool Mailboxes::offer(const UnaskedMail& mail) {
+    listeners_.take_back(new_listeners_);
+    for (MailListener* listener = listeners_.front(); listener != nullptr; listener = next_listener_) {
+        next_listener_ = listeners_.after(*listener);
+        const bool right =
+            listener->type_ == mail.type && (listener->only_slave == 0 || listener->only_slave == mail.slave);
+        if (right && listener->take(mail)) return true;
+    }
+    return false;
 }
 
 // ------------------------------------------------------------------ one datagram for all slaves
@@ -129,7 +166,7 @@ void Mailboxes::wake_channels(bool surely) {
 void Mailboxes::by_status_bits() {
     for (MailboxChannel& channel : channels_) {
         if (!channel.is_open() || channel.pump_ || channel.status_octet_ == nullptr) continue;
-        if (((std::to_integer<unsigned>(*channel.status_octet_) >> channel.status_bit_) & 1U) != 0) channel.glance();
+        if (channel.bit_is_set()) channel.glance();
     }
 }
 

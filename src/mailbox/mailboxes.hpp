@@ -4,6 +4,8 @@
 
 #include "mailbox/channel.hpp"
 
+#include <margay/mail_listener.hpp>
+
 #include <span>
 
 namespace margay {
@@ -23,7 +25,7 @@ class Mailboxes {
     Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::span<Emergency> emergencies);
     Mailboxes(const Mailboxes&) = delete;
     Mailboxes& operator=(const Mailboxes&) = delete;
-    ~Mailboxes() { close_all(); }
+    ~Mailboxes();
 
     // `number` of the slave; 1 is the first slave.
     [[nodiscard]] MailboxChannel& channel(std::size_t number) { return channels_[number - 1]; }
@@ -31,12 +33,14 @@ class Mailboxes {
     [[nodiscard]] Engine& engine() { return engine_; }
     [[nodiscard]] Arena& arena() { return engine_.arena(); }
 
-    // Callback for each emergency, called after it is stored in the ring of its slave.
-    struct Listener {
-        void (*emergency)(void* user, std::uint16_t slave, const Emergency& emergency) = nullptr;
-        void* user = nullptr;
-    };
-    Listener listener;
+    // Mail that no exchange takes is offered to the listeners of its slave and type, in the order of listen().
+    void listen(MailListener& listener);
+    void unlisten(MailListener& listener);
+    [[nodiscard]] bool hears(const MailListener& listener) const { return listener.mailboxes_ == this; }
+    // False: no listener takes the mail.
+    [[nodiscard]] bool offer(const UnaskedMail& mail);
+    // Looks regularly for the listeners that want it, from now on (listener_watch.cpp). False: no memory for the task.
+    [[nodiscard]] bool watch_for_listeners();
 
     // Features that the context has, see <margay/features.hpp>.
     const SoeFeature* soe = nullptr;
@@ -61,6 +65,8 @@ class Mailboxes {
     class WatchGuard;
 
     Task<Result<>> watch_all();
+    Task<Result<>> look_for_listeners();
+    void look_for(const MailListener& listener);
     [[nodiscard]] bool start_forward(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
     Task<Result<>> forward(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header, MutableBytes message);
     void ensure_watch();
@@ -74,6 +80,10 @@ class Mailboxes {
     std::size_t survey_ = 0;  // the next channel to look at
     TaskHandle watch_;
     Engine::Sleep::Timer nap_;
+    List<MailListener> listeners_;
+    List<MailListener> new_listeners_;       // since the last mail
+    MailListener* next_listener_ = nullptr;  // the listener that offer() asks next
+    TaskHandle listening_;                   // look_for_listeners()
     std::uint8_t routing_ = 0;
     Crew tasks_;  // pumps, the watch, mail being forwarded
 };

@@ -128,19 +128,4 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const Mail
     co_return Nothing{};
 }
 
-bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail) {
-    if (mail.data.size() < soe::kHeaderBytes) return false;
-    const auto header = soe::load_header(mail.data);
-    const auto& hooks = channel.slave().hooks;
-    const bool emergency = header.opcode == soe::Opcode::slave_info;
-    if ((!emergency && header.opcode != soe::Opcode::notification) || hooks.soe_notification == nullptr) return false;
-    const SoeNotification notification{.emergency = emergency,
-                                       .drive = header.drive,
-                                       .elements = header.elements,
-                                       .idn = header.idn(),
-                                       .data = mail.data.subspan(soe::kHeaderBytes)};
-    hooks.soe_notification(channel.slave().number, notification, hooks.soe_notification_user);
-    return true;
-}
-
 }  // namespace margay

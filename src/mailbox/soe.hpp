@@ -21,7 +21,4 @@ namespace margay {
 // state). Between its reads other requests to the slave have their turn.
 [[nodiscard]] Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const MailPatience& patience);
 
-// SoE mail that is not a reply: notifications and emergencies are passed to the slave's hook.
-[[nodiscard]] bool soe_unasked(MailboxChannel& channel, const wire::MailboxMessage& mail);
-
 }  // namespace margay

@@ -129,6 +129,6 @@ Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, 
     co_return true;
 }
 
-const SoeFeature kSoeFeature{.find_sms = find_sms_by_soe, .unasked = soe_unasked};
+const SoeFeature kSoeFeature{.find_sms = find_sms_by_soe};
 
 }  // namespace margay

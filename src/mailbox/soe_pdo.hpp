@@ -10,7 +10,6 @@ namespace margay {
 // What a context does with SoE on its own.
 struct SoeFeature {
     Task<Result<bool>> (*find_sms)(MailboxChannel& channel, const Slave& slave, FoundSms& found);
-    bool (*unasked)(MailboxChannel& channel, const wire::MailboxMessage& mail);
 };
 
 // Outputs are the MDT, inputs the AT. Each contains the data of all drives in sequence; for each drive the control word

@@ -2,6 +2,12 @@
 
 namespace margay {
 
+void Network::report(const Event& event) {
+    Event now = event;
+    now.at = engine.now();
+    events.add(now);
+}
+
 Task<Result<>> for_each_slave(Network& network, SlaveTask make, const void* what, Error* first) {
     Crew crew(network.tasks);
     for (Slave& slave : network.slaves()) {

@@ -4,6 +4,7 @@
 #include "link/engine.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "network/clocks.hpp"
+#include "network/emergencies.hpp"
 #include "network/process_data.hpp"
 #include "network/slave_marks.hpp"
 #include "network/topology.hpp"
@@ -57,9 +58,7 @@ struct Network {
           mark_table(slave_table.marks),
           ring(ring_places),
           tasks(most_tasks),
-          mailboxes(engine, channels, emergencies) {
-        mailboxes.listener = {report_emergency, this};
-    }
+          mailboxes(engine, channels, emergencies) {}
 
     Engine engine;
     std::span<Slave> table;
@@ -75,6 +74,7 @@ struct Network {
     ErrorLog warnings;
     EventQueue events;
     Mailboxes mailboxes;
+    EmergencyListener emergency_listener{*this};
     const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
     const BootFeature* boot = nullptr;             // the same
     const Expectation* expectation = nullptr;      // given by expect()
@@ -133,18 +133,8 @@ struct Network {
     }
     [[nodiscard]] MailboxChannel& mailbox(const Slave& slave) { return mailboxes.channel(slave.number); }
 
-    static void report_emergency(void* network, std::uint16_t slave, const Emergency& emergency) {
-        Event event{.kind = EventKind::emergency, .slave = slave};
-        event.actual = emergency.error_register;
-        event.detail = emergency.code;
-        static_cast<Network*>(network)->report(event);
-    }
-
     // Adds an event with the current time.
-    void report(Event event) {
-        event.at = engine.now();
-        events.add(event);
-    }
+    void report(const Event& event);
 
     // Keeps an error that belongs to one slave. The slave keeps only the first error: it is the cause of the later
     // ones.

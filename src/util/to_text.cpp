@@ -95,6 +95,8 @@ std::string_view to_text(Errc code) {
         case Errc::clock_before_reference:
             return "a slave before the reference clock in the ring has a clock, which the reference cannot synchronise";
         case Errc::not_in_sync: return "the clock is not in sync";
+        case Errc::aoe_error: return "the AoE command was not executed";
+        case Errc::aoe_result: return "the device refused the AoE command";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";
@@ -129,6 +131,16 @@ std::string_view to_text(Step step) {
         case Step::soe_command: return "SoE command";
         case Step::foe_read: return "FoE read";
         case Step::foe_write: return "FoE write";
+        case Step::voe_send: return "VoE send";
+        case Step::voe_receive: return "VoE receive";
+        case Step::aoe_read: return "AoE read";
+        case Step::aoe_write: return "AoE write";
+        case Step::aoe_read_write: return "AoE read and write";
+        case Step::aoe_write_control: return "AoE write control";
+        case Step::aoe_read_state: return "AoE read state";
+        case Step::aoe_device_info: return "AoE device information";
+        case Step::aoe_notification: return "AoE notification";
+        case Step::aoe_net_id: return "setting the AoE NetID";
         case Step::read_register: return "reading";
         case Step::write_register: return "writing";
         case Step::configure_pdos: return "configuring PDOs";
@@ -180,6 +192,10 @@ std::string_view to_text(Operation operation) {
         case Operation::soe_command: return "a SoE command";
         case Operation::foe_read: return "a FoE read";
         case Operation::foe_write: return "a FoE write";
+        case Operation::raw_mail: return "a mailbox message";
+        case Operation::voe_send: return "a VoE message";
+        case Operation::voe_receive: return "a wait for VoE";
+        case Operation::aoe: return "an AoE command";
         case Operation::find_entry: return "a search for an entry";
         case Operation::configure_clocks: return "a synchronisation of the clocks";
         case Operation::set_sync: return "a change of SYNC signals";

@@ -4,6 +4,8 @@
 
 #include "util/bytes.hpp"
 
+#include <margay/mailbox_type.hpp>
+
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -11,15 +13,7 @@
 
 namespace margay::wire {
 
-enum class MailboxType : std::uint8_t {
-    error = 0,
-    aoe = 1,
-    eoe = 2,
-    coe = 3,
-    foe = 4,
-    soe = 5,
-    voe = 15,
-};
+using margay::MailboxType;
 
 inline constexpr std::size_t kMailboxHeaderBytes = 6;
 inline constexpr std::uint8_t kLastMailboxCounter = 7;

@@ -1,14 +1,16 @@
-// A device with CoE, FoE and SoE over plain memory, for harnesses that write anything to its mailbox. For any input,
-// each reply must be a mailbox message that fits, and afterwards a correct request must get its correct reply.
+// A device with CoE, FoE, SoE, VoE and AoE over plain memory, for harnesses that write anything to its mailbox. For any
+// input, each reply must be a mailbox message that fits, and afterwards a correct request must get its correct reply.
 #pragma once
 
 #include "subdevice/mail_hand.hpp"
 
+#include "subdevice/aoe_server.hpp"
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
 #include "subdevice/foe_server.hpp"
 #include "subdevice/soe_server.hpp"
+#include "subdevice/voe_server.hpp"
 
 #include <cstdlib>
 
@@ -26,7 +28,7 @@ inline constexpr DeviceDescription kDevice{
     .revision = 3,
     .serial = 4,
     .name = "Fuzzed",
-    .protocols = {.coe = true, .foe = true, .soe = true},
+    .protocols = {.aoe = true, .coe = true, .foe = true, .soe = true, .voe = true},
     .mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
                 {.start = 0x1100, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256}},
     .boot_mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
@@ -160,6 +162,44 @@ class Store final : public FoeStore {
     unsigned calls_ = 0;
 };
 
+// Answers each message of vendor 1 as often as its type says.
+class Voice final : public VoeApplication {
+  public:
+    bool received(VoeServer& server, const VoeHeader& header, Bytes data, Time) override {
+        for (unsigned n = 0; n < (header.vendor_type & 7U); ++n) (void)server.send(header, data);
+        return header.vendor_id == 1;
+    }
+};
+
+// 64 octets at index group 1; what is read as group 2 changes each time.
+class Cell final : public AoeDevice {
+  public:
+    AoeError read(AoeIndex index, MutableBytes into, std::size_t& bytes, Time) override {
+        if (index.group == 2 && !into.empty()) into[0] = static_cast<std::byte>(++calls_);
+        if (index.group == 2) bytes = into.size();
+        if (index.group != 1) return index.group == 2 ? AoeError::none : AoeError::invalid_group;
+        if (index.offset > octets_.size()) return AoeError::invalid_offset;
+        bytes = std::min(into.size(), octets_.size() - index.offset);
+        std::copy_n(octets_.begin() + index.offset, bytes, into.begin());
+        return AoeError::none;
+    }
+    AoeError write(AoeIndex index, Bytes data, Time) override {
+        if (index.offset > octets_.size() || data.size() > octets_.size() - index.offset)
+            return AoeError::invalid_offset;
+        std::copy(data.begin(), data.end(), octets_.begin() + index.offset);
+        return AoeError::none;
+    }
+    AoeError read_write(AoeIndex index, Bytes written, MutableBytes into, std::size_t& bytes, Time now) override {
+        const AoeError error = write(index, written, now);
+        return error == AoeError::none ? read(index, into, bytes, now) : error;
+    }
+    AoeError write_control(AdsState, std::uint16_t, Bytes, Time) override { return AoeError::none; }
+
+  private:
+    std::array<std::byte, 64> octets_{};
+    unsigned calls_ = 0;
+};
+
 class Author final : public testing::ReportingApplication<2, 3, 2> {
   public:
     const DeviceDescription& description() const override { return kDevice; }
@@ -227,18 +267,26 @@ class MailDevice {
         const auto message = wire::load_mailbox_message(whole);
         require(message.has_value());
         require(message->header.counter >= 1 && message->header.counter <= 7);
+        type_ = message->header.type;
         if (message->header.type == wire::MailboxType::error) {
             require(message->data.size() == wire::kMailboxErrorBytes);
             const auto detail = static_cast<unsigned>(wire::MailboxErrorLayout::detail::load(message->data));
             require(detail >= 1 && detail <= 9);
         } else {
-            const bool soe = message->header.type == wire::MailboxType::soe;
-            require(soe || message->header.type == wire::MailboxType::coe ||
-                    message->header.type == wire::MailboxType::foe);
-            require(message->data.size() >= (soe ? wire::soe::kHeaderBytes : wire::coe::kHeaderBytes));
+            require(message->data.size() >= least_bytes(message->header.type));
         }
         step();
         return message->data;
+    }
+    // The same without AoE notifications, which the device sends as long as it has been told to.
+    Bytes fetch_reply() {
+        for (int n = 0; n < 20; ++n) {
+            const Bytes data = fetch();
+            const bool notification = !data.empty() && type_ == wire::MailboxType::aoe &&
+                                      wire::aoe::load_header(data).command == wire::aoe::Command::notification;
+            if (!notification) return data;
+        }
+        return {};
     }
     // After any input, a correct request must get its reply, without a state change in between.
     void must_still_work() {
@@ -246,7 +294,7 @@ class MailDevice {
         for (int idle = 0, steps = 0; idle < 4; ++steps) {
             require(steps < 1000);
             step();
-            idle = fetch().empty() ? idle + 1 : 0;
+            idle = fetch_reply().empty() ? idle + 1 : 0;
         }
         // Reads the device type, or a file that does not exist, depending on the protocol of the state.
         std::array<std::byte, 10> request{};
@@ -261,7 +309,7 @@ class MailDevice {
         const auto type = boot ? wire::MailboxType::foe : wire::MailboxType::coe;
         require(hand_.put(hand_.message(type, Bytes(request).first(boot ? 6 : 10), no_counter)));
         step();
-        const auto reply = fetch();
+        const auto reply = fetch_reply();
         if (boot) {
             require(!reply.empty() && reply[0] == std::byte{5});
         } else {
@@ -273,7 +321,19 @@ class MailDevice {
     testing::PlainEsc esc;
 
   private:
+    static std::size_t least_bytes(wire::MailboxType type) {
+        switch (type) {
+            case wire::MailboxType::coe:
+            case wire::MailboxType::foe: return wire::coe::kHeaderBytes;
+            case wire::MailboxType::soe: return wire::soe::kHeaderBytes;
+            case wire::MailboxType::voe: return wire::voe::kHeaderBytes;
+            case wire::MailboxType::aoe: return wire::aoe::kHeaderBytes;
+            default: return SIZE_MAX;
+        }
+    }
+
     std::uint16_t bytes_;
+    wire::MailboxType type_{};  // of the message that was fetched last
     testing::MailHand hand_{esc};
     Author author_;
     std::array<std::byte, Values::bytes> image_{};
@@ -287,8 +347,19 @@ class MailDevice {
     std::array<SoeDrive, 1> drives_{{{kParameters, axis_image_, &axis_}}};
     std::array<std::byte, 150> soe_staging_{};
     SoeServer soe_{drives_, soe_staging_};
-    std::array<MailboxProtocol, 3> protocols_{
-        {{wire::MailboxType::coe, &coe_}, {wire::MailboxType::foe, &foe_, true}, {wire::MailboxType::soe, &soe_}}};
+    Voice voice_;
+    std::array<std::byte, 300> voe_memory_{};
+    VoeServer voe_{voice_, voe_memory_};
+    Cell own_cell_;
+    Cell other_cell_;
+    std::array<AoeRoute, 2> routes_{{{&own_cell_, 1}, {&other_cell_, 2, true, {{1, 1, 1, 1, 1, 1}}}}};
+    std::array<AoeWatch, 2> watches_{};
+    AoeServer aoe_{routes_, watches_};
+    std::array<MailboxProtocol, 5> protocols_{{{wire::MailboxType::coe, &coe_},
+                                               {wire::MailboxType::foe, &foe_, true},
+                                               {wire::MailboxType::soe, &soe_},
+                                               {wire::MailboxType::voe, &voe_},
+                                               {wire::MailboxType::aoe, &aoe_}}};
     MailboxMemory<256, 3> memory_;
     ProcessDataMemory<8, 8, 8> process_memory_;
     ProcessData process_data_{esc, author_, dictionary_, process_memory_};

@@ -185,13 +185,14 @@ TEST(MailPdo, SentAndAskedFor) {
     ASSERT_EQ(slave.received.size(), 1U);
     EXPECT_EQ(Mail(slave.received[0].begin() + 6, slave.received[0].end()), mail_bytes({0x12, 0x50, 0xA, 0xB, 0xC}));
 
-    std::vector<std::pair<unsigned, Mail>> unasked;
-    bus.ctx->slave(1).hooks.mailbox_pdo_user = &unasked;
-    bus.ctx->slave(1).hooks.mailbox_pdo = [](std::uint16_t, std::uint16_t number, std::span<const std::byte> data,
-                                             void* user) {
-        static_cast<std::vector<std::pair<unsigned, Mail>>*>(user)->emplace_back(number,
-                                                                                 Mail(data.begin(), data.end()));
-    };
+    struct Pdos final : MailPdoListener {
+        std::vector<std::pair<unsigned, Mail>> all;
+        void received(std::uint16_t, std::uint16_t number, std::span<const std::byte> data) override {
+            all.emplace_back(number, Mail(data.begin(), data.end()));
+        }
+    } pdos;
+    pdos.only_slave = 1;
+    ASSERT_TRUE(listen(*bus.ctx, pdos).ok());
     MailPdoFetch fetch;
     std::array<std::byte, 8> into{};
     fetch.slave = 1;
@@ -202,9 +203,9 @@ TEST(MailPdo, SentAndAskedFor) {
     EXPECT_EQ(fetch.state(), RequestState::success) << bus.words(fetch.error());
     EXPECT_EQ(fetch.bytes, 3U);
     EXPECT_EQ(into[2], std::byte{3});
-    ASSERT_EQ(unasked.size(), 1U);
-    EXPECT_EQ(unasked[0].first, 7U);
-    EXPECT_EQ(unasked[0].second, mail_bytes({9, 9}));
+    ASSERT_EQ(pdos.all.size(), 1U);
+    EXPECT_EQ(pdos.all[0].first, 7U);
+    EXPECT_EQ(pdos.all[0].second, mail_bytes({9, 9}));
     fetch.data = MutableBytes(into).first(2);
     ASSERT_TRUE(submit(*bus.ctx, fetch).ok());
     bus.run(fetch);
@@ -227,12 +228,13 @@ TEST(MailPdo, AskedForByTheSlave) {
         slave.reply({0x33, 0x70});  // RxPDO remote request of PDO 0x33
         slave.reply({0x05, 0x40, 1});
     };
-    std::vector<unsigned> wanted;
-    auto& hooks = bus.ctx->slave(1).hooks;
-    hooks.mailbox_pdo_user = &wanted;
-    hooks.mailbox_pdo_wanted = [](std::uint16_t, std::uint16_t number, void* user) {
-        static_cast<std::vector<unsigned>*>(user)->push_back(number);
-    };
+    struct Wanted final : MailPdoListener {
+        std::vector<unsigned> numbers;
+        void received(std::uint16_t, std::uint16_t, std::span<const std::byte>) override {}
+        void wanted(std::uint16_t, std::uint16_t number) override { numbers.push_back(number); }
+    } listener;
+    ASSERT_TRUE(listen(*bus.ctx, listener).ok());
+    const auto& wanted = listener.numbers;
     MailPdoFetch fetch;
     std::array<std::byte, 8> into{};
     fetch.slave = 1;

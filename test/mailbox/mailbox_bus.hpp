@@ -31,6 +31,8 @@ class LossyNic final : public Nic {
     std::uint16_t lose_mail_from = 0;  // lose all frames that return mail of this slave, the first is 1; 0: none
     std::uint64_t sent = 0;
     std::uint64_t came = 0;
+    bool keeps_mail = false;
+    std::vector<Mail> mail;  // if keeps_mail: the messages in both directions, cut to their lengths
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (lose_out.count(sent++) != 0) {
@@ -45,6 +47,7 @@ class LossyNic final : public Nic {
             const std::size_t length = nic_.receive(into);
             if (length == 0) return length;
             const bool lost = lose_in.count(came++) != 0;
+            if (keeps_mail) keep_mail(into.first(length));
             if (!lost && !brings_mail(into.first(length))) return length;
         }
     }
@@ -53,6 +56,19 @@ class LossyNic final : public Nic {
     Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
+    void keep_mail(Bytes frame) {
+        wire::DatagramReader reader(frame);
+        while (const auto datagram = reader.next()) {
+            const auto command = datagram->header.command;
+            const bool of_mailbox = datagram->header.address.ado() >= 0x1000 && datagram->data.size() > 16;
+            if (datagram->wkc != 1 || !of_mailbox) continue;
+            if (command != wire::Command::FPRD && command != wire::Command::FPWR) continue;
+            if (const auto message = wire::load_mailbox_message(datagram->data))
+                mail.emplace_back(datagram->data.begin(),
+                                  datagram->data.begin() +
+                                      static_cast<std::ptrdiff_t>(wire::kMailboxHeaderBytes + message->data.size()));
+        }
+    }
     // Whether the frame has an FPRD of a whole mailbox that the slave has filled.
     [[nodiscard]] bool brings_mail(Bytes frame) const {
         if (lose_mail_from == 0) return false;

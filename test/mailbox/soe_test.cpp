@@ -46,20 +46,19 @@ TEST_F(SoeTest, ReadsAValue) {
 }
 
 TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
-    struct Seen {
+    struct Seen final : SoeListener {
         unsigned notifications = 0;
         SoeNotification last;
         std::uint16_t state = 0;
+        void notified(std::uint16_t from, const SoeNotification& told) override {
+            EXPECT_EQ(from, 1);
+            ++notifications;
+            last = told;
+            state = told.data.size() == 2 ? load_le<std::uint16_t>(told.data) : std::uint16_t{0};
+        }
     } seen;
-    auto& hooks = bus.ctx->slave(1).hooks;
-    hooks.soe_notification_user = &seen;
-    hooks.soe_notification = [](std::uint16_t position, const SoeNotification& told, void* user) {
-        auto& s = *static_cast<Seen*>(user);
-        EXPECT_EQ(position, 1);
-        ++s.notifications;
-        s.last = told;
-        s.state = told.data.size() == 2 ? load_le<std::uint16_t>(told.data) : std::uint16_t{0};
-    };
+    seen.only_slave = 1;
+    ASSERT_TRUE(listen(*bus.ctx, seen).ok());
     answer([&](const Mail&) {
         reply({0x62, 0x40, 0x34, 0x00, 9, 9});                                   // late reply to a read of S-0-0052
         reply({0x42, 0x40, 0x33, 0x00, 9, 9});                                   // reply of another drive
@@ -93,21 +92,22 @@ TEST_F(SoeTest, ReadsInFragmentsWhileOtherMailComes) {
     EXPECT_EQ(seen.notifications, 2U);
 }
 
-TEST_F(SoeTest, AnEmergencyOfADriveReachesTheHook) {
-    unsigned octets = 0;
-    auto& hooks = bus.ctx->slave(1).hooks;
-    hooks.soe_notification_user = &octets;
-    hooks.soe_notification = [](std::uint16_t, const SoeNotification& told, void* user) {
-        EXPECT_TRUE(told.emergency);
-        EXPECT_EQ(told.drive, 2);
-        *static_cast<unsigned*>(user) = static_cast<unsigned>(told.data.size());
-    };
+TEST_F(SoeTest, AnEmergencyOfADriveReachesTheListener) {
+    struct Emergencies final : SoeListener {
+        unsigned octets = 0;
+        void notified(std::uint16_t, const SoeNotification& told) override {
+            EXPECT_TRUE(told.emergency);
+            EXPECT_EQ(told.drive, 2);
+            octets = static_cast<unsigned>(told.data.size());
+        }
+    } emergencies;
+    ASSERT_TRUE(listen(*bus.ctx, emergencies).ok());
     reply({0x46, 0x00, 0x00, 0x00, 1, 2, 3});
     (void)watch_mailboxes(*bus.ctx, 1ms);
     bus.idle(20ms);
-    EXPECT_EQ(octets, 3U);
-    // Without a hook the notification counts as unexpected mail.
-    hooks.soe_notification = nullptr;
+    EXPECT_EQ(emergencies.octets, 3U);
+    // Without a listener the notification counts as unexpected mail.
+    ASSERT_TRUE(unlisten(*bus.ctx, emergencies).ok());
     reply({0x46, 0x00, 0x00, 0x00, 1, 2, 3});
     bus.idle(20ms);
     EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 1U);

@@ -11,18 +11,20 @@ constexpr Idn kHoming = Idn::standard(148);
 class SoeDrives : public SegmentTest {
   protected:
     std::vector<std::byte> image = std::vector<std::byte>(256);
-    unsigned notifications = 0;
+    struct Homed final : SoeListener {
+        unsigned times = 0;
+        void notified(std::uint16_t, const SoeNotification& told) override {
+            if (!told.emergency && told.idn == kHoming) ++times;
+        }
+    } homed;
 
     void SetUp() override {
         plug_line({"coupler", "soe_drive"});
         switch_on();
         const auto found = bring_up();
         ASSERT_TRUE(found.ok());
-        auto& hooks = ctx.slave(2).hooks;
-        hooks.soe_notification_user = &notifications;
-        hooks.soe_notification = [](std::uint16_t, const SoeNotification& told, void* user) {
-            if (!told.emergency && told.idn == kHoming) ++*static_cast<unsigned*>(user);
-        };
+        homed.only_slave = 2;
+        ASSERT_TRUE(listen(ctx, homed).ok());
     }
     void cycle() {
         osal.advance(1ms);
@@ -135,7 +137,7 @@ TEST_F(SoeDrives, HomesAndMovesBesideTheCycle) {
         cycle();
     }
     EXPECT_EQ(homing.state(), RequestState::success) << words(homing.error());
-    EXPECT_EQ(notifications, 1U);
+    EXPECT_EQ(homed.times, 1U);
     EXPECT_NE(position(), before);
     for (int n = 0; n < 200; ++n) {
         store_le(out, 2, n * 1000);

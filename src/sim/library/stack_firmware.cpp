@@ -29,6 +29,8 @@ StackFirmware::StackFirmware(const Blueprint& blueprint)
       coe_(dictionary_, staging_, blueprint.device->complete_access, model_->emergencies()) {
     if (blueprint.device->protocols.coe) protocols_.push_back({wire::MailboxType::coe, &coe_});
     if (auto* const soe = model_->soe(); soe != nullptr) protocols_.push_back({wire::MailboxType::soe, soe});
+    if (auto* const voe = model_->voe(); voe != nullptr) protocols_.push_back({wire::MailboxType::voe, voe});
+    if (auto* const aoe = model_->aoe(); aoe != nullptr) protocols_.push_back({wire::MailboxType::aoe, aoe});
     if (auto* const files = model_->files(); files != nullptr)
         protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files), true});
     receive_.resize(mailbox_bytes(*blueprint.device));

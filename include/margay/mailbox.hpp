@@ -1,0 +1,44 @@
+// Mailbox messages of any protocol, for gateways and for protocols that the library does not know. The message is what
+// follows the mailbox header; the library adds the header with its counter, repeats what is lost, and keeps the order.
+//
+//     margay::RawMail request;                         // lives in the caller's memory
+//     request.slave = 3;
+//     request.type = margay::MailboxType::voe;
+//     request.message = octets;
+//     request.answer = buffer;
+//     margay::submit(ctx, request);                    // from any thread, beside the cycle
+#pragma once
+
+#include <margay/mail_listener.hpp>
+#include <margay/request.hpp>
+
+namespace margay {
+
+// Sends a message, receives an answer, or both. Only one RawMail with message and answer, or one transfer of the
+// library, uses a protocol of a slave at a time; the others wait. Errors: invalid_argument (the message is longer than
+// the mailbox of the slave; neither message nor answer; the protocol is none), mailbox_error (the slave has answered
+// with a mailbox error), capacity (the answer is longer than `answer`; expected: its size), timeout, unsupported (the
+// slave has no mailbox), wrong_state (the slave has not reached PREOP) …
+struct RawMail : MailRequest {
+    RawMail();
+    // Any protocol from 1 to 15. A message of the type `error` cannot be sent.
+    MailboxType type = MailboxType::voe;
+    // The octets behind the mailbox header; empty: nothing is sent. The caller's memory.
+    std::span<const std::byte> message;
+    // The address in the mailbox header: 0 is the master; a gateway sets the station address of the sender.
+    std::uint16_t address = 0;
+    // Destination of the answer; empty: the request ends when the slave has taken the message. Without a message, the
+    // request waits for mail of this type that no other request and no listener takes.
+    std::span<std::byte> answer;
+    // Which mail of this type is the answer; nullptr: any. poll() calls the function: it must neither wait nor call the
+    // library. A derived class can keep what the function needs. Mail that is not the answer goes to the other requests
+    // and to the listeners.
+    bool (*is_answer)(const RawMail& request, std::span<const std::byte> mail) = nullptr;
+    std::size_t bytes = 0;  // result: size of the answer in octets
+};
+
+// Submits a RawMail and waits for it. Returns the size of the answer. `timeout` zero: 3 s. Errors as of RawMail.
+Result<std::size_t> raw_mail(Context& ctx, std::uint16_t slave, MailboxType type, std::span<const std::byte> message,
+                             std::span<std::byte> answer, Duration timeout = Duration{0});
+
+}  // namespace margay

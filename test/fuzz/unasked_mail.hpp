@@ -1,0 +1,62 @@
+// Mail for listeners without a segment, for harnesses.
+#pragma once
+
+#include "mailbox/mailboxes.hpp"
+#include "oshw/nic.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <span>
+#include <vector>
+
+namespace margay::fuzzing {
+
+inline void require(bool holds) {
+    if (!holds) std::abort();
+}
+
+class Input {
+  public:
+    explicit Input(Bytes data) : left_(data) {}
+    [[nodiscard]] bool empty() const { return left_.empty(); }
+    std::size_t octet() {
+        const Bytes one = take(1);
+        return one.empty() ? 0 : std::to_integer<std::size_t>(one.front());
+    }
+    Bytes take(std::size_t bytes) {
+        const Bytes taken = left_.first(std::min(bytes, left_.size()));
+        left_ = left_.subspan(taken.size());
+        return taken;
+    }
+
+  private:
+    Bytes left_;
+};
+
+class NoNic final : public Nic {
+  public:
+    SendStatus send(std::span<const std::byte>) noexcept override { return SendStatus::sent; }
+    std::size_t receive(std::span<std::byte>) noexcept override { return 0; }
+    LinkState link_state() noexcept override { return LinkState::up; }
+    MacAddress source_mac() const noexcept override { return {}; }
+};
+
+// Offers mail of slave 1 to one listener.
+class Post {
+  public:
+    explicit Post(MailListener& listener) { mailboxes_.listen(listener); }
+    // The octets are copied, so that a read behind their end is found.
+    bool deliver(MailboxType type, Bytes data) {
+        const std::vector<std::byte> copy(data.begin(), data.end());
+        return mailboxes_.offer({.slave = 1, .type = type, .data = copy});
+    }
+
+  private:
+    NoNic nic_;
+    std::vector<FrameSlot> slots_ = std::vector<FrameSlot>(1);
+    std::vector<std::byte> memory_ = std::vector<std::byte>(Arena::memory_for(1024));
+    Engine engine_{nic_, slots_, memory_};
+    Mailboxes mailboxes_{engine_, {}, {}};
+};
+
+}  // namespace margay::fuzzing

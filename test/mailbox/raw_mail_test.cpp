@@ -1,0 +1,178 @@
+// Messages of any protocol: octets unchanged in both directions, answers by type and by a function.
+#include "mailbox/mailbox_bus.hpp"
+
+namespace margay {
+namespace {
+
+class RawMailTest : public testing::Test {
+  protected:
+    MailboxBus bus;
+    ScriptedSlave& slave = bus.add_scripted(32, 0);  // a mailbox, and no protocol in the SII
+    std::array<std::byte, 16> answer{};
+    void SetUp() override {
+        bus.start();
+        bus.idle(5ms);
+    }
+    void answer_with(std::initializer_list<Mail> replies, MailboxType type) {
+        const std::vector<Mail> all(replies);
+        slave.on_mail = [this, all, type](const Mail&) {
+            for (const Mail& one : all) slave.reply(one, type);
+        };
+    }
+    Result<std::size_t> ask(MailboxType type, const Mail& message, Duration timeout = 100ms) {
+        return raw_mail(*bus.ctx, 1, type, message, answer, timeout);
+    }
+};
+
+constexpr MailboxType kOwn{9};  // a protocol that nobody knows
+
+TEST_F(RawMailTest, SendsAnyTypeAndReceivesWhatAnswers) {
+    answer_with({mail_bytes({4, 5})}, kOwn);
+    const auto got = ask(kOwn, mail_bytes({1, 2, 3}));
+    ASSERT_TRUE(got.ok()) << bus.words(got.error());
+    EXPECT_EQ(*got, 2U);
+    EXPECT_EQ(answer[1], std::byte{5});
+    ASSERT_EQ(slave.received.size(), 1U);
+    EXPECT_EQ(slave.received[0], mail_bytes({3, 0, 0, 0, 0, 0x19, 1, 2, 3}));
+    // Priority and address of the mailbox header.
+    RawMail gateway;
+    gateway.slave = 1;
+    gateway.type = kOwn;
+    gateway.priority = 2;
+    gateway.address = 0x2001;
+    const Mail message = mail_bytes({7});
+    gateway.message = message;
+    ASSERT_TRUE(submit(*bus.ctx, gateway).ok());  // no buffer for an answer: the request ends when it was sent
+    bus.run(gateway);
+    EXPECT_EQ(gateway.state(), RequestState::success) << bus.words(gateway.error());
+    bus.idle(2ms);
+    EXPECT_EQ(slave.received.at(1), mail_bytes({1, 0, 0x01, 0x20, 0x80, 0x29, 7}));
+}
+
+TEST_F(RawMailTest, OtherTypesAndOtherMailAreNoAnswer) {
+    slave.on_mail = [&](const Mail&) {
+        slave.reply(mail_bytes({1}), MailboxType::foe);
+        slave.reply(mail_bytes({2, 9}), kOwn);
+        slave.reply(mail_bytes({3, 8}), kOwn);
+    };
+    struct ByOctet : RawMail {
+        std::byte first{3};
+    } request;
+    request.is_answer = [](const RawMail& self, std::span<const std::byte> mail) {
+        return mail[0] == static_cast<const ByOctet&>(self).first;
+    };
+    const Mail message = mail_bytes({0});
+    request.slave = 1;
+    request.type = kOwn;
+    request.message = message;
+    request.answer = answer;
+    ASSERT_TRUE(submit(*bus.ctx, request).ok());
+    bus.run(request);
+    EXPECT_EQ(request.state(), RequestState::success) << bus.words(request.error());
+    EXPECT_EQ(answer[1], std::byte{8});
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 2U);
+    // Nothing but other mail: the time is over.
+    slave.on_mail = [&](const Mail&) { slave.reply(mail_bytes({1}), MailboxType::foe); };
+    EXPECT_EQ(bus.words(ask(kOwn, mail_bytes({1})).error()), "slave 1: receiving from the mailbox: timed out");
+}
+
+TEST_F(RawMailTest, WaitsForMailWithoutAMessage) {
+    RawMail wait;
+    wait.slave = 1;
+    wait.type = kOwn;
+    wait.answer = answer;
+    wait.timeout = 1s;
+    ASSERT_TRUE(submit(*bus.ctx, wait).ok());
+    bus.idle(100ms);
+    EXPECT_TRUE(wait.busy());
+    slave.reply(mail_bytes({1, 2}), MailboxType::foe);
+    slave.reply(mail_bytes({6, 7, 8}), kOwn);
+    slave.reply(mail_bytes({9}), kOwn);
+    bus.run(wait, 20ms);
+    EXPECT_EQ(wait.state(), RequestState::success) << bus.words(wait.error());
+    EXPECT_EQ(wait.bytes, 3U);
+    EXPECT_EQ(answer[2], std::byte{8});
+    EXPECT_TRUE(slave.received.empty());
+    // The time is over; the mailbox is closed by a scan.
+    bus.idle(5ms);
+    EXPECT_EQ(ask(kOwn, {}, 20ms).error().code, Errc::timeout);
+    ASSERT_TRUE(submit(*bus.ctx, wait).ok());
+    bus.idle(5ms);
+    ScanRequest scan;
+    ASSERT_TRUE(submit(*bus.ctx, scan).ok());
+    bus.run(wait, 2s);
+    EXPECT_EQ(wait.state(), RequestState::error);
+    bus.run(scan);
+}
+
+TEST_F(RawMailTest, WrongArgumentsAreRefusedInWords) {
+    EXPECT_EQ(bus.words(ask(kOwn, Mail(27)).error()),
+              "slave 1: sending to the mailbox: argument out of range: the mailbox message is 27 octets, at most "
+              "26 are possible");
+    answer_with({mail_bytes({1})}, kOwn);
+    EXPECT_TRUE(ask(kOwn, Mail(26)).ok());
+    EXPECT_EQ(bus.words(ask(MailboxType::error, Mail(4)).error()),
+              "slave 1: sending to the mailbox: argument out of range: the mailbox protocol must be 1 to 15");
+    EXPECT_EQ(ask(MailboxType{16}, Mail(4)).error().code, Errc::invalid_argument);
+    RawMail nothing;
+    nothing.slave = 1;
+    EXPECT_EQ(submit(*bus.ctx, nothing).error().code, Errc::invalid_argument);
+    nothing.slave = 2;
+    EXPECT_EQ(submit(*bus.ctx, nothing).error().code, Errc::unknown_slave);
+    // A slave without a mailbox.
+    MailboxBus plain;
+    plain.add_device(sim::make_device("digital_in_8").value());
+    plain.segment.power_up(plain.osal.now());
+    plain.cable = std::make_unique<SimulatedNic>(plain.segment, plain.osal);
+    plain.nic = std::make_unique<LossyNic>(*plain.cable);
+    plain.ctx = std::make_unique<HostContext>(Limits{.slaves = 1});
+    ASSERT_TRUE(init(*plain.ctx, *plain.nic, plain.osal).ok());
+    ASSERT_TRUE(config_init(*plain.ctx).ok());
+    EXPECT_EQ(raw_mail(*plain.ctx, 1, kOwn, Mail(4), answer).error().code, Errc::unsupported);
+}
+
+TEST_F(RawMailTest, HostileAnswers) {
+    answer_with({Mail(17, std::byte{1})}, kOwn);
+    EXPECT_EQ(bus.words(ask(kOwn, Mail(4)).error()),
+              "slave 1: receiving from the mailbox: not enough memory: the buffer of the call (needed "
+              "17, there is room for 16)");
+    answer_with({mail_bytes({0x01, 0x00, 0x02, 0x00})}, MailboxType::error);
+    EXPECT_EQ(bus.words(ask(kOwn, Mail(4)).error()),
+              "slave 1: receiving from the mailbox: mailbox error reply (detail 0x0002: the mailbox "
+              "protocol is not supported)");
+    answer_with({Mail{}}, kOwn);
+    EXPECT_EQ(ask(kOwn, Mail(4)).error().code, Errc::protocol);
+    slave.on_mail = [&](const Mail&) {
+        Mail longer(6);
+        wire::store_mailbox_header(longer, {.length = 27, .type = kOwn, .counter = 3});
+        slave.put(longer);
+    };
+    EXPECT_EQ(ask(kOwn, Mail(4)).error().code, Errc::protocol);
+    answer_with({mail_bytes({1})}, kOwn);
+    EXPECT_TRUE(ask(kOwn, Mail(4)).ok());
+}
+
+// Two requests of one type follow each other: their answers could not be told apart.
+TEST_F(RawMailTest, OneAtATimeForEachProtocol) {
+    slave.delay = 5ms;
+    slave.on_mail = [&](const Mail& mail) { slave.reply({mail.begin() + 6, mail.end()}, kOwn); };
+    std::array<RawMail, 4> requests;
+    std::array<std::array<std::byte, 4>, 4> into{};
+    std::array<Mail, 4> messages;
+    for (std::size_t n = 0; n < 4; ++n) {
+        messages[n] = mail_bytes({static_cast<unsigned>(n)});
+        requests[n].slave = 1;
+        requests[n].type = kOwn;
+        requests[n].message = messages[n];
+        requests[n].answer = into[n];
+        ASSERT_TRUE(submit(*bus.ctx, requests[n]).ok());
+    }
+    for (std::size_t n = 0; n < 4; ++n) {
+        bus.run(requests[n]);
+        EXPECT_EQ(requests[n].state(), RequestState::success) << bus.words(requests[n].error());
+        EXPECT_EQ(into[n][0], static_cast<std::byte>(n));
+    }
+}
+
+}  // namespace
+}  // namespace margay
