@@ -83,6 +83,11 @@ struct SyncSettings {
     Duration sync0_cycle{-1};  // negative: ClockSettings::cycle; 0: a single pulse
     Duration sync1_cycle{0};   // ESC register 0x09A4. Some drives require 0 while they use SYNC0 only
     Duration shift{0};         // of SYNC0 against the grid, of either sign
+    // How much longer a frame needs through this slave with its processing unit than without, in ns ("processing delay
+    // minus forwarding delay" of the chip's data sheet). No register shows it, and receive times contain only the sum
+    // of both. Half of an error here is an error of the delay of all slaves behind. Negative: 20 ns for ET1100 and
+    // ET1200, 40 ns for all other chips.
+    std::int16_t processing_ns = -1;
 };
 
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its

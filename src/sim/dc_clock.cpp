@@ -26,6 +26,9 @@ void DcClock::power_up(RegisterFile& registers, const ClockDescription& clock, b
     registers_ = &registers;
     bits64_ = bits64;
     drift_ = clock.drift_ppb * 1e-9;
+    step_ns_ = std::max<std::uint8_t>(clock.step_ns, 1);
+    jitter_ns_ = clock.jitter_ns;
+    random_ = clock.start_ns * 2 + 1;
     correction_ = 0;
     anchored_ = now;
     anchor_local_ = clock.start_ns;
@@ -42,6 +45,16 @@ std::uint64_t DcClock::local(Time at) const {
     const double bent = static_cast<double>(passed) * (drift_ + correction_) + anchor_part_;
     return anchor_local_ + static_cast<std::uint64_t>(passed) +
            static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(bent)));
+}
+
+std::uint64_t DcClock::stamp(Time at) {
+    Duration away{0};
+    if (jitter_ns_ != 0) {
+        random_ = random_ * 6364136223846793005 + 1442695040888963407;
+        away = Duration(static_cast<std::int64_t>((random_ >> 33) % (2 * jitter_ns_ + 1U)) - jitter_ns_);
+    }
+    const std::uint64_t exact = local(at + away);
+    return exact - exact % step_ns_;
 }
 
 void DcClock::anchor(Time at) {
