@@ -213,6 +213,8 @@ std::string_view argument_text(Argument argument) {
         case Argument::sync_cycle: return "a SYNC cycle must be 0 to 4.29 s";
         case Argument::clock_settings:
             return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
+        case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
+        case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
     }
     return {};
 }

@@ -25,12 +25,12 @@ struct Master;
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6240 : 4416;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6272 : 4448;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
-    constexpr std::size_t kGroupBytes = kWide ? 408 : 304;
+    constexpr std::size_t kGroupBytes = kWide ? 408 : 312;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
     constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
@@ -42,9 +42,8 @@ struct Master;
     const std::size_t slave =
         clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
-           limits.process_frames * kProcessFrameBytes + arena + arena / 64 +
-           limits.guests * (kRingBytes + clock) + 2U * limits.errors * sizeof(Error) +
-           limits.events * sizeof(Event) + kAlignmentBytes;
+           limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * (kRingBytes + clock) +
+           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.

@@ -154,6 +154,7 @@ enum class Step : std::uint8_t {
     supervise,
     configure_clocks,
     configure_sync,
+    watch_latches,
 };
 
 // The kind of a request: an error names the operation that prevents another one.
@@ -183,6 +184,7 @@ enum class Operation : std::uint8_t {
     find_entry,
     configure_clocks,
     set_sync,
+    watch_latches,
 };
 
 // One error. Unused members are 0.
@@ -269,6 +271,8 @@ enum class Argument : std::uint8_t {
     empty_group,     // no slave belongs to the group
     sync_cycle,      // members of SyncSettings
     clock_settings,  // members of ClockSettings
+    sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
+    sync_start,      // ClockSettings::start_time has returned a time that has passed
 };
 
 // Errc::other_slave: which property differs from the expected one.

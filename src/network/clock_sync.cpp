@@ -14,10 +14,13 @@ namespace reg = wire::reg;
 
 constexpr Step kSyncStep = Step::configure_sync;
 
+Error invalid_time(Argument which) {
+    return {.code = Errc::invalid_argument, .step = kSyncStep, .detail = static_cast<std::uint32_t>(which)};
+}
+
 Result<std::uint32_t> cycle_ns(Duration cycle) {
     if (cycle >= Duration{0} && cycle.count() <= UINT32_MAX) return static_cast<std::uint32_t>(cycle.count());
-    return Error{
-        .code = Errc::invalid_argument, .step = kSyncStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
+    return invalid_time(Argument::sync_cycle);
 }
 
 // A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
@@ -105,6 +108,11 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
                                    : sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
     clock.sync_start_ns =
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
+    if (settings.start_time != nullptr)
+        clock.sync_start_ns = settings.start_time(slave.number, clock.sync_start_ns, settings.start_time_user);
+    // The chip would wait for a time that has passed for centuries, or until 32 bits wrap.
+    if (static_cast<std::int64_t>(clock.sync_start_ns - now_ns) <= 0)
+        co_return invalid_time(Argument::sync_start);
     wire::Register start = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) start.length = 4;
     written = co_await write_clock_register(station, start, clock.sync_start_ns);
@@ -225,6 +233,10 @@ Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSe
     if (!cycle0) return cycle0.error();
     const auto cycle1 = cycle_ns(settings.sync1_cycle);
     if (!cycle1) return cycle1.error();
+    // Another start on the grid would have another phase.
+    const std::uint64_t period = sync_period_ns(*cycle0, *cycle1);
+    if (period != 0 && static_cast<std::uint64_t>(clocks.start_grid.count()) % period != 0)
+        return invalid_time(Argument::sync_grid);
     return SyncRegisters{.assign_activate = settings.assign_activate,
                          .sync0_cycle_ns = *cycle0,
                          .sync1_cycle_ns = *cycle1,
@@ -245,6 +257,7 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
     if (written) co_return written;
     Error error = written.error();
     error.step = kSyncStep;
+    error.slave = slave.number;
     co_return error;
 }
 

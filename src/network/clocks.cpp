@@ -108,7 +108,7 @@ Task<Result<>> write_clock_if_any(Network& network, Slave& slave) {
 
 Task<Result<>> write_delay_if_any(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
-    if (!clock.synchronised) co_return Nothing{};
+    if (!clock.synchronised || slave.al.state == AlState::none) co_return Nothing{};
     co_return co_await write_clock_register(network.station(slave), reg::kSystemTimeDelay, clock.delay_ns);
 }
 
@@ -163,6 +163,7 @@ Task<Result<>> wait_until_in_sync(Network& network) {
         auto greatest = co_await read_greatest_difference(network);
         if (!greatest) co_return greatest.error();
         const Time now = network.engine.now();
+        network.clocks.greatest_ns = *greatest;
         if (*greatest > settings.limit_ns) since = kNever;
         if (*greatest <= settings.limit_ns && since == kNever) since = now;
         if ((since != kNever && now >= later(since, settings.settle)) || now >= give_up) break;
@@ -190,8 +191,10 @@ Task<Result<>> set_clocks(Network& network) {
     co_return first.code == Errc::none ? Result<>() : Result<>(first);
 }
 
-// Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
+}  // namespace
+
 Task<Result<>> improve_delays(Network& network) {
+    while (network.clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
     auto measured = co_await measure(network);
     if (!measured) co_return measured;
@@ -199,13 +202,13 @@ Task<Result<>> improve_delays(Network& network) {
     co_return co_await for_each_slave(network, write);
 }
 
-}  // namespace
-
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
     reference = 0;
-    measuring = all_in_sync = paused = false;
+    measuring = all_in_sync = paused = loss_reported = false;
     without_time = 0;
+    greatest_ns = 0;
+    delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
 }

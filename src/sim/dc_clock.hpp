@@ -61,7 +61,7 @@ class DcClock {
     std::uint64_t offset_ = 0;
     std::uint32_t delay_ = 0;
     double mean_ = 0;      // mean of the differences
-    double integral_ = 0;  // integral part of the loop, in units of the speed counter difference
+    double integral_ = 0;  // integral part of the loop, as a rate
     Time compared_ = kNever;
 };
 
