@@ -9,7 +9,7 @@ namespace margay::samples {
 namespace {
 
 // A string of gnuplot in single quotes, where only the quote itself is special.
-std::string quoted(const std::string& text) {
+std::string gnuplot_string(const std::string& text) {
     std::string out = "'";
     for (const char c : text) {
         if (c == '\'') out += '\'';
@@ -18,7 +18,8 @@ std::string quoted(const std::string& text) {
     return out + "'";
 }
 
-std::string script(const std::string& path, const std::vector<double>& times_s, const std::vector<Diagram>& diagrams) {
+std::string gnuplot_script(const std::string& path, const std::vector<double>& times_s,
+                           const std::vector<Diagram>& diagrams) {
     std::string text = "$rows << END_OF_ROWS\n";
     for (std::size_t row = 0; row < times_s.size(); ++row) {
         text += fmt::format("{:.6f}", times_s[row]);
@@ -27,15 +28,15 @@ std::string script(const std::string& path, const std::vector<double>& times_s, 
         text += '\n';
     }
     text += fmt::format("END_OF_ROWS\nset terminal svg size 1000,{} background rgb 'white'\nset output {}\n",
-                        260 * diagrams.size(), quoted(path));
+                        260 * diagrams.size(), gnuplot_string(path));
     text += fmt::format("set multiplot layout {},1\nset grid\nset xlabel 's'\n", diagrams.size());
     std::size_t column = 2;
     for (const Diagram& diagram : diagrams) {
-        text += fmt::format("set title {} noenhanced\nset ylabel {} noenhanced\nplot ", quoted(diagram.title),
-                            quoted(diagram.unit));
+        text += fmt::format("set title {} noenhanced\nset ylabel {} noenhanced\nplot ", gnuplot_string(diagram.title),
+                            gnuplot_string(diagram.unit));
         for (std::size_t n = 0; n < diagram.curves.size(); ++n, ++column)
             text += fmt::format("{}$rows using 1:{} with lines title {} noenhanced", n == 0 ? "" : ", ", column,
-                                quoted(diagram.curves[n].name));
+                                gnuplot_string(diagram.curves[n].name));
         text += '\n';
     }
     return text + "unset multiplot\nset output\n";
@@ -49,9 +50,9 @@ std::string draw_svg(const std::string& path, const std::vector<double>& times_s
     if (times_s.empty()) return "there is nothing to draw";
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
-    std::FILE* pipe = ::popen("gnuplot", "w");
+    std::FILE* pipe = ::popen("gnuplot 2>/dev/null", "w");
     if (pipe == nullptr) return kMissing;
-    const std::string text = script(path, times_s, diagrams);
+    const std::string text = gnuplot_script(path, times_s, diagrams);
     const bool written = std::fwrite(text.data(), 1, text.size(), pipe) == text.size();
     const bool ended = ::pclose(pipe) == 0;
     if (!written || !ended) return kMissing;

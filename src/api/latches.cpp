@@ -68,15 +68,25 @@ static Error check(Network& network, const LatchRequest& request) {
     return request.interval > Duration{0} ? Error{} : invalid(Argument::interval, kStep, request.slave);
 }
 
-static Task<Result<>> run(Network& network, LatchRequest& request) {
-    request.edges = {};
-    const std::uint32_t scan = network.scans;
+// Whether the slave has latch inputs that the master controls. A slave that is there, but does not answer at these
+// registers, has none.
+static Task<Result<>> check_unit(Network& network, const LatchRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto unit = co_await read<std::uint8_t>(station, reg::kCyclicUnitControl, kStep);
     if (does_not_answer(unit.error())) co_return Error{.code = Errc::no_clock, .step = kStep, .slave = request.slave};
     if (!unit) co_return unit.error();
     if ((*unit & (wire::cyclic_unit::kLatch0IsPdis | wire::cyclic_unit::kLatch1IsPdis)) != 0)
         co_return Error{.code = Errc::unsupported, .step = kStep, .slave = request.slave};
+    co_return Nothing{};
+}
+
+static Task<Result<>> run(Network& network, LatchRequest& request) {
+    request.edges = {};
+    const std::uint32_t scan = network.scans;
+    if (network.slave(request.slave).al.state != AlState::none) {  // a lost slave may come back
+        auto checked = co_await check_unit(network, request);
+        if (!checked) co_return checked;
+    }
     for (;;) {
         if (network.scans != scan) co_return Error{.code = Errc::wrong_state, .step = kStep, .slave = request.slave};
         auto looked = co_await look_once(network, request);

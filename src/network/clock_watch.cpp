@@ -13,24 +13,18 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
-// Whether the slave at `place` of the ring is that at place `above`, or is lost together with it.
-bool is_behind(std::span<const RingPlace> ring, std::size_t place, std::size_t above) {
-    for (std::size_t steps = 0; place != 0 && place <= ring.size() && steps <= ring.size(); ++steps) {
-        if (place == above) return true;
-        place = ring[place - 1].parent;
-    }
-    return false;
-}
-
 // The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost.
 std::uint16_t next_reference(Network& network, std::uint16_t without) {
     const auto ring = network.seen_ring();
     const std::size_t lost = without == 0 ? 0 : network.slave(without).ring_position;
+    bool behind = false;  // the slaves behind the lost one are the next ones in the ring
     for (std::size_t n = 0; n < ring.size(); ++n) {
+        const std::size_t place = n + 1;
+        if (place == lost) behind = true;
+        if (place > lost) behind = behind && ring[n].parent >= lost;
         const std::uint16_t slave = ring[n].slave;
-        if (slave == 0 || slave == without || !is_there(network, slave)) continue;
-        if (!network.clocks.entries[slave - 1U].synchronised) continue;
-        if (lost == 0 || !is_behind(ring, n + 1, lost)) return slave;
+        if (behind || slave == 0 || !is_there(network, slave)) continue;
+        if (network.clocks.entries[slave - 1U].synchronised) return slave;
     }
     return 0;
 }
