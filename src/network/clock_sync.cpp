@@ -111,8 +111,7 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
     if (settings.start_time != nullptr)
         clock.sync_start_ns = settings.start_time(slave.number, clock.sync_start_ns, settings.start_time_user);
     // The chip would wait for a time that has passed for centuries, or until 32 bits wrap.
-    if (static_cast<std::int64_t>(clock.sync_start_ns - now_ns) <= 0)
-        co_return invalid_time(Argument::sync_start);
+    if (static_cast<std::int64_t>(clock.sync_start_ns - now_ns) <= 0) co_return invalid_time(Argument::sync_start);
     wire::Register start = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) start.length = 4;
     written = co_await write_clock_register(station, start, clock.sync_start_ns);
@@ -138,6 +137,37 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
         load_le<std::uint32_t>(there, 8) == clock.delay_ns;
 }
 
+// The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time
+// that is known, as far as the master's clock can tell it, so that the other clocks need not follow a jump. Receive
+// times are latched, and nobody else latches them now.
+Task<Result<>> continue_reference(Network& network) {
+    Clocks& clocks = network.clocks;
+    Slave& reference = network.slave(clocks.reference);
+    auto latched = co_await latch_receive_times(network);
+    if (!latched) co_return latched;
+    const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
+    auto mine = co_await read_receive_times(network, reference);
+    if (!mine) co_return mine;
+    ClockEntry& clock = clocks.of(reference);
+    clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
+    co_return co_await write_clock(network, reference);
+}
+
+bool was_reset(const ClockEntry& clock, std::uint64_t offset) { return offset == 0 && clock.offset_ns != 0; }
+
+// Looks whether the reference was reset, and gives it its time again.
+Task<Result<>> restore_reference(Network& network) {
+    Clocks& clocks = network.clocks;
+    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Measuring measuring(clocks);
+    Slave& reference = network.slave(clocks.reference);
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
+    if (!offset) co_return offset.error();
+    if (!was_reset(clocks.of(reference), *offset)) co_return Nothing{};
+    co_return co_await continue_reference(network);
+}
+
 // The clock of the slave from that of the reference: both latch the same frame.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
@@ -145,15 +175,20 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     const Measuring measuring(clocks);
     Slave& reference = network.slave(clocks.reference);
     const bool measured = clocks.of(slave).times.count() != 0;
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
+    if (!offset) co_return offset.error();
+    if (was_reset(clocks.of(reference), *offset)) {
+        auto continued = co_await continue_reference(network);
+        if (!continued) co_return continued;
+        *offset = clocks.of(reference).offset_ns;
+    }
     auto latched = co_await latch_receive_times(network);
     if (!latched) co_return latched;
     auto mine = co_await read_receive_times(network, slave);
     if (!mine) co_return mine;
     auto other = co_await read_receive_times(network, reference);
     if (!other) co_return other;
-    auto offset =
-        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
-    if (!offset) co_return offset.error();
     if (!measured) compute_clock_delays(network);
     ClockEntry& clock = clocks.of(slave);
     const ClockEntry& source = clocks.of(reference);
@@ -207,7 +242,8 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         auto probed = co_await probe_clock(network, slave);
         if (!probed) co_return probed;
     }
-    if (!is_clock(clock.kind) || clocks.reference == 0 || clocks.reference == slave.number) co_return Result<>();
+    if (!is_clock(clock.kind) || clocks.reference == 0) co_return Result<>();
+    if (clocks.reference == slave.number) co_return co_await restore_reference(network);
     if (clock.synchronised) {
         auto same = co_await has_its_clock(network, slave);
         if (!same) co_return same.error();

@@ -1,5 +1,6 @@
 // The supervision of the clocks: differences, and a reference clock that is lost.
 #include "network/network.hpp"
+#include "network/wanted.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -53,7 +54,12 @@ Task<Result<>> replace_reference(Network& network) {
     const bool known = std::exchange(clocks.loss_reported, true);
     if (!known) network.report({.kind = EventKind::reference_lost, .slave = clocks.reference});
     const std::uint16_t next = clocks.settings.replace_lost_reference ? next_reference(network, 0) : std::uint16_t{0};
-    if (next == 0) co_return Nothing{};
+    if (next == 0) {
+        // A reference that was switched off comes back with another time, which must reach nobody.
+        (void)carry_time_of(network, nullptr);
+        clocks.paused = false;
+        co_return Nothing{};
+    }
     Slave& slave = network.slave(next);
     auto seen = co_await read_difference(network, slave);
     if (!seen) co_return seen;
@@ -135,6 +141,9 @@ void note_time_of_cycle(Network& network) {
     constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
+    // Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
+    const bool settled =
+        reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) continue;
         const bool of_reference = time_source(group) == reference.station_address;
@@ -142,7 +151,7 @@ void note_time_of_cycle(Network& network) {
             clocks.note_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
         if (group.dc_time.slaves != 0 && of_reference)
             clocks.without_time = 0;
-        else if (!clocks.paused && ++clocks.without_time >= kEnough)
+        else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
     }
 }

@@ -346,6 +346,43 @@ TEST_F(Sync, AClockThatJumpsIsReportedAndComesBack) {
     EXPECT_NEAR(static_cast<double>(pulses(2) - before), static_cast<double>((osal.now() - begin) / 1ms), 2);
 }
 
+// The first slave of a line, with the reference clock, loses its power: no other clock can take over, because all are
+// behind it. Its clock begins anew when it is back, and the other clocks have not: the system time goes on.
+TEST_F(Sync, TheReferenceOfALineComesBackWithTheOldTime) {
+    bring_up(3);
+    run();
+    cycles(500);
+    (void)events();
+    const auto shown = [this] { return segment.slave(2).clock().copy(osal.now()); };
+    const std::uint64_t before = shown();
+    const Time begin = osal.now();
+    power(0, false);
+    cycles(100);
+    power(0, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); }, 3000)) << joined(events());
+    cycles(2000);
+    EXPECT_LE(greatest_error_ns(3), 100) << joined(events());
+    EXPECT_EQ(phase_ns(1), 0U);
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(clock(n).in_sync) << n;
+    EXPECT_NEAR(static_cast<double>(shown() - before), static_cast<double>((osal.now() - begin).count()), 500'000);
+}
+
+TEST_F(Sync, TheOnlyClockComesBackWithTheOldTime) {
+    bring_up(1);
+    run();
+    cycles(500);
+    const auto shown = [this] { return segment.slave(0).clock().copy(osal.now()); };
+    const std::uint64_t before = shown();
+    const Time begin = osal.now();
+    power(0, false);
+    cycles(100);
+    power(0, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); }, 3000)) << joined(events());
+    cycles(500);
+    EXPECT_NEAR(static_cast<double>(shown() - before), static_cast<double>((osal.now() - begin).count()), 500'000);
+    EXPECT_EQ(phase_ns(1), 0U);
+}
+
 // Clocks of 32 bits wrap every 4.29 s, the reference too: no clock leaves the limit, and SYNC0 goes on.
 TEST_F(Sync, TimesThatWrap) {
     add({.unit = DcUnit::bits32});
@@ -364,8 +401,7 @@ TEST_F(Sync, TimesThatWrap) {
     const auto all = events();
     EXPECT_EQ(told(all, "clock"), 0) << joined(all);
     const auto wanted = static_cast<double>((osal.now() - begin) / 1ms);
-    for (std::uint16_t n = 1; n <= 3; ++n)
-        EXPECT_NEAR(static_cast<double>(pulses(n) - before[n - 1U]), wanted, 2) << n;
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_NEAR(static_cast<double>(pulses(n) - before[n - 1U]), wanted, 2) << n;
     const ClockStatus status = clock_status(*ctx, osal.now());
     EXPECT_TRUE(status.in_sync);
     EXPECT_EQ(status.reference, 1);
