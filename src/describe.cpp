@@ -233,6 +233,8 @@ std::string_view argument_text(Argument argument) {
             return "ClockSettings: measurements and burst_bulk at least 1, times not negative, cycle above zero";
         case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
         case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
+        case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
+        case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
     }
     return {};
 }

@@ -56,6 +56,10 @@ std::string_view to_text(EventKind kind) {
         case EventKind::clock_in_sync: return "clock in sync";
         case EventKind::clock_out_of_sync: return "clock out of sync";
         case EventKind::reference_clock: return "another reference clock";
+        case EventKind::reference_lost: return "reference clock lost";
+        case EventKind::latch_edge: return "edge at a latch input";
+        case EventKind::master_in_sync: return "cycle in sync";
+        case EventKind::master_out_of_sync: return "cycle out of sync";
         case EventKind::overrun: return "cycles left out";
     }
     return "unknown event";
@@ -150,6 +154,19 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
         case EventKind::reference_clock:
             out << "the clock of slave " << e.slave << " is the reference clock now, in place of slave " << e.other;
             break;
+        case EventKind::reference_lost: out << "slave " << e.slave << " with the reference clock is lost"; break;
+        case EventKind::latch_edge:
+            write_slave(out, e);
+            out << (e.detail == 0 ? "rising" : "falling") << " edge at latch input " << e.port << " at "
+                << (std::uint64_t{e.expected} << 32 | e.actual) << " ns";
+            break;
+        case EventKind::master_in_sync:
+        case EventKind::master_out_of_sync: {
+            const auto late = static_cast<std::int32_t>(e.actual);
+            out << to_text(e.kind) << ", " << (late < 0 ? 0U - e.actual : e.actual)
+                << (late < 0 ? " ns early" : " ns late");
+            break;
+        }
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual
                 << (e.actual == 1 ? " cycle" : " cycles") << " left out, " << e.expected << " since the cycle began";

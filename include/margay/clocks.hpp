@@ -68,6 +68,27 @@ struct ClockSettings {
     Duration timeout = std::chrono::seconds(3);  // for all clocks to be in sync
     // How often a supervision reads the differences. Zero: never.
     Duration watch_interval = std::chrono::milliseconds(10);
+    // How often a supervision measures the delays again and corrects them ("continuous propagation delay
+    // compensation"). Zero: never.
+    Duration delay_interval{0};
+    // When the slave with the reference clock is lost: the next clock that is synchronised and not behind the lost
+    // slave takes over with the same time and rate (true), or no time is sent until the slave is back, and all clocks
+    // go on at their rates (false). EventKind::reference_lost and reference_clock report it.
+    bool replace_lost_reference = true;
+    // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
+    // called. The rules are those of hooks that poll() calls: neither wait nor call the library.
+    std::uint64_t (*start_time)(std::uint16_t slave, std::uint64_t proposed_ns, void* user) = nullptr;
+    void* start_time_user = nullptr;
+};
+
+// All clocks together, as configdc() or the supervision has seen them last.
+struct ClockStatus {
+    std::uint16_t reference = 0;    // the slave with the reference clock; 0: none
+    bool in_sync = false;           // every clock that is there is in sync
+    std::uint32_t greatest_ns = 0;  // less than twice the greatest difference of any clock (ESC registers 0x092C, OR)
+    // The system time at the moment of the call: the time of the reference clock that was read last, continued by the
+    // master's clock. All 64 bits, also where the reference clock has 32.
+    std::uint64_t system_time_ns = 0;
 };
 
 // Synchronises the clocks of all slaves; see configdc().
@@ -105,6 +126,8 @@ Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle
 // What is known about the clock of a slave; for a slave that does not exist, a clock of kind `unknown`. For the thread
 // that owns the context; callable from the cycle.
 [[nodiscard]] const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave);
+// `now`: the time of the osal. For the thread that owns the context; callable from the cycle.
+[[nodiscard]] ClockStatus clock_status(Context& ctx, Time now);
 // The slave with the reference clock; 0: none.
 [[nodiscard]] std::uint16_t reference_clock(Context& ctx);
 

@@ -83,6 +83,11 @@ struct SyncSettings {
     Duration sync0_cycle{-1};  // negative: ClockSettings::cycle; 0: a single pulse
     Duration sync1_cycle{0};   // ESC register 0x09A4. Some drives require 0 while they use SYNC0 only
     Duration shift{0};         // of SYNC0 against the grid, of either sign
+    // How much longer a frame needs through this slave with its processing unit than without, in ns ("processing delay
+    // minus forwarding delay" of the chip's data sheet). No register shows it, and receive times contain only the sum
+    // of both. Half of an error here is an error of the delay of all slaves behind. Negative: 20 ns for ET1100 and
+    // ET1200, 40 ns for all other chips.
+    std::int16_t processing_ns = -1;
 };
 
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its
@@ -204,8 +209,10 @@ struct GroupConfiguration {
     // counter of the cycle does not include them. A group with one of these datagrams may be without process data.
     bool al_status = false;  // read the AL status of all slaves with one datagram (BRD of ESC register 0x0130)
     // Number of the slave whose system time all slaves behind it copy (FRMW of ESC register 0x0910). 0: the reference
-    // clock of configdc() if ClockSettings::group is this group, otherwise none. config_map() refuses it when a slave
-    // before it in the ring has a clock: that slave would take over zeros.
+    // clock of configdc() if ClockSettings::group is this group, otherwise none. config_map() refuses a slave without a
+    // clock (invalid_argument), and a slave with another clock before it in the ring (clock_before_reference): that
+    // clock would take over zeros. While the slave is lost, the reference clock of configdc() is taken in its place,
+    // and without configdc() the cycle carries no time until the next config_map().
     std::uint16_t dc_reference = 0;
     std::uint16_t reserve_bytes = 0;  // octets of the first frame that stay free for other datagrams of the cycle
     // How many octets of other datagrams (mailboxes, states …), headers included, may be sent with a cycle: first in

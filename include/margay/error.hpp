@@ -172,6 +172,7 @@ enum class Step : std::uint8_t {
     supervise,
     configure_clocks,
     configure_sync,
+    watch_latches,
 };
 
 // The kind of a request: an error names the operation that prevents another one.
@@ -207,6 +208,7 @@ enum class Operation : std::uint8_t {
     find_entry,
     configure_clocks,
     set_sync,
+    watch_latches,
 };
 
 // One error. Unused members are 0.
@@ -305,6 +307,8 @@ enum class Argument : std::uint8_t {
     clock_settings,  // members of ClockSettings
     file_name,       // the name of a file does not fit the mailbox
     file_time,       // a time of a FoeRequest
+    sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
+    sync_start,      // ClockSettings::start_time has returned a time that has passed
 };
 
 // Errc::other_slave: which property differs from the expected one.

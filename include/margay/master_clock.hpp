@@ -3,6 +3,11 @@
 // follows the cycle (bus shift).
 //
 //     MasterClock clock({.mode = MasterClock::Mode::master_shift, .set_value = -200us, .phase = {.cycle = 1ms}});
+//     reach(ctx, AlState::op, 10s, {.period = 1ms, .clock = &clock});
+//     run_cycle(ctx, {.period = 1ms, .clock = &clock}, [&](const CycleInfo&) { … return !stop; });
+//
+// In a loop of its own, the application applies the adjustment itself:
+//
 //     CyclicRunner runner({.period = 1ms});
 //     for (;;) {
 //         const CyclicTick tick = runner.wait();
@@ -15,15 +20,17 @@
 
 #include <margay/context.hpp>
 #include <margay/phase_controller.hpp>
+#include <margay/run.hpp>
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 namespace margay {
 
 struct MasterClockSettings {
     enum class Mode : std::uint8_t {
-        off,           // only measures the phase, and corrects nothing
+        off,           // only measures the phase, and corrects nothing: record() shows the natural drift
         master_shift,  // the master's cycle follows the reference clock: update() returns the adjustment
         bus_shift,     // the reference clock follows the master's cycle: update() steers its offset (0x0920)
         // The reference clock follows the time of the master without a controller: update() writes the time to its
@@ -33,25 +40,57 @@ struct MasterClockSettings {
     Mode mode = Mode::master_shift;
     std::uint8_t group = 0;  // whose cycle carries the time of the reference clock
     // The phase that the cycle has when it is in sync: when the frame passes the reference clock, against the whole
-    // multiples of the cycle in system time (SYNC0 without a shift); negative: before.
+    // multiples of the cycle in system time (SYNC0 without a shift); negative: before. Less than a cycle.
     Duration set_value{0};
     PhaseSettings phase;
 };
 
-class MasterClock {
+// What one update() has measured and done. All times in ns unless the name says another unit.
+struct ClockRecord {
+    Time at{};  // when the cycle was sent
+    std::int64_t set_value_ns = 0;
+    std::uint64_t bus_time_ns = 0;      // the time of the reference clock when the frame passed it
+    std::uint64_t bus_time_off_ns = 0;  // the same within its cycle
+    std::int64_t adjust_ns = 0;         // the correction of this cycle
+    std::int64_t error_ns = 0;          // positive: the frames pass the reference clock too late
+    std::int64_t filtered_ns = 0;       // the mean of the last errors (1/16 of each)
+    std::int32_t drift_ppb = 0;
+    std::int64_t cycle_ns = 0;
+    std::int64_t adjusted_ns = 0;  // the sum of all corrections
+    PhaseState state = PhaseState::idle;
+    bool read = false;  // the cycle has brought the time of the reference clock; otherwise the last values stay
+    bool clocks_in_sync = false;      // ClockStatus::in_sync
+    std::uint32_t difference_ns = 0;  // ClockStatus::greatest_ns
+    std::uint64_t start_time_ns = 0;  // SlaveClock::sync_start_ns of the slave with the reference clock
+};
+
+// A log of records as CSV: the head line, and the line of one record, each with a line feed. Written into `out` (cut if
+// it does not fit; 300 octets are enough). The columns are those that other masters' logs have: Time[ms], SyncSetVal
+// [ns], BusTime [ns], BusTimeOff [ns], CtlAdj [ns], CtlErr [ns], CtlErrFilt [ns], Drift [ppm], CtlErr [1/10 pmil] (the
+// error in tenths of a thousandth of the cycle), CtlOutSum [ns] (the drift that is corrected in one cycle), CtlOutTot
+// [ns] (the sum of all corrections), DCStartTime [ns], DCMErrorCode (PhaseState), DCMInSync, DCInSync,
+// SystemTimeDifference [ns]. Callable from the cycle; the program writes the text to its file outside the cycle.
+[[nodiscard]] std::string_view write_clock_log_head(std::span<char> out);
+[[nodiscard]] std::string_view write_clock_log(const ClockRecord& record, std::span<char> out);
+
+class MasterClock : public CycleClock {
   public:
     using Mode = MasterClockSettings::Mode;
     using Settings = MasterClockSettings;
 
     explicit MasterClock(const Settings& settings);
 
-    // Call it after each receive_processdata(). `lateness`: how much later than due the cycle was sent; the library
-    // takes it out of the reading, so that the jitter of the wake-up does not disturb. Returns by how much the next
-    // cycle must come earlier (negative: later); 0 unless the mode is master_shift. An application with a timer of its
-    // own applies it itself. Callable from the cycle, by the owner; never waits.
+    // Call it after each receive_processdata(); run_cycle() and reach() do it for CycleSettings::clock. `lateness`: how
+    // much later than due the cycle was sent; the library takes it out of the reading, so that the jitter of the
+    // wake-up does not disturb. Returns by how much the next cycle must come earlier (negative: later); 0 unless the
+    // mode is master_shift. An application with a timer of its own applies it itself. When the phase comes into sync,
+    // or leaves the limit, the library reports an event. Callable from the cycle, by the owner; never waits.
     [[nodiscard]] Duration update(Context& ctx, Duration lateness);
 
-    [[nodiscard]] PhaseState state() const { return controller_.state(); }
+    // Forgets phase, drift, errors and statistics, and starts again.
+    void restart();
+
+    [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? controller_.state() : fault_; }
     // The last error, the mean and the greatest magnitude since the start or reset_statistics(), in ns: positive when
     // the frames pass the reference clock too late.
     [[nodiscard]] std::int64_t error_ns() const { return controller_.error_ns(); }
@@ -60,11 +99,22 @@ class MasterClock {
     void reset_statistics() { controller_.reset_statistics(); }
     // The drift of the master's clock against the reference clock, in parts per thousand million.
     [[nodiscard]] std::int32_t drift_ppb() const { return controller_.drift_ppb(); }
+    // What the last update() has done.
+    [[nodiscard]] const ClockRecord& record() const { return record_; }
     [[nodiscard]] const Settings& settings() const { return settings_; }
 
   private:
+    void check_cycle(std::uint64_t due_ns);
+    Duration correct(Context& ctx, std::uint64_t due_ns, Time now);
+
     Settings settings_;
     PhaseController controller_;
+    ClockRecord record_;
+    PhaseState fault_ = PhaseState::idle;  // of the settings, or of the cycle
+    bool was_in_sync_ = false;
+    std::uint8_t odd_cycles_ = 0;  // in succession
+    std::uint64_t last_due_ns_ = 0;
+    std::int64_t filtered_ps_ = 0;
 };
 
 // The state in words. A static string, callable from anywhere.

@@ -30,6 +30,8 @@ enum class PhaseState : std::uint8_t {
     in_sync,
     drift_too_high,   // the clocks differ by more than PhaseSettings::most_drift_ppm
     error_too_large,  // was in sync, and an error has exceeded the limit
+    set_value_wrong,  // MasterClock: the set value is not less than a cycle, or there is no cycle
+    cycle_wrong,      // MasterClock: the cycle that is run is not PhaseSettings::cycle
 };
 
 class PhaseController {

@@ -54,12 +54,31 @@ struct TargetRequest : SlaveRequest {  // slave 0: all slaves
     AlState wanted = AlState::none;
 };
 
+// Keeps a cycle in step with another clock: see MasterClock (master_clock.hpp).
+class CycleClock {
+  public:
+    // Called after each cycle. `lateness`: how much later than due the cycle was sent. Returns by how much the next
+    // cycle must come earlier; negative: later.
+    [[nodiscard]] Duration follow(Context& ctx, Duration lateness) { return follow_(*this, ctx, lateness); }
+
+  protected:
+    using Follow = Duration (*)(CycleClock& self, Context& ctx, Duration lateness);
+    constexpr explicit CycleClock(Follow function) : follow_(function) {}
+    ~CycleClock() = default;
+
+  private:
+    Follow follow_;
+};
+
 // How reach() and run_cycle() exchange process data: all mapped groups, once a period.
 struct CycleSettings {
     Duration period = std::chrono::milliseconds(1);
     Duration reply_timeout{0};  // the timeout of receive_processdata(); zero: half a period
     // False: another thread sends the groups (GroupConfiguration::cycles_in_flight), and the owner only receives them.
     bool send = true;
+    // Asked after each cycle when the next one is due. nullptr: once a period of the osal's clock. Without effect where
+    // another thread sends.
+    CycleClock* clock = nullptr;
 };
 
 // Brings all wanted slaves to `state` (a slave with a target of its own: to that target). Waits until each of them is

@@ -58,7 +58,7 @@ std::string name_of(const wire::DatagramHeader& header, std::uint32_t address) {
     return fmt::format("{} {} (0x{:04x})", wire::to_text(header.command), name.text(), address);
 }
 
-std::string hex(Bytes bytes) {
+std::string octets_text(Bytes bytes) {
     std::string text;
     for (const auto octet : bytes.first(std::min<std::size_t>(bytes.size(), 24)))
         text += fmt::format("{:02x}", std::to_integer<unsigned>(octet));
@@ -91,7 +91,7 @@ void compare_data(FidelityReport& report, const DatagramPair& pair, Bytes simula
     }
     if (first_difference != simulated.size())
         note(report, "data of " + name_of(pair.request, static_cast<std::uint32_t>(ado + first_difference)), pair.frame,
-             fmt::format("hardware {}, simulation {}", hex(pair.received), hex(simulated)));
+             fmt::format("hardware {}, simulation {}", octets_text(pair.received), octets_text(simulated)));
 }
 
 }  // namespace

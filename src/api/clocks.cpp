@@ -10,8 +10,8 @@ namespace margay {
 namespace {
 
 Error check_settings(const ClockSettings& settings) {
-    const Duration times[] = {settings.start_grid, settings.start_delay, settings.settle, settings.timeout,
-                              settings.watch_interval};
+    const Duration times[] = {settings.start_grid, settings.start_delay,    settings.settle,
+                              settings.timeout,    settings.watch_interval, settings.delay_interval};
     bool right = settings.measurements >= 1 && settings.burst_bulk >= 1 && settings.cycle > Duration{0};
     for (const Duration time : times) right &= time >= Duration{0};
     return right ? Error{} : invalid(Argument::clock_settings, Step::configure_clocks);
@@ -109,6 +109,16 @@ const SlaveClock& slave_clock(Context& ctx, std::uint16_t slave) {
     if (master == nullptr || slave < 1 || slave > master->network.count) return kUnknown;
     if (master->network.clocks.entries.empty()) return kUnknown;
     return master->network.clocks.entries[slave - 1U];
+}
+
+ClockStatus clock_status(Context& ctx, Time now) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || master->network.clocks.reference == 0) return {};
+    const Clocks& clocks = master->network.clocks;
+    return {.reference = clocks.reference,
+            .in_sync = clocks.all_in_sync,
+            .greatest_ns = clocks.greatest_ns,
+            .system_time_ns = clocks.system_at_ns(now)};
 }
 
 std::uint16_t reference_clock(Context& ctx) {

@@ -29,27 +29,96 @@ void send_to_reference(Network& network, wire::Register r, std::uint64_t value) 
 
 }  // namespace
 
-MasterClock::MasterClock(const Settings& settings) : settings_(settings) {
-    PhaseSettings phase = settings.phase;
-    if (settings.mode == Mode::bus_shift) {
+MasterClock::MasterClock(const Settings& settings)
+    : CycleClock([](CycleClock& self, Context& ctx, Duration lateness) {
+          return static_cast<MasterClock&>(self).update(ctx, lateness);
+      }),
+      settings_(settings) {
+    restart();
+}
+
+void MasterClock::restart() {
+    PhaseSettings phase = settings_.phase;
+    if (settings_.mode == Mode::bus_shift) {
         phase.cycles_late = 1;  // the offset is sent with the next cycle, behind its reading
         if (phase.most_step_ns == 0)
             phase.most_step_ns = static_cast<std::uint32_t>(phase.cycle.count() * phase.most_drift_ppm / 1'000'000);
     }
     controller_.start(phase);
+    record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = phase.cycle.count()};
+    const Duration magnitude = settings_.set_value < Duration{0} ? -settings_.set_value : settings_.set_value;
+    fault_ = magnitude < phase.cycle ? PhaseState::idle : PhaseState::set_value_wrong;
+    was_in_sync_ = false;
+    odd_cycles_ = 0;
+    last_due_ns_ = 0;
+    filtered_ps_ = 0;
+}
+
+// A cycle that is an eighth longer or shorter than it should be, several times in succession, is another cycle. The
+// times of a 32-bit clock wrap, so the low halves are compared.
+void MasterClock::check_cycle(std::uint64_t due_ns) {
+    constexpr std::uint8_t kTooOften = 16;
+    const std::int64_t cycle = settings_.phase.cycle.count();
+    const auto passed = static_cast<std::int32_t>(static_cast<std::uint32_t>(due_ns - last_due_ns_));
+    const std::int64_t expected = settings_.mode == Mode::master_shift ? cycle - record_.adjust_ns : cycle;
+    const std::int64_t away = passed > expected ? passed - expected : expected - passed;
+    const bool known = last_due_ns_ != 0 && cycle <= INT32_MAX;
+    last_due_ns_ = due_ns;
+    if (!known || away <= cycle / 8) {
+        odd_cycles_ = 0;
+        if (fault_ == PhaseState::cycle_wrong && known) fault_ = PhaseState::idle;
+        return;
+    }
+    if (odd_cycles_ < kTooOften) ++odd_cycles_;
+    if (odd_cycles_ >= kTooOften) fault_ = PhaseState::cycle_wrong;
 }
 
 Duration MasterClock::update(Context& ctx, Duration lateness) {
     Master* master = master_of(ctx);
     if (master == nullptr || settings_.group >= master->network.process.groups.size()) return Duration{0};
+    if (fault_ == PhaseState::set_value_wrong) return Duration{0};
     Network& network = master->network;
     const ProcessGroup& group = network.process.groups[settings_.group];
-    const bool read = group.dc_time.came && group.dc_time.slaves != 0;
-    if (!read) return settings_.mode == Mode::master_shift ? Duration(controller_.coast()) : Duration{0};
-    const Time now = network.engine.link().last_cycle();
+    record_.at = network.engine.link().last_cycle();
+    record_.read = group.dc_time.came && group.dc_time.slaves != 0;
+    record_.clocks_in_sync = network.clocks.all_in_sync;
+    record_.difference_ns = network.clocks.greatest_ns;
+    if (!record_.read) {
+        last_due_ns_ = 0;
+        record_.adjust_ns = settings_.mode == Mode::master_shift ? controller_.coast() : 0;
+        record_.adjusted_ns += record_.adjust_ns;
+        return Duration(record_.adjust_ns);
+    }
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
+    record_.bus_time_ns = group.dc_time.value;
+    record_.bus_time_off_ns = group.dc_time.value % cycle;
     const std::uint64_t due_ns = group.dc_time.value - static_cast<std::uint64_t>(lateness.count());
-    const std::int64_t correction = controller_.update(phase_error_ns(due_ns, cycle, settings_.set_value.count()), now);
+    check_cycle(due_ns);
+    const Duration earlier = correct(ctx, due_ns, record_.at);
+    const bool in_sync = state() == PhaseState::in_sync;
+    if (in_sync != was_in_sync_)
+        network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
+                        .actual = static_cast<std::uint32_t>(record_.error_ns)});
+    was_in_sync_ = in_sync;
+    return earlier;
+}
+
+// One step of the controller.
+Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
+    Network& network = master_of(ctx)->network;
+    const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
+    const std::int64_t error = phase_error_ns(due_ns, cycle, settings_.set_value.count());
+    const std::int64_t correction = controller_.update(error, now);
+    const bool corrects = settings_.mode == Mode::master_shift || settings_.mode == Mode::bus_shift;
+    filtered_ps_ += (error * 1000 - filtered_ps_) / 16;
+    record_.error_ns = error;
+    record_.filtered_ns = filtered_ps_ / 1000;
+    record_.drift_ppb = controller_.drift_ppb();
+    record_.state = state();
+    record_.adjust_ns = corrects ? correction : 0;
+    record_.adjusted_ns += record_.adjust_ns;
+    if (network.clocks.reference != 0)
+        record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
     if (network.clocks.reference == 0) return Duration{0};
     ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
@@ -71,6 +140,8 @@ std::string_view to_text(PhaseState state) {
         case PhaseState::in_sync: return "in sync";
         case PhaseState::drift_too_high: return "the drift between both clocks is too high";
         case PhaseState::error_too_large: return "the error has exceeded the limit";
+        case PhaseState::set_value_wrong: return "the set value is not less than a cycle";
+        case PhaseState::cycle_wrong: return "the cycle is not that of the settings";
     }
     return "unknown";
 }

@@ -112,6 +112,7 @@ class Schedule {
   public:
     Schedule(Time first, Duration period) : due_(first), period_(period) {}
     [[nodiscard]] Time due() const { return due_; }
+    void shift(Duration by) { due_ += by; }
     // Moves to the next cycle; returns how many cycles could not begin in their period.
     std::uint64_t next(Time now) {
         due_ = later(due_, period_);
@@ -125,6 +126,11 @@ class Schedule {
     Time due_;
     Duration period_;
 };
+
+// The cycle was sent `lateness` after it was due: moves the next cycles as the clock of the settings requires.
+void keep_in_step(Context& ctx, const CycleSettings& settings, Schedule& schedule, Duration lateness) {
+    if (settings.clock != nullptr && settings.send) schedule.shift(-settings.clock->follow(ctx, lateness));
+}
 
 // Reports an overrun at once, and further overruns once a second at most.
 class OverrunNews {
@@ -313,8 +319,10 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         if (!network.supervised && !supervision.busy()) {  // or the supervision of the application has ended meanwhile
             if (const auto supervised = submit(ctx, supervision); !supervised) return supervised;
         }
+        const Duration lateness = osal.now() - schedule.due();
         const Error exchanged = exchange(ctx, cycle);
         if (ends_the_cycle(exchanged.code)) return exchanged;
+        keep_in_step(ctx, cycle, schedule, lateness);
         (void)schedule.next(osal.now());
         poll_until(ctx, schedule.due());
         const bool in_time = osal.now() < give_up || periods < kPeriodsToLook;
@@ -349,6 +357,7 @@ Result<> run_cycle(Context& ctx, const CycleSettings& settings, CycleWork work, 
         cycle.lateness = osal.now() - cycle.due;
         cycle.error = exchange(ctx, settings);
         if (ends_the_cycle(cycle.error.code)) return cycle.error;
+        keep_in_step(ctx, settings, schedule, cycle.lateness);
         if (!call_work(work, ctx, cycle, user)) return Result<>();
         const Time done = osal.now();
         const std::uint64_t late = schedule.next(done);

@@ -168,20 +168,25 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
 // The datagram that carries the time of the reference clock (FRMW). When the reference clock is lost, all other slaves
 // take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time that the
 // reference will probably have. A reply that still has this value, and comes from fewer slaves than before, was not
-// read from the reference: then no time is sent any more, until the owner chooses another reference.
+// read from the reference: then the next cycle carries the time of the standby. Without a standby no time is sent any
+// more, until the owner chooses another reference.
 void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
     RegisterReading& into = *reading.into;
     const RegisterReading before = into;
     copy_reading(reading, data);
     if (sent.overlapped || into.slaves == 0) return;
     const std::size_t at = reading.offset + wire::kDatagramHeaderBytes;
-    if (into.slaves < before.slaves && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
-        sent.bytes[reading.offset] = static_cast<std::byte>(wire::Command::NOP);
+    const std::uint64_t next = before.value == 0 ? into.value : 2 * into.value - before.value;
+    const bool doubtful = into.slaves < before.slaves || before.value == 0;
+    if (doubtful && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
+        const MutableBytes head = MutableBytes(sent.bytes).subspan(reading.offset);
+        if (reading.standby != 0 && load_le<std::uint16_t>(head, 2) != reading.standby)
+            store_le<std::uint16_t>(head, 2, reading.standby);
+        else
+            head[0] = static_cast<std::byte>(wire::Command::NOP);
         into.slaves = 0;
         into.value = before.value;
-        return;
     }
-    const std::uint64_t next = before.value == 0 ? into.value : 2 * into.value - before.value;
     for (std::size_t n = 0; n < reading.bytes; ++n) sent.bytes[at + n] = static_cast<std::byte>(next >> (8 * n));
 }
 

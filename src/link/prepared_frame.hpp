@@ -27,6 +27,9 @@ struct PreparedDatagram {
 struct PreparedReading {
     std::uint16_t offset = 0;
     std::uint16_t bytes = 0;  // of the data, at most 8
+    // Of the reference clock's time: the station address of the slave whose time is sent when the reference clock is
+    // lost; 0: none.
+    std::uint16_t standby = 0;
     RegisterReading* into = nullptr;
 };
 

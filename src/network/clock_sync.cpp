@@ -14,10 +14,13 @@ namespace reg = wire::reg;
 
 constexpr Step kSyncStep = Step::configure_sync;
 
+Error invalid_time(Argument which) {
+    return {.code = Errc::invalid_argument, .step = kSyncStep, .detail = static_cast<std::uint32_t>(which)};
+}
+
 Result<std::uint32_t> cycle_ns(Duration cycle) {
     if (cycle >= Duration{0} && cycle.count() <= UINT32_MAX) return static_cast<std::uint32_t>(cycle.count());
-    return Error{
-        .code = Errc::invalid_argument, .step = kSyncStep, .detail = static_cast<std::uint32_t>(Argument::sync_cycle)};
+    return invalid_time(Argument::sync_cycle);
 }
 
 // A factor of an operation mode: n cycles, or for a negative number the nth part of a cycle (ETG.2000).
@@ -105,6 +108,10 @@ Task<Result<>> write_sync(Network& network, Slave& slave, SyncRegisters sync) {
                                    : sync_period_ns(sync.sync0_cycle_ns, sync.sync1_cycle_ns);
     clock.sync_start_ns =
         start_time_ns(now_ns + static_cast<std::uint64_t>(settings.start_delay.count()), grid, sync.shift_ns);
+    if (settings.start_time != nullptr)
+        clock.sync_start_ns = settings.start_time(slave.number, clock.sync_start_ns, settings.start_time_user);
+    // The chip would wait for a time that has passed for centuries, or until 32 bits wrap.
+    if (static_cast<std::int64_t>(clock.sync_start_ns - now_ns) <= 0) co_return invalid_time(Argument::sync_start);
     wire::Register start = reg::kSyncStartTime;
     if (clock.kind == ClockKind::bits32) start.length = 4;
     written = co_await write_clock_register(station, start, clock.sync_start_ns);
@@ -130,6 +137,37 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
         load_le<std::uint32_t>(there, 8) == clock.delay_ns;
 }
 
+// The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time
+// that is known, as far as the master's clock can tell it, so that the other clocks need not follow a jump. Receive
+// times are latched, and nobody else latches them now.
+Task<Result<>> continue_reference(Network& network) {
+    Clocks& clocks = network.clocks;
+    Slave& reference = network.slave(clocks.reference);
+    auto latched = co_await latch_receive_times(network);
+    if (!latched) co_return latched;
+    const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
+    auto mine = co_await read_receive_times(network, reference);
+    if (!mine) co_return mine;
+    ClockEntry& clock = clocks.of(reference);
+    clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
+    co_return co_await write_clock(network, reference);
+}
+
+bool was_reset(const ClockEntry& clock, std::uint64_t offset) { return offset == 0 && clock.offset_ns != 0; }
+
+// Looks whether the reference was reset, and gives it its time again.
+Task<Result<>> restore_reference(Network& network) {
+    Clocks& clocks = network.clocks;
+    while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
+    const Measuring measuring(clocks);
+    Slave& reference = network.slave(clocks.reference);
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
+    if (!offset) co_return offset.error();
+    if (!was_reset(clocks.of(reference), *offset)) co_return Nothing{};
+    co_return co_await continue_reference(network);
+}
+
 // The clock of the slave from that of the reference: both latch the same frame.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
@@ -137,15 +175,20 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     const Measuring measuring(clocks);
     Slave& reference = network.slave(clocks.reference);
     const bool measured = clocks.of(slave).times.count() != 0;
+    auto offset =
+        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
+    if (!offset) co_return offset.error();
+    if (was_reset(clocks.of(reference), *offset)) {
+        auto continued = co_await continue_reference(network);
+        if (!continued) co_return continued;
+        *offset = clocks.of(reference).offset_ns;
+    }
     auto latched = co_await latch_receive_times(network);
     if (!latched) co_return latched;
     auto mine = co_await read_receive_times(network, slave);
     if (!mine) co_return mine;
     auto other = co_await read_receive_times(network, reference);
     if (!other) co_return other;
-    auto offset =
-        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
-    if (!offset) co_return offset.error();
     if (!measured) compute_clock_delays(network);
     ClockEntry& clock = clocks.of(slave);
     const ClockEntry& source = clocks.of(reference);
@@ -199,7 +242,8 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
         auto probed = co_await probe_clock(network, slave);
         if (!probed) co_return probed;
     }
-    if (!is_clock(clock.kind) || clocks.reference == 0 || clocks.reference == slave.number) co_return Result<>();
+    if (!is_clock(clock.kind) || clocks.reference == 0) co_return Result<>();
+    if (clocks.reference == slave.number) co_return co_await restore_reference(network);
     if (clock.synchronised) {
         auto same = co_await has_its_clock(network, slave);
         if (!same) co_return same.error();
@@ -225,6 +269,10 @@ Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSe
     if (!cycle0) return cycle0.error();
     const auto cycle1 = cycle_ns(settings.sync1_cycle);
     if (!cycle1) return cycle1.error();
+    // Another start on the grid would have another phase.
+    const std::uint64_t period = sync_period_ns(*cycle0, *cycle1);
+    if (period != 0 && static_cast<std::uint64_t>(clocks.start_grid.count()) % period != 0)
+        return invalid_time(Argument::sync_grid);
     return SyncRegisters{.assign_activate = settings.assign_activate,
                          .sync0_cycle_ns = *cycle0,
                          .sync1_cycle_ns = *cycle1,
@@ -245,6 +293,7 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
     if (written) co_return written;
     Error error = written.error();
     error.step = kSyncStep;
+    error.slave = slave.number;
     co_return error;
 }
 

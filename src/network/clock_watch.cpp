@@ -1,7 +1,9 @@
 // The supervision of the clocks: differences, and a reference clock that is lost.
 #include "network/network.hpp"
+#include "network/wanted.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -12,28 +14,63 @@ bool is_there(Network& network, std::uint16_t number) {
     return number != 0 && network.slave(number).al.state != AlState::none;
 }
 
-// The first slave in the ring whose clock is synchronised.
-std::uint16_t next_reference(Network& network) {
-    for (const RingPlace& place : network.seen_ring())
-        if (place.slave != 0 && is_there(network, place.slave) && network.clocks.entries[place.slave - 1U].synchronised)
-            return place.slave;
+// The first slave in the ring whose clock is synchronised, and that is not lost when the slave `without` is lost.
+std::uint16_t next_reference(Network& network, std::uint16_t without) {
+    const auto ring = network.seen_ring();
+    const std::size_t lost = without == 0 ? 0 : network.slave(without).ring_position;
+    bool behind = false;  // the slaves behind the lost one are the next ones in the ring
+    for (std::size_t n = 0; n < ring.size(); ++n) {
+        const std::size_t place = n + 1;
+        if (place == lost) behind = true;
+        if (place > lost) behind = behind && ring[n].parent >= lost;
+        const std::uint16_t slave = ring[n].slave;
+        if (behind || slave == 0 || !is_there(network, slave)) continue;
+        if (network.clocks.entries[slave - 1U].synchronised) return slave;
+    }
     return 0;
 }
 
+// The cycle itself changes to the next clock when the reference does not answer, so that the other clocks are without
+// the time for one cycle only.
+void choose_standby(Network& network) {
+    Clocks& clocks = network.clocks;
+    const std::uint16_t next =
+        clocks.settings.replace_lost_reference ? next_reference(network, clocks.reference) : std::uint16_t{0};
+    for (ProcessGroup& group : network.process.groups)
+        if (group.mapped && group.dc_reference == clocks.reference)
+            set_time_standby(group, next == 0 ? StationAddress{} : network.slave(next).station_address);
+}
+
 // The new reference shows the time of the lost one: it has followed it, and its register 0x0928 is subtracted when the
-// master reads the time. So all delays stay right, and no clock makes a step.
+// master reads the time. So all delays stay right, and no clock makes a step. The new reference also keeps the rate
+// that it has learned from the lost one.
 //
-// The control loop of the new reference starts again. When the old reference was lost, the way of the frame became
-// shorter, and a comparison with the time that still was sent then may have set a wrong rate, which no comparison would
-// correct any more.
+// When the old reference was lost, the way of the frame became shorter: one comparison with the time that still was
+// sent was wrong. The filter of the chip takes a small part of it. If the mean of the differences has left the limit
+// nevertheless, the rate may be wrong too, and no comparison would correct it any more: then the control loop of the
+// new reference starts again.
 Task<Result<>> replace_reference(Network& network) {
     Clocks& clocks = network.clocks;
-    const std::uint16_t next = next_reference(network);
-    if (next == 0) co_return Nothing{};
-    auto reset = co_await reset_control_loop(network.station(network.slave(next)));
-    if (!reset || !carry_time_of(network, &network.slave(next))) co_return reset;
+    const bool known = std::exchange(clocks.loss_reported, true);
+    if (!known) network.report({.kind = EventKind::reference_lost, .slave = clocks.reference});
+    const std::uint16_t next = clocks.settings.replace_lost_reference ? next_reference(network, 0) : std::uint16_t{0};
+    if (next == 0) {
+        // A reference that was switched off comes back with another time, which must reach nobody.
+        (void)carry_time_of(network, nullptr);
+        clocks.paused = false;
+        co_return Nothing{};
+    }
+    Slave& slave = network.slave(next);
+    auto seen = co_await read_difference(network, slave);
+    if (!seen) co_return seen;
+    if (std::abs(std::int64_t{clocks.of(slave).difference_ns}) > clocks.settings.limit_ns) {
+        auto reset = co_await reset_control_loop(network.station(slave));
+        if (!reset) co_return reset;
+    }
+    if (!carry_time_of(network, &slave)) co_return Nothing{};
     network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
     clocks.reference = next;
+    clocks.loss_reported = false;
     co_return Nothing{};
 }
 
@@ -97,18 +134,24 @@ bool cycle_carries_time(const Network& network) {
                                [](const ProcessGroup& group) { return group.mapped && group.dc_reference != 0; });
 }
 
-// Keeps the time of the last cycle. A cycle that has stopped to carry the time, though the reference is there, carries
-// it again after some rounds: the supervision needs some time to see that the reference is lost.
+// Keeps the time of the last cycle. A cycle that has stopped to carry the time of the reference, though the reference
+// is there, carries it again after some rounds: the supervision needs some time to see that the reference is lost.
 void note_time_of_cycle(Network& network) {
     Clocks& clocks = network.clocks;
     constexpr std::uint8_t kEnough = 20;
     const Slave& reference = network.slave(clocks.reference);
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
+    // Below SAFEOP, a slave that has come back may not have its clock yet: prepare_clock() gives it back.
+    const bool settled =
+        reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) continue;
+        const bool of_reference = time_source(group) == reference.station_address;
         if (group.dc_time.slaves != 0)
-            clocks.note_time(group.dc_time.value, wide, network.engine.link().last_cycle());
-        else if (!clocks.paused && ++clocks.without_time >= kEnough)
+            clocks.note_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
+        if (group.dc_time.slaves != 0 && of_reference)
+            clocks.without_time = 0;
+        else if (!clocks.paused && settled && ++clocks.without_time >= kEnough)
             (void)carry_time_of(network, &reference);
     }
 }
@@ -127,13 +170,21 @@ Task<Result<>> watch_clocks(Network& network) {
         if (!replaced) co_return replaced;
     }
     if (!is_there(network, clocks.reference)) co_return Nothing{};
+    clocks.loss_reported = false;
     note_time_of_cycle(network);
+    choose_standby(network);
+    if (clocks.settings.delay_interval > Duration{0} && now >= clocks.delays_at) {
+        clocks.delays_at = later(now, clocks.settings.delay_interval);
+        auto improved = co_await improve_delays(network);
+        if (!improved && improved.error().code == Errc::capacity) co_return improved;
+    }
     if (!cycle_carries_time(network)) {
         auto sent = co_await send_time(network);
         if (!sent) co_return sent;
     }
     auto greatest = co_await read_greatest_difference(network);
     if (!greatest) co_return greatest.error();
+    clocks.greatest_ns = *greatest;
     if (*greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
     const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
     auto all = co_await for_each_slave(network, look);

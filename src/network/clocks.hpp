@@ -49,7 +49,10 @@ struct Clocks {
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     bool all_in_sync = false;
+    bool loss_reported = false;     // that the reference is lost
+    std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
+    Time delays_at = Time::min();  // when the delays are measured again
     // Called before a slave is requested to enter SAFEOP; once in each round of the supervision.
     Task<Result<>> (*prepare)(Network& network, Slave& slave) = nullptr;
     Task<Result<>> (*watch)(Network& network) = nullptr;
@@ -109,6 +112,8 @@ class Measuring {
 [[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
+// Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.
+[[nodiscard]] Task<Result<>> improve_delays(Network& network);
 // Writes offset and delay of the entry, and starts the control loop of the clock again.
 [[nodiscard]] Task<Result<>> write_clock(Network& network, Slave& slave);
 

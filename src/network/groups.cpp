@@ -57,16 +57,21 @@ bool share_octets(Bytes a, Bytes b) {
     return before(a.data(), b.data() + b.size()) && before(b.data(), a.data() + a.size());
 }
 
-// The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros.
+bool is_lost(Network& network, std::uint16_t number) {
+    return number <= network.count && network.slave(number).al.state == AlState::none;
+}
+
+// The slave whose time the cycle of the group carries. The frame passes the slaves before it with zeros. A lost slave
+// has no place in the ring: the reference clock of configdc() is taken in its place, if there is one.
 Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& group) {
     const Clocks& clocks = network.clocks;
-    if (group.config.dc_reference == 0)
-        return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
-    Error error{
-        .code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = group.config.dc_reference};
-    if (group.config.dc_reference <= network.count) error.expected = clock_before(network, group.config.dc_reference);
-    if (error.expected != 0) return error;
-    return group.config.dc_reference;
+    const std::uint16_t wanted = group.config.dc_reference;
+    if (wanted == 0) return group.number == clocks.settings.group ? clocks.reference : std::uint16_t{0};
+    if (wanted > network.count) return wanted;  // reported by plan_datagrams()
+    if (is_lost(network, wanted)) return clocks.reference != 0 ? clocks.reference : wanted;
+    Error error{.code = Errc::clock_before_reference, .step = Step::map_process_data, .slave = wanted};
+    error.expected = clock_before(network, wanted);
+    return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
 }
 
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
@@ -93,10 +98,10 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     group.marks = network.mark_table;
     const auto extras = check_extras(group);
     if (!extras) return extras;
-    for (Slave& slave : network.slaves())
-        if (slave.image.group == number) slave.takes_part = exchanges(slave);
     const auto reference = choose_time_source(network, group);
     if (!reference) return reference.error();
+    for (Slave& slave : network.slaves())
+        if (slave.image.group == number) slave.takes_part = exchanges(slave);
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference = *reference;
     const auto count = plan_datagrams(network.slaves(), number, wanted, group.layout, tables.scratch);
@@ -327,8 +332,11 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     const auto laid_out = lay_out_group(network, number, image);
     if (!laid_out) {
         unprepare(network.process.groups[number], network.engine.link(), network.engine.now());
-        for (Slave& slave : network.slaves())
-            if (slave.image.group == number) slave.image = {};
+        for (Slave& slave : network.slaves()) {
+            if (slave.image.group != number) continue;
+            slave.image = {};
+            slave.takes_part = false;
+        }
         const std::uint16_t named = laid_out.error().slave;  // the caller notes errors of the group
         if (named != 0 && named <= network.count) network.note(network.slave(named), laid_out.error());
         if (named > network.count) network.note(laid_out.error());

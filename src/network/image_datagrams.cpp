@@ -162,7 +162,7 @@ Result<> check_reference(std::span<const Slave> slaves, std::uint16_t reference)
     if (reference > slaves.size()) {
         error.code = Errc::unknown_slave;
         error.expected = static_cast<std::uint32_t>(slaves.size());
-    } else if (reference != 0 && !slaves[reference - 1U].dl.dc) {
+    } else if (reference != 0 && !slaves[reference - 1U].dl.dc && slaves[reference - 1U].al.state != AlState::none) {
         error.code = Errc::invalid_argument;
         error.detail = static_cast<std::uint32_t>(Argument::dc_reference);
     }
@@ -180,10 +180,11 @@ ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfigurati
              wire::reg::kAlStatus.length,
              &Group::al_status});
     if (wanted.dc_reference != 0) {
-        const StationAddress reference = slaves[wanted.dc_reference - 1U].station_address;
-        add({Command::FRMW,
-             {reference, wire::reg::kSystemTime.address},
-             slaves[wanted.dc_reference - 1U].dl.dc_64bit ? wire::reg::kSystemTime.length : std::uint16_t{4},
+        // All other slaves would copy what was sent while the reference is lost: then the cycle carries no time.
+        const Slave& reference = slaves[wanted.dc_reference - 1U];
+        add({reference.al.state == AlState::none ? Command::NOP : Command::FRMW,
+             {reference.station_address, wire::reg::kSystemTime.address},
+             reference.dl.dc_64bit ? wire::reg::kSystemTime.length : std::uint16_t{4},
              &Group::dc_time});
     }
     return plans;

@@ -227,6 +227,24 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     return Result<>();
 }
 
+void set_time_standby(ProcessGroup& group, StationAddress standby) {
+    if (group.overlap.sets > 1) return;
+    for (PreparedReading& reading : group.readings)
+        if (reading.into == &group.dc_time) reading.standby = standby.value;
+}
+
+StationAddress time_source(const ProcessGroup& group) {
+    for (const PreparedFrame& frame : group.prepared) {
+        for (const PreparedReading& reading : frame.readings) {
+            if (reading.into != &group.dc_time) continue;
+            const Bytes head = Bytes(frame.bytes).subspan(reading.offset);
+            if (wire::DatagramLayout::command::load(head) == wire::Command::NOP) return {};
+            return {load_le<std::uint16_t>(head, 2)};
+        }
+    }
+    return {};
+}
+
 bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns) {
     if (group.overlap.sets > 1) return false;
     for (const PreparedFrame& frame : group.prepared)

@@ -110,6 +110,11 @@ void give_inputs(ProcessGroup& group);
 // before the reference. False while a frame with the time is on the wire, and where cycles overlap (then another thread
 // may be sending).
 [[nodiscard]] bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t about_ns);
+// Sets the slave whose time the cycle carries by itself as soon as the reference is lost; 0: none. Not where cycles
+// overlap.
+void set_time_standby(ProcessGroup& group, StationAddress standby);
+// The station address of the slave whose time the cycle carries now; 0: it carries none.
+[[nodiscard]] StationAddress time_source(const ProcessGroup& group);
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 

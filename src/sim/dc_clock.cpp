@@ -9,15 +9,21 @@ namespace {
 
 namespace reg = wire::reg;
 
-// The gains of the chips' control loops are not published. These values, in units of the speed counter difference
-// (0x0932), correct a clock error of some 10 ppm within some tenths of a second, and are stable with comparisons every
-// 20 ms or more often.
-constexpr double kProportional = 4.0;  // per nanosecond of difference
-constexpr double kIntegral = 40.0;     // per nanosecond of difference and second
+// The data sheets say what the control loop does (it adjusts the rate by the mean of the differences, whose filter
+// depth is register 0x0934), but not its gains. The loop of this model corrects this part of the mean in a second. The
+// filter delays the correction, so the part is less where comparisons are rare: then the loop is stable.
+constexpr double kFastest = 50.0;
 
 // The clock rate for a speed counter difference, by the formula of the data sheets for 0x0932.
 double rate_of(double difference, double start) {
     return difference / (5.0 * (start + difference + 2) * (start - difference + 2));
+}
+
+// The inverse.
+double difference_of(double rate, double start) {
+    const double tenth = 10.0 * rate;
+    if (std::abs(rate) < 1e-12) return 0.0;
+    return (std::sqrt(1.0 + tenth * tenth * (start + 2) * (start + 2)) - 1.0) / tenth;
 }
 
 }  // namespace
@@ -26,6 +32,9 @@ void DcClock::power_up(RegisterFile& registers, const ClockDescription& clock, b
     registers_ = &registers;
     bits64_ = bits64;
     drift_ = clock.drift_ppb * 1e-9;
+    step_ns_ = std::max<std::uint8_t>(clock.step_ns, 1);
+    jitter_ns_ = clock.jitter_ns;
+    random_ = clock.start_ns * 2 + 1;
     correction_ = 0;
     anchored_ = now;
     anchor_local_ = clock.start_ns;
@@ -42,6 +51,16 @@ std::uint64_t DcClock::local(Time at) const {
     const double bent = static_cast<double>(passed) * (drift_ + correction_) + anchor_part_;
     return anchor_local_ + static_cast<std::uint64_t>(passed) +
            static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(bent)));
+}
+
+std::uint64_t DcClock::stamp(Time at) {
+    Duration away{0};
+    if (jitter_ns_ != 0) {
+        random_ = random_ * 6364136223846793005 + 1442695040888963407;
+        away = Duration(static_cast<std::int64_t>((random_ >> 33) % (2 * jitter_ns_ + 1U)) - jitter_ns_);
+    }
+    const std::uint64_t exact = local(at + away);
+    return exact - exact % step_ns_;
 }
 
 void DcClock::anchor(Time at) {
@@ -119,11 +138,14 @@ void DcClock::compare(std::uint32_t received, Time at) {
     const double seconds =
         compared_ == kNever ? 0.0 : std::min(static_cast<double>((at - compared_).count()) * 1e-9, 0.02);
     compared_ = at;
-    integral_ = std::clamp(integral_ - kIntegral * difference * seconds, -limit, limit);
-    const double wanted = std::clamp(integral_ - kProportional * difference, -limit, limit);
-    const auto counter = static_cast<std::int16_t>(std::round(wanted));
+    const double lag = seconds * (1u << depth);
+    const double part = lag * kFastest > 0.5 ? 0.5 / lag : kFastest;
+    const double most = limit > 0 ? rate_of(limit, start) : 0.0;
+    integral_ = std::clamp(integral_ - part * part / 4 * difference * 1e-9 * seconds, -most, most);
+    const double wanted = std::clamp(integral_ - part * mean_ * 1e-9, -most, most);
+    const auto counter = static_cast<std::int16_t>(std::clamp(std::round(difference_of(wanted, start)), -limit, limit));
     registers_->set(reg::kSpeedCounterDifference.address, static_cast<std::uint16_t>(counter));
-    set_rate(limit > 0 ? rate_of(wanted, start) : 0.0, at);
+    set_rate(wanted, at);
 }
 
 }  // namespace margay::sim

@@ -17,10 +17,13 @@ class DcClock {
 
     // Local time at `at`. The port receive times are local times.
     [[nodiscard]] std::uint64_t local(Time at) const;
+    // The local time that the chip notes for a frame that arrives at `at`: in steps of the counter, with the jitter of
+    // the receiver.
+    [[nodiscard]] std::uint64_t stamp(Time at);
     // The local copy of the system time, without the delay of 0x0928.
     [[nodiscard]] std::uint64_t copy(Time at) const { return cut(local(at) + offset_); }
     // The value that the master reads at 0x0910: the copy at the time when the frame passed the reference clock.
-    [[nodiscard]] std::uint64_t system(Time at) const { return cut(copy(at) - delay_); }
+    [[nodiscard]] std::uint64_t system(Time at) { return cut(stamp(at) + offset_ - delay_); }
     // Difference from the copy to `copy_time`; negative when the copy has passed it. With 32 bits the result is within
     // ± 2³¹ ns.
     [[nodiscard]] std::int64_t ahead(std::uint64_t copy_time, Time at) const;
@@ -47,6 +50,9 @@ class DcClock {
 
     RegisterFile* registers_ = nullptr;
     bool bits64_ = true;
+    std::uint8_t step_ns_ = 1;
+    std::uint8_t jitter_ns_ = 0;
+    std::uint64_t random_ = 1;
     double drift_ = 0;       // relative rate error of the oscillator
     double correction_ = 0;  // rate correction by the control loop
     Time anchored_{};
@@ -55,7 +61,7 @@ class DcClock {
     std::uint64_t offset_ = 0;
     std::uint32_t delay_ = 0;
     double mean_ = 0;      // mean of the differences
-    double integral_ = 0;  // integral part of the loop, in units of the speed counter difference
+    double integral_ = 0;  // integral part of the loop, as a rate
     Time compared_ = kNever;
 };
 

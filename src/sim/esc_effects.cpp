@@ -310,9 +310,15 @@ void Esc::latch_receive_times(const FrameEnd& end) {
     for (unsigned p = 0; p < kMaxPorts; ++p)
         if (end.ports[p] != kNever)
             registers_.set(static_cast<std::uint16_t>(reg::kPortReceiveTime.address + 4 * p),
-                           static_cast<std::uint32_t>(clock_.local(end.ports[p])));
+                           static_cast<std::uint32_t>(clock_.stamp(end.ports[p])));
     if (!dc_on_) return;
-    const auto received = clock_.local(end.ports[0] != kNever ? end.ports[0] : end.processing);
+    // A frame that arrives at port 0 has one time.
+    auto received = clock_.stamp(end.processing);
+    if (end.ports[0] != kNever) {
+        const auto low = registers_.get<std::uint32_t>(reg::kPortReceiveTime.address);
+        received += static_cast<std::uint64_t>(
+            std::int64_t{static_cast<std::int32_t>(low - static_cast<std::uint32_t>(received))});
+    }
     registers_.set(reg::kProcessingUnitReceiveTime.address,
                    description_.dc == DcUnit::bits64 ? received : received & 0xFFFFFFFF);
 }

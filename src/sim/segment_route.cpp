@@ -127,6 +127,7 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
         t += chip.ports[entry.port].delay;
         unsigned port = entry.port;
         bool through_closed_0 = false;
+        Duration inside = chip.forwarding_delay;
         for (;;) {
             if (port == 0) {
                 const bool marks = through_closed_0 && !node.link[0];
@@ -134,16 +135,15 @@ void Segment::walk(Route& route, PortRef entry, Duration t) {
                     route.circulating_at = static_cast<std::uint32_t>(route.visits.size());
                 else if (marks)
                     return;  // the frame was marked before, so it is destroyed
-                route.visits.push_back({entry.slave, t, marks});
-                t += chip.processing_delay;
-            } else if (chip.ports[port].kind >= wire::PortKind::ebus) {
-                t += chip.forwarding_delay;
+                const Duration before = entry.port == 0 ? Duration{0} : chip.forwarding_delay;
+                route.visits.push_back({entry.slave, t + before, marks});
+                inside = chip.processing_delay;
             }
             port = kNext[port];
             if (node.passes(port)) break;
             through_closed_0 = port == 0;
         }
-        t += chip.ports[port].delay;
+        t += inside + chip.ports[port].delay;
         const auto& cable = node.cables[port];
         if (!node.link[port]) return;  // forced open without a link: the frame is lost
         t += cable.delay;

@@ -50,6 +50,10 @@ struct DcDescription {
     bool sync1 = false;     // the application also needs SYNC1
     Duration min_cycle{};   // limits of the SYNC0 cycle time; zero: no limit
     Duration max_cycle{};
+    // The device follows SYNC0 with a control loop of its own, as drives do. In SAFEOP→OP it refuses OP with AL status
+    // code 0x0032 (PLL error) when SYNC0 occurs, but the frames do not come once a period and away from SYNC0. In OP it
+    // reports missing frames with 0x0034 (DC sync timeout) instead of 0x001A (ETG.1020 "AL status codes").
+    bool pll = false;
 };
 
 // Mailbox protocols in the order of the bit field in the SII.

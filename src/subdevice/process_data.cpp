@@ -65,6 +65,8 @@ void ProcessData::start(Time now) {
     read_sync_settings();
     running_ = true;
     last_sync_ = now;
+    locked_ = frames_ = syncs_of_period_ = 0;
+    collided_ = false;
     next_watch_ = kNever;
     next_poll_ = silent_ ? now + kPollEvery : kNever;
     process(part::kApplication | part::kInputs, now);
@@ -114,7 +116,28 @@ AlStatusCode ProcessData::missing(Time now) {
         if (!outputs_seen_)
             return outputs_expired_ ? AlStatusCode::sync_manager_watchdog : AlStatusCode::no_valid_outputs;
     }
-    return mode_ == SyncMode::dc_sync0 && !sync_seen_ ? AlStatusCode::no_sync_error : AlStatusCode::none;
+    if (mode_ != SyncMode::dc_sync0) return AlStatusCode::none;
+    if (!sync_seen_) return AlStatusCode::no_sync_error;
+    constexpr unsigned kEnough = 4;
+    const bool unlocked = application_.description().dc.pll && has_outputs() && locked_ < kEnough;
+    return unlocked ? AlStatusCode::pll_error : AlStatusCode::none;
+}
+
+// A frame that comes with SYNC0 is before it in one cycle and behind it in the next one.
+void ProcessData::note_phase(Time now) {
+    const Duration cycle{sync_cycle_ns_};
+    const Duration near = cycle / 32;
+    const Duration since = now - last_sync_;
+    ++frames_;
+    collided_ |= sync_seen_ && (since < near || since > cycle - near);
+}
+
+void ProcessData::watch_lock() {
+    if (++syncs_of_period_ < syncs_per_frame_) return;
+    const bool right = frames_ == 1 && (syncs_per_frame_ > 1 || !collided_);
+    locked_ = right ? locked_ + 1 : 0;
+    frames_ = syncs_of_period_ = 0;
+    collided_ = false;
 }
 
 // In SAFEOP. In OP, watch() takes the device to SAFEOP instead.
@@ -213,6 +236,7 @@ void ProcessData::take_outputs(Time now) {
     outputs_expired_ = false;
     last_outputs_ = now;
     missed_ = syncs_ = 0;
+    if (mode_ == SyncMode::dc_sync0) note_phase(now);
     if (next_watch_ != kNever) next_watch_ = now + watchdog_;
     if (!outputs_valid_) return;  // SAFEOP: the outputs are read, but not applied
     if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw);
@@ -310,6 +334,7 @@ void ProcessData::count_sync(Time now) {
     }
     sync_seen_ = true;
     last_sync_ = now;
+    watch_lock();
     if (!outputs_valid_ || !has_outputs() || ++syncs_ < syncs_per_frame_) return;
     syncs_ = 0;
     if (++missed_ > 1) show_missed_frames();
@@ -333,7 +358,8 @@ AlStatusCode ProcessData::watch(Time now, std::uint32_t events) {
             return AlStatusCode::fatal_sync_error;
         if (sync_error_limit_ != 0 && missed_ > sync_error_limit_) {
             if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{1};
-            return AlStatusCode::synchronization_error;
+            return application_.description().dc.pll ? AlStatusCode::dc_sync_timeout
+                                                     : AlStatusCode::synchronization_error;
         }
     }
     if (next_watch_ > now) return AlStatusCode::none;

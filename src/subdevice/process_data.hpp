@@ -106,6 +106,8 @@ class ProcessData {
     void forget_outputs(Time now);
     void acknowledge(wire::Register status);
     void count_sync(Time now);
+    void watch_lock();
+    void note_phase(Time now);
     void serve_sync(Time now);
     void arm(Time now);
     [[nodiscard]] bool undriven() const;
@@ -144,6 +146,11 @@ class ProcessData {
     std::uint32_t syncs_ = 0;  // SYNC0 signals of the present frame period
     Duration watchdog_{};
     unsigned missed_ = 0;  // frame periods since the last outputs
+    // For DcDescription::pll: periods in succession with one frame, and the frames of this period.
+    unsigned locked_ = 0;
+    unsigned frames_ = 0;
+    std::uint32_t syncs_of_period_ = 0;
+    bool collided_ = false;  // a frame of this period came together with SYNC0
     unsigned sync_error_limit_ = 0;
     Time last_outputs_{};
     Time last_sync_{};

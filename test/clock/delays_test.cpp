@@ -3,6 +3,7 @@
 #include <places.hpp>
 #include "network/topology.hpp"
 #include "oshw/pcap/capture_file.hpp"
+#include "sim/esc_description.hpp"
 #include "wire/datagram.hpp"
 #include "wire/esc.hpp"
 
@@ -261,6 +262,27 @@ TEST(DelaysRecorded, OfRealSlaves) {
         EXPECT_EQ(delay_between_ns(nodes[0], nodes[1]), 145 + processing / 2);
         EXPECT_EQ(delay_between_ns(nodes[0], nodes[2]), 300 + processing / 2);
     }
+}
+
+// How much longer a frame needs through the processing unit than without it: in both recordings, the EL2889 turns the
+// frame (through its processing unit), and the EL2828 forwards the same frame on its way back (without). The frame is
+// away from the EL2828 for the way out, the turn and the way back; it is away from the EK1100 for the same time, and a
+// way out, the forwarding and a way back more. Cables on the E-bus are equal, so twice the first time less the second
+// one is the turn less the forwarding: 2 · 310 - 600 = 20 ns and 2 · 310 - 590 = 30 ns. The counters have steps of
+// 10 ns.
+TEST(DelaysRecorded, TheProcessingUnitOfRealSlaves) {
+    std::int64_t sum = 0;
+    for (const char* name : {"/replay-dc.pcapng", "/replay-ek1100-el2828-el2889.pcapng"}) {
+        const std::string path = std::string(MARGAY_CAPTURES_DIR) + name;
+        if (!std::filesystem::exists(path)) GTEST_SKIP() << "no captures of real segments";
+        const auto slaves = recorded(path);
+        const auto away = [&](std::size_t n) { return slaves[n].times.port_ns[1] - slaves[n].times.port_ns[0]; };
+        sum += 2 * std::int64_t{away(1)} - std::int64_t{away(0)};
+    }
+    EXPECT_EQ(sum, 20 + 30);
+    const auto et1200 = sim::et1200();  // what the simulation and, for its chip type, the master take
+    const Duration modelled = et1200.processing_delay - et1200.forwarding_delay;  // the master takes the same
+    EXPECT_NEAR(static_cast<double>(sum) / 2, static_cast<double>(modelled.count()), 10);
 }
 
 }  // namespace

@@ -125,6 +125,79 @@ TEST_F(MasterClockTest, ADriftThatIsTooHighIsSaid) {
     EXPECT_EQ(to_text(clock.state()), "the drift between both clocks is too high");
 }
 
+// The phase of the cycle that run_cycle() keeps by itself, from reach() on.
+TEST_F(MasterClockTest, RunCycleFollowsTheReferenceClock) {
+    bring_up(80'000);
+    MasterClock clock({.set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
+    const CycleSettings settings{.period = 1ms, .clock = &clock};
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s, settings).ok());
+    double worst = 0;
+    int done = 0;
+    const auto work = [&](const CycleInfo& cycle) {
+        due = cycle.due;
+        if (++done > 500) worst = std::max(worst, std::abs(phase_at_due() + 200'000));
+        return done < 3000;
+    };
+    ASSERT_TRUE(run_cycle(*ctx, settings, work).ok());
+    EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    EXPECT_LE(worst, 1000);
+    EXPECT_NEAR(clock.drift_ppb(), 80'000, 3'000);
+    const auto all = events();
+    EXPECT_EQ(told(all, "cycle in sync, "), 1) << joined(all);
+    EXPECT_EQ(told(all, "cycle out of sync"), 0) << joined(all);
+}
+
+// The line of a cycle, with the columns of its head; the text is exact.
+TEST_F(MasterClockTest, TheLogHasOneLineForEachCycle) {
+    bring_up(80'000);
+    MasterClock clock({.set_value = -200us, .phase = {.cycle = 1ms, .settle = 50ms}});
+    run_cycles(clock, 300, -200'000);
+    std::array<char, 400> head{};
+    std::array<char, 300> line{};
+    const auto columns = [](std::string_view text) { return 1 + std::count(text.begin(), text.end(), ','); };
+    EXPECT_EQ(columns(write_clock_log_head(head)), 16);
+    const ClockRecord& last = clock.record();
+    EXPECT_EQ(columns(write_clock_log(last, line)), 16);
+    EXPECT_TRUE(last.read);
+    EXPECT_EQ(last.state, PhaseState::in_sync);
+    EXPECT_EQ(last.error_ns, clock.error_ns());
+    EXPECT_EQ(last.bus_time_off_ns, last.bus_time_ns % 1'000'000);
+    EXPECT_NEAR(static_cast<double>(last.adjust_ns), 80, 40) << "80 ppm of a millisecond";
+    const ClockRecord record{.at = Time{1'234'567us},
+                             .set_value_ns = -200'000,
+                             .bus_time_ns = 5'000'800'100,
+                             .bus_time_off_ns = 800'100,
+                             .adjust_ns = -83,
+                             .error_ns = -1'500,
+                             .filtered_ns = 7,
+                             .drift_ppb = -80'005,
+                             .cycle_ns = 1'000'000,
+                             .adjusted_ns = -2'400,
+                             .state = PhaseState::in_sync,
+                             .clocks_in_sync = true,
+                             .difference_ns = 31,
+                             .start_time_ns = 5'000'000'000};
+    EXPECT_EQ(write_clock_log(record, line),
+              "1234.567,-200000,5000800100,800100,-83,-1500,7,-80.005,-15,-80.005,-2400,"
+              "5000000000,2,1,1,31\n");
+}
+
+TEST_F(MasterClockTest, WrongSettingsAreSaid) {
+    bring_up(0, false);
+    MasterClock far({.set_value = 1ms, .phase = {.cycle = 1ms}});
+    EXPECT_EQ(to_text(far.state()), "the set value is not less than a cycle");
+    run_cycles(far, 3);
+    EXPECT_EQ(far.state(), PhaseState::set_value_wrong);
+    MasterClock other({.mode = MasterClock::Mode::off, .phase = {.cycle = 800us}});
+    run_cycles(other, 30);
+    EXPECT_EQ(to_text(other.state()), "the cycle is not that of the settings");
+    MasterClock right({.phase = {.cycle = 1ms, .settle = 50ms}});
+    run_cycles(right, 200);
+    EXPECT_EQ(right.state(), PhaseState::in_sync);
+    right.restart();
+    EXPECT_EQ(right.state(), PhaseState::idle);
+}
+
 TEST_F(MasterClockTest, CyclesThatAreLostKeepTheRate) {
     bring_up(50'000);
     MasterClock clock({.mode = MasterClock::Mode::master_shift, .phase = {.cycle = 1ms}});

@@ -149,35 +149,42 @@ TEST_F(Sync, AClockThatLeavesTheLimitIsReported) {
     EXPECT_TRUE(clock(3).in_sync);
 }
 
-// The slave with the reference clock loses its power. The next clock takes over, and when the lost slave is back, it is
-// the reference again. Without the lost slave the frame is at slave 4 earlier by its way to slave 3 and back (1.7 µs):
-// one comparison is wrong by that, until the cycle stops to carry the time. The control loops of the clocks that are
-// left need some tenths of a second to be together again.
-TEST_F(Sync, TheNextClockTakesOver) {
-    segment.add(clocked({.unit = DcUnit::none}).assemble());
-    ASSERT_TRUE(segment.connect_master({0, 0}));
-    const auto hang = [this](std::uint32_t at, std::uint8_t port, std::int32_t drift) {
+// Two slaves without a clock that runs, then a fork: slave 3 with the reference clock at the one branch, slaves 4 and 5
+// at the other.
+struct Fork : Sync {
+    void bring_up_fork(const ClockSettings& settings = kFewFrames) {
+        segment.add(clocked({.unit = DcUnit::none}).assemble());
+        ASSERT_TRUE(segment.connect_master({0, 0}));
+        auto root = clocked({.unit = DcUnit::receive_times});
+        root.chip.ports = sim::junction().ports;
+        const auto fork = segment.add(std::move(root).assemble());
+        ASSERT_TRUE(segment.connect({0, 1}, {fork, 0}));
+        hang(fork, 3, 30'000);   // slave 3: the reference
+        hang(fork, 1, -50'000);  // slave 4
+        hang(3, 1, 90'000);      // slave 5
+        start();
+        const auto reference = configdc(*ctx, settings);
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        ASSERT_EQ(*reference, 3);
+        for (std::uint16_t n = 3; n <= 5; ++n) ctx->slave(n).config.setup = &every_ms;
+        run();
+        cycles(500);
+        (void)events();
+        EXPECT_LE(greatest_error_ns(5), 100);
+    }
+    void hang(std::uint32_t at, std::uint8_t port, std::int32_t drift) {
         auto made = clocked({.drift_ppb = drift, .start_ns = at * 12345});
         made.chip.ports = sim::junction().ports;
         const auto n = segment.add(std::move(made).assemble());
         EXPECT_TRUE(segment.connect({at, port}, {n, 0}, kCable));
-    };
-    auto root = clocked({.unit = DcUnit::receive_times});
-    root.chip.ports = sim::junction().ports;
-    const auto fork = segment.add(std::move(root).assemble());
-    ASSERT_TRUE(segment.connect({0, 1}, {fork, 0}));
-    hang(fork, 3, 30'000);   // slave 3: the reference
-    hang(fork, 1, -50'000);  // slave 4
-    hang(3, 1, 90'000);      // slave 5
-    start();
-    const auto reference = configdc(*ctx, kFewFrames);
-    ASSERT_TRUE(reference.ok()) << words(reference.error());
-    ASSERT_EQ(*reference, 3);
-    for (std::uint16_t n = 3; n <= 5; ++n) ctx->slave(n).config.setup = &every_ms;
-    run();
-    cycles(500);
-    (void)events();
-    EXPECT_LE(greatest_error_ns(5), 100);
+    }
+};
+
+// The slave with the reference clock loses its power. The next clock takes over with the next cycle and keeps its rate,
+// and when the lost slave is back, it is the reference again. Without the lost slave the frame is at slave 4 earlier by
+// its way to slave 3 and back (1.6 µs): one comparison is wrong by that, and the filter of the chip takes a sixteenth.
+TEST_F(Fork, TheNextClockTakesOverWithoutAStep) {
+    bring_up_fork();
     const Time lost = osal.now();
     const auto system = segment.slave(3).clock().copy(lost);
     power(2, false);
@@ -186,15 +193,17 @@ TEST_F(Sync, TheNextClockTakesOver) {
         cycles(1);
         most = std::max(most, std::abs(ahead_ns(4, 5)));
     }
-    EXPECT_LE(most, 2500) << "not much more than the way that is missing";
+    EXPECT_LE(most, 200) << "the limit";
     EXPECT_LE(greatest_error_ns(5), 100) << "and after a second all is in sync";
     EXPECT_EQ(reference_clock(*ctx), 4);
     auto all = events();
+    EXPECT_EQ(told(all, "slave 3 with the reference clock is lost"), 1) << joined(all);
+    EXPECT_EQ(told(all, "clock out of sync"), 0) << joined(all);
     EXPECT_EQ(told(all, "the clock of slave 4 is the reference clock now, in place of slave 3"), 1) << joined(all);
     const auto passed = (osal.now() - lost).count();
-    EXPECT_NEAR(static_cast<double>(segment.slave(3).clock().copy(osal.now()) - system), static_cast<double>(passed),
-                static_cast<double>(passed) * 1e-4)
-        << "goes on at the rate of the lost clock, at most 100 ppm away";
+    EXPECT_NEAR(static_cast<double>(segment.slave(3).clock().copy(osal.now()) - system),
+                static_cast<double>(passed) * (1 + 30e-6), static_cast<double>(passed) * 1e-5)
+        << "goes on at the rate of the lost clock: 30 ppm";
     power(2, true);
     most = 0;
     for (int n = 0; n < 3000; ++n) {
@@ -203,9 +212,203 @@ TEST_F(Sync, TheNextClockTakesOver) {
     }
     EXPECT_TRUE(in_op(3)) << joined(events());
     EXPECT_EQ(reference_clock(*ctx), 3);
-    EXPECT_LE(most, 1500) << "the rate of the reference has changed, its phase has not";
+    EXPECT_LE(most, 200) << "phase and rate of the reference have not changed";
     EXPECT_LE(greatest_error_ns(5), 100);
     EXPECT_EQ(phase_ns(3), 0U);
+}
+
+// By choice no other clock takes over: the clocks go on at the rates that they have learned.
+TEST_F(Fork, ALostReferenceMayStayLost) {
+    ClockSettings settings = kFewFrames;
+    settings.replace_lost_reference = false;
+    bring_up_fork(settings);
+    power(2, false);
+    cycles(500);
+    const auto all = events();
+    EXPECT_EQ(told(all, "slave 3 with the reference clock is lost"), 1) << joined(all);
+    EXPECT_EQ(told(all, "is the reference clock now"), 0) << joined(all);
+    EXPECT_EQ(reference_clock(*ctx), 3);
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 0);
+    EXPECT_LE(std::abs(ahead_ns(4, 5)), 20'000) << "0.5 s without a comparison";
+}
+
+// config_map() while the reference is lost: the others are mapped, and the cycle does not carry zeros to their clocks.
+TEST_F(Fork, ALostReferenceStopsNoMapping) {
+    bring_up_fork();
+    supervision.cancel();
+    cycles(1);
+    for (const bool by_number : {true, false}) {
+        ctx->group(0).config.dc_reference = by_number ? 3 : 0;
+        power(2, false);
+        (void)readstate(*ctx);
+        ASSERT_EQ(ctx->slave(3).al.state, AlState::none);
+        const auto mapped = config_map(*ctx, image);
+        EXPECT_EQ(mapped.error().code, Errc::missing_slave) << words(mapped.error());
+        EXPECT_TRUE(ctx->group(0).mapped);
+        EXPECT_EQ(ctx->slave(4).al.state, AlState::safeop);
+        cycles(5);
+        EXPECT_EQ(ctx->group(0).dc_time.slaves, 0);
+        EXPECT_LE(std::abs(ahead_ns(4, 5)), 2'000);
+    }
+}
+
+TEST_F(Fork, AReferenceWithoutAClockIsRefused) {
+    bring_up_fork();
+    supervision.cancel();
+    cycles(1);
+    ctx->group(0).config.dc_reference = 2;
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::invalid_argument);
+    EXPECT_FALSE(ctx->group(0).mapped);
+    for (std::uint16_t n = 3; n <= 5; ++n) EXPECT_FALSE(ctx->slave(n).takes_part) << n;
+    ctx->group(0).config.dc_reference = 4;
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::clock_before_reference);
+    for (std::uint16_t n = 3; n <= 5; ++n) EXPECT_FALSE(ctx->slave(n).takes_part) << n;
+}
+
+// The way of the frames has changed while the segment runs: the delays are measured again.
+TEST_F(Sync, DelaysAreMeasuredAgain) {
+    add_line(3);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.delay_interval = 50ms;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    run();
+    cycles(100);
+    const auto right = clock(3).delay_ns;
+    constexpr std::array<std::byte, 4> kWrong{std::byte{1}, std::byte{2}};
+    ASSERT_TRUE(write_register(*ctx, 3, wire::reg::kSystemTimeDelay.address, kWrong).ok());
+    cycles(150);
+    EXPECT_NEAR(static_cast<double>(register_of<std::uint32_t>(3, wire::reg::kSystemTimeDelay)),
+                static_cast<double>(right), 2);
+    cycles(1000);
+    EXPECT_LE(greatest_error_ns(3), 100);
+}
+
+TEST_F(Sync, TheApplicationMayChooseTheStartTime) {
+    add_line(2);
+    start();
+    struct Choice {
+        std::uint64_t proposed = 0;
+        std::int64_t by = 250'000;
+    } choice;
+    ClockSettings settings = kFewFrames;
+    settings.start_time_user = &choice;
+    settings.start_time = [](std::uint16_t slave, std::uint64_t proposed, void* user) {
+        auto& mine = *static_cast<Choice*>(user);
+        mine.proposed = proposed;
+        return slave == 2 ? proposed + static_cast<std::uint64_t>(mine.by) : proposed;
+    };
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    ASSERT_TRUE(dcsync0(*ctx, 2, true, 1ms).ok());
+    EXPECT_EQ(choice.proposed % 1'000'000, 0U);
+    EXPECT_EQ(clock(2).sync_start_ns, choice.proposed + 250'000);
+    choice.by = -1'000'000'000;
+    EXPECT_EQ(words(dcsync0(*ctx, 2, true, 1ms).error()),
+              "slave 2: activating SYNC: argument out of range: ClockSettings::start_time has returned a time that has "
+              "passed");
+    EXPECT_FALSE(clock(2).sync_active);
+    EXPECT_TRUE(dcsync0(*ctx, 1, true, 1ms).ok());
+}
+
+// Another start on this grid would have another phase.
+TEST_F(Sync, ACycleThatDoesNotFitTheGridIsRefused) {
+    add_line(1);
+    start();
+    ClockSettings settings = kFewFrames;
+    settings.start_grid = 8ms;
+    ASSERT_TRUE(configdc(*ctx, settings).ok());
+    EXPECT_EQ(
+        words(dcsync0(*ctx, 1, true, 3ms).error()),
+        "slave 1: activating SYNC: argument out of range: ClockSettings::start_grid must be a whole multiple of the "
+        "SYNC cycle");
+    EXPECT_TRUE(dcsync0(*ctx, 1, true, 4ms).ok());
+}
+
+// The offset of one clock changes by 50 µs, as by another program: it is reported, comes back into sync, and the other
+// clocks and their SYNC0 do not take part.
+TEST_F(Sync, AClockThatJumpsIsReportedAndComesBack) {
+    bring_up(3);
+    run();
+    cycles(300);
+    (void)events();
+    const std::uint64_t before = pulses(2);
+    const Time begin = osal.now();
+    std::array<std::byte, 8> offset{};
+    store_le<std::uint64_t>(offset, 0, clock(3).offset_ns + 50'000);
+    ASSERT_TRUE(write_register(*ctx, 3, wire::reg::kSystemTimeOffset.address, offset).ok());
+    cycles(3000);
+    const auto all = events();
+    EXPECT_GE(told(all, "slave 3: clock out of sync"), 1) << joined(all);
+    EXPECT_EQ(told(all, "slave 1: clock"), 0) << joined(all);
+    EXPECT_EQ(told(all, "slave 2: clock"), 0) << joined(all);
+    EXPECT_TRUE(clock(3).in_sync);
+    EXPECT_LE(greatest_error_ns(3), 100);
+    EXPECT_NEAR(static_cast<double>(pulses(2) - before), static_cast<double>((osal.now() - begin) / 1ms), 2);
+}
+
+// The first slave of a line, with the reference clock, loses its power: no other clock can take over, because all are
+// behind it. Its clock begins anew when it is back, and the other clocks have not: the system time goes on.
+TEST_F(Sync, TheReferenceOfALineComesBackWithTheOldTime) {
+    bring_up(3);
+    run();
+    cycles(500);
+    (void)events();
+    const auto shown = [this] { return segment.slave(2).clock().copy(osal.now()); };
+    const std::uint64_t before = shown();
+    const Time begin = osal.now();
+    power(0, false);
+    cycles(100);
+    power(0, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); }, 3000)) << joined(events());
+    cycles(2000);
+    EXPECT_LE(greatest_error_ns(3), 100) << joined(events());
+    EXPECT_EQ(phase_ns(1), 0U);
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_TRUE(clock(n).in_sync) << n;
+    EXPECT_NEAR(static_cast<double>(shown() - before), static_cast<double>((osal.now() - begin).count()), 500'000);
+}
+
+TEST_F(Sync, TheOnlyClockComesBackWithTheOldTime) {
+    bring_up(1);
+    run();
+    cycles(500);
+    const auto shown = [this] { return segment.slave(0).clock().copy(osal.now()); };
+    const std::uint64_t before = shown();
+    const Time begin = osal.now();
+    power(0, false);
+    cycles(100);
+    power(0, true);
+    ASSERT_TRUE(until([&] { return all_in_op(); }, 3000)) << joined(events());
+    cycles(500);
+    EXPECT_NEAR(static_cast<double>(shown() - before), static_cast<double>((osal.now() - begin).count()), 500'000);
+    EXPECT_EQ(phase_ns(1), 0U);
+}
+
+// Clocks of 32 bits wrap every 4.29 s, the reference too: no clock leaves the limit, and SYNC0 goes on.
+TEST_F(Sync, TimesThatWrap) {
+    add({.unit = DcUnit::bits32});
+    add({.drift_ppb = 20'000, .start_ns = 0xFFFF'FF00'0000'0000});
+    add({.drift_ppb = -20'000, .start_ns = 0xF000'0000, .unit = DcUnit::bits32});
+    start();
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    for (std::uint16_t n = 1; n <= 3; ++n) ctx->slave(n).config.setup = &every_ms;
+    run();
+    cycles(300);
+    (void)events();
+    const std::array before{pulses(1), pulses(2), pulses(3)};
+    const auto system = clock_status(*ctx, osal.now()).system_time_ns;
+    const Time begin = osal.now();
+    cycles(9000);
+    const auto all = events();
+    EXPECT_EQ(told(all, "clock"), 0) << joined(all);
+    const auto wanted = static_cast<double>((osal.now() - begin) / 1ms);
+    for (std::uint16_t n = 1; n <= 3; ++n) EXPECT_NEAR(static_cast<double>(pulses(n) - before[n - 1U]), wanted, 2) << n;
+    const ClockStatus status = clock_status(*ctx, osal.now());
+    EXPECT_TRUE(status.in_sync);
+    EXPECT_EQ(status.reference, 1);
+    EXPECT_LE(status.greatest_ns, 200U);
+    EXPECT_NEAR(static_cast<double>(status.system_time_ns - system), static_cast<double>((osal.now() - begin).count()),
+                5000)
+        << "64 bits, also from a clock of 32";
 }
 
 // Operation mode 1 of the DC category: SYNC0 with twice the cycle, shifted by 25 µs; SYNC1 with every second SYNC0.

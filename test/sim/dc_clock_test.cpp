@@ -70,10 +70,10 @@ TEST(ReceiveTimes, GiveTheDelaysOfTheCables) {
     const auto& chip = rig.slave(0).description();
     const Duration port = chip.ports[0].delay;
     const auto ns = [](Duration d) { return static_cast<std::uint32_t>(d.count()); };
-    // Receive, process, send, cable delay; at the end of the line receive, process, pass the closed port 1, send; on
-    // the way back receive, forward, send.
+    // Receive, process, send, cable delay; at the end of the line receive, process, send; on the way back receive,
+    // forward, send.
     const auto there = [&](Duration cable) { return 2 * port + chip.processing_delay + cable; };
-    const Duration turn = 2 * port + chip.processing_delay + chip.forwarding_delay;
+    const Duration turn = 2 * port + chip.processing_delay;
     const Duration back = 2 * port + chip.forwarding_delay;
     EXPECT_EQ(away(1), ns(there(500ns) + turn + 500ns));
     EXPECT_EQ(away(0), away(1) + ns(there(100ns) + back + 100ns));

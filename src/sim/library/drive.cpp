@@ -376,6 +376,6 @@ void Drive::show() {
 }
 
 constexpr Blueprint kDrive = blueprint<Drive>("drive", drive::kDevice, drive::kObjects, Values::bytes,
-                                              {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000});
+                                              {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = kSyncPulse});
 
 }  // namespace margay::sim

@@ -71,6 +71,7 @@ inline constexpr auto kDevice = [] {
                              .mailbox_room = 512,
                              .least_mailbox = 48});
     device.dc.min_cycle = 250us;
+    device.dc.pll = true;
     device.free_run_cycle = {};
     device.drive_axes = 1;
     return device;

@@ -95,6 +95,9 @@ struct Blueprint {
 // PDI control words for the SII: a processor connected by SPI, with or without SYNC and latch units.
 inline constexpr std::uint16_t kSpi = 0x0005;
 inline constexpr std::uint16_t kSpiWithDc = 0x0C05;
+// In units of 10 ns: longer than the latency of the firmware (EscDescription::firmware_latency). The AL event of SYNC0
+// ends with the pulse, so a firmware without the SYNC0 pin would never see a shorter one.
+inline constexpr std::uint16_t kSyncPulse = 5000;
 
 // --- Objects of every device ---
 

@@ -86,7 +86,7 @@ class ServoDrive final : public Model {
 
 }  // namespace
 
-constexpr Blueprint kSoeDrive =
-    blueprint<ServoDrive>("soe_drive", kDevice, {}, 0, {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = 1000});
+constexpr Blueprint kSoeDrive = blueprint<ServoDrive>(
+    "soe_drive", kDevice, {}, 0, {.pdi_control = kSpiWithDc, .sync_pulse_length_10ns = kSyncPulse});
 
 }  // namespace margay::sim

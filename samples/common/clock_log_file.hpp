@@ -1,0 +1,27 @@
+// Reads the log of a MasterClock (CSV, see master_clock.hpp), and draws it.
+#pragma once
+
+#include "common/gnuplot.hpp"
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace margay::samples {
+
+struct ClockLog {
+    std::vector<double> times_s;    // since the first line
+    std::vector<double> offset_ns;  // the reference clock within its cycle
+    std::vector<double> drift_ppm;
+    std::vector<double> error_ns;
+    std::vector<double> difference_ns;  // of the slaves' clocks
+    std::string fault{};                // why the text is no log; empty: it is one
+};
+
+// The columns are found by their names in the first line, so that logs of other masters with the same columns can be
+// drawn. Separators: comma, semicolon or tabulator.
+[[nodiscard]] ClockLog parse_clock_log(std::string_view text);
+
+[[nodiscard]] std::vector<Diagram> clock_diagrams(const ClockLog& log);
+
+}  // namespace margay::samples

@@ -1,0 +1,54 @@
+// dc_plot: draws the log of a master clock (dc_motion --log, or the columns of other masters' logs) as SVG.
+#include "common/arguments.hpp"
+#include "common/clock_log_file.hpp"
+#include "common/program.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+namespace {
+
+using namespace margay;
+using samples::print_out;
+
+struct Options {
+    std::string log;
+    std::string svg;
+};
+
+double greatest(const std::vector<double>& values) {
+    double most = 0;
+    for (const double value : values) most = std::max(most, std::abs(value));
+    return most;
+}
+
+int run(const Options& options) {
+    std::ifstream file(options.log, std::ios::binary);
+    std::stringstream text;
+    text << file.rdbuf();
+    if (!file) return samples::fail(options.log + " cannot be read", samples::exit_code::kSystem);
+    const auto log = samples::parse_clock_log(text.str());
+    if (!log.fault.empty()) return samples::fail(options.log + ": " + log.fault);
+    const std::string svg = options.svg.empty() ? options.log + ".svg" : options.svg;
+    const auto failed = samples::draw_svg(svg, log.times_s, samples::clock_diagrams(log));
+    if (!failed.empty()) return samples::fail(failed, samples::exit_code::kSystem);
+    print_out(
+        "{} cycles, {:.3f} s: greatest error {:.0f} ns, drift {:.3f} ppm at the end, greatest difference {:.0f} ns: "
+        "{}\n",
+        log.times_s.size(), log.times_s.back(), greatest(log.error_ns), log.drift_ppm.back(),
+        greatest(log.difference_ns), svg);
+    return samples::exit_code::kWell;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    Options options;
+    samples::Arguments arguments("dc_plot",
+                                 "Draws offset, drift and error of a log of the master clock as SVG, by gnuplot.");
+    arguments.positional("LOG", options.log, "the log, as dc_motion --log writes it");
+    arguments.option("--svg", options.svg, "the file to write; otherwise LOG.svg");
+    return arguments.run(argc, argv, [&] { return run(options); });
+}

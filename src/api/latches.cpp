@@ -1,0 +1,102 @@
+// The request that watches the latch inputs of a slave.
+#include "api/master.hpp"
+#include "api/operation.hpp"
+#include "clock/system_time.hpp"
+#include "station/register_access.hpp"
+
+#include <margay/latches.hpp>
+#include <margay/margay.hpp>
+
+namespace margay {
+namespace {
+
+namespace reg = wire::reg;
+
+constexpr Step kStep = Step::watch_latches;
+
+// Both edges of both inputs: the first edge is kept until its time is read ("single event").
+constexpr std::uint16_t kBothEdges = 0x0303;
+// Latch control and latch status: registers 0x09A8 to 0x09AF.
+constexpr wire::Register kControlAndStatus{reg::kLatch0Control.address, 8};
+constexpr wire::Register kControl{reg::kLatch0Control.address, 2};
+
+// The edges that have occurred, as bits in the order of LatchRequest::edges, from the two status registers.
+constexpr unsigned edges_of(std::uint64_t control_and_status) {
+    const auto status = static_cast<unsigned>(control_and_status >> 48);
+    return (status & 3U) | (status >> 8 & 3U) << 2;
+}
+
+Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which) {
+    const Slave& slave = network.slave(request.slave);
+    const wire::Register time{
+        static_cast<std::uint16_t>(reg::kLatch0PositiveEdge.address + 8 * (which & 1U) + 0x10 * (which >> 1)), 8};
+    auto seen = co_await read<std::uint64_t>(network.station(slave), time, kStep);
+    if (!seen) co_return seen.error();
+    const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
+    LatchEdge& edge = request.edges[which];
+    edge.time_ns = slave.dl.dc_64bit ? *seen : extend_time_ns(static_cast<std::uint32_t>(*seen), about);
+    ++edge.count;
+    network.report({.kind = EventKind::latch_edge,
+                    .port = static_cast<std::uint8_t>(which >> 1),
+                    .slave = slave.number,
+                    .expected = static_cast<std::uint32_t>(edge.time_ns >> 32),
+                    .actual = static_cast<std::uint32_t>(edge.time_ns),
+                    .detail = which & 1U});
+    co_return Nothing{};
+}
+
+// One reading of the status. A slave that was reset has lost the latch control.
+Task<Result<>> look_once(Network& network, LatchRequest& request) {
+    const Station station = network.station(network.slave(request.slave));
+    auto seen = co_await read<std::uint64_t>(station, kControlAndStatus, kStep);
+    if (!seen) co_return seen.error();
+    if (static_cast<std::uint16_t>(*seen) != kBothEdges) co_return co_await write(station, kControl, kBothEdges, kStep);
+    const unsigned edges = edges_of(*seen);
+    for (unsigned which = 0; which < request.edges.size(); ++which) {
+        if ((edges >> which & 1U) == 0) continue;
+        auto done = co_await read_edge(network, request, which);
+        if (!done) co_return done;
+    }
+    co_return Nothing{};
+}
+
+}  // namespace
+
+static Error check(Network& network, const LatchRequest& request) {
+    const Error refused = check_slave(network, request.slave, kStep);
+    if (refused.code != Errc::none) return refused;
+    return request.interval > Duration{0} ? Error{} : invalid(Argument::interval, kStep, request.slave);
+}
+
+// Whether the slave has latch inputs that the master controls. A slave that is there, but does not answer at these
+// registers, has none.
+static Task<Result<>> check_unit(Network& network, const LatchRequest& request) {
+    const Station station = network.station(network.slave(request.slave));
+    auto unit = co_await read<std::uint8_t>(station, reg::kCyclicUnitControl, kStep);
+    if (does_not_answer(unit.error())) co_return Error{.code = Errc::no_clock, .step = kStep, .slave = request.slave};
+    if (!unit) co_return unit.error();
+    if ((*unit & (wire::cyclic_unit::kLatch0IsPdis | wire::cyclic_unit::kLatch1IsPdis)) != 0)
+        co_return Error{.code = Errc::unsupported, .step = kStep, .slave = request.slave};
+    co_return Nothing{};
+}
+
+static Task<Result<>> run(Network& network, LatchRequest& request) {
+    request.edges = {};
+    const std::uint32_t scan = network.scans;
+    if (network.slave(request.slave).al.state != AlState::none) {  // a lost slave may come back
+        auto checked = co_await check_unit(network, request);
+        if (!checked) co_return checked;
+    }
+    for (;;) {
+        if (network.scans != scan) co_return Error{.code = Errc::wrong_state, .step = kStep, .slave = request.slave};
+        auto looked = co_await look_once(network, request);
+        (void)looked;  // a slave that does not answer may come back
+        co_await network.engine.sleep_for(request.interval);
+    }
+}
+
+static constexpr OperationDescription kLatches =
+    describe_operation<LatchRequest, check, run>(Operation::watch_latches, kStep, Needs::nothing, Ends::when_canceled);
+LatchRequest::LatchRequest() : SlaveRequest(kLatches) {}
+
+}  // namespace margay

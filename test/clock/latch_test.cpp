@@ -1,0 +1,106 @@
+// The latch inputs of a slave: times and counts of edges.
+#include "clock/clock_bus.hpp"
+
+#include <margay/latches.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+using sim::DcUnit;
+
+struct Latches : testing::Test, ClockBus {
+    LatchRequest request;
+
+    void bring_up(DcUnit unit = DcUnit::bits64) {
+        add({});
+        add({.drift_ppb = 30'000, .start_ns = 0x1'2345'6789, .unit = unit});
+        start();
+        ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+        run();
+        request.slave = 2;
+        ASSERT_TRUE(submit(*ctx, request).ok());
+        cycles(20);
+    }
+    // An edge now. Returns its system time.
+    std::uint64_t edge(unsigned input, bool rising) {
+        segment.advance(osal.now());
+        segment.slave(1).latch(input, rising, osal.now());
+        return segment.slave(0).clock().copy(osal.now());
+    }
+};
+
+TEST_F(Latches, EachEdgeHasItsTime) {
+    bring_up();
+    (void)events();
+    std::array<std::uint64_t, 4> times{};
+    for (unsigned n = 0; n < 4; ++n) {
+        times[n] = edge(n / 2, n % 2 == 0);
+        osal.advance(10us);
+    }
+    cycles(10);
+    for (unsigned n = 0; n < 4; ++n) {
+        EXPECT_EQ(request.edges[n].count, 1U) << n;
+        EXPECT_NEAR(static_cast<double>(request.edges[n].time_ns - times[n]), 0, 200) << n;
+    }
+    const auto all = events();
+    EXPECT_EQ(told(all, "slave 2: rising edge at latch input 0 at "), 1) << joined(all);
+    EXPECT_EQ(told(all, "slave 2: falling edge at latch input 1 at "), 1) << joined(all);
+    EXPECT_EQ(told(all, std::to_string(request.edges[2].time_ns) + " ns"), 1) << joined(all);
+    for (unsigned n = 2; n <= 6; ++n) {
+        const std::uint64_t time = edge(0, true);
+        cycles(10);
+        EXPECT_EQ(request.edges[0].count, n);
+        EXPECT_NEAR(static_cast<double>(request.edges[0].time_ns - time), 0, 200);
+        EXPECT_EQ(request.edges[1].count, 1U);
+    }
+    request.cancel();
+    cycles(5);
+    EXPECT_EQ(request.error().code, Errc::canceled);
+}
+
+TEST_F(Latches, OfAClockOf32BitsHave64) {
+    bring_up(DcUnit::bits32);
+    cycles(5000);  // past the wrap
+    const std::uint64_t time = edge(1, false);
+    cycles(10);
+    ASSERT_EQ(request.edges[3].count, 1U);
+    EXPECT_GT(time >> 32, 0U);
+    EXPECT_NEAR(static_cast<double>(request.edges[3].time_ns - time), 0, 200);
+}
+
+// A slave that was switched off has lost its latch control.
+TEST_F(Latches, GoOnWhenTheSlaveComesBack) {
+    bring_up();
+    power(1, false);
+    cycles(50);
+    EXPECT_TRUE(request.busy());
+    power(1, true);
+    cycles(1500);
+    (void)edge(0, true);
+    cycles(10);
+    EXPECT_EQ(request.edges[0].count, 1U);
+}
+
+TEST_F(Latches, MistakesAreNamed) {
+    add({});
+    add({.unit = DcUnit::none});
+    start();
+    const auto refused = [this](std::uint16_t slave, Duration interval = 1ms) {
+        LatchRequest wrong;
+        wrong.slave = slave;
+        wrong.interval = interval;
+        if (const auto submitted = submit(*ctx, wrong); !submitted) return submitted.error();
+        for (int n = 0; n < 50 && wrong.busy(); ++n) cycles(1);
+        return wrong.error();
+    };
+    EXPECT_EQ(words(refused(2)), "slave 2: watching latch inputs: no clock that runs");
+    EXPECT_EQ(refused(3).code, Errc::unknown_slave);
+    EXPECT_EQ(refused(1, 0ms).code, Errc::invalid_argument);
+    constexpr std::array<std::byte, 1> kPdi{std::byte{0x10}};
+    ASSERT_TRUE(write_register(*ctx, 1, wire::reg::kCyclicUnitControl.address, kPdi).ok());
+    EXPECT_EQ(refused(1).code, Errc::unsupported);
+}
+
+}  // namespace
+}  // namespace margay

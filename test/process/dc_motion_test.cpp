@@ -1,0 +1,55 @@
+// dc_motion and dc_plot, as a user starts them.
+#include <places.hpp>
+#include "process/shell.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+namespace margay::process {
+namespace {
+
+const std::string kBin = std::string(MARGAY_BIN_DIR) + "/";
+
+// The number behind `words` in the text.
+double number_after(const std::string& text, const std::string& words) {
+    const auto at = text.find(words);
+    EXPECT_NE(at, std::string::npos) << words << " in " << text;
+    return at == std::string::npos ? 1e9 : std::strtod(text.c_str() + at + words.size(), nullptr);
+}
+
+TEST(DcMotion, MovesTheDrivesOfASimulatedSegmentSynchronously) {
+    const ShellFolder folder;
+    const auto ran = folder.run(kBin + "dc_motion sim:drives --sines 2 --log motion.csv");
+    EXPECT_EQ(ran.status, 0) << ran.err << ran.out;
+    EXPECT_TRUE(contains(ran.out, "4 drives, reference clock of slave 1, all in OP")) << ran.out;
+    EXPECT_LE(number_after(ran.out, "drives apart by "), 10) << ran.out;
+    EXPECT_LE(number_after(ran.out, "ns off on average, "), 1000) << ran.out;
+    EXPECT_LE(number_after(ran.out, "clocks of the slaves: "), 200) << ran.out;
+    EXPECT_TRUE(contains(ran.out, ", 0 cycles wrong")) << ran.out;
+    EXPECT_TRUE(contains(ran.out, ": in sync\n")) << ran.out;
+    if (folder.run("command -v gnuplot").status != 0) GTEST_SKIP() << "no gnuplot";
+    const auto plotted = folder.run(kBin + "dc_plot motion.csv --svg motion.svg");
+    EXPECT_EQ(plotted.status, 0) << plotted.err;
+    const auto svg = folder.run("head -c 300 motion.svg; grep -c '<path' motion.svg");
+    EXPECT_TRUE(contains(svg.out, "<svg")) << svg.out;
+}
+
+TEST(DcMotion, SaysWhenThereIsNoDrive) {
+    const ShellFolder folder;
+    const auto ran = folder.run(kBin + "dc_motion sim:demo");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_TRUE(contains(ran.err, "there is no CiA 402 drive with CoE")) << ran.err;
+}
+
+TEST(DcPlot, SaysWhatIsWrong) {
+    const ShellFolder folder;
+    EXPECT_EQ(folder.run(kBin + "dc_plot nothing.csv").status, 3);
+    const auto ran = folder.run("echo a,b >odd.csv; " + kBin + "dc_plot odd.csv");
+    EXPECT_EQ(ran.status, 1);
+    EXPECT_EQ(ran.err, "dc_plot: odd.csv: the first line has no column Time\n");
+}
+
+}  // namespace
+}  // namespace margay::process
