@@ -138,7 +138,8 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // wrong_state (no slaves yet), unstable (a scan has begun meanwhile), those of reading the register.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
-// it is allowed. It starts from the state that was read last, first executes the start-up commands and the hook before
+// it is allowed. It starts from the state that was read last (it reads the state itself if nothing has done so since an
+// earlier writestate() of the slave), first executes the start-up commands and the hook before
 // the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
 // and OP it returns the error of the first slave that is held or missing, whose hook or PDOs have failed, or whose
 // commands or hook after the last transition have failed or were ended (start_up_unfinished, if there is no other

@@ -8,32 +8,26 @@ namespace {
 // A plain function that returns Errc::busy for longer has failed.
 constexpr Duration kBusyTimeout = std::chrono::seconds(10);
 
-// While a hook executes: when the request that waits for the hook is ended, its error names the slave of the hook. Work
-// that no request waits for may use the slave for a limited time from now on.
+// While a hook executes: when the request that waits for the hook is ended, its error names the slave of the hook.
 class Execution {
   public:
-    Execution(Network& network, const Slave& slave) : network_(network), slave_(slave.number) {
+    Execution(Network& network, const Slave& slave)
+        : network_(network), slave_(slave.number), limit_(network, slave.number) {
         network.marks(slave).in_hook = true;
-        SlaveWork* work = find_work(network, slave);
-        limits_work_ = work != nullptr && work->since == kNever;
-        if (limits_work_) work->since = network.engine.now();
     }
     Execution(const Execution&) = delete;
     Execution& operator=(const Execution&) = delete;
     ~Execution() {
-        const Slave& slave = network_.slave(slave_);
-        network_.marks(slave).in_hook = false;
+        network_.marks(slave_).in_hook = false;
         std::uint16_t& first = network_.slave_of_cut_hook;
         if (!over && (first == 0 || slave_ < first)) first = slave_;
-        SlaveWork* work = limits_work_ ? find_work(network_, slave) : nullptr;
-        if (work != nullptr) work->since = kNever;
     }
     bool over = false;
 
   private:
     Network& network_;
     std::uint16_t slave_;
-    bool limits_work_ = false;
+    WorkLimit limit_;
 };
 
 // Completes an error that a hook returns: slave, and step if the hook has not set one.

@@ -34,7 +34,11 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
             co_return prepared;
         }
     }
-    const Transition which = transition(slave.al.state, state);
+    if (network.marks(slave).requested != Transition::none) {  // nothing has read the state since
+        auto seen = co_await read_al_status(network.station(slave));
+        update_al_status(slave.al, seen);
+    }
+    const Transition which = transition(awaited_state(network, slave), state);
     auto finished = co_await finish_requested(network, slave, which);
     if (!finished) {
         network.note(slave, finished.error());

@@ -104,6 +104,7 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
         co_return Nothing{};
     }
     const bool up = goes_up(which);
+    const WorkLimit limit(network, slave.number);
     std::optional<Following> following;
     if (moment == Moment::after) following.emplace(network.marks(slave), which);
     Result<> done;
@@ -205,9 +206,22 @@ Error unfinished_error(const Network& network, const Slave& slave) {
 
 Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next) {
     const bool pending = is_settling(network, slave);
+    const bool on_its_way = awaited_state(network, slave) != slave.al.state;
     const Transition requested = std::exchange(network.marks(slave).requested, Transition::none);
-    if (!pending || (next != Transition::none && !goes_up(next))) co_return Nothing{};
+    if (next != Transition::none && !goes_up(next)) co_return Nothing{};
+    if (on_its_way) mark_unfinished(network, slave, requested);  // what follows cannot be executed in that state
+    if (!pending) co_return Nothing{};
     co_return co_await around_transition(network, slave, requested, Moment::after);
+}
+
+AlState awaited_state(const Network& network, const Slave& slave) {
+    const Row* row = slave.al.error ? nullptr : row_of(network.marks(slave).requested);
+    return row == nullptr ? slave.al.state : row->to;
+}
+
+WorkLimit::WorkLimit(Network& network, std::uint16_t slave) : work_(find_work(network, network.slave(slave))) {
+    if (work_ != nullptr && work_->since != kNever) work_ = nullptr;
+    if (work_ != nullptr) work_->since = network.engine.now();
 }
 
 SlaveWork* find_work(Network& network, const Slave& slave) {
@@ -219,9 +233,10 @@ SlaveWork* find_work(Network& network, const Slave& slave) {
 void end_work(Network& network, SlaveWork& work) {
     Slave& slave = network.slave(work.slave);
     std::uint8_t& attempts = network.marks(slave).attempts;
-    Error error = unfinished_error(network, slave);
-    if (error.step == Step::application_hook)
-        error = {.code = Errc::timeout, .step = error.step, .slave = slave.number};
+    const SlaveMarks& marks = network.marks(slave);
+    Error error{.code = Errc::timeout, .step = Step::application_hook, .slave = slave.number};
+    if (!marks.in_hook) error.step = Step::request_state;
+    if (!marks.in_hook && marks.following) error = unfinished_error(network, slave);
     work.sequence.destroy();
     network.note(slave, error);
     if (network.supervised && attempts == 0) {

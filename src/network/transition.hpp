@@ -46,6 +46,24 @@ void settle_request(Network& network, Slave& slave);
 // Ends the work, which has taken too long, and reports the hook or the commands that have not ended by themselves.
 void end_work(Network& network, SlaveWork& work);
 
+// While commands or a hook of the application execute: the time of the work that executes them is limited, if it is not
+// limited already.
+class WorkLimit {
+  public:
+    WorkLimit(Network& network, std::uint16_t slave);
+    WorkLimit(const WorkLimit&) = delete;
+    WorkLimit& operator=(const WorkLimit&) = delete;
+    ~WorkLimit() {
+        if (work_ != nullptr) work_->since = kNever;
+    }
+
+  private:
+    SlaveWork* work_;  // outlives this object: both are parts of one sequence
+};
+
+// The state of the slave when it has done what was requested last; slave.al has been read just now.
+[[nodiscard]] AlState awaited_state(const Network& network, const Slave& slave);
+
 // Ends the work on the slave, if there is any: the slave has left the state in which the work executes a hook.
 void drop_work(Network& network, const Slave& slave);
 

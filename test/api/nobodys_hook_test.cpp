@@ -288,6 +288,56 @@ TEST_F(NobodysHook, IsExecutedOnceAfterARequestThatCameTooEarly) {
     EXPECT_EQ(slow.begun, 1);
 }
 
+// Two states are requested one after the other, and nothing reads the state between.
+TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
+    for (const int unseen : {0, 1, 100}) {
+        if (ctx.slaves().empty()) begin(3);
+        for (const Slave& slave : ctx.slaves()) slave.hooks = {};
+        ASSERT_TRUE(config_map(ctx, image));
+        ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
+        ASSERT_EQ(statecheck(ctx, 2, AlState::preop, 1s)->state, AlState::preop);
+        SlowHook before{.lasts = 1ms, .slave = 2, .which = Transition::safeop_to_op, .when = Moment::before};
+        before.set(ctx);
+        ASSERT_TRUE(writestate(ctx, 2, AlState::safeop));
+        cycle_unseen(unseen);
+        ASSERT_TRUE(writestate(ctx, 2, AlState::op));
+        (void)until([&] { return real(1) == AlState::op; }, 1s);
+        (void)statecheck(ctx, 2, AlState::op, 1s);
+        EXPECT_EQ(before.ended, 1) << unseen;
+        // The same for what follows PREOP to SAFEOP: executed, or reported as unfinished.
+        ASSERT_TRUE(writestate(ctx, 2, AlState::preop));
+        ASSERT_EQ(statecheck(ctx, 2, AlState::preop, 1s)->state, AlState::preop);
+        SlowHook after{.lasts = 1ms, .slave = 2, .which = Transition::preop_to_safeop};
+        after.set(ctx);
+        ASSERT_TRUE(writestate(ctx, 2, AlState::safeop));
+        cycle_unseen(unseen);
+        (void)writestate(ctx, 2, AlState::op);
+        (void)until([&] { return real(1) == AlState::op; }, 1s);
+        const auto reached = statecheck(ctx, 2, AlState::op, 1s);
+        EXPECT_TRUE(after.ended == 1 || !reached) << unseen;
+    }
+}
+
+// Commands that the supervision executes have the same limit as its hooks.
+TEST_F(NobodysHook, CommandsOfTheSupervisionAreLimitedToo) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    static constexpr StartupCommand kLong[] = {
+        check_register<std::uint8_t>(Transition::safeop_to_op, 0x0F80, 1, 0xFF, std::chrono::hours(1))};
+    static constexpr SlaveSetup kSetup{.startup = kLong};
+    ctx.slave(2).config.setup = &kSetup;
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    cycles(2000);
+    ctx.slave(2).config.setup = nullptr;
+    ReconfigRequest again;
+    again.slave = 2;
+    ASSERT_TRUE(submit(ctx, again));
+    EXPECT_LT(until([&] { return !again.busy(); }, 60s), 12s);
+    EXPECT_EQ(again.state(), RequestState::success) << words(again.error());
+    EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
+}
+
 // A plain function that is busy for too long: one error.
 TEST_F(NobodysHook, ABusyHookIsReportedOnce) {
     begin();
