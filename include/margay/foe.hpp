@@ -46,7 +46,7 @@ class FoeRequest : public MailRequest {
   public:
     static constexpr std::size_t kTextBytes = 80;
 
-    // The name of the file, in the caller's memory. It may have as many octets as the mailbox of the slave has, less 12.
+    // The name of the file, in the caller's memory. It may have as many octets as the mailbox of the slave, less 12.
     std::string_view name;
     std::uint32_t password = 0;
     // For each answer of the slave: a slave may erase its flash memory before it answers.

@@ -2,12 +2,12 @@
 // waits.
 //
 // Names. A service of a mailbox protocol begins with the protocol as the standard writes it: SDOread(), SDOwrite(),
-// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(). The functions that every master has keep their usual names: config_init(),
-// config_map(), send_processdata(), receive_processdata(), readstate(), writestate(), statecheck(). Every other
-// function that does something is a verb and its object: read_register(), read_sii(), find_entry(), recover_slave(),
-// set_target(). A function that only returns what is known already is named after its result: all_right(),
-// inputs_fresh(), emergencies(). The request of a function has the same words in CamelCase, and a method of Context
-// returns a part of the context.
+// SoEread(), SoEwrite(), SoEcommand(), FOEread(), FOEwrite(). The functions that every master has keep their usual
+// names: config_init(), config_map(), send_processdata(), receive_processdata(), readstate(), writestate(),
+// statecheck(). Every other function that does something is a verb and its object: read_register(), read_sii(),
+// find_entry(), recover_slave(), set_target(). A function that only returns what is known already is named after its
+// result: all_right(), inputs_fresh(), emergencies(). The request of a function has the same words in CamelCase, and a
+// method of Context returns a part of the context.
 //
 // Numbers. `number` is the number of a slave, which config_init() gives and which stays until the next config_init().
 // `position` is a place in the ring, which the standard counts with auto-increment addresses, and nothing else.

@@ -135,7 +135,8 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
     auto done = co_await run(channel, transfer, patience, kStep);
     if (done) co_return done;
     Error error = done.error();
-    if (error.code == Errc::capacity && error.detail == 0) error.actual = static_cast<std::uint32_t>(request.data.size());
+    if (error.code == Errc::capacity && error.detail == 0)
+        error.actual = static_cast<std::uint32_t>(request.data.size());
     co_return error;
 }
 

@@ -15,11 +15,9 @@ struct BootFeature {
 };
 
 // Whether prepare() must be called before the slave goes to `to`: it enters BOOT, or leaves it for another state than
-// INIT, or goes to PREOP and its mailbox is closed since it was in BOOT.
+// INIT, or goes to PREOP and its mailbox is closed since it was in BOOT. A context without this part refuses BOOT then:
+// see boot_refusal().
 [[nodiscard]] bool crosses_boot(Network& network, const Slave& slave, AlState to);
-
-// Calls prepare(); without the feature, BOOT is refused.
-[[nodiscard]] Task<Result<>> prepare_boot(Network& network, Slave& slave, AlState to, Time until);
 
 // The slave is in BOOT, and the application has not set another target for this slave since: nobody takes it out of
 // BOOT, where its firmware may be incomplete.

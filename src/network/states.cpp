@@ -28,7 +28,8 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
     if (crosses_boot(network, slave, state)) {
-        auto prepared = co_await prepare_boot(network, slave, state, kNever);
+        if (network.boot == nullptr) co_return boot_refusal(network, slave);
+        auto prepared = co_await network.boot->prepare(network, slave, state, kNever);
         if (!prepared) {
             network.note(slave, prepared.error());
             co_return prepared;

@@ -143,7 +143,8 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         slave.al = *now;
     }
     if (crosses_boot(network, slave, state)) {
-        auto prepared = co_await prepare_boot(network, slave, state, until);
+        if (network.boot == nullptr) co_return boot_refusal(network, slave);
+        auto prepared = co_await network.boot->prepare(network, slave, state, until);
         if (!prepared) co_return prepared.error();
     }
     const AlState from = slave.al.state;
@@ -263,11 +264,6 @@ bool crosses_boot(Network& network, const Slave& slave, AlState to) {
 Error boot_refusal(const Network& network, const Slave& slave) {
     if (network.boot != nullptr && slave.boot_mailbox.present()) return {};
     return {.code = Errc::unsupported, .step = Step::request_state, .slave = slave.number};
-}
-
-Task<Result<>> prepare_boot(Network& network, Slave& slave, AlState to, Time until) {
-    if (network.boot == nullptr) co_return boot_refusal(network, slave);
-    co_return co_await network.boot->prepare(network, slave, to, until);
 }
 
 Error above_highest(const Slave& slave, AlState state) {

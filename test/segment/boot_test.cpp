@@ -53,7 +53,8 @@ struct SyncManagerWrites {
                 // With the SyncManager on, start and length keep their values.
                 if (offset >= 4 || !on) now[n * 8 + offset] = datagram.data[i];
             }
-            const bool off_by_this = (now[n * 8 + wire::SyncManagerLayout::activate::offset] & std::byte{1}) == std::byte{0};
+            const bool off_by_this =
+                (now[n * 8 + wire::SyncManagerLayout::activate::offset] & std::byte{1}) == std::byte{0};
             moved += other ? 1 : 0;
             moved_while_on += other && on && !off_by_this ? 1 : 0;
         }
