@@ -29,7 +29,7 @@ done
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
         libtomlplusplus-dev libncurses-dev'
 useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
-        pkg-config qemu-system-arm'
+        pkg-config qemu-system-arm gnuplot-nox'
 # shellcheck disable=SC2086  # lists of words
 need_packages $needed || exit 1
 # shellcheck disable=SC2086

@@ -56,7 +56,8 @@ struct ClockSettings {
     // The cycle of the SYNC signals of slaves whose SyncSettings do not say it.
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for
-    // all slaves, also for a slave that comes back. Zero: the slave's own cycle.
+    // all slaves, also for a slave that comes back. A whole multiple of the cycle of every slave's SYNC signals. Zero:
+    // the slave's own cycle.
     Duration start_grid{0};
     // How far in the future SYNC0 starts at least.
     Duration start_delay = std::chrono::milliseconds(100);
@@ -71,9 +72,9 @@ struct ClockSettings {
     // How often a supervision measures the delays again and corrects them ("continuous propagation delay
     // compensation"). Zero: never.
     Duration delay_interval{0};
-    // When the slave with the reference clock is lost: the next clock that is synchronised and not behind the lost
-    // slave takes over with the same time and rate (true), or no time is sent until the slave is back, and all clocks
-    // go on at their rates (false). EventKind::reference_lost and reference_clock report it.
+    // When the slave with the reference clock is lost while a supervision runs: the next clock that is synchronised and
+    // not behind the lost slave takes over with the same time and rate (true), or no time is sent until the slave is
+    // back, and all clocks go on at their rates (false). EventKind::reference_lost and reference_clock report it.
     bool replace_lost_reference = true;
     // Called with the start time of SYNC0 of a slave, in system time; the result is written instead. nullptr: not
     // called. The rules are those of hooks that poll() calls: neither wait nor call the library.
@@ -118,7 +119,8 @@ struct SyncRequest : SlaveRequest {
 // SYNC0 occurs at least ClockSettings::start_delay later, at a whole multiple of the grid plus `shift`, which may be
 // negative. A cycle of 0: one pulse only. The setting replaces SlaveSetup::dc until the next config_init(); it is used
 // again when the slave starts again. Wait. Errors: wrong_state (configdc() was not called), no_clock, unknown_slave,
-// invalid_argument (a cycle that is negative or does not fit 32 bits), working_counter, no_frame.
+// invalid_argument (a cycle that is negative, does not fit 32 bits or does not fit ClockSettings::start_grid; a start
+// time of ClockSettings::start_time that has passed), working_counter, no_frame.
 Result<> dcsync0(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration shift = Duration{0});
 Result<> dcsync01(Context& ctx, std::uint16_t slave, bool active, Duration cycle0, Duration cycle1,
                   Duration shift = Duration{0});
