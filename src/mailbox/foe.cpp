@@ -15,19 +15,19 @@ constexpr std::uint64_t kKey = std::uint64_t{4} << 32;
 constexpr Duration kFirstPause = std::chrono::milliseconds(1);
 constexpr Duration kLongestPause = std::chrono::milliseconds(32);
 
-Error complete(Error error, const MailboxChannel& channel, Step step) {
+Error of_file(Error error, const MailboxChannel& channel, Step step) {
     error.slave = channel.station().number;
     error.step = step;
     return error;
 }
 
 // Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request.
-class AbortGuard {
+class TransferEnd {
   public:
-    AbortGuard(MailboxChannel& channel, const FoeTransfer& transfer) : channel_(channel), transfer_(transfer) {}
-    AbortGuard(const AbortGuard&) = delete;
-    AbortGuard& operator=(const AbortGuard&) = delete;
-    ~AbortGuard() {
+    TransferEnd(MailboxChannel& channel, const FoeTransfer& transfer) : channel_(channel), transfer_(transfer) {}
+    TransferEnd(const TransferEnd&) = delete;
+    TransferEnd& operator=(const TransferEnd&) = delete;
+    ~TransferEnd() {
         if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
 
@@ -60,8 +60,8 @@ class BusySlave {
     Duration pause_ = kFirstPause;
 };
 
-Task<Result<>> run(MailboxChannel& channel, FoeTransfer& transfer, const MailPatience& patience, Step step) {
-    const AbortGuard guard(channel, transfer);
+Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, const MailPatience& patience, Step step) {
+    const TransferEnd end(channel, transfer);
     Engine& engine = channel.engine();
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
@@ -69,7 +69,7 @@ Task<Result<>> run(MailboxChannel& channel, FoeTransfer& transfer, const MailPat
         const bool ready = transfer.prepare();
         if (transfer.over()) break;
         if (!ready) {  // the application has no octets, or no room for octets, at present
-            if (engine.now() >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, step);
+            if (engine.now() >= patience.give_up) co_return of_file({.code = Errc::timeout}, channel, step);
             co_await engine.sleep_until(std::min(patience.give_up, later(engine.now(), kFirstPause)));
             continue;
         }
@@ -81,7 +81,7 @@ Task<Result<>> run(MailboxChannel& channel, FoeTransfer& transfer, const MailPat
             ++again;
             continue;
         }
-        if (failed.code != Errc::none) co_return complete(failed, channel, step);
+        if (failed.code != Errc::none) co_return of_file(failed, channel, step);
         again = 0;
         if (!reply) transfer.finish();
         if (!transfer.is_busy()) {
@@ -89,10 +89,10 @@ Task<Result<>> run(MailboxChannel& channel, FoeTransfer& transfer, const MailPat
             continue;
         }
         const Time at = busy.again_at(engine.now());
-        if (at == kNever) co_return complete({.code = Errc::timeout}, channel, step);
+        if (at == kNever) co_return of_file({.code = Errc::timeout}, channel, step);
         co_await engine.sleep_until(at);
     }
-    if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, step);
+    if (transfer.error().code != Errc::none) co_return of_file(transfer.error(), channel, step);
     co_return Nothing{};
 }
 
@@ -105,15 +105,15 @@ void reset(FoeRequest& request) {
 Error check_room(const MailboxChannel& channel, const FoeRequest& request, Step step) {
     const std::size_t needed = foe::kHeaderBytes + std::max<std::size_t>(request.name.size(), 1);
     if (channel.send_room() <= foe::kHeaderBytes || channel.receive_room() <= foe::kHeaderBytes)
-        return complete({.code = Errc::unsupported}, channel, step);
+        return of_file({.code = Errc::unsupported}, channel, step);
     if (channel.send_room() >= needed) return {};
-    return complete({.code = Errc::invalid_argument, .detail = static_cast<std::uint32_t>(Argument::file_name)},
-                    channel, step);
+    return of_file({.code = Errc::invalid_argument, .detail = static_cast<std::uint32_t>(Argument::file_name)}, channel,
+                   step);
 }
 
 // The turn of a transfer, and its packet.
 Error no_memory(const MailboxChannel& channel, Step step) {
-    return complete({.code = Errc::capacity, .detail = Error::kTasks}, channel, step);
+    return of_file({.code = Errc::capacity, .detail = Error::kTasks}, channel, step);
 }
 
 }  // namespace
@@ -123,7 +123,7 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
     reset(request);
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
     const Error refused = co_await session;
-    if (refused.code != Errc::none) co_return complete(refused, channel, kStep);
+    if (refused.code != Errc::none) co_return of_file(refused, channel, kStep);
     const Error small = check_room(channel, request, kStep);
     if (small.code != Errc::none) co_return small;
     const std::size_t room = channel.receive_room() - foe::kHeaderBytes;
@@ -132,7 +132,7 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
     MemorySink memory(request.data);
     ByteSink& sink = request.sink != nullptr ? *request.sink : memory;
     FoeReadTransfer transfer(request, sink, packet.bytes().first(room));
-    auto done = co_await run(channel, transfer, patience, kStep);
+    auto done = co_await transfer_file(channel, transfer, patience, kStep);
     if (done) co_return done;
     Error error = done.error();
     if (error.code == Errc::capacity && error.detail == 0)
@@ -145,7 +145,7 @@ Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailP
     reset(request);
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
     const Error refused = co_await session;
-    if (refused.code != Errc::none) co_return complete(refused, channel, kStep);
+    if (refused.code != Errc::none) co_return of_file(refused, channel, kStep);
     const Error small = check_room(channel, request, kStep);
     if (small.code != Errc::none) co_return small;
     const std::size_t room = channel.send_room() - foe::kHeaderBytes;
@@ -154,7 +154,7 @@ Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailP
     MemorySource memory(request.data);
     ByteSource& source = request.source != nullptr ? *request.source : memory;
     FoeWriteTransfer transfer(request, source, packet.bytes().first(room));
-    co_return co_await run(channel, transfer, patience, kStep);
+    co_return co_await transfer_file(channel, transfer, patience, kStep);
 }
 
 }  // namespace margay

@@ -125,7 +125,7 @@ TEST(Programs, TakeReadyMadeSegmentsByName) {
     const auto unknown = folder.run(kBin + "slaveinfo sim:trees");
     EXPECT_EQ(unknown.status, 3);
     EXPECT_TRUE(contains(unknown.err,
-                         "'trees' is neither a file nor a ready-made segment; ready-made segments: demo, coupler, "))
+                         "'trees' is neither a file nor a ready-made segment; ready-made segments: demo, bootloader, "))
         << unknown.err;
 }
 

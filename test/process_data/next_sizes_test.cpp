@@ -49,6 +49,8 @@ TEST_F(NextSizes, ASlaveThatComesBackWaitsForTheMapping) {
         segment.set_power(1, false, osal.now());
         cycles(50);
         EXPECT_EQ(cycle().error().expected, expected) << "counted as before";
+        while (ctx->events().take()) {
+        }
         segment.set_power(1, true, osal.now());
         cycles(3000);
         int states = 0;
