@@ -33,7 +33,9 @@ Task<Result<>> prepare(Network& network, Slave& slave, AlState to, Time until) {
     // An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
     auto cleared = co_await clear_sync_managers(station, slave);
     if (!cleared) co_return cleared;
-    co_return co_await write_mailbox_sync_managers(station, slave, enters ? slave.boot_mailbox : slave.mailbox);
+    const MailboxSyncManagers sms = mailbox_sync_managers(slave, enters ? slave.boot_mailbox : slave.mailbox);
+    auto written = co_await write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox);
+    co_return written ? Result<>() : Result<>(written.error());
 }
 
 void reached(Network& network, Slave& slave, AlState from, AlState to) {

@@ -5,8 +5,6 @@
 namespace margay {
 namespace {
 
-namespace reg = wire::reg;
-
 // Address and length from the description, control octet from the slave's SyncManager category if it has one.
 wire::SyncManager mailbox_sync_manager(const Slave& slave, const MailboxInfo& info, SmType type) {
     const bool out = type == SmType::mailbox_out;
@@ -22,13 +20,12 @@ wire::SyncManager mailbox_sync_manager(const Slave& slave, const MailboxInfo& in
 
 }  // namespace
 
-Task<Result<>> write_mailbox_sync_managers(Station station, const Slave& slave, const MailboxInfo& info) {
-    std::array<std::byte, 2 * reg::kSyncManagerStride> sms{};
+MailboxSyncManagers mailbox_sync_managers(const Slave& slave, const MailboxInfo& info) {
+    MailboxSyncManagers sms{};
     wire::store_sync_manager(sms, mailbox_sync_manager(slave, info, SmType::mailbox_out));
-    wire::store_sync_manager(MutableBytes(sms).subspan(reg::kSyncManagerStride),
+    wire::store_sync_manager(MutableBytes(sms).subspan(wire::reg::kSyncManagerStride),
                              mailbox_sync_manager(slave, info, SmType::mailbox_in));
-    auto written = co_await write_bytes(station, reg::kSyncManagerBase, sms, Step::configure_mailbox);
-    co_return written ? Result<>() : Result<>(written.error());
+    return sms;
 }
 
 void open_mailbox(Network& network, Slave& slave, const MailboxInfo& info) {

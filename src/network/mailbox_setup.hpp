@@ -5,9 +5,10 @@
 
 namespace margay {
 
-// Writes SyncManagers 0 and 1 of a slave whose SyncManagers are disabled: config_init() and clear_sync_managers() do
-// that. An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
-[[nodiscard]] Task<Result<>> write_mailbox_sync_managers(Station station, const Slave& slave, const MailboxInfo& info);
+// The registers of SyncManagers 0 and 1. Write them while the SyncManagers are disabled, as config_init() and
+// clear_sync_managers() leave them: an ESC ignores the address and length of an enabled SyncManager.
+using MailboxSyncManagers = std::array<std::byte, 2 * wire::reg::kSyncManagerStride>;
+[[nodiscard]] MailboxSyncManagers mailbox_sync_managers(const Slave& slave, const MailboxInfo& info);
 
 // Opens the channel of the slave, which is in a state with these mailboxes. No effect if the slave has no mailbox, or
 // none is wanted.

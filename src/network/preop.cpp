@@ -10,8 +10,9 @@ namespace margay {
 Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     if (uses_mailbox(slave)) {
-        auto written = co_await write_mailbox_sync_managers(station, slave, slave.mailbox);
-        if (!written) co_return written;
+        const MailboxSyncManagers sms = mailbox_sync_managers(slave, slave.mailbox);
+        auto written = co_await write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox);
+        if (!written) co_return written.error();
     }
     // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
