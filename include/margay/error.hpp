@@ -56,6 +56,7 @@ enum class Errc : std::uint8_t {
     unexpected_slave,  // a slave that is not in the list of expect()
     no_place,  // a slave that appeared later has process data, and the image has no free part for it (expected: bits)
     remapping_needed,  // SlaveConfiguration::sms were changed since the mapping of the group: config_map() is needed
+    scan_needed,       // expect() was called after config_init(): the slaves were compared with another list
     unknown_group,     // no group has this number, or the group is not mapped (index: the group)
     image_too_large,   // the process image does not fit the buffer (expected, actual: octets)
     fmmu_shortage,     // the slave has too few FMMUs (expected, actual)

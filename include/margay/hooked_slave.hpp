@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 namespace margay {
 
@@ -43,6 +44,12 @@ class HookedSlave {
     [[nodiscard]] Task<Result<std::size_t>> soe_read(std::uint8_t drive, Idn idn, std::span<std::byte> into) const;
     [[nodiscard]] Task<> soe_write(std::uint8_t drive, Idn idn, std::span<const std::byte> value) const;
     [[nodiscard]] Task<> soe_command(std::uint8_t drive, Idn idn) const;
+
+    // Files of the slave; results and errors as of FOEread() and FOEwrite().
+    [[nodiscard]] Task<Result<std::size_t>> foe_read(std::string_view name, std::uint32_t password,
+                                                     std::span<std::byte> into) const;
+    [[nodiscard]] Task<> foe_write(std::string_view name, std::uint32_t password,
+                                   std::span<const std::byte> content) const;
 
     // Sends a mailbox message of any protocol (the octets behind the mailbox header, for example an init command of a
     // configuration file), and receives the answer, which may be as long as `answer`; empty: none. Returns the size of

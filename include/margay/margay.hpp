@@ -77,8 +77,8 @@ Time poll(Context& ctx, Time now);
 Result<std::uint16_t> config_init(Context& ctx);
 
 // Sets the list of slaves that the next config_init() is to find: their identity, their numbers and their configuration
-// (see ExpectedSlave). An empty list: every slave is accepted. The list has no effect before that config_init(): when
-// the slaves were scanned already, config_map() and reach() still compare them with the earlier list, or with no list.
+// (see ExpectedSlave). An empty list: every slave is accepted. When the slaves were scanned already, they have not been
+// compared with the list: config_map() and reach() fail with scan_needed until config_init() has been called.
 // Slaves that differ from the list are held (see Tolerance). `slaves` is the caller's memory and must live until the
 // end of the config_init() that follows the next expect(). Never waits. Errors: wrong_state before init(), not_owner,
 // invalid_argument (an entry has no number, alias or device id; two entries have the same number; the members of a hot
@@ -119,7 +119,8 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // sizes are known: by slave(n).config.sms, or by SlaveSetup::pdos if these lists name all entries. Expected working
 // counters count every wanted slave: while one of them does not take part, receive_processdata() returns an error.
 //
-// Errors of the call itself, which are not in errors(): wrong_state (no slaves yet), unknown_group (limits().groups).
+// Errors of the call itself, which are not in errors(): wrong_state (no slaves yet), unknown_group (limits().groups),
+// scan_needed (expect() was called after config_init()).
 // Errors of the whole group, after which no slave of the group is mapped: invalid_argument (a value in group(n).config;
 // a SyncManager twice in slave(n).config; no slave belongs to the group, which reads no register either; detail: the
 // Argument), image_too_large, image_overlaps (index: the other group), fmmu_shortage, sm_shortage, sm_memory,

@@ -89,9 +89,10 @@ struct CycleSettings {
 // Returns the error of the first slave that has not reached its target: when `timeout` is over, or at once if all other
 // slaves have reached theirs and waiting cannot help (the slave is held, has no place in the image, or its group is not
 // mapped). Waits; not for the cycle. Errors: wrong_state (no slaves yet), invalid_argument (`state` is not INIT, PREOP,
-// SAFEOP or OP; a period of 0, a negative time), in_callback (called by the work function of run_cycle()), and the
-// errors of what_is_wrong(). reach() reads the states of all slaves at least once, and for that may take up to ten
-// periods longer than `timeout`. If no frame comes back: no_frame, or nic (the interface is down).
+// SAFEOP or OP; a period of 0, a negative time), scan_needed (expect() was called after config_init()), in_callback
+// (called by the work function of run_cycle()), and the errors of what_is_wrong(). reach() reads the states of all
+// slaves at least once, and for that may take up to ten periods longer than `timeout`. If no frame comes back:
+// no_frame, or nic (the interface is down).
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle = {});
 
 // Whether every wanted slave is in its target state without an error and with its process data configured, as the

@@ -112,10 +112,11 @@ struct SlaveHooks {
     // the application can select PDOs. An error keeps the slave in PREOP.
     Hook<> preop_to_safeop;
     void* user = nullptr;
-    // Called around each state change that the library makes: before the library requests the state, after the commands
-    // of SlaveSetup::startup for this transition; and after the slave has reached the state. On the way up, an error
-    // keeps the slave in its present state. On the way down, the error is added to errors() and the state change
-    // continues. An error of the hook after the state change is an error of the slave.
+    // Called around each state change that the library makes, from the time on when it is set (at the first start-up
+    // config_init() has passed INIT to PREOP before a hook can be set): before the library requests the state, after
+    // the commands of SlaveSetup::startup for this transition; and after the slave has reached the state. On the way
+    // up, an error keeps the slave in its present state. On the way down, the error is added to errors() and the state
+    // change continues. An error of the hook after the state change is an error of the slave.
     Hook<Transition, Moment> transition;
 };
 

@@ -10,6 +10,7 @@ namespace margay {
 
 static Error check(Network& network, const MapRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::map_process_data};
+    if (!network.is_expected_list()) return {.code = Errc::scan_needed, .step = Step::map_process_data};
     if (request.group < network.process.groups.size()) return {};
     return {.code = Errc::unknown_group, .step = Step::map_process_data, .index = request.group};
 }

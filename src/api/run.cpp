@@ -304,6 +304,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
         return refused;
     Network& network = master_of(ctx)->network;
     if (const Error refused = check_target(network, 0, state); refused.code != Errc::none) return refused;
+    if (!network.is_expected_list()) return Error{.code = Errc::scan_needed, .step = Step::request_state};
     if (timeout < Duration{0}) return invalid(Argument::timeout, Step::request_state);
     Osal& osal = master_of(ctx)->osal;
     (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target

@@ -12,8 +12,8 @@ namespace {
 
 // All FoE messages of a slave: a reply to an earlier transfer cannot be distinguished from a reply to this one.
 constexpr std::uint64_t kKey = std::uint64_t{4} << 32;
-constexpr Duration kFirstPause = std::chrono::milliseconds(1);
-constexpr Duration kLongestPause = std::chrono::milliseconds(32);
+constexpr Duration kFirstBusyPause = std::chrono::milliseconds(1);
+constexpr Duration kLongestBusyPause = std::chrono::milliseconds(32);
 
 Error of_file(Error error, const MailboxChannel& channel, Step step) {
     error.slave = channel.station().number;
@@ -42,14 +42,14 @@ class BusySlave {
     BusySlave(const FoeRequest& request, Time give_up) : most_(request.busy_timeout), give_up_(give_up) {}
     void answers() {
         since_ = kNever;
-        pause_ = kFirstPause;
+        pause_ = kFirstBusyPause;
     }
     // When to send the message again; kNever: the slave has been busy for too long.
     [[nodiscard]] Time again_at(Time now) {
         since_ = std::min(since_, now);
         if (now >= give_up_ || now - since_ >= most_) return kNever;
         const Time at = std::min(later(now, pause_), give_up_);
-        pause_ = std::min(2 * pause_, kLongestPause);
+        pause_ = std::min(2 * pause_, kLongestBusyPause);
         return at;
     }
 
@@ -57,7 +57,7 @@ class BusySlave {
     Duration most_;
     Time give_up_;
     Time since_ = kNever;
-    Duration pause_ = kFirstPause;
+    Duration pause_ = kFirstBusyPause;
 };
 
 Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, const MailPatience& patience, Step step) {
@@ -70,7 +70,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, con
         if (transfer.over()) break;
         if (!ready) {  // the application has no octets, or no room for octets, at present
             if (engine.now() >= patience.give_up) co_return of_file({.code = Errc::timeout}, channel, step);
-            co_await engine.sleep_until(std::min(patience.give_up, later(engine.now(), kFirstPause)));
+            co_await engine.sleep_until(std::min(patience.give_up, later(engine.now(), kFirstBusyPause)));
             continue;
         }
         const bool reply = transfer.awaits_reply();

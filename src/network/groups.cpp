@@ -207,6 +207,8 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     if (slave.held || slave.al.state == AlState::none) {
         const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
         slave.unplaced = !nobodys && !keep_place(slave);
+        // The slave is asked when it comes: perhaps it has no process data.
+        slave.pdos_failed = slave.unplaced && !slave.held;
         co_return Nothing{};
     }
     forget_kept_place(slave);

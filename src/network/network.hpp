@@ -42,6 +42,9 @@ struct SlaveWork : ListNode {
     std::uint16_t slave;
     // When the work began to execute commands and hooks of the application; kNever: it does not.
     Time since;
+    // The state to which the work brings the slave, or has brought it; NONE: to a lower state than it had. When the
+    // target of the slave becomes lower than this state, the hook that keeps the slave from it ends.
+    AlState upwards_to = AlState::none;
     std::coroutine_handle<> sequence{};
 };
 
@@ -105,6 +108,10 @@ struct Network {
     Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
+    // The slaves were compared with the list that expect() has set last.
+    [[nodiscard]] bool is_expected_list() const {
+        return expected_next.data() == expected.data() && expected_next.size() == expected.size();
+    }
     [[nodiscard]] std::span<Slave> slaves() const { return table.first(count); }
     [[nodiscard]] std::span<RingPlace> seen_ring() {
         return ring.first(std::min<std::size_t>(ring_count, ring.size()));

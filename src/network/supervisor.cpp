@@ -126,12 +126,14 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     Network& network = watch.network;
     const SlaveToken token(network.marks(slave));
     SlaveWork work(slave.number, kNever);
+    if (goal(network, slave) >= slave.al.state) work.upwards_to = goal(network, slave);
     network.works.push_back(work);
     const bool well = is_well(network, slave);
     auto done = co_await bring_back(network, slave);
     if (done) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
+        if (slave.unplaced) await_slave(network, slave);  // it is there, and its data is missing in the image
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
         if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
@@ -234,12 +236,22 @@ void report_silent_segment(Watch& watch) {
     watch.silent = true;
 }
 
+// The target of the slave has become lower: a hook of the way up does not hold the slave in its state.
+void end_work_upwards(Network& network, const Slave& slave) {
+    const SlaveWork* work = find_work(network, slave);
+    if (work == nullptr || work->since == kNever || work->upwards_to == AlState::none) return;
+    if (goal(network, slave) < work->upwards_to) drop_work(network, slave);
+}
+
 void start_helpers(Watch& watch, Crew& crew) {
     const Time now = watch.network.engine.now();
     const bool again = now >= watch.retry_at;
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
-    for (Slave& slave : slaves) update_counted(watch.network, slave);
+    for (Slave& slave : slaves) {
+        update_counted(watch.network, slave);
+        end_work_upwards(watch.network, slave);
+    }
     if (watch.network.is_reserved()) return;
     if (again) watch.retry_at = later(now, watch.wanted.retry);
     for (std::size_t n = 0; n < slaves.size(); ++n) {

@@ -55,6 +55,7 @@ Task<Result<>> follow_transition(Network& network, Slave& slave) {
     SlaveWork work(slave.number, network.engine.now());
     network.works.push_back(work);
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
+    if (goes_up(which)) work.upwards_to = slave.al.state;
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
     co_return Nothing{};
@@ -245,7 +246,7 @@ void end_work(Network& network, SlaveWork& work) {
         event.error = error;
         network.report(event);
     }
-    attempts = std::max<std::uint8_t>(attempts, 1);
+    if (network.supervised) attempts = std::max<std::uint8_t>(attempts, 1);
 }
 
 void drop_work(Network& network, const Slave& slave) {

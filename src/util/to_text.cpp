@@ -44,6 +44,7 @@ std::string_view to_text(Errc code) {
         case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
         case Errc::remapping_needed:
             return "SlaveConfiguration::sms have changed since config_map(): call config_map() again";
+        case Errc::scan_needed: return "expect() was called after config_init(): call config_init() again";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";

@@ -320,6 +320,48 @@ TEST_F(NobodysHook, IsNotSkippedWhenNobodyReadsTheState) {
     }
 }
 
+// The way down ends a hook of the way up: an operator who lowers the target does not wait for the hook.
+TEST_F(NobodysHook, OfTheWayUpEndsWhenTheTargetBecomesLower) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    for (const Moment when : {Moment::before, Moment::after})
+        for (const AlState lower : {AlState::init, AlState::preop, AlState::safeop}) {
+            SlowHook slow{.lasts = kEver, .slave = 2, .when = when};
+            slow.set(ctx);
+            SuperviseRequest supervision;
+            ASSERT_TRUE(submit(ctx, supervision));
+            (void)until([&] { return slow.begun == 1; });
+            cycles(20);
+            ASSERT_TRUE(set_target(ctx, 0, lower));
+            EXPECT_LT(until([&] { return real(1) == lower && all_in(lower); }, 5s), 1s) << to_text(lower);
+            slow.lasts = 1ms;
+            ASSERT_TRUE(set_target(ctx, 0, AlState::op));
+            EXPECT_LT(until([&] { return all_right(ctx); }, 20s), 20s) << wrong();
+            EXPECT_EQ(slow.ended, 1) << to_text(lower);
+            supervision.cancel();
+            for (const Slave& slave : ctx.slaves()) slave.hooks = {};
+            ASSERT_TRUE(set_target(ctx, 0, AlState::safeop));
+        }
+}
+
+// A hook of the way down, for example a ramp, is not cut by a still lower target.
+TEST_F(NobodysHook, OfTheWayDownGoesOn) {
+    begin(3);
+    ASSERT_TRUE(config_map(ctx, image));
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    (void)until([&] { return all_right(ctx); });
+    SlowHook ramp{.lasts = 2s, .slave = 2, .which = Transition::op_to_safeop, .when = Moment::before};
+    ramp.set(ctx);
+    ASSERT_TRUE(set_target(ctx, 0, AlState::safeop));
+    (void)until([&] { return ramp.begun == 1; });
+    cycles(20);
+    ASSERT_TRUE(set_target(ctx, 0, AlState::init));
+    (void)until([&] { return all_in(AlState::init); }, 10s);
+    EXPECT_EQ(ramp.ended, 1);
+    EXPECT_TRUE(all_in(AlState::init));
+}
+
 // Commands that the supervision executes have the same limit as its hooks.
 TEST_F(NobodysHook, CommandsOfTheSupervisionAreLimitedToo) {
     begin(3);

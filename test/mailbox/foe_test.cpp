@@ -2,6 +2,8 @@
 #include "mailbox/foe_bus.hpp"
 #include "sim/library/quirks.hpp"
 
+#include <margay/hooked_slave.hpp>
+
 namespace margay {
 namespace {
 
@@ -36,6 +38,38 @@ TEST_F(FoeClient, FirmwareGoesThereAndComesBack) {
     ASSERT_TRUE(read.ok()) << bus.words(read.error());
     back.resize(*read);
     EXPECT_EQ(back, image);
+}
+
+// A hook that writes the firmware when the slave has reached BOOT, and reads it back.
+struct Flash {
+    std::vector<std::byte> image = Bootloader::make_image(2, 5, 5'000);
+    std::vector<std::byte> back = std::vector<std::byte>(6'000);
+    Error error{.code = Errc::canceled};
+    static Task<> hook(HookedSlave slave, Transition which, Moment when, void* user) {
+        auto& my = *static_cast<Flash*>(user);
+        if (which != Transition::init_to_boot || when != Moment::after) co_return Result<>();
+        auto refused = co_await slave.foe_write("firmware", kPassword + 1, my.image);
+        if (refused) co_return Error{.code = Errc::check_failed};
+        auto written = co_await slave.foe_write("firmware", kPassword, my.image);
+        if (!written) co_return written;
+        auto read = co_await slave.foe_read("firmware", kPassword, my.back);
+        if (!read) co_return read.error();
+        my.back.resize(*read);
+        my.error = {};
+        co_return Result<>();
+    }
+};
+
+TEST_F(FoeClient, AHookTransfersFiles) {
+    bus.add_device(sim::make_device("bootloader").value());
+    bus.start();
+    Flash flash;
+    bus.ctx->slave(1).hooks.user = &flash;
+    bus.ctx->slave(1).hooks.transition = Flash::hook;
+    const Error error = bring(bus, AlState::boot);
+    ASSERT_EQ(error.code, Errc::none) << bus.words(error);
+    EXPECT_EQ(flash.error.code, Errc::none);
+    EXPECT_EQ(flash.back, flash.image);
 }
 
 TEST_F(FoeClient, AFileOfWholePackets) {

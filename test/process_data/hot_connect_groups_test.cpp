@@ -264,6 +264,26 @@ TEST_F(HotConnectGroups, AMemberThatComesBeforeItsHeadAndGoes) {
     EXPECT_TRUE(all_right(*ctx));
 }
 
+// The group was missing at config_map(), and nobody knew the size of its member: no cycle is right while the group is
+// there, however often it is plugged.
+TEST_F(HotConnectGroups, AMemberWithoutAPlaceIsMissedEachTime) {
+    expected[3].config = expected[4].config = nullptr;
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    EXPECT_EQ(*cycle(), 9U);
+    for (int time = 0; time < 3; ++time) {
+        plug({line[0], 2}, g.a);
+        power(g.a, true);
+        power(g.a2, true);
+        ASSERT_TRUE(until([&] { return ctx->slave(5).al.state == AlState::preop; })) << joined(events());
+        cycles(200);
+        EXPECT_EQ(cycle().error().code, Errc::working_counter) << time;
+        pull(g.a);
+        cycles(100);
+        EXPECT_EQ(*cycle(), 9U) << time;
+    }
+}
+
 // Without a supervision: a request finds the head lost.
 TEST_F(HotConnectGroups, ARequestMayFindTheGroupRemoved) {
     plug({line[0], 2}, g.a);

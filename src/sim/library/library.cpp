@@ -5,8 +5,8 @@
 namespace margay::sim {
 
 std::span<const Blueprint* const> blueprints() {
-    static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,       &kEncoder,   &kDrive,     &kSoeDrive,
-                                                &kBootloader, &kOpenBootloader, &kOddDevice, &kVoeDevice, &kAoeGateway};
+    static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,  &kEncoder,   &kDrive,      &kSoeDrive,
+                                                &kBootloader, &kOddDevice, &kVoeDevice, &kAoeGateway, &kOpenBootloader};
     return kAll;
 }
 
