@@ -133,7 +133,6 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (done) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = slave.al.state;
-        if (slave.unplaced) await_slave(network, slave);  // it is there, and its data is missing in the image
         const bool there = slave.al.state == wanted_state(network, slave) && !slave.al.error && !slave.held;
         if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
@@ -249,6 +248,8 @@ void start_helpers(Watch& watch, Crew& crew) {
     const auto slaves = watch.network.slaves();
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) {
+        // The slave is there, and its data is missing in the image.
+        if (slave.unplaced && slave.al.state == AlState::preop) watch.network.marks(slave).awaited = true;
         update_counted(watch.network, slave);
         end_work_upwards(watch.network, slave);
     }
