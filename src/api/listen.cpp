@@ -7,22 +7,22 @@
 namespace margay {
 
 Result<> listen(Context& ctx, MailListener& listener) {
-    constexpr Step kStep = Step::mailbox_receive;
-    if (const Error refused = check_owner(ctx, kStep); refused.code != Errc::none) return refused;
+    constexpr Step kListenStep = Step::mailbox_receive;
+    if (const Error refused = check_owner(ctx, kListenStep); refused.code != Errc::none) return refused;
     Mailboxes& mailboxes = master_of(ctx)->network.mailboxes;
-    if (listener.listening()) return Error{.code = Errc::busy, .step = kStep, .slave = listener.only_slave};
+    if (listener.listening()) return Error{.code = Errc::busy, .step = kListenStep, .slave = listener.only_slave};
     if (listener.only_slave > mailboxes.count())
         return Error{.code = Errc::unknown_slave,
-                     .step = kStep,
+                     .step = kListenStep,
                      .slave = listener.only_slave,
                      .expected = static_cast<std::uint32_t>(mailboxes.count())};
-    if (listener.look_every < Duration{0}) return invalid(Argument::interval, kStep, listener.only_slave);
+    if (listener.look_every < Duration{0}) return invalid(Argument::interval, kListenStep, listener.only_slave);
     const auto type = static_cast<unsigned>(listener.type());
-    if (type == 0 || type > 15) return invalid(Argument::mail_type, kStep, listener.only_slave);
+    if (type == 0 || type > 15) return invalid(Argument::mail_type, kListenStep, listener.only_slave);
     mailboxes.listen(listener);
     if (listener.look_every == Duration{0} || mailboxes.watch_for_listeners()) return Result<>();
     mailboxes.unlisten(listener);
-    return Error{.code = Errc::capacity, .step = kStep, .slave = listener.only_slave, .detail = Error::kTasks};
+    return Error{.code = Errc::capacity, .step = kListenStep, .slave = listener.only_slave, .detail = Error::kTasks};
 }
 
 Result<> unlisten(Context& ctx, MailListener& listener) {
