@@ -66,6 +66,9 @@ Time Mailbox::step(Time now, std::uint32_t events) {
     if ((events & wire::al_event::kSmActivation) != 0) watch_repeat();
     Time next = kNever;
     do {
+        // The last free slot is for the reply to a request: servers that send on their own would take it again and
+        // again.
+        if (used() + 1 == slots_) (void)fetch();
         deliver(now);
         next = kNever;
         for (const auto& line : protocols_)

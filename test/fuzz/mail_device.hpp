@@ -308,8 +308,11 @@ class MailDevice {
         const std::uint8_t no_counter = 0;  // as a master that starts again does
         const auto type = boot ? wire::MailboxType::foe : wire::MailboxType::coe;
         require(hand_.put(hand_.message(type, Bytes(request).first(boot ? 6 : 10), no_counter)));
-        step();
-        const auto reply = fetch_reply();
+        Bytes reply;
+        for (int steps = 0; reply.empty() && steps < 20; ++steps) {  // notifications may be queued before it
+            step();
+            reply = fetch_reply();
+        }
         if (boot) {
             require(!reply.empty() && reply[0] == std::byte{5});
         } else {
