@@ -123,6 +123,7 @@ TEST_F(NobodysHook, OfOneSlaveIsNotEndedByRequestsForAnother) {
         EXPECT_EQ(errors(), std::vector<std::string>());
         (void)until([&] { return slow.ended == 1; }, 100s);
         EXPECT_EQ(slow.ended, 1) << "ended by the requests for slave 2";
+        for (const Slave& slave : ctx.slaves()) slave.hooks = {};
     }
 }
 
