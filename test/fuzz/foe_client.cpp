@@ -1,6 +1,7 @@
 // Replies with random content for the FoE client. The input is a conversation: the request, then replies in sequence.
 // For any answers, a transfer must not write beyond its packet or its buffer, must not count more octets than its
 // buffer has, must not compose more than a mailbox holds, and must compose the same message twice.
+#include "client_input.hpp"
 #include "mailbox/foe_transfer.hpp"
 
 #include <algorithm>
@@ -10,38 +11,9 @@
 #include <vector>
 
 using namespace margay;
+using namespace margay::fuzzing;
 
 namespace {
-
-constexpr std::size_t kGuard = 16;
-constexpr std::byte kMark{0xA5};
-
-void require(bool holds) {
-    if (!holds) std::abort();
-}
-
-bool untouched(const std::vector<std::byte>& memory, std::size_t from) {
-    return std::all_of(memory.begin() + static_cast<std::ptrdiff_t>(from), memory.end(),
-                       [](std::byte b) { return b == kMark; });
-}
-
-class Input {
-  public:
-    explicit Input(Bytes data) : left_(data) {}
-    [[nodiscard]] bool empty() const { return left_.empty(); }
-    std::size_t octet() {
-        const Bytes one = take(1);
-        return one.empty() ? 0 : std::to_integer<std::size_t>(one.front());
-    }
-    Bytes take(std::size_t bytes) {
-        const Bytes taken = left_.first(std::min(bytes, left_.size()));
-        left_ = left_.subspan(taken.size());
-        return taken;
-    }
-
-  private:
-    Bytes left_;
-};
 
 // A source and a sink that accept as many octets at a time as the input says.
 class FuzzSource final : public ByteSource {

@@ -1,37 +1,15 @@
 // Mail for listeners without a segment, for harnesses.
 #pragma once
 
+#include "client_input.hpp"
 #include "mailbox/mailboxes.hpp"
 #include "oshw/nic.hpp"
 
 #include <algorithm>
-#include <cstdlib>
 #include <span>
 #include <vector>
 
 namespace margay::fuzzing {
-
-inline void require(bool holds) {
-    if (!holds) std::abort();
-}
-
-class Input {
-  public:
-    explicit Input(Bytes data) : left_(data) {}
-    [[nodiscard]] bool empty() const { return left_.empty(); }
-    std::size_t octet() {
-        const Bytes one = take(1);
-        return one.empty() ? 0 : std::to_integer<std::size_t>(one.front());
-    }
-    Bytes take(std::size_t bytes) {
-        const Bytes taken = left_.first(std::min(bytes, left_.size()));
-        left_ = left_.subspan(taken.size());
-        return taken;
-    }
-
-  private:
-    Bytes left_;
-};
 
 class NoNic final : public Nic {
   public:
