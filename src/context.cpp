@@ -16,13 +16,13 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6336, 4512), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6352, 4512), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): clock");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 20, 20), "context_bytes(): kMarksBytes");
-static_assert(is_size(sizeof(ProcessGroup), 408, 312), "context_bytes(): kGroupBytes");
+static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *
                               (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),
