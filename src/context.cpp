@@ -16,7 +16,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6352, 4512), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6368, 4512), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 200, 200), "context_bytes(): kClockBytes");
@@ -65,7 +65,6 @@ constexpr std::uint32_t kMostGroups = 256;
 
 // The default logical addresses give each group 16 MiB; the application may change GroupConfiguration::start.
 ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
-    constexpr std::uint32_t kGroupSpacing = 0x0100'0000;
     const std::size_t datagrams = ProcessTables::datagrams_for(limits.process_frames);
     ProcessTables tables;
     tables.groups = carver.take<ProcessGroup>(limits.groups);
@@ -75,7 +74,7 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     tables.plans = carver.take<DatagramPlan>(datagrams);
     tables.scratch = carver.take<DatagramPlan>(datagrams);
     for (std::uint32_t n = 0; n < tables.groups.size(); ++n) {
-        tables.groups[n].config.start.value = n * kGroupSpacing;
+        tables.groups[n].config.start.value = n * GroupConfiguration::kSpacing;
         tables.groups[n].number = static_cast<std::uint8_t>(n);
     }
     return tables;
@@ -201,8 +200,10 @@ Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
 Result<> expect(Context& ctx, Borrowed<ExpectedSlave> slaves) {
     if (const Error refused = check_owner(ctx, Step::identify); refused.code != Errc::none) return refused;
     if (const auto right = check_expected(slaves); !right) return right;
-    ContextAccess::master(ctx)->network.expected_next = slaves;
-    ContextAccess::master(ctx)->network.expectation = &kExpectation;
+    Network& network = ContextAccess::master(ctx)->network;
+    network.expected_is_new = !slaves.empty() || !network.expected.empty();
+    network.expected_next = slaves;
+    network.expectation = &kExpectation;
     return Result<>();
 }
 

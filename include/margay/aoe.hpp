@@ -19,6 +19,7 @@
 #pragma once
 
 #include <margay/aoe_address.hpp>
+#include <margay/borrowed.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
 
@@ -58,7 +59,7 @@ struct AoeWrite : AoeRequest {
     AoeWrite();
     std::uint32_t index_group = 0;
     std::uint32_t index_offset = 0;
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // Writes `written` and reads into `data`, in one command.
@@ -66,7 +67,7 @@ struct AoeReadWrite : AoeRequest {
     AoeReadWrite();
     std::uint32_t index_group = 0;
     std::uint32_t index_offset = 0;
-    std::span<const std::byte> written;
+    Borrowed<std::byte> written;
     std::span<std::byte> data;
     std::size_t bytes = 0;  // result
 };
@@ -76,7 +77,7 @@ struct AoeWriteControl : AoeRequest {
     AoeWriteControl();
     AdsState ads_state = AdsState::invalid;
     std::uint16_t device_state = 0;
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 struct AoeReadState : AoeRequest {
@@ -131,10 +132,10 @@ struct AoeSetNetId : AoeRequest {
 // ------------------------------------------------------------------ notifications
 
 struct AoeNotification {
-    AoeAddress source;                // the device
-    std::uint32_t handle = 0;         // of AoeAddNotification
-    std::uint64_t time_stamp = 0;     // of the device: 100 ns since the year 1601, as far as the device has a clock
-    std::span<const std::byte> data;  // valid until notified() returns
+    AoeAddress source;             // the device
+    std::uint32_t handle = 0;      // of AoeAddNotification
+    std::uint64_t time_stamp = 0;  // of the device: 100 ns since the year 1601, as far as the device has a clock
+    Borrowed<std::byte> data;      // valid until notified() returns
 };
 
 // Receives the notifications of devices; see mail_listener.hpp.
@@ -144,7 +145,8 @@ class AoeListener : public MailListener {
 
   protected:
     ~AoeListener() = default;
-    // Called for each value of a notification. The rules are those of MailListener::take().
+    // Called for each value of a notification. The rules are those of MailListener::take(), but the listener must not
+    // be destroyed here: more values may follow in the same message. After unlisten() they still come.
     virtual void notified(std::uint16_t slave, const AoeNotification& notification) = 0;
 
   private:

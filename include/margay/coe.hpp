@@ -12,6 +12,7 @@
 //     auto status = margay::SDOread<std::uint16_t>(ctx, 3, 0x6041, 0);   // waits
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/emergency.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
@@ -51,7 +52,7 @@ struct SdoDownload : MailRequest {
     std::uint16_t index = 0;
     std::uint8_t subindex = 0;
     bool complete_access = false;
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // The object lists of a dictionary (ETG.1000.6 "Get OD list"). `lengths` returns five numbers: how many objects each of
@@ -127,7 +128,7 @@ struct EntryDescriptionRequest : MailRequest {
 struct MailPdoSend : MailRequest {
     MailPdoSend();
     std::uint16_t number = 0;  // number of the PDO, 9 bits
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // Requests a TxPDO by mailbox (CoE service TxPDO remote request).

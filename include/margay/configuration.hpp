@@ -190,11 +190,10 @@ extern const EntryPart kEntryPart;
 }  // namespace detail
 
 // A list of entries; like a list of PDOs it names the part of the library that works with it.
-class EntryList : public std::span<EntryHandle* const> {
+class EntryList : public Borrowed<EntryHandle*> {
   public:
     constexpr EntryList() : part_(nullptr) {}
-    constexpr EntryList(std::span<EntryHandle* const> list) : std::span<EntryHandle* const>(list) {}
-    using std::span<EntryHandle* const>::span;
+    using Borrowed<EntryHandle*>::Borrowed;
     // nullptr: there was never a list.
     [[nodiscard]] constexpr const detail::EntryPart* part() const { return empty() ? nullptr : part_; }
 
@@ -204,7 +203,11 @@ class EntryList : public std::span<EntryHandle* const> {
 
 // The configuration of one group: slaves that share an image and are exchanged together.
 struct GroupConfiguration {
-    LogicalAddress start;  // logical address of the image
+    static constexpr std::uint32_t kSpacing = 0x0100'0000;
+    // Logical address of the image. The default is the number of the group times kSpacing: from there on each mapping
+    // takes other addresses, so that the FMMUs of a slave that was away during a mapping match nothing. Another value
+    // is taken as it is.
+    LogicalAddress start;
     Packing packing = Packing::bytes;
     bool overlapped = false;  // inputs and outputs of a slave have the same logical address
     bool block_lrw = false;   // use LRD and LWR instead of LRW

@@ -15,6 +15,7 @@
 // supervision is busy), and to INIT afterwards.
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/request.hpp>
 #include <margay/result.hpp>
 #include <margay/stream.hpp>
@@ -87,9 +88,9 @@ struct FoeRead : FoeRequest {
 // by an error message; a slave whose firmware was cut stays in BOOT, where it accepts another transfer.
 struct FoeWrite : FoeRequest {
     FoeWrite();
-    std::span<const std::byte> data;  // content of the file, in the caller's memory; not used if there is a source
-    ByteSource* source = nullptr;     // gives a file of any size
-    std::size_t total = 0;            // octets that the source will give, for the progress only; 0: not known
+    Borrowed<std::byte> data;      // content of the file, in the caller's memory; not used if there is a source
+    ByteSource* source = nullptr;  // gives a file of any size
+    std::size_t total = 0;         // octets that the source will give, for the progress only; 0: not known
 };
 
 // ------------------------------------------------------------------ functions that wait

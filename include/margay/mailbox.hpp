@@ -9,6 +9,7 @@
 //     margay::submit(ctx, request);                    // from any thread, beside the cycle
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
 
@@ -24,7 +25,7 @@ struct RawMail : MailRequest {
     // Any protocol from 1 to 15. A message of the type `error` cannot be sent.
     MailboxType type = MailboxType::voe;
     // The octets behind the mailbox header; empty: nothing is sent. The caller's memory.
-    std::span<const std::byte> message;
+    Borrowed<std::byte> message;
     // The address in the mailbox header: 0 is the master; a gateway sets the station address of the sender.
     std::uint16_t address = 0;
     // Destination of the answer; empty: the request ends when the slave has taken the message. Without a message, the

@@ -10,6 +10,7 @@
 //     const auto difference = margay::read_register<std::uint32_t>(ctx, 2, 0x092C);   // waits
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/coe.hpp>
 #include <margay/request.hpp>
 
@@ -27,7 +28,7 @@ struct RegisterReadRequest : SlaveRequest {
 struct RegisterWriteRequest : SlaveRequest {
     RegisterWriteRequest();
     std::uint16_t address = 0;
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // The same as functions that wait; see wait(). Errors: unknown_slave, invalid_argument (no octets, or too many),

@@ -22,6 +22,7 @@
 #pragma once
 
 #include <margay/al_state.hpp>
+#include <margay/borrowed.hpp>
 #include <margay/error.hpp>
 #include <margay/result.hpp>
 #include <margay/time.hpp>
@@ -139,7 +140,7 @@ struct SiiWriteRequest : SlaveRequest {
     SiiWriteRequest();
     std::uint32_t word = 0;
     bool beyond_end = false;  // as in SiiReadRequest
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // Brings one slave to a state. BOOT: the slave goes to INIT first, its process data is cleared, and its mailboxes are

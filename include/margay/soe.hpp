@@ -14,6 +14,7 @@
 // Messages that drives send on their own go to a SoeListener.
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/coe.hpp>
 #include <margay/idn.hpp>
 #include <margay/mail_listener.hpp>
@@ -40,7 +41,7 @@ struct SoeWrite : MailRequest {
     std::uint8_t drive = 0;
     Idn idn;
     std::uint8_t elements = soe_element::kValue;
-    std::span<const std::byte> data;
+    Borrowed<std::byte> data;
 };
 
 // Executes a procedure command: sets and enables it, reads its data state until it is finished, and clears it. If the
@@ -58,9 +59,9 @@ struct SoeCommand : MailRequest {
 struct SoeNotification {
     bool emergency = false;
     std::uint8_t drive = 0;
-    std::uint8_t elements = 0;        // soe_element bits
-    Idn idn;                          // of the command
-    std::span<const std::byte> data;  // valid until notified() returns
+    std::uint8_t elements = 0;  // soe_element bits
+    Idn idn;                    // of the command
+    Borrowed<std::byte> data;   // valid until notified() returns
 };
 
 // Receives notifications and emergencies of drives; see mail_listener.hpp.

@@ -12,6 +12,7 @@
 //     while (auto message = inbox.take(buffer)) use(*message, buffer);                   // from the cycle
 #pragma once
 
+#include <margay/borrowed.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
 
@@ -39,7 +40,7 @@ struct VoeMessage {
 struct VoeSend : MailRequest {
     VoeSend();
     VoeHeader header;
-    std::span<const std::byte> data;  // the caller's memory
+    Borrowed<std::byte> data;  // the caller's memory
 };
 
 // The messages that slaves have sent, in memory of the caller, oldest first. A program may have any number of inboxes:

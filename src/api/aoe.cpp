@@ -110,6 +110,15 @@ Error check(Network& network, const R& r) {
     return check_call(network, r, call_of(r));
 }
 
+template <>
+Error check(Network& network, const AoeAddNotification& r) {
+    constexpr Duration kLongest = UINT32_MAX * Duration(100);
+    const bool right =
+        std::min(r.longest_delay, r.cycle_time) >= Duration{0} && std::max(r.longest_delay, r.cycle_time) <= kLongest;
+    if (!right) return invalid(Argument::aoe_time, Step::aoe_notification, r.slave);
+    return check_call(network, r, call_of(r));
+}
+
 // What a command returns beside its codes: the number of octets, or octets of a fixed size that `store` takes.
 struct Outcome {
     std::size_t* bytes = nullptr;

@@ -34,7 +34,7 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
     if (!seen) co_return seen.error();
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     LatchEdge& edge = request.edges[which];
-    edge.time_ns = slave.dl.dc_64bit ? *seen : extend_time_ns(static_cast<std::uint32_t>(*seen), about);
+    edge.time_ns = slave.dl.dc_64bit ? *seen : extend_past_time_ns(static_cast<std::uint32_t>(*seen), about);
     ++edge.count;
     network.report({.kind = EventKind::latch_edge,
                     .port = static_cast<std::uint8_t>(which >> 1),

@@ -454,7 +454,9 @@ void Request::cancel() {
     if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).destroy();
     const Error canceled{.code = Errc::canceled, .step = operation_->step};
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
-    if (withdraw_submitted(master.queue, *this)) return RequestAccess::end(*this, canceled, master.osal);
+    // The end of a supervision is an event: the owner ends it.
+    const bool by_owner = operation(*this).operation == Operation::supervise;
+    if (!by_owner && withdraw_submitted(master.queue, *this)) return RequestAccess::end(*this, canceled, master.osal);
     cancel_asked_.store(true, std::memory_order_release);
     master.queue.cancel_asked.store(true, std::memory_order_release);
     master.osal.wake();

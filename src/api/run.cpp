@@ -328,6 +328,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     if (timeout < Duration{0}) return invalid(Argument::timeout, Step::request_state);
     Osal& osal = master_of(ctx)->osal;
     (void)poll(ctx, osal.now());  // begins a waiting SuperviseRequest now, so that `state` replaces its target
+    if (SuperviseRequest* const waiting = waiting_supervision(master_of(ctx)->queue)) waiting->target = state;
     OwnSupervision supervision(network);
     supervision.target = state;
     network.target = state;

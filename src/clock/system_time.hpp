@@ -19,6 +19,11 @@ namespace margay {
                          std::int64_t{static_cast<std::int32_t>(low - static_cast<std::uint32_t>(near_ns))});
 }
 
+// The same for a time that has passed: at most 4.29 s before `now_ns`.
+[[nodiscard]] constexpr std::uint64_t extend_past_time_ns(std::uint32_t low, std::uint64_t now_ns) {
+    return now_ns - (static_cast<std::uint32_t>(now_ns) - low);
+}
+
 // The first time at or after `earliest_ns` that is a whole multiple of `grid_ns`, plus `shift_ns`. So all slaves with
 // the same grid have the same phase, whenever they start. A grid of 0: `earliest_ns` itself, plus the shift where it is
 // positive.

@@ -74,6 +74,16 @@ Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& g
     return error.expected == 0 ? Result<std::uint16_t>(wanted) : Result<std::uint16_t>(error);
 }
 
+// A slave that was away keeps its FMMUs. So that they match nothing when its cable is back, each mapping has other
+// logical addresses, unless the application has chosen them.
+LogicalAddress next_start(const ProcessGroup& group, const ImageLayout& layout) {
+    constexpr std::uint32_t kStep = 0x0004'0000;
+    constexpr std::uint32_t kSteps = GroupConfiguration::kSpacing / kStep;
+    const LogicalAddress start = group.config.start;
+    if (start.value != group.number * GroupConfiguration::kSpacing || layout.logical_bytes() > kStep) return start;
+    return {start.value + group.mappings % kSteps * kStep};
+}
+
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
     ProcessTables& tables = network.process;
     ProcessGroup& group = tables.groups[number];
@@ -83,6 +93,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (!layout) return layout.error();
     if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
     group.layout = *layout;
+    group.layout.start = next_start(group, *layout);
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
@@ -162,6 +173,9 @@ bool has_late_commands(const Network& network, const Slave& slave) {
     return has_commands(slave, kIp, Moment::before) || has_commands(slave, kIp, Moment::after);
 }
 
+// The slave can be asked. In BOOT it has another program, whose mailbox knows no process data.
+bool is_there_to_map(const Slave& slave) { return slave.al.state != AlState::none && slave.al.state != AlState::boot; }
+
 // The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     const bool leaves = slave.config.group != number && slave.image.group == number;
@@ -176,9 +190,15 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
     }
-    const bool due = network.marks(slave).held_back || slave.al.state == AlState::init ||
+    const bool unread = !slave.seen && slave.config.group == number && is_there_to_map(slave);
+    if (unread) {  // it came, or could be read, after the scan
+        auto known = co_await read_missing_slave(network, slave);
+        if (!known) faults.note(network, slave, known.error());
+        if (!known) co_return Nothing{};
+    }
+    const bool due = unread || network.marks(slave).held_back || slave.al.state == AlState::init ||
                      has_late_commands(network, slave) || is_unfinished(network, slave);
-    if (slave.config.group != number || slave.held || !due || slave.al.state == AlState::none ||
+    if (slave.config.group != number || slave.held || !due || !is_there_to_map(slave) ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
     auto done = co_await restart(network, slave);
@@ -205,7 +225,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         slave.config.sm_count = 0;
         slave.config.source = ConfigurationSource::none;
     }
-    if (slave.held || slave.al.state == AlState::none) {
+    if (slave.held || !is_there_to_map(slave) || !slave.seen) {
         const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
@@ -247,7 +267,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.image.group != number) co_return Nothing{};
     const bool unfinished = is_unfinished(network, slave);
-    if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || slave.al.state == AlState::none ||
+    if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !is_there_to_map(slave) || !slave.seen ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
@@ -271,6 +291,7 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         if (slave.config.group != number) continue;
         faults.keep(held_error(slave, Step::identify));
         if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
+        if (slave.al.state == AlState::boot) faults.keep(state_error(network, slave));
         Error hook = slave.error;
         hook.slave = slave.number;
         if (slave.hook_failed) faults.keep(hook);

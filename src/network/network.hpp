@@ -84,6 +84,7 @@ struct Network {
     const Expectation* expectation = nullptr;      // given by expect()
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
+    bool expected_is_new = false;  // expect() was called since the last scan began
     Slave guest;                 // a newcomer while it is being identified
     std::uint8_t newcomers = 0;  // counts the newcomers, so that each one gets an address of its own
     bool searching = false;      // a search (find_lost()) is executing
@@ -112,9 +113,7 @@ struct Network {
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
     // The slaves were compared with the list that expect() has set last.
-    [[nodiscard]] bool is_expected_list() const {
-        return expected_next.data() == expected.data() && expected_next.size() == expected.size();
-    }
+    [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }
     [[nodiscard]] std::span<Slave> slaves() const { return table.first(count); }
     [[nodiscard]] std::span<RingPlace> seen_ring() {
         return ring.first(std::min<std::size_t>(ring_count, ring.size()));

@@ -37,26 +37,6 @@ Task<Result<>> back_to_init(Network& network, Slave& slave) {
     co_return co_await clear_sync_managers(network.station(slave), slave);
 }
 
-// Reads the identity of a slave that was missing during the scan.
-Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
-    slave.error = {};
-    auto assigned = co_await sii_assign(network.station(slave), false);
-    if (!assigned) co_return assigned;
-    auto surveyed = co_await survey(network, slave);
-    auto offered = co_await sii_assign(network.station(slave), true);
-    if (!surveyed) co_return surveyed;
-    if (!slave.seen) co_return slave.error;
-    if (!offered) co_return offered;
-    const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
-    if (other.code == Errc::none) {
-        slave.other = false;
-        slave.held = false;
-        co_return Nothing{};
-    }
-    slave.seen = false;
-    co_return other;
-}
-
 // Checks that the place that was reserved for the slave has the sizes of its process data.
 Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     Error error{.code = Errc::pdo_size, .step = Step::configure_pdos, .slave = slave.number};
@@ -174,6 +154,25 @@ bool is_configured(const Slave& slave) {
 
 }  // namespace
 
+Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
+    slave.error = {};
+    auto assigned = co_await sii_assign(network.station(slave), false);
+    if (!assigned) co_return assigned;
+    auto surveyed = co_await survey(network, slave);
+    auto offered = co_await sii_assign(network.station(slave), true);
+    if (!surveyed) co_return surveyed;
+    if (!slave.seen) co_return slave.error;
+    if (!offered) co_return offered;
+    const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
+    if (other.code == Errc::none) {
+        slave.other = false;
+        slave.held = false;
+        co_return Nothing{};
+    }
+    slave.seen = false;
+    co_return other;
+}
+
 void note_change(Network& network, Slave& slave, const AlStatus& before) {
     const AlStatus now = std::exchange(slave.al, before);
     if (now.state != AlState::none) return note_state(network, slave, now);
@@ -239,7 +238,8 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
                        to >= AlState::safeop;
     const bool asks = to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
     Result<> again;
-    if (waits || asks) again = co_await back_to_safeop(network, slave);
+    if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
+    if ((waits || asks) && again) again = co_await back_to_safeop(network, slave);
     if (!asks && (!waits || !again)) again = co_await reconfigure(network, slave);
     if (!again || goal(network, slave) != AlState::op) co_return again;
     auto op = co_await change(network, slave, AlState::op);

@@ -19,6 +19,10 @@ class ChangeReport {
     AlStatus before_;
 };
 
+// Reads a slave that is there now and was not read by the scan. Errors: other_slave, those of the SII and its
+// registers.
+[[nodiscard]] Task<Result<>> read_missing_slave(Network& network, Slave& slave);
+
 // Brings a slave to INIT, clears its earlier configuration, and brings it to PREOP.
 [[nodiscard]] Task<Result<>> restart(Network& network, Slave& slave);
 

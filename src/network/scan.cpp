@@ -196,6 +196,7 @@ void keep_unasked(Network& network, FirstFault& faults) {
 Task<Result<std::uint16_t>> scan(Network& network) {
     Scanning scanning(network);
     network.expected = network.expected_next;
+    network.expected_is_new = false;
     for (ProcessGroup& group : network.process.groups) {
         unprepare(group, network.engine.link(), network.engine.now());
         group.was_mapped &= network.in_run_cycle;

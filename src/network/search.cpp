@@ -49,10 +49,30 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
     co_return Nothing{};
 }
 
-// Assigns the places of the ring to the slaves that answer, by their station addresses; of two places with the same
-// address the first one counts. The other places are not assigned yet. A slave that was lost and has its address
-// belongs to readmit_slave(), which may be working on it; an address that no slave has had since the scan comes from an
-// earlier master.
+// Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
+// that address. Nobody knows which of them is the right one, so both lose the address, and the next search identifies
+// both. Returns whether there are such slaves.
+Task<Result<bool>> end_clashes(Network& network) {
+    const std::size_t first = network.settings.first_station_address;
+    const auto ring = network.seen_ring();
+    bool any = false;
+    for (std::size_t n = 0; n < ring.size(); ++n) {
+        const std::uint16_t address = ring[n].address;
+        const auto behind = ring.subspan(n + 1);
+        if (address < first || address >= first + network.count ||
+            std::ranges::find(behind, address, &RingPlace::address) == behind.end())
+            continue;
+        any = true;
+        const Station both{network.engine, {address}, 0};
+        auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
+        (void)reset;  // the working counter is 2
+    }
+    co_return any;
+}
+
+// Assigns the places of the ring to the slaves that answer, by their station addresses. The other places are not
+// assigned yet. A slave that was lost and has its address belongs to readmit_slave(), which may be working on it; an
+// address that no slave has had since the scan comes from an earlier master.
 void recognise(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     for (Slave& slave : network.slaves()) slave.ring_position = 0;
@@ -88,7 +108,10 @@ Task<Result<>> read_ring(Network& network) {
     co_await crew.all();
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
     network.ring_count = roll->count;
+    auto clashes = co_await end_clashes(network);
+    if (!clashes) co_return clashes.error();
     recognise(network);
+    if (*clashes) co_return Error{.code = Errc::unstable, .step = Step::recover};
     co_return Nothing{};
 }
 

@@ -27,6 +27,10 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    if (network.marks(slave).requested != Transition::none) {  // nothing has read the state since
+        auto seen = co_await read_al_status(network.station(slave));
+        update_al_status(slave.al, seen);
+    }
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
         auto prepared = co_await network.boot->prepare(network, slave, state, kNever);
@@ -35,20 +39,24 @@ Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
             co_return prepared;
         }
     }
-    if (network.marks(slave).requested != Transition::none) {  // nothing has read the state since
-        auto seen = co_await read_al_status(network.station(slave));
-        update_al_status(slave.al, seen);
+    const AlState awaited = awaited_state(network, slave);
+    const bool again = awaited == state && awaited != slave.al.state;  // the slave is on its way there
+    const Transition which = again ? network.marks(slave).requested : transition(awaited, state);
+    const Error left_out = left_out_state(slave, awaited, state);
+    if (left_out.code != Errc::none) co_return left_out;
+    if (!again) {
+        auto finished = co_await finish_requested(network, slave, which);
+        if (!finished) {
+            network.note(slave, finished.error());
+            co_return finished;
+        }
     }
-    const Transition which = transition(awaited_state(network, slave), state);
-    auto finished = co_await finish_requested(network, slave, which);
-    if (!finished) {
-        network.note(slave, finished.error());
-        co_return finished;
-    }
-    auto before = co_await around_transition(network, slave, which, Moment::before);
-    if (!before) {
-        network.note(slave, before.error());
-        co_return before;
+    if (!again) {
+        auto before = co_await around_transition(network, slave, which, Moment::before);
+        if (!before) {
+            network.note(slave, before.error());
+            co_return before;
+        }
     }
     network.marks(slave).requested = which;
     const bool acknowledge = slave.al.error && !slave.device_emulation;

@@ -68,6 +68,16 @@ Transition transition(AlState from, AlState to) {
     return row == kRows.end() ? Transition::none : row->transition;
 }
 
+Error left_out_state(const Slave& slave, AlState from, AlState to) {
+    const bool upwards = from != AlState::none && from != AlState::boot && to > from;
+    if (!slave.device_emulation || !upwards || transition(from, to) != Transition::none) return {};
+    return {.code = Errc::other_state,
+            .step = Step::request_state,
+            .slave = slave.number,
+            .expected = static_cast<std::uint32_t>(to == AlState::op ? AlState::safeop : AlState::preop),
+            .actual = static_cast<std::uint32_t>(from)};
+}
+
 std::string_view initials(Transition one) {
     const Row* row = row_of(one);
     return row == nullptr ? "" : row->initials;
@@ -105,6 +115,8 @@ Task<Result<>> around_transition(Network& network, Slave& slave, Transition whic
         co_return Nothing{};
     }
     const bool up = goes_up(which);
+    if (SlaveWork* work = find_work(network, slave); work != nullptr && up)
+        work->upwards_to = std::max(work->upwards_to, row_of(which)->to);
     const WorkLimit limit(network, slave.number);
     std::optional<Following> following;
     if (moment == Moment::after) following.emplace(network.marks(slave), which);
@@ -150,6 +162,8 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     }
     const AlState from = slave.al.state;
     const Transition which = transition(from, state);
+    const Error left_out = left_out_state(slave, from, state);
+    if (left_out.code != Errc::none) co_return left_out;
     if (network.marks(slave).requested != Transition::none) {
         auto finished = co_await finish_requested(network, slave, which);
         if (!finished) co_return finished.error();
@@ -174,6 +188,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         if (!after) co_return after.error();
     } else {
         nothing_follows(network.marks(slave), which);
+        if (is_unfinished(network, slave)) co_return unfinished_error(network, slave);
     }
     co_return changed;
 }

@@ -10,6 +10,10 @@ namespace margay {
 // the slave's error. Errors: that of the command or hook.
 [[nodiscard]] Task<Result<>> around_transition(Network& network, Slave& slave, Transition which, Moment moment);
 
+// The error of a way up that leaves out a state, and with it the commands and hooks on the way, for a slave that enters
+// each state that is requested. Other slaves refuse such a request themselves. Code none otherwise.
+[[nodiscard]] Error left_out_state(const Slave& slave, AlState from, AlState to);
+
 // Requests `state` and waits for it. slave.al is the start and is updated. Errors: above_highest, those of
 // around_transition() and of change_al_state(). A failure after the state was reached is an error too; slave.al then
 // contains the reached state. The change of the state itself is given up at `until`; kNever: after al_timeout().

@@ -421,5 +421,23 @@ TEST_F(NobodysHook, ATargetThatIsSetBeforeTheSupervisionBeginsCounts) {
     EXPECT_EQ(real(0), AlState::preop);
 }
 
+// The loop of many programs: the state is requested again while the slave is on its way.
+TEST_F(NobodysHook, IsExecutedWhenTheStateIsRequestedAgainMeanwhile) {
+    begin(2);
+    ASSERT_TRUE(config_map(ctx, image));
+    SlowHook slow{.lasts = 1ms, .slave = 2};
+    slow.set(ctx);
+    Result<AlStatus> reached = Error{.code = Errc::timeout};
+    for (int tries = 0; tries < 50 && (!reached || reached->state != AlState::op); ++tries) {
+        ASSERT_TRUE(writestate(ctx, 0, AlState::op)) << tries;
+        ASSERT_TRUE(writestate(ctx, 0, AlState::op)) << tries;
+        cycle_unseen(1);
+        reached = statecheck(ctx, 0, AlState::op, 1ms);
+        cycles(3);
+    }
+    EXPECT_LT(until([&] { return all_right(ctx); }, 2s), 2s) << wrong();
+    EXPECT_EQ(slow.ended, 1);
+}
+
 }  // namespace
 }  // namespace margay

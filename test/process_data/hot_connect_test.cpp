@@ -290,5 +290,77 @@ TEST_F(HotConnectTest, ForeignAddressesDeceiveNobody) {
     }
 }
 
+// A tool from another machine has kept its power, and with it the station address that it had there: here it is the
+// address of another slave, and the tool comes before that slave in the ring.
+TEST_F(HotConnectTest, AToolWithTheStationAddressOfAnotherSlave) {
+    const auto tool = make({.product = 0x200, .alias = 7});
+    ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
+    head.alias = std::uint16_t{7};
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    power(tool, true);
+    for (const std::uint16_t clash : {std::uint16_t{2}, std::uint16_t{3}, std::uint16_t{1}, std::uint16_t{4}}) {
+        SCOPED_TRACE(clash);
+        const std::uint16_t address = ctx->slave(clash).station_address.value;
+        const std::array octets{static_cast<std::byte>(address & 0xFF), static_cast<std::byte>(address >> 8)};
+        (void)segment.slave(tool).ecat_write(0x0010, octets, osal.now());
+        plug({line[0], 2}, tool);
+        for (int n = 0; n < 1'500; ++n) {
+            for (const Slave& slave : ctx->slaves())
+                std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0xA0 + slave.number));
+            cycles(1);
+            const auto outputs = program(tool).outputs();
+            const bool none = outputs.empty() || outputs[0] == std::byte{0};
+            EXPECT_TRUE(none || outputs[0] == std::byte{0xA4}) << n << ": the outputs of another slave";
+        }
+        EXPECT_TRUE(all_right(*ctx));
+        EXPECT_TRUE(in_op(4)) << joined(events());
+        for (std::size_t n = 1; n <= line.size(); ++n) expect_exchanged(n, line[n - 1]);
+        expect_exchanged(4, tool);
+        pull(tool);
+        cycles(500);
+    }
+}
+
+// A tool that is away during a mapping keeps its FMMUs and its power: when it is plugged again, they match nothing.
+TEST_F(HotConnectTest, AToolThatWasAwayDuringAMappingTakesNobodysOutputs) {
+    const auto tool = make({.product = 0x200, .alias = 7});
+    ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
+    head.alias = std::uint16_t{7};
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
+    limits.groups = 2;
+    plug({line[0], 2}, tool);
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    std::vector<std::byte> second(64);
+    for (std::uint8_t round = 0; round < 6; ++round) {
+        SCOPED_TRACE(int{round});
+        pull(tool);
+        ctx->slave(4).config.group = round % 2 == 0 ? 1 : 0;
+        ctx->slave(1).config.group = round % 2 == 0 ? 1 : 0;
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        if (round % 2 == 0) {
+            ASSERT_TRUE(config_map(*ctx, second, 1).ok());
+        }
+        const auto cycle_all = [&] {
+            for (const Slave& slave : ctx->slaves())
+                std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0xA0 + slave.number));
+            cycles(1);
+            if (ctx->group(1).mapped) (void)send_processdata(*ctx, 1);
+            if (ctx->group(1).mapped) (void)receive_processdata(*ctx, std::chrono::microseconds(500), 1);
+        };
+        for (int n = 0; n < 20; ++n) cycle_all();
+        plug({line[0], 2}, tool);
+        for (int n = 0; n < 800; ++n) {
+            cycle_all();
+            const auto outputs = program(tool).outputs();
+            const bool none = outputs.empty() || outputs[0] == std::byte{0};
+            EXPECT_TRUE(none || outputs[0] == std::byte{0xA4}) << n << ": the outputs of another slave";
+        }
+        EXPECT_TRUE(in_op(4)) << joined(events());
+    }
+}
+
 }  // namespace
 }  // namespace margay

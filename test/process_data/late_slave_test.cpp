@@ -136,6 +136,56 @@ TEST_F(LateSlave, WithoutFmmusOfSingleBitsStaysInPreopHoweverOftenItIsTried) {
     expect_refused("slave 3: mapping process data: not supported by the slave");
 }
 
+// ------------------------------------------------------------------ found, and mapped before it was read
+
+TEST_F(LateSlave, ThatWasFoundByHandIsReadByTheMapping) {
+    build();
+    config.setup = nullptr;
+    ctx->slave(3).config.setup = nullptr;
+    EXPECT_EQ(config_map(*ctx, image).error().slave, 3);
+    power(line[2], true);
+    osal.advance(50ms);
+    ASSERT_TRUE(recover_slave(*ctx, 3).ok());
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_TRUE(mapped.ok()) << words(mapped.error());
+    const auto reached = reach(*ctx, AlState::op, 5s);
+    EXPECT_TRUE(reached.ok()) << words(reached.error());
+    EXPECT_EQ(ctx->slave(3).image.outputs.bits, 8U);
+    expect_exchanged(3, line[2]);
+}
+
+// At each moment between its power and its start-up.
+TEST_F(LateSlave, IsMappedWheneverTheMappingIsRequested) {
+    build();
+    ctx->slave(3).config.setup = nullptr;
+    EXPECT_EQ(config_map(*ctx, image).error().slave, 3);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    for (int at = 0; at < 300; at += 7) {
+        power(line[2], false);
+        cycles(100);
+        power(line[2], true);
+        for (int n = 0; n < at; ++n) {
+            (void)poll(*ctx, osal.now());
+            osal.advance(100us);
+        }
+        for (int tries = 0; tries < 2; ++tries) {  // the first one may come before the slave was found
+            MapRequest map;
+            map.image = image;
+            ASSERT_TRUE(submit(*ctx, map).ok());
+            for (int n = 0; n < 5'000 && map.busy(); ++n) cycles(1);
+            if (until([&] { return all_right(*ctx); })) break;
+            EXPECT_EQ(what_is_wrong(*ctx).code, Errc::no_place) << at << ": " << wrong();
+        }
+        ASSERT_TRUE(all_right(*ctx)) << at << ": " << wrong();
+        EXPECT_TRUE(in_op(3)) << at;
+        // Without a place again.
+        power(line[2], false);
+        ctx->slave(3).config.sm_count = 0;
+        ctx->slave(3).config.source = ConfigurationSource::none;
+        ASSERT_TRUE(until([&] { return ctx->slave(3).al.state == AlState::none; }));
+    }
+}
+
 // ------------------------------------------------------------------ its hook
 
 ProcessSm first_sm;

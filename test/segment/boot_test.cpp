@@ -129,6 +129,24 @@ TEST_F(Boot, FromOpGoesDownFirstAndLeavesTheExchange) {
     EXPECT_TRUE(op.ok()) << bus.words(op.error());
 }
 
+// The bootloader has another program: a mapping neither asks it for process data nor takes it out of BOOT.
+TEST_F(Boot, AMappingLeavesASlaveInBootAlone) {
+    start({"bootloader", "digital_io_16"});
+    ASSERT_EQ(bring(bus, AlState::boot).code, Errc::none);
+    const auto mapped = config_map(*bus.ctx, image);
+    EXPECT_EQ(mapped.error().slave, 1) << bus.words(mapped.error());
+    EXPECT_EQ(state(), AlState::boot);
+    EXPECT_EQ(bus.ctx->slave(2).al.state, AlState::safeop);
+    const auto firmware = Bootloader::make_image(2, 3, 5000);
+    EXPECT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", kPassword, firmware).ok());
+    ASSERT_EQ(bring(bus, AlState::init).code, Errc::none);
+    bus.idle(500ms);
+    const auto again = config_map(*bus.ctx, image);
+    EXPECT_TRUE(again.ok()) << bus.words(again.error());
+    const auto op = reach(*bus.ctx, AlState::op, 5s);
+    EXPECT_TRUE(op.ok()) << bus.words(op.error());
+}
+
 TEST_F(Boot, ByWritestateAndStatecheck) {
     start({"bootloader"});
     ASSERT_TRUE(writestate(*bus.ctx, 1, AlState::boot).ok());
