@@ -50,8 +50,8 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
 }
 
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
-// that address. Nobody knows which of them is the right one, so both lose the address, and the next search identifies
-// both. Returns whether there are such slaves.
+// that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
+// search identifies both. Returns whether there are such slaves.
 Task<Result<bool>> end_clashes(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     const auto ring = network.seen_ring();
@@ -63,7 +63,12 @@ Task<Result<bool>> end_clashes(Network& network) {
             std::ranges::find(behind, address, &RingPlace::address) == behind.end())
             continue;
         any = true;
+        Slave& slave = network.slave(address - first + 1);
+        if (network.marks(slave).in_use) continue;  // the next search
+        if (slave.al.state != AlState::none) note_lost(network, slave);
         const Station both{network.engine, {address}, 0};
+        auto unmapped = co_await unmap(both);  // neither of them may answer for the slave
+        (void)unmapped;
         auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
         (void)reset;  // the working counter is 2
     }
