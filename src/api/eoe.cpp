@@ -12,7 +12,7 @@ namespace {
 using wire::eoe::Type;
 
 EoeCall call_of(EoeSetIp& r) {
-    return {.type = Type::set_ip_request, .step = Step::eoe_set_ip, .set_ip = &r.ip, .packed = r.packed};
+    return {.type = Type::set_ip_request, .step = Step::eoe_set_ip, .set_ip = &r.ip, .compact = r.packed};
 }
 EoeCall call_of(EoeGetIp& r) { return {.type = Type::get_ip_request, .step = Step::eoe_get_ip, .got_ip = &r.ip}; }
 EoeCall call_of(EoeSetFilter& r) {

@@ -11,7 +11,7 @@ std::size_t EoeClient::compose(MutableBytes data) {
     if (data.size() < eoe::kHeaderBytes + most) return 0;
     eoe::store_header(data, call_.type, EoeResult::success);
     const auto parameters = data.subspan(eoe::kHeaderBytes);
-    if (call_.set_ip != nullptr) return eoe::kHeaderBytes + eoe::store_ip(parameters, *call_.set_ip, call_.packed);
+    if (call_.set_ip != nullptr) return eoe::kHeaderBytes + eoe::store_ip(parameters, *call_.set_ip, call_.compact);
     if (call_.set_filter != nullptr) eoe::store_filter(parameters, *call_.set_filter);
     return eoe::kHeaderBytes + most;
 }

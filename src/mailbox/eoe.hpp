@@ -13,7 +13,7 @@ struct EoeCall {
     wire::eoe::Type type{};  // of the request; the response has the next number
     Step step = Step::none;
     const EoeIp* set_ip = nullptr;
-    bool packed = false;
+    bool compact = false;
     const EoeFilter* set_filter = nullptr;
     EoeIp* got_ip = nullptr;
     EoeFilter* got_filter = nullptr;

@@ -43,26 +43,26 @@ constexpr std::size_t size_of_parameter(unsigned n) {
     return n == 0 ? std::tuple_size_v<Mac> : n < 5 ? std::tuple_size_v<Ipv4Address> : EoeIp::kHostNameBytes;
 }
 
-// Where the parameters are: those that `flags` lacks occupy octets too unless `packed`.
+// Where the parameters are: those that `flags` lacks occupy octets too unless `compact`.
 class IpPlaces {
   public:
-    IpPlaces(std::uint32_t flags, bool packed) : flags_(flags), packed_(packed) {}
+    IpPlaces(std::uint32_t flags, bool compact) : flags_(flags), compact_(compact) {}
     [[nodiscard]] bool has(unsigned n) const { return (flags_ >> n & 1U) != 0; }
     // The place of the next parameter.
     std::size_t next(unsigned n) {
         const std::size_t at = end_;
-        end_ += has(n) || !packed_ ? size_of_parameter(n) : 0;
+        end_ += has(n) || !compact_ ? size_of_parameter(n) : 0;
         return at;
     }
     [[nodiscard]] std::size_t end() const { return end_; }
 
   private:
     std::uint32_t flags_;
-    bool packed_;
+    bool compact_;
     std::size_t end_ = kIpFlagBytes;
 };
 
-std::size_t packed_bytes(std::uint32_t flags) {
+std::size_t compact_bytes(std::uint32_t flags) {
     IpPlaces places(flags, true);
     for (unsigned n = 0; n < 6; ++n) (void)places.next(n);
     return places.end();
@@ -118,11 +118,11 @@ std::size_t fragment_bytes(std::size_t left, std::size_t room, std::size_t appen
     return std::min(most, left - 1) / kBlockBytes * kBlockBytes;
 }
 
-std::size_t store_ip(MutableBytes at, const EoeIp& ip, bool packed) {
+std::size_t store_ip(MutableBytes at, const EoeIp& ip, bool compact) {
     const std::uint32_t flags = flags_of(ip);
     std::ranges::fill(at.first(kIpBytes), std::byte{0});
     store_le(at, 0, flags);
-    IpPlaces places(flags, packed);
+    IpPlaces places(flags, compact);
     if (const std::size_t place = places.next(0); ip.mac) store_mac(at.subspan(place), *ip.mac);
     for (unsigned n = 0; n < std::size(kIpv4); ++n)
         if (const std::size_t place = places.next(n + 1); ip.*kIpv4[n]) store_ipv4(at.subspan(place), *(ip.*kIpv4[n]));
@@ -134,10 +134,10 @@ std::size_t store_ip(MutableBytes at, const EoeIp& ip, bool packed) {
 std::optional<EoeIp> load_ip(Bytes at) {
     if (at.size() < kIpFlagBytes) return std::nullopt;
     const auto flags = load_le<std::uint32_t>(at);
-    const bool packed = at.size() < kIpBytes;
-    if (packed && at.size() < packed_bytes(flags)) return std::nullopt;
+    const bool compact = at.size() < kIpBytes;
+    if (compact && at.size() < compact_bytes(flags)) return std::nullopt;
     EoeIp ip;
-    IpPlaces places(flags, packed);
+    IpPlaces places(flags, compact);
     if (const std::size_t place = places.next(0); places.has(0)) ip.mac = load_mac(at.subspan(place));
     for (unsigned n = 0; n < std::size(kIpv4); ++n)
         if (const std::size_t place = places.next(n + 1); places.has(n + 1))

@@ -69,9 +69,9 @@ inline constexpr std::size_t kIpBytes = 58;
 // Number of addresses (bits 0 to 3), of masks (4, 5), no broadcasts (7); 16 addresses, 4 masks.
 inline constexpr std::size_t kFilterBytes = 122;
 
-// Writes kIpBytes octets; `packed`: parameters that are not included occupy no octets. Returns the number of octets.
-std::size_t store_ip(MutableBytes at, const EoeIp& ip, bool packed = false);
-// Both forms are read: the packed one is recognised by its length. nullopt: octets are missing.
+// Writes kIpBytes octets; `compact`: parameters that are not included occupy no octets. Returns the number of octets.
+std::size_t store_ip(MutableBytes at, const EoeIp& ip, bool compact = false);
+// Both forms are read: the compact one is recognised by its length. nullopt: octets are missing.
 [[nodiscard]] std::optional<EoeIp> load_ip(Bytes at);
 
 // Writes kFilterBytes octets. The numbers of `filter` must not be larger than its arrays.
