@@ -98,7 +98,9 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::read_register:
         case Step::write_register: (out << " at register ").hex(e.index, 4); break;
         case Step::configure_pdos:
-            if (is_sync_manager(e.index))
+            if (e.code == Errc::sm_shortage)
+                out << " of SyncManager " << e.expected - 1;
+            else if (is_sync_manager(e.index))
                 out << " of SyncManager " << sync_manager(e.index);
             else
                 (out << " of ").hex(e.index, 4) << ":" << unsigned{e.subindex};
@@ -154,7 +156,7 @@ std::string_view pdo_list_text(PdoListFault why) {
 
 // Names the memory of the application that is too small, by its name in the API.
 std::string_view capacity_text(const Error& e) {
-    if (e.detail == Error::kTasks) return "Limits::tasks";
+    if (e.detail == Error::kTasks) return "Limits::tasks, or Limits::arena_bytes";
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
     switch (e.step) {
         case Step::count_slaves:
@@ -237,6 +239,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::file_name: return "the name of the file does not fit the mailbox of the slave";
         case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
         case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
+        case Argument::sdo_stream: return "there is no source or sink, or the size has more than 32 bits";
         case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
     }
     return {};
@@ -360,6 +363,8 @@ void write_cause(TextWriter& out, const Error& e) {
             if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
             if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
                 out << ", the inputs of the other slaves are fresh";
+            if (e.step == Step::exchange_process_data && e.detail == Error::kBeingMapped)
+                out << ", the group is being mapped";
             break;
         case Errc::capacity:
             out << ": " << capacity_text(e);
@@ -424,7 +429,9 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
-            if (is_refused_call(e))
+            if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
+                out << " (the request was not submitted: call submit())";
+            else if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"
                                                  : " (call init(), then config_init(), then submit or wait)");
             if (e.step == Step::configure_sync) out << " (call configdc() before)";

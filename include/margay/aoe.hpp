@@ -32,8 +32,8 @@ namespace margay {
 // The base of all AoE commands. Errors: aoe_error (detail: error_code), aoe_result (detail: result_code),
 // invalid_argument (the command or the announced answer is longer than the mailbox), capacity (the answer is longer
 // than `data`), unsupported (no AoE), timeout, mailbox_error, protocol … When the answer of a slave is lost on the wire
-// and the slave cannot repeat it, the library sends the command a second time: a command with an effect may then have
-// the effect twice.
+// and the slave cannot repeat it, the library sends AoeRead, AoeReadState and AoeReadDeviceInfo again. Every other
+// command ends with reply_lost: the slave may have executed it, and is not to execute it twice.
 struct AoeRequest : MailRequest {
     AoeAddress target;
     // The address of the master; the device sends its answer and its notifications there. The library accepts them

@@ -14,7 +14,7 @@ enum class Errc : std::uint8_t {
     timeout,           // no final answer within the time allowed
     no_frame,          // a frame did not come back, although it was sent again (detail: 0, or Error::kUnmarked)
     working_counter,   // a frame came back, but not every addressed slave took part (expected, actual; of a cycle
-                       // detail: 0, or Error::kOthersFresh)
+                       // detail: 0, Error::kOthersFresh or Error::kBeingMapped)
     link_down,         // the NIC reports no carrier
     nic,               // the NIC refused to send (actual: the system's error number)
     capacity,          // a buffer or table of the caller is too small (expected: needed, actual: available)
@@ -104,6 +104,9 @@ enum class Errc : std::uint8_t {
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
                          // gone. A scan deletes those of the scan before without a warning
+    place_unknown,  // a warning: the slave may be missing and is missing, and the sizes of its process data are not
+                    // known (SlaveSetup::pdos), so that it has no place in the image: it can take part after the next
+                    // config_map()
     start_up_unfinished,     // the slave is in its target state, and its commands or its hook after the transition have
                              // not ended, or were ended early (expected, actual: the state)
     no_clock,                // the slave has no clock that runs; slave 0: no slave has one
@@ -245,8 +248,12 @@ struct Error {
     // Detail of Errc::working_counter from receive_processdata(): the missing slaves are known to be lost, and the
     // inputs of all other slaves are fresh.
     static constexpr std::uint32_t kOthersFresh = 1;
-    // Detail of Errc::capacity: kTasks: no memory for another operation (Limits::tasks); kPlaces: no place for another
-    // request of another thread. 0: the step determines which memory is full.
+    // Detail of Errc::working_counter from receive_processdata(): config_map() is executing for the group.
+    static constexpr std::uint32_t kBeingMapped = 2;
+    // Detail of Errc::wrong_state from wait(): the request was not submitted.
+    static constexpr std::uint32_t kNotSubmitted = 1;
+    // Detail of Errc::capacity: kTasks: no memory for another operation (Limits::tasks, or Limits::arena_bytes);
+    // kPlaces: no place for another request of another thread. 0: the step determines which memory is full.
     static constexpr std::uint32_t kTasks = 1;
     static constexpr std::uint32_t kPlaces = 2;
 
@@ -320,6 +327,7 @@ enum class Argument : std::uint8_t {
     file_time,       // a time of a FoeRequest
     sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
     sync_start,      // ClockSettings::start_time has returned a time that has passed
+    sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
 };
 
 // Errc::other_slave: which property differs from the expected one.
@@ -338,7 +346,8 @@ enum class PdoListFault : std::uint8_t {
 
 // Codes that are reported in warnings(): no operation has failed, and the slave continues.
 [[nodiscard]] constexpr bool is_warning(Errc code) {
-    return code == Errc::sizes_differ || code == Errc::types_differ || code == Errc::configuration_lost;
+    return code == Errc::sizes_differ || code == Errc::types_differ || code == Errc::configuration_lost ||
+           code == Errc::place_unknown;
 }
 
 // The text of a code, a step or an operation. Static strings, callable from anywhere.

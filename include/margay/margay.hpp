@@ -16,6 +16,7 @@
 #include <margay/aoe.hpp>
 #include <margay/clocks.hpp>
 #include <margay/coe.hpp>
+#include <margay/coe_stream.hpp>
 #include <margay/context.hpp>
 #include <margay/entry.hpp>
 #include <margay/eoe.hpp>

@@ -27,7 +27,7 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 
 // Sets the target state of a slave: INIT, PREOP, SAFEOP, OP, or BOOT for one slave; slave 0: of all slaves, and the
 // targets of single slaves end. `state` NONE ends the target of one slave: the target of all slaves applies to it
-// again. The target may be above or below the present state.
+// again. OP does the same while OP is the target of all slaves. The target may be above or below the present state.
 //
 // While a SuperviseRequest is busy, set_target() returns at once, is callable from the cycle, and the supervision
 // brings the slaves to their targets. Without a supervision, set_target() itself changes the states and waits; OP needs

@@ -242,13 +242,23 @@ Task<Result<>> drive(Master& master, Request& request) {
     co_return Nothing{};
 }
 
+// Ends a request that has not begun. The end of a supervision is an event, also if no poll() has begun it.
+void end_unbegun(Master& master, Request& request, const Error& error) {
+    Network& network = master.network;
+    if (operation(request).operation == Operation::supervise && !network.reaching && !network.supervised) {
+        network.supervision_error = error;
+        network.supervision_ended = true;
+    }
+    RequestAccess::end(request, error, master.osal);
+}
+
 // False: the arena has no memory for the request now.
 bool begin(Master& master, Request& request) {
     Error refused = operation(request).check(master.network, request);
     if (RequestAccess::cancel_asked(request).load(std::memory_order_acquire))
         refused = {.code = Errc::canceled, .step = operation(request).step};
     if (refused.code != Errc::none) {
-        RequestAccess::end(request, refused, master.osal);
+        end_unbegun(master, request, refused);
         return true;
     }
     Task<Result<>> task = drive(master, request);
@@ -270,7 +280,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
                 std::exchange(RequestAccess::sequence(*request), {}).destroy();
             } else {
                 (void)remove(list, *request);
-                RequestAccess::end(*request, {.code = code, .step = operation(*request).step}, master.osal);
+                end_unbegun(master, *request, {.code = code, .step = operation(*request).step});
             }
         }
         request = after;
@@ -347,7 +357,7 @@ void begin_waiting(Master& master) {
         Error error{.code = Errc::capacity, .step = operation(*request).step, .detail = Error::kTasks};
         error.expected = static_cast<std::uint32_t>(kHeadroomBytes);
         error.actual = static_cast<std::uint32_t>(arena.capacity_bytes() - arena.used_bytes());
-        RequestAccess::end(*request, error, master.osal);
+        end_unbegun(master, *request, error);
     }
 }
 
@@ -442,8 +452,9 @@ void Request::cancel() {
     Master& master = *master_of(*ctx_);
     const bool owner = master.owned_by_caller();
     if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).destroy();
-    if (withdraw_submitted(master.queue, *this) || (owner && remove(master.queue.waiting, *this)))
-        return RequestAccess::end(*this, {.code = Errc::canceled, .step = operation_->step}, master.osal);
+    const Error canceled{.code = Errc::canceled, .step = operation_->step};
+    if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
+    if (withdraw_submitted(master.queue, *this)) return RequestAccess::end(*this, canceled, master.osal);
     cancel_asked_.store(true, std::memory_order_release);
     master.queue.cancel_asked.store(true, std::memory_order_release);
     master.osal.wake();

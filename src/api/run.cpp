@@ -3,6 +3,7 @@
 #include "api/operation.hpp"
 #include "network/members.hpp"
 #include "network/recovery.hpp"
+#include "network/settings.hpp"
 #include "network/wanted.hpp"
 
 #include <margay/margay.hpp>
@@ -37,10 +38,11 @@ struct Standing {
 };
 
 bool can_change(const Network& network, const Slave& slave) {
+    if (!is_highest(slave.config.highest)) return false;
     if (slave.al.state == AlState::none) return true;
     if (slave.held) return false;
     if (wanted_state(network, slave) < AlState::safeop || is_to_be_asked(network, slave)) return true;
-    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(slave);
+    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(network, slave);
 }
 
 Standing standing(Network& network) {

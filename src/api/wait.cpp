@@ -70,7 +70,7 @@ Result<> wait(Context& ctx, Request& request) {
     else if (!sleep_until_over(*master, request))
         RequestAccess::end(request, {.code = Errc::not_polled, .step = step}, master->osal);
     if (request.state() == RequestState::unused)
-        return Error{.code = Errc::wrong_state, .step = step};  // the request was never submitted
+        return Error{.code = Errc::wrong_state, .step = step, .detail = Error::kNotSubmitted};
     return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
 }
 

@@ -71,13 +71,23 @@ Error AoeClient::take(Bytes response) {
             .actual = static_cast<std::uint32_t>(call_.into.size())};
 }
 
+namespace {
+
+bool only_reads(aoe::Command command) {
+    return command == aoe::Command::read || command == aoe::Command::read_state ||
+           command == aoe::Command::read_device_info;
+}
+
+}  // namespace
+
 Task<Result<std::size_t>> aoe_call(MailboxChannel& channel, const AoeCall& call, AoeRequest& request,
                                    std::uint32_t invoke_id, const MailPatience& patience) {
     AoeClient client(call, request, invoke_id);
-    Error failed{.code = Errc::reply_lost};
-    for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
+    Error failed;
+    for (unsigned left = only_reads(call.command) ? kMostAskedAgain + 1 : 1; left > 0; --left) {
         MailExchange exchange(channel, wire::MailboxType::aoe, client, {.patience = patience});
         failed = co_await exchange;
+        if (failed.code != Errc::reply_lost) break;
     }
     if (failed.code == Errc::none) failed = client.error();
     if (failed.code == Errc::none) co_return client.bytes();

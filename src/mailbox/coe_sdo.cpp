@@ -2,6 +2,8 @@
 
 #include "mailbox/coe_complete.hpp"
 
+#include <algorithm>
+
 namespace margay {
 
 namespace coe = wire::coe;
@@ -33,13 +35,19 @@ Error complete(Error error, const MailboxChannel& channel, const SdoObject& obje
 }
 
 // The whole transfer starts again: a segment cannot be repeated, since its toggle bit has been used. A downloaded value
-// may be written twice, with the same content.
-void ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
-    if (transfer.must_abort()) channel.send_final_message(wire::MailboxType::coe, transfer.abort_message());
-    transfer.restart();
+// may be written twice, with the same content. False: it cannot start again.
+bool ask_again(MailboxChannel& channel, SdoTransfer& transfer) {
+    const bool open = transfer.must_abort();
+    if (!transfer.restart()) return false;
+    if (open) channel.send_final_message(wire::MailboxType::coe, transfer.abort_message());
+    return true;
 }
 
-Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience, Step step) {
+constexpr Duration kUntilReady = std::chrono::milliseconds(1);
+
+}  // namespace
+
+Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience, Step step) {
     MailSession session(channel, wire::MailboxType::coe, patience.priority, patience.give_up);
     const Error refused = co_await session;
     if (refused.code != Errc::none) co_return complete(refused, channel, transfer.object(), step);
@@ -47,19 +55,28 @@ Task<Result<>> run(MailboxChannel& channel, SdoTransfer& transfer, const MailPat
         co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
     AbortGuard guard(channel, transfer);
     unsigned again = 0;
-    while (!transfer.over()) {
+    for (;;) {
+        const bool ready = transfer.prepare();
+        if (!ready) {
+            const Time now = channel.engine().now();
+            if (now >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, transfer.object(), step);
+            co_await channel.engine().sleep_until(std::min(patience.give_up, later(now, kUntilReady)));
+            continue;
+        }
+        if (transfer.over()) break;
         MailExchange exchange(channel, wire::MailboxType::coe, transfer, {.patience = patience, .key = transfer.key()});
         const Error failed = co_await exchange;
-        if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
-            ++again;
-            ask_again(channel, transfer);
-        } else if (failed.code != Errc::none) {
-            co_return complete(failed, channel, transfer.object(), step);
-        }
+        if (failed.code == Errc::none) continue;
+        const bool once_more =
+            failed.code == Errc::reply_lost && again < kMostAskedAgain && ask_again(channel, transfer);
+        if (!once_more) co_return complete(failed, channel, transfer.object(), step);
+        ++again;
     }
     if (transfer.error().code != Errc::none) co_return complete(transfer.error(), channel, transfer.object(), step);
     co_return Nothing{};
 }
+
+namespace {
 
 coe::Abort abort_of(const Error& error) {
     return error.code == Errc::sdo_abort ? static_cast<coe::Abort>(error.detail) : coe::Abort::none;
@@ -93,14 +110,14 @@ bool may_be_complete_access(const Error& error) {
 Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into,
                                           const MailPatience& patience) {
     SdoUploadTransfer transfer(object, into);
-    auto done = co_await run(channel, transfer, patience, Step::sdo_upload);
+    auto done = co_await run_transfer(channel, transfer, patience, Step::sdo_upload);
     if (!done) co_return done.error();
     co_return transfer.bytes();
 }
 
 Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
     SdoDownloadTransfer transfer(object, value);
-    co_return co_await run(channel, transfer, patience, Step::sdo_download);
+    co_return co_await run_transfer(channel, transfer, patience, Step::sdo_download);
 }
 
 Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into,

@@ -22,6 +22,12 @@ namespace margay {
 [[nodiscard]] Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value,
                                                const MailPatience& patience);
 
+// Executes a transfer of any kind: waits for its turn, exchanges its messages, and aborts it in the slave when it ends
+// early. `transfer` outlives the task. Errors as above; stream_failed, wrong_size of a transfer with a source or a
+// sink.
+[[nodiscard]] Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, const MailPatience& patience,
+                                          Step step);
+
 // Whether the abort may mean that complete access is not possible.
 [[nodiscard]] bool may_be_complete_access(const Error& error);
 // Whether the abort certainly means that. Complete access is then not tried again with this slave.

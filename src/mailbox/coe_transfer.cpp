@@ -11,10 +11,8 @@ using coe::SdoLayout;
 
 // ------------------------------------------------------------------ upload and download
 
-void SdoTransfer::fail(Errc code, std::size_t expected, std::size_t actual, Abort reason) {
-    error_.code = code;
-    error_.expected = static_cast<std::uint32_t>(expected);
-    error_.actual = static_cast<std::uint32_t>(actual);
+void SdoTransfer::fail(const Error& error, Abort reason) {
+    error_ = error;
     abort_code_ = reason;
     phase_ = Phase::over;
 }
@@ -24,10 +22,11 @@ void SdoTransfer::finish() {
     phase_ = Phase::over;
 }
 
-void SdoTransfer::restart() {
+bool SdoTransfer::restart() {
     phase_ = Phase::initiate;
     toggle_ = slave_open_ = false;
     done_ = 0;
+    return true;
 }
 
 void SdoTransfer::write_initiate(MutableBytes data, std::uint8_t command) const {
@@ -97,7 +96,7 @@ bool SdoTransfer::is_ours(Bytes data) {
 
 // ------------------------------------------------------------------ upload
 
-std::size_t SdoUploadTransfer::compose(MutableBytes data) {
+std::size_t SdoUploading::compose(MutableBytes data) {
     if (data.size() < coe::kSdoBytes) return 0;
     std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
     if (phase_ == Phase::initiate) {
@@ -111,32 +110,35 @@ std::size_t SdoUploadTransfer::compose(MutableBytes data) {
 
 void SdoUploadTransfer::store(Bytes part) {
     std::ranges::copy(part, into_.begin() + static_cast<std::ptrdiff_t>(done_));
+}
+
+void SdoUploading::keep(Bytes part) {
+    store(part);
     done_ += part.size();
 }
 
-void SdoUploadTransfer::read_initiated(std::uint8_t command, Bytes data) {
+void SdoUploading::read_initiated(std::uint8_t command, Bytes data) {
     if ((command & sdo::kExpedited) != 0) {
         const std::size_t unused = (command >> sdo::kExpeditedUnusedShift) & 3U;
         const bool indicated = (command & sdo::kSizeIndicated) != 0;
         // Without a size the value is as long as the buffer of the caller, who knows the object.
-        const std::size_t size =
-            indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, into_.size());
-        if (size > into_.size()) return fail(Errc::capacity, size, into_.size());
-        store(data.subspan(SdoLayout::expedited_data, size));
+        const std::size_t size = indicated ? coe::kExpeditedBytes - unused : std::min(coe::kExpeditedBytes, room_);
+        if (size > room_) return fail(Errc::capacity, size, room_);
+        keep(data.subspan(SdoLayout::expedited_data, size));
         return finish();
     }
     size_ = SdoLayout::complete_size::load(data);
     const auto first = data.subspan(SdoLayout::normal_data);
     slave_open_ = first.size() < size_;
-    if (size_ > into_.size()) return fail(Errc::capacity, size_, into_.size(), Abort::out_of_memory);
-    store(first.first(std::min(first.size(), size_)));  // some slaves fill the rest of the mailbox
+    if (size_ > room_) return fail(Errc::capacity, size_, room_, Abort::out_of_memory);
+    keep(first.first(std::min(first.size(), size_)));  // some slaves fill the rest of the mailbox
     if (slave_open_)
         phase_ = Phase::segments;
     else
         finish();
 }
 
-void SdoUploadTransfer::read_segment(std::uint8_t command, Bytes data) {
+void SdoUploading::read_segment(std::uint8_t command, Bytes data) {
     auto part = data.subspan(coe::kSegmentHeaderBytes);
     const std::size_t unused = (command >> sdo::kSegmentUnusedShift) & 7U;
     if (part.size() == coe::kMinSegmentDataBytes) part = part.first(part.size() - unused);
@@ -144,7 +146,7 @@ void SdoUploadTransfer::read_segment(std::uint8_t command, Bytes data) {
     const std::size_t left = size_ - done_;
     if (part.size() > left) return fail(Errc::protocol, size_, done_ + part.size(), Abort::length_too_high);
     if (part.empty() && !last) return fail(Errc::protocol, size_, done_);  // it would never end
-    store(part);
+    keep(part);
     toggle_ = !toggle_;
     if (!last) return;
     slave_open_ = false;
@@ -154,53 +156,62 @@ void SdoUploadTransfer::read_segment(std::uint8_t command, Bytes data) {
 
 // ------------------------------------------------------------------ download
 
-std::size_t SdoDownloadTransfer::compose(MutableBytes data) {
+void SdoDownloadTransfer::load(MutableBytes part) const {
+    std::ranges::copy(value_.subspan(done_, part.size()), part.begin());
+}
+
+std::size_t SdoDownloading::next_part(std::size_t room) const {
+    const bool segment = phase_ == Phase::segments;
+    const bool expedited = !segment && size_ <= coe::kExpeditedBytes;
+    const std::size_t header = segment ? coe::kSegmentHeaderBytes : std::size_t{SdoLayout::normal_data};
+    return expedited ? size_ : std::min(size_ - done_, room - header);
+}
+
+std::size_t SdoDownloading::compose(MutableBytes data) {
     if (data.size() < coe::kSdoBytes) return 0;
+    under_way_ = next_part(data.size());
     if (phase_ == Phase::segments) return compose_segment(data);
     std::ranges::fill(data.first(coe::kSdoBytes), std::byte{0});
     const unsigned flags = sdo::kSizeIndicated | (object_.complete ? sdo::kCompleteAccess : 0U);
-    if (!value_.empty() && value_.size() <= coe::kExpeditedBytes) {
-        const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - value_.size());
+    if (size_ != 0 && size_ <= coe::kExpeditedBytes) {
+        const auto unused = static_cast<unsigned>(coe::kExpeditedBytes - size_);
         write_initiate(data, sdo::command(coe::request::kDownload,
                                           flags | sdo::kExpedited | (unused << sdo::kExpeditedUnusedShift)));
-        std::ranges::copy(value_, data.begin() + SdoLayout::expedited_data);
-        under_way_ = value_.size();
+        load(data.subspan(SdoLayout::expedited_data, size_));
         return coe::kSdoBytes;
     }
     write_initiate(data, sdo::command(coe::request::kDownload, flags));
-    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(value_.size()));
-    under_way_ = std::min(value_.size(), data.size() - SdoLayout::normal_data);
-    std::ranges::copy(value_.first(under_way_), data.begin() + SdoLayout::normal_data);
+    SdoLayout::complete_size::store(data, static_cast<std::uint32_t>(size_));
+    load(data.subspan(SdoLayout::normal_data, under_way_));
     return SdoLayout::normal_data + under_way_;
 }
 
-std::size_t SdoDownloadTransfer::compose_segment(MutableBytes data) {
-    const std::size_t left = value_.size() - done_;
-    under_way_ = std::min(left, data.size() - coe::kSegmentHeaderBytes);
+std::size_t SdoDownloading::compose_segment(MutableBytes data) {
     const std::size_t padded = std::max(under_way_, coe::kMinSegmentDataBytes);
     const auto unused = static_cast<unsigned>(padded - under_way_);
     coe::store_header(data, {0, coe::Service::sdo_request});
     SdoLayout::command::store(data, sdo::command(coe::request::kDownloadSegment,
                                                  (toggle_ ? sdo::kToggle : 0U) | (unused << sdo::kSegmentUnusedShift) |
-                                                     (under_way_ == left ? sdo::kLastSegment : 0U)));
+                                                     (done_ + under_way_ == size_ ? sdo::kLastSegment : 0U)));
     const auto at = data.subspan(coe::kSegmentHeaderBytes, padded);
-    std::fill(std::ranges::copy(value_.subspan(done_, under_way_), at.begin()).out, at.end(), std::byte{0});
+    load(at.first(under_way_));
+    std::ranges::fill(at.subspan(under_way_), std::byte{0});
     return coe::kSegmentHeaderBytes + padded;
 }
 
-void SdoDownloadTransfer::acknowledge() {
+void SdoDownloading::acknowledge() {
     done_ += under_way_;
     under_way_ = 0;
-    slave_open_ = done_ < value_.size();
+    slave_open_ = done_ < size_;
     if (!slave_open_) finish();
 }
 
-void SdoDownloadTransfer::read_initiated(std::uint8_t, Bytes) {
+void SdoDownloading::read_initiated(std::uint8_t, Bytes) {
     phase_ = Phase::segments;
     acknowledge();
 }
 
-void SdoDownloadTransfer::read_segment(std::uint8_t, Bytes) {
+void SdoDownloading::read_segment(std::uint8_t, Bytes) {
     toggle_ = !toggle_;
     acknowledge();
 }

@@ -26,8 +26,11 @@ class SdoTransfer : public MailClient {
 
     Taken accept(const wire::MailboxMessage& mail) final;
 
-    // Starts again with the first message.
-    void restart();
+    // Prepares the next message, or passes on what the last one has brought. False: the application is not ready, try
+    // again later. May end the transfer.
+    [[nodiscard]] virtual bool prepare() { return true; }
+    // Starts again with the first message. False: octets have gone to the application, or come from it.
+    [[nodiscard]] virtual bool restart();
     [[nodiscard]] bool over() const { return phase_ == Phase::over; }
     // The error without slave and step; code none on success.
     [[nodiscard]] const Error& error() const { return error_; }
@@ -55,7 +58,13 @@ class SdoTransfer : public MailClient {
     virtual void read_segment(std::uint8_t command, Bytes data) = 0;
 
     void fail(Errc code, std::size_t expected = 0, std::size_t actual = 0,
-              wire::coe::Abort reason = wire::coe::Abort::general);
+              wire::coe::Abort reason = wire::coe::Abort::general) {
+        fail({.code = code,
+              .expected = static_cast<std::uint32_t>(expected),
+              .actual = static_cast<std::uint32_t>(actual)},
+             reason);
+    }
+    void fail(const Error& error, wire::coe::Abort reason);
     void finish();
     void write_initiate(MutableBytes data, std::uint8_t command) const;
 
@@ -76,39 +85,70 @@ class SdoTransfer : public MailClient {
     Error error_;
 };
 
-class SdoUploadTransfer final : public SdoTransfer {
+// The messages of an upload, wherever the value goes. A value larger than `room` ends the transfer with Errc::capacity;
+// its rest is not requested.
+class SdoUploading : public SdoTransfer {
   public:
-    // `into` outlives the transfer. A value larger than `into` ends the transfer with Errc::capacity; its rest is not
-    // requested.
-    SdoUploadTransfer(const SdoObject& object, MutableBytes into)
-        : SdoTransfer(object, wire::coe::response::kUpload, wire::coe::response::kUploadSegment), into_(into) {}
-    std::size_t compose(MutableBytes data) override;
+    std::size_t compose(MutableBytes data) final;
+
+  protected:
+    SdoUploading(const SdoObject& object, std::size_t room)
+        : SdoTransfer(object, wire::coe::response::kUpload, wire::coe::response::kUploadSegment), room_(room) {}
+    ~SdoUploading() = default;
+
+    // Keeps the octets of the value from done_ on.
+    virtual void store(Bytes part) = 0;
 
   private:
-    void read_initiated(std::uint8_t command, Bytes data) override;
-    void read_segment(std::uint8_t command, Bytes data) override;
-    void store(Bytes part);
+    void read_initiated(std::uint8_t command, Bytes data) final;
+    void read_segment(std::uint8_t command, Bytes data) final;
+    void keep(Bytes part);
 
-    MutableBytes into_;
+    std::size_t room_;
 };
 
-class SdoDownloadTransfer final : public SdoTransfer {
+// The messages of a download of `size` octets, wherever the value comes from.
+class SdoDownloading : public SdoTransfer {
   public:
-    // `value` outlives the transfer.
-    SdoDownloadTransfer(const SdoObject& object, Bytes value)
-        : SdoTransfer(object, wire::coe::response::kDownload, wire::coe::response::kDownloadSegment), value_(value) {
-        size_ = value.size();
+    std::size_t compose(MutableBytes data) final;
+
+  protected:
+    SdoDownloading(const SdoObject& object, std::size_t size)
+        : SdoTransfer(object, wire::coe::response::kDownload, wire::coe::response::kDownloadSegment) {
+        size_ = size;
     }
-    std::size_t compose(MutableBytes data) override;
+    ~SdoDownloading() = default;
+
+    // Copies octets of the value, from done_ on.
+    virtual void load(MutableBytes part) const = 0;
+    // How many octets of the value the next message has, if it may have `room` octets behind the mailbox header.
+    [[nodiscard]] std::size_t next_part(std::size_t room) const;
 
   private:
-    void read_initiated(std::uint8_t command, Bytes data) override;
-    void read_segment(std::uint8_t command, Bytes data) override;
+    void read_initiated(std::uint8_t command, Bytes data) final;
+    void read_segment(std::uint8_t command, Bytes data) final;
     void acknowledge();
     [[nodiscard]] std::size_t compose_segment(MutableBytes data);
 
-    Bytes value_;
     std::size_t under_way_ = 0;  // octets in the message that is not acknowledged yet
+};
+
+// To memory and from memory, which outlives the transfer.
+class SdoUploadTransfer final : public SdoUploading {
+  public:
+    SdoUploadTransfer(const SdoObject& object, MutableBytes into) : SdoUploading(object, into.size()), into_(into) {}
+
+  private:
+    void store(Bytes part) override;
+    MutableBytes into_;
+};
+class SdoDownloadTransfer final : public SdoDownloading {
+  public:
+    SdoDownloadTransfer(const SdoObject& object, Bytes value) : SdoDownloading(object, value.size()), value_(value) {}
+
+  private:
+    void load(MutableBytes part) const override;
+    Bytes value_;
 };
 
 }  // namespace margay

@@ -96,11 +96,6 @@ Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, con
     co_return Nothing{};
 }
 
-void reset(FoeRequest& request) {
-    FoeAccess::set_bytes(request, 0);
-    FoeAccess::set_text(request, {});
-}
-
 // Why a transfer cannot begin; code none: it can.
 Error check_room(const MailboxChannel& channel, const FoeRequest& request, Step step) {
     const std::size_t needed = foe::kHeaderBytes + std::max<std::size_t>(request.name.size(), 1);
@@ -111,27 +106,32 @@ Error check_room(const MailboxChannel& channel, const FoeRequest& request, Step 
                    step);
 }
 
-// The turn of a transfer, and its packet.
-Error no_memory(const MailboxChannel& channel, Step step) {
-    return of_file({.code = Errc::capacity, .detail = Error::kTasks}, channel, step);
+// Waits for the turn of the transfer, and allocates the memory of its packets.
+Task<Result<>> begin_transfer(MailboxChannel& channel, FoeRequest& request, MailSession& session, ArenaBuffer& packet,
+                              std::size_t room, Step step) {
+    FoeAccess::set_bytes(request, 0);
+    FoeAccess::set_text(request, {});
+    const Error refused = co_await session;
+    if (refused.code != Errc::none) co_return of_file(refused, channel, step);
+    const Error small = check_room(channel, request, step);
+    if (small.code != Errc::none) co_return small;
+    if (!packet.reserve(room - foe::kHeaderBytes))
+        co_return of_file({.code = Errc::capacity, .detail = Error::kTasks}, channel, step);
+    co_return Nothing{};
 }
 
 }  // namespace
 
 Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPatience& patience) {
     constexpr Step kStep = Step::foe_read;
-    reset(request);
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
-    const Error refused = co_await session;
-    if (refused.code != Errc::none) co_return of_file(refused, channel, kStep);
-    const Error small = check_room(channel, request, kStep);
-    if (small.code != Errc::none) co_return small;
-    const std::size_t room = channel.receive_room() - foe::kHeaderBytes;
     ArenaBuffer packet(channel.arena());
-    if (!packet.reserve(room)) co_return no_memory(channel, kStep);
+    const std::size_t room = channel.receive_room();
+    auto begun = co_await begin_transfer(channel, request, session, packet, room, kStep);
+    if (!begun) co_return begun;
     MemorySink memory(request.data);
     ByteSink& sink = request.sink != nullptr ? *request.sink : memory;
-    FoeReadTransfer transfer(request, sink, packet.bytes().first(room));
+    FoeReadTransfer transfer(request, sink, packet.bytes().first(room - foe::kHeaderBytes));
     auto done = co_await transfer_file(channel, transfer, patience, kStep);
     if (done) co_return done;
     Error error = done.error();
@@ -142,18 +142,14 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
 
 Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailPatience& patience) {
     constexpr Step kStep = Step::foe_write;
-    reset(request);
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
-    const Error refused = co_await session;
-    if (refused.code != Errc::none) co_return of_file(refused, channel, kStep);
-    const Error small = check_room(channel, request, kStep);
-    if (small.code != Errc::none) co_return small;
-    const std::size_t room = channel.send_room() - foe::kHeaderBytes;
     ArenaBuffer packet(channel.arena());
-    if (!packet.reserve(room)) co_return no_memory(channel, kStep);
+    const std::size_t room = channel.send_room();
+    auto begun = co_await begin_transfer(channel, request, session, packet, room, kStep);
+    if (!begun) co_return begun;
     MemorySource memory(request.data);
     ByteSource& source = request.source != nullptr ? *request.source : memory;
-    FoeWriteTransfer transfer(request, source, packet.bytes().first(room));
+    FoeWriteTransfer transfer(request, source, packet.bytes().first(room - foe::kHeaderBytes));
     co_return co_await transfer_file(channel, transfer, patience, kStep);
 }
 

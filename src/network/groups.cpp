@@ -209,6 +209,8 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
         slave.pdos_failed = slave.unplaced && !slave.held;
+        if (slave.unplaced && !slave.held && missing_error(network, slave).code == Errc::none)
+            network.note({.code = Errc::place_unknown, .step = Step::map_process_data, .slave = slave.number});
         co_return Nothing{};
     }
     forget_kept_place(slave);

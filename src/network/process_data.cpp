@@ -372,6 +372,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     if (fresh) give_inputs(group);
     if (right && fresh) return got;  // the sum may be right although other slaves take part than known: then not fresh
     error.detail = fresh ? Error::kOthersFresh : 0;
+    if (group.mapping) error.detail = Error::kBeingMapped;
     error.expected = group.expected_wkc;
     error.actual = got;
     if (!group.complete) error.slave = lost_slave(group, 0);

@@ -75,23 +75,43 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     return {};
 }
 
+// Takes the values of a reserved place out of the slave's configuration: the hook and the search for PDOs find it
+// empty, as at the first start-up. Puts them back unless accept() was called.
+class KeptPlace {
+  public:
+    explicit KeptPlace(Slave& slave) : slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept) {
+        count_ = kept_ ? slave.config.used_sms().size() : 0U;
+        forget_kept_place(slave);
+    }
+    KeptPlace(const KeptPlace&) = delete;
+    KeptPlace& operator=(const KeptPlace&) = delete;
+    ~KeptPlace() {
+        if (!kept_) return;
+        slave_.config.sms = sms_;
+        slave_.config.sm_count = static_cast<std::uint8_t>(count_);
+        slave_.config.source = ConfigurationSource::none;
+        slave_.place_kept = true;
+    }
+    [[nodiscard]] bool is_kept() const { return kept_; }
+    [[nodiscard]] std::span<const ProcessSm> sms() const { return std::span(sms_).first(count_); }
+    void accept() { kept_ = false; }
+
+  private:
+    Slave& slave_;
+    std::array<ProcessSm, SlaveConfiguration::kProcessSms> sms_;
+    std::size_t count_ = 0;
+    bool kept_;
+};
+
 // Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
 // or from the slave itself. It may differ from the reserved place.
-Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
-    const bool kept = slave.place_kept;
-    const auto kept_sms = slave.config.sms;
-    const std::size_t kept_count = kept ? slave.config.used_sms().size() : 0U;
-    forget_kept_place(slave);
+Task<Result<>> discover_late_slave(Network& network, Slave& slave, KeptPlace& kept) {
     auto discovered = co_await discover_pdos(network, slave);
     Error error = discovered.error();
-    if (discovered && kept) error = compare_with_place(slave, std::span(kept_sms).first(kept_count));
+    if (discovered && kept.is_kept()) error = compare_with_place(slave, kept.sms());
     slave.pdos_failed = error.code != Errc::none;
-    if (slave.pdos_failed) {
-        if (kept) slave.config.sm_count = 0;
-        if (kept) slave.config.source = ConfigurationSource::none;
-        if (kept) (void)keep_place(slave);
-        co_return error;
-    }
+    if (slave.pdos_failed) co_return error;
+    kept.accept();
     const auto sms = slave.config.used_sms();
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
     if (!has_place(slave))
@@ -107,12 +127,13 @@ Task<Result<>> discover_late_slave(Network& network, Slave& slave) {
 
 // From PREOP to SAFEOP: calls the hook, finds the process data if it was not read yet, and configures the slave.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
+    KeptPlace kept(slave);
     auto hook = co_await call_hook(network, slave);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Nothing{};  // the hook may have changed the group
-    if (slave.pdos_failed || slave.place_kept || slave.unplaced || !network.marks(slave).pdos_compared) {
-        auto taken_in = co_await discover_late_slave(network, slave);
+    if (slave.pdos_failed || kept.is_kept() || slave.unplaced || !network.marks(slave).pdos_compared) {
+        auto taken_in = co_await discover_late_slave(network, slave, kept);
         if (!taken_in) co_return taken_in;
     }
     if (!is_mapped(network, slave)) co_return Nothing{};

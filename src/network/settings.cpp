@@ -19,8 +19,7 @@ Argument invalid_time(const SlaveTimes& times) {
 }
 
 Argument invalid_configuration(const SlaveConfiguration& config) {
-    const AlState highest = config.highest;
-    if (highest != AlState::preop && highest != AlState::safeop && highest != AlState::op) return Argument::highest;
+    if (!is_highest(config.highest)) return Argument::highest;
     if (config.sm_count > SlaveConfiguration::kProcessSms) return Argument::sync_manager_count;
     if (config.source > ConfigurationSource::application) return Argument::configuration_source;
     const auto watchdog = config.process_data_watchdog;
@@ -28,8 +27,10 @@ Argument invalid_configuration(const SlaveConfiguration& config) {
     return invalid_time(config.times());
 }
 
-// Of the SyncManagers that the application has set.
+// Of the SyncManagers that the application has set, not those that the slave has named.
 Argument invalid_sync_manager(const Slave& slave) {
+    const ConfigurationSource source = slave.config.source;
+    if (source >= ConfigurationSource::sii && source <= ConfigurationSource::coe) return Argument::unknown;
     const bool mailbox = slave.mailbox.present() && !slave.config.no_mailbox;
     for (const ProcessSm& sm : slave.config.used_sms()) {
         if (sm.direction > Direction::inputs) return Argument::sync_manager_direction;

@@ -13,6 +13,14 @@ inline constexpr std::uint16_t kDividerFor100us = 2498;
 // The error of config_map() for a setting; slave 0: of the group.
 [[nodiscard]] Error invalid_mapping(Argument argument, std::uint16_t slave = 0);
 
+// The values that SlaveConfiguration::highest may have.
+[[nodiscard]] inline bool is_highest(AlState state) {
+    return state == AlState::preop || state == AlState::safeop || state == AlState::op;
+}
+[[nodiscard]] inline Error invalid_highest(const Slave& slave) {
+    return invalid_mapping(Argument::highest, slave.number);
+}
+
 // Errors of `slave.config`: invalid_argument (detail: the Argument), and those of invalid_commands().
 [[nodiscard]] Error invalid_setting(const Slave& slave);
 

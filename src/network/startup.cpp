@@ -10,6 +10,7 @@
 namespace margay {
 namespace {
 
+constexpr unsigned kTransitions = 0x7FF;  // the bits of all of them
 constexpr Duration kBetweenLooks = std::chrono::milliseconds(1);
 constexpr std::size_t kMostRegisterBytes = 1024;
 
@@ -26,7 +27,8 @@ bool by_mailbox(const StartupCommand& command) {
 }
 
 bool by_soe(const StartupCommand& command) {
-    return by_mailbox(command) && command.kind != StartupCommand::Kind::write_object;
+    return command.kind == StartupCommand::Kind::write_parameter ||
+           command.kind == StartupCommand::Kind::execute_parameter;
 }
 
 // There is no mailbox in INIT: mailbox commands for the moment before INIT is left are sent right after the transition.
@@ -41,7 +43,6 @@ bool is_due(const StartupCommand& command, Transition which, Moment moment) {
 
 // What is wrong with the command for each slave; Argument::unknown: nothing.
 Argument invalid_member(const StartupCommand& command) {
-    constexpr unsigned kTransitions = 0x7FF;
     const auto transitions = static_cast<unsigned>(command.transitions);
     if (transitions == 0 || transitions > kTransitions) return Argument::command_transition;
     if (command.kind > StartupCommand::Kind::execute_parameter || command.moment > Moment::after)
@@ -160,9 +161,10 @@ Error invalid_commands(const Slave& slave) {
     for (const StartupCommand& command : slave.config.startup()) {
         ++place;
         Error error = invalid_command(command);
-        const bool reported_later = command.may_fail && command.transitions != Transition::none;
+        const bool at_transition = (static_cast<unsigned>(command.transitions) & kTransitions) != 0;
+        const bool reported_later = command.may_fail && at_transition;
         if (error.code == Errc::none || reported_later) continue;
-        if (command.transitions != Transition::none) {
+        if (at_transition) {
             name_command(error, slave, command, place, command.transitions);
             return error;
         }

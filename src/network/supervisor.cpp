@@ -297,9 +297,11 @@ Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool u
 // One roll and the actions that follow from it.
 Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
+    const bool turn = network.supervision_turn;
     auto roll = co_await read_all_states(network);
     if (!roll) {
         report_silent_segment(watch);
+        if (turn && watch.silent) network.supervision_turn = false;
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
         co_return Nothing{};
     }
@@ -324,6 +326,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     if (network.engine.now() >= watch.groups_at) report_missing(watch);
     start_helpers(watch, crew);
+    if (turn) network.supervision_turn = false;
     if (network.clocks.watch == nullptr) co_return Nothing{};
     auto watched = co_await network.clocks.watch(network);
     if (!watched && watched.error().code == Errc::capacity) watch.look_at = network.engine.now();
@@ -367,9 +370,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     }
     Crew crew(network.tasks);
     for (;;) {
-        const bool turn = network.supervision_turn;
         auto done = co_await round(watch, crew);
-        if (turn) network.supervision_turn = false;
         if (!done) co_return done;
         const Time now = network.engine.now();
         if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {

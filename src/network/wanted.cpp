@@ -4,6 +4,7 @@
 #include "network/expectation.hpp"
 #include "network/image_layout.hpp"
 #include "network/members.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 
 #include <algorithm>
@@ -93,7 +94,9 @@ bool has_place(const Slave& slave) {
     return !slave.unplaced && (!wants || exchanges(slave) || !is_as_mapped(slave));
 }
 
-bool may_be_exchanged(const Slave& slave) { return slave.takes_part || !exchanges(slave) || is_as_mapped(slave); }
+bool may_be_exchanged(const Network& network, const Slave& slave) {
+    return slave.takes_part || !exchanges(slave) || is_as_mapped(slave) || network.marks(slave).in_hook;
+}
 
 AlState wanted_state(const Network& network, const Slave& slave) {
     return limited(slave, slave.target != AlState::none ? slave.target : network.target);
@@ -103,7 +106,7 @@ AlState goal(const Network& network, const Slave& slave) {
     const AlState wanted = wanted_state(network, slave);
     if (wanted == AlState::init || wanted == AlState::boot) return wanted;
     if (slave.held) return slave.mailbox.present() && !slave.config.no_mailbox ? AlState::preop : AlState::init;
-    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(slave) ? wanted : AlState::preop;
+    return is_mapped(network, slave) && has_place(slave) && may_be_exchanged(network, slave) ? wanted : AlState::preop;
 }
 
 bool is_to_be_asked(const Network& network, const Slave& slave) {
@@ -122,6 +125,7 @@ bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
 }
 
 Error state_error(Network& network, const Slave& slave) {
+    if (!is_highest(slave.config.highest)) return invalid_highest(slave);
     const AlState wanted = wanted_state(network, slave);
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
@@ -136,7 +140,8 @@ Error state_error(Network& network, const Slave& slave) {
         const Error no_place = fault(slave, Errc::no_place, Step::map_process_data);
         return slave.pdos_failed ? start_up_error(slave, no_place) : no_place;
     }
-    if (process && !may_be_exchanged(slave)) return fault(slave, Errc::remapping_needed, Step::map_process_data);
+    if (process && !may_be_exchanged(network, slave))
+        return fault(slave, Errc::remapping_needed, Step::map_process_data);
     const Error state = state_trouble(network, slave, wanted);
     if (state.code != Errc::none || !process || !exchanges(slave) || slave.takes_part) return state;
     return fault(slave, Errc::working_counter, Step::exchange_process_data);
@@ -173,7 +178,8 @@ void set_targets(Network& network, std::uint16_t slave, AlState state) {
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
         if (one.number == slave) {
-            one.target = state;
+            // A slave with OP of its own would stay in OP when the target of all slaves is lowered.
+            one.target = state == AlState::op && network.target == AlState::op ? AlState::none : state;
             network.marks(one).leave_boot = state != AlState::boot;
         }
         update_counted(network, one);

@@ -21,8 +21,9 @@ void update_held(Network& network);
 [[nodiscard]] bool is_being_mapped(const Network& network, const Slave& slave);
 // Whether all process data of the slave has a place in the image.
 [[nodiscard]] bool has_place(const Slave& slave);
-// Whether the slave takes part, or can: after the mapping its sizes have not changed in the configuration.
-[[nodiscard]] bool may_be_exchanged(const Slave& slave);
+// Whether the slave takes part, or can: after the mapping its sizes have not changed in the configuration. A hook may
+// be changing them now: what it leaves counts.
+[[nodiscard]] bool may_be_exchanged(const Network& network, const Slave& slave);
 [[nodiscard]] inline bool exchanges(const Slave& slave) {
     return slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
 }

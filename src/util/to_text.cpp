@@ -87,6 +87,9 @@ std::string_view to_text(Errc code) {
         case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
         case Errc::other_state: return "the slave is not in the state that is wanted";
         case Errc::image_overlaps: return "the image overlaps that of another group: give each group octets of its own";
+        case Errc::place_unknown:
+            return "no place in the image, the sizes of its process data are not known (SlaveSetup::pdos): it can take "
+                   "part after the next config_map()";
         case Errc::configuration_lost:
             return "config or hooks of a slave that does not exist were written: write them after config_init(), to "
                    "slaves 1 and up, or use expect()";

@@ -35,6 +35,10 @@ class AoeOctets : public testing::Test {
         slave.on_mail = [this, payload, error](const Mail& mail) { slave.reply(response(mail, payload, error), kAoe); };
     }
     void run(AoeRequest& request) {
+        send(request);
+        ASSERT_EQ(slave.received.size(), 1U);
+    }
+    void send(AoeRequest& request) {
         request.slave = 1;
         request.target = kTarget;
         request.source = kMaster;
@@ -43,7 +47,6 @@ class AoeOctets : public testing::Test {
         const auto submitted = submit(*bus.ctx, request);
         ASSERT_TRUE(submitted.ok()) << bus.words(submitted.error());
         bus.run(request);
-        ASSERT_EQ(slave.received.size(), 1U);
     }
     // The request on the wire must have this command and this data.
     void expect_sent(unsigned command, const Mail& payload) {
@@ -246,6 +249,29 @@ TEST_F(AoeOctets, HostileAnswers) {
     run(state);
     EXPECT_EQ(state.error().code, Errc::protocol) << "an octet of the states is missing";
     expect_error(Errc::none, "works again", [&](const Mail& m) { return response(m, good); });
+}
+
+// The slave has nothing to repeat: a command with an effect is not executed twice.
+TEST_F(AoeOctets, AnAnswerThatIsLostForGoodIsAskedForAgainIfTheCommandOnlyReads) {
+    slave.forgets = true;
+    AoeRead read;
+    AoeWrite write;
+    std::array<std::byte, 2> octets{};
+    read.data = octets;
+    write.data = octets;
+    answer(mail_bytes({0, 0, 0, 0, 2, 0, 0, 0, 1, 2}));
+    run(read);
+    const auto frames = bus.nic->sent;
+    run(read);
+    bus.nic->lose_in.insert(bus.nic->sent + (bus.nic->sent - frames) - 1);
+    send(read);
+    EXPECT_EQ(slave.received.size(), 2U);
+    EXPECT_EQ(read.error().code, Errc::none) << bus.words(read.error());
+    answer(kDone);
+    bus.nic->lose_mail_from = 1;
+    send(write);
+    EXPECT_EQ(slave.received.size(), 1U);
+    EXPECT_EQ(write.error().code, Errc::reply_lost) << bus.words(write.error());
 }
 
 // Commands that are busy at the same time are answered in another order.

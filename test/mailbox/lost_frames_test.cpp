@@ -1,6 +1,6 @@
 // Every kind of transfer, with each of its frames lost on the way out, lost on the way back, or sent twice. The
 // transfer succeeds, each value is written once, and the channel works afterwards.
-#include "mailbox/mailbox_bus.hpp"
+#include "mailbox/foe_bus.hpp"
 #include "sim/library/quirks.hpp"
 
 namespace margay {
@@ -98,6 +98,32 @@ TEST(LostFrames, SegmentedDownload) {
         [](MailboxBus& bus, StackSlave& slave) {
             const auto value = pattern(100);
             const auto done = SDOwrite(*bus.ctx, 1, 0x2008, 0, false, value);
+            ASSERT_TRUE(done.ok()) << bus.words(done.error());
+            EXPECT_EQ(slave.application.vast_bytes, 100U);
+            EXPECT_TRUE(std::equal(value.begin(), value.end(), slave.application.vast.begin()));
+        },
+        40, 1);
+}
+
+TEST(LostFrames, Streams) {
+    try_all(
+        "upload to a sink",
+        [](MailboxBus& bus, StackSlave& slave) {
+            slave.application.vast = pattern(70'000);
+            slave.application.vast_bytes = 100;
+            SlowSink sink;
+            const auto bytes = SDOread(*bus.ctx, 1, 0x2008, 0, false, sink);
+            ASSERT_TRUE(bytes.ok()) << bus.words(bytes.error());
+            EXPECT_EQ(*bytes, 100U);
+            EXPECT_TRUE(std::equal(sink.content.begin(), sink.content.end(), slave.application.vast.begin()));
+        },
+        40, 0);
+    try_all(
+        "download from a source",
+        [](MailboxBus& bus, StackSlave& slave) {
+            const auto value = pattern(100);
+            SlowSource source(value);
+            const auto done = SDOwrite(*bus.ctx, 1, 0x2008, 0, false, source, value.size());
             ASSERT_TRUE(done.ok()) << bus.words(done.error());
             EXPECT_EQ(slave.application.vast_bytes, 100U);
             EXPECT_TRUE(std::equal(value.begin(), value.end(), slave.application.vast.begin()));

@@ -68,6 +68,17 @@ TEST_F(HotConnectGroups, MayBeMissingAndComeDuringOp) {
     EXPECT_EQ(told(events(), "not in the list of expected slaves"), 0);
 }
 
+// Otherwise the application learns it when the tool is plugged, during production.
+TEST_F(HotConnectGroups, OfUnknownSizesAreWarnedOfAtTheMapping) {
+    expected[4].config = nullptr;
+    EXPECT_EQ(bring_up(expected), Words());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(warnings(),
+              Words{"slave 5: mapping process data: no place in the image, the sizes of its process data are not known "
+                    "(SlaveSetup::pdos): it can take part after the next config_map()"});
+    EXPECT_TRUE(errors().empty());
+}
+
 // The other slaves lose only the cycles during which cables are pulled and plugged.
 TEST_F(HotConnectGroups, SwapPortsDuringOp) {
     plug({line[0], 2}, g.a);

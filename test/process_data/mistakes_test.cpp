@@ -66,6 +66,43 @@ TEST_F(Mistakes, TheTargetOfOneSlaveIsTakenBackByNone) {
     EXPECT_EQ(set_target(*ctx, 0, AlState::none).error().code, Errc::invalid_argument) << "all slaves have a target";
 }
 
+// A slave that was kept lower for a while is not left in OP when all slaves go down.
+TEST_F(Mistakes, TheTargetOfOneSlaveEndsWithOpWhereAllHaveOp) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::preop).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
+    ASSERT_TRUE(reach(*ctx, AlState::safeop, 2s).ok());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::safeop);
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::safeop).ok()) << "to keep it lower";
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::safeop);
+}
+
+TEST_F(Mistakes, ARequestThatWasNotSubmittedCannotBeWaitedFor) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    SdoUpload request;
+    EXPECT_EQ(words(wait(*ctx, request).error()),
+              "SDO upload: not possible in this state (the request was not submitted: call submit())");
+}
+
+// The supervision leaves its scope at once: nothing watches the slaves, and the program looks right.
+TEST_F(Mistakes, ASupervisionThatIsDestroyedBeforeItBeginsIsReported) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    (void)events();
+    {
+        SuperviseRequest gone;
+        ASSERT_TRUE(submit(*ctx, gone).ok());
+    }
+    cycles(2);
+    EXPECT_EQ(events(), std::vector<std::string>{"the supervision has ended: lost slaves are not brought back"});
+}
+
 TEST_F(Mistakes, OneImageForTwoGroupsIsRefused) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ctx->slave(2).config.group = 1;

@@ -87,6 +87,34 @@ TEST_F(Settings, OfASlaveThatNoSlaveCanHave) {
               at + "process_data_watchdog must be at most 65535 units of the divider");
 }
 
+// config_map() has refused the value: reach() does not work with it either.
+TEST_F(Settings, AHighestStateThatIsNoneIsRefusedByReach) {
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    for (const auto state : {AlState::init, AlState::boot, static_cast<AlState>(9)}) {
+        ctx->slave(2).config.highest = state;
+        const Time before = osal.now();
+        const auto reached = reach(*ctx, AlState::op, 20s);
+        EXPECT_EQ(words(reached.error()),
+                  "slave 2: mapping process data: argument out of range: "
+                  "SlaveConfiguration::highest must be PREOP, SAFEOP or OP");
+        EXPECT_LT(osal.now() - before, 5s) << "waiting does not help";
+        EXPECT_FALSE(all_right(*ctx));
+    }
+    ctx->slave(2).config.highest = AlState::op;
+    EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+}
+
+TEST_F(Settings, AListForASyncManagerThatDoesNotExistIsReportedOnce) {
+    static constexpr PdoEntry kEntries[] = {{0x7000, 1, 8}};
+    static constexpr Pdo kPdos[] = {{0x1600, kEntries}};
+    static constexpr SmPdos kLists[] = {{99, kPdos}};
+    const std::string text = map_with_setup([](SlaveSetup& s) { s.pdos = kLists; });
+    EXPECT_EQ(text,
+              "slave 2: configuring PDOs of SyncManager 99: the slave has no such SyncManager (needed 100, there is "
+              "room for 2)");
+    EXPECT_TRUE(errors().empty()) << joined(errors());
+}
+
 TEST_F(Settings, OneSyncManagerTwice) {
     SlaveConfiguration& config = ctx->slave(2).config;
     (void)config.add({.number = 2, .start = 0x1100, .bits = 8});
@@ -127,8 +155,7 @@ TEST_F(Settings, OfACommandThatIsNeverExecuted) {
         "has a size that the command cannot have");
     StartupCommand other = right;
     other.transitions = static_cast<Transition>(0x800);
-    EXPECT_NE(map_with_command(other).find("no. 1 of the start-up commands has no transition, or an unknown one"),
-              std::string::npos);
+    EXPECT_EQ(map_with_command(other), at + "no. 1 of the start-up commands has no transition, or an unknown one");
     const std::string command_1 = "slave 2: command at PS (no. 1, register 0x0f80): argument out of range: ";
     const std::string unknown = "the kind or the moment of a start-up command is no known one";
     other = right;
