@@ -26,8 +26,23 @@ class BusyRelay final : public EoeRelay {
         look_at_ = now + pause_;
         pause_ = std::min(2 * pause_, longest_);
     }
-    void look_soon() { pause_ = kSoon; }
-    [[nodiscard]] Time look_at() const { return look_at_; }
+    void look_soon() {
+        pause_ = kSoon;
+        const Time soon = channel_.engine().now() + kSoon;
+        if (soon >= look_at_) return;
+        look_at_ = soon;
+        if (!asleep_) return;
+        timer_.unlink();
+        channel_.engine().sleep(timer_, timer_.handle, look_at_);
+    }
+
+    // Awaitable: resumes when it is time to look.
+    bool await_ready() const noexcept { return false; }
+    void await_suspend(std::coroutine_handle<> h) noexcept {
+        asleep_ = true;
+        channel_.engine().sleep(timer_, h, look_at_);
+    }
+    void await_resume() noexcept { asleep_ = false; }
 
   private:
     void arrived(bool more) override {
@@ -39,6 +54,8 @@ class BusyRelay final : public EoeRelay {
     Duration longest_;
     Duration pause_ = kSoon;
     Time look_at_ = Time::min();
+    Engine::Sleep::Timer timer_;
+    bool asleep_ = false;
 };
 
 }  // namespace
@@ -54,7 +71,7 @@ Task<Result<>> eoe_relay(MailboxChannel& channel, EoePort& port) {
         }
         relay.look();
         if (!relay.has_fragment()) {
-            co_await engine.sleep_until(relay.look_at());
+            co_await relay;
             continue;
         }
         const MailPatience patience{.each = port.send_patience, .priority = port.priority};
