@@ -13,12 +13,10 @@ constexpr Duration kSoon = std::chrono::microseconds(100);
 constexpr Duration kClosedLook = std::chrono::milliseconds(10);
 
 // Decides when to look for mail: soon after a fragment came or went, then less and less often.
-class BusyRelay final : public EoeRelay {
+class RelayLooks final : public EoeRelayWatch {
   public:
-    BusyRelay(MailboxChannel& channel, EoePort& port)
-        : EoeRelay(channel.station().number, port), channel_(channel), longest_(std::max(port.look_every, kSoon)) {
-        channel.mailboxes().listen(*this);
-    }
+    RelayLooks(MailboxChannel& channel, const EoePort& port)
+        : channel_(channel), longest_(std::max(port.look_every, kSoon)) {}
     void look() {
         const Time now = channel_.engine().now();
         if (now < look_at_) return;
@@ -45,6 +43,8 @@ class BusyRelay final : public EoeRelay {
     void await_resume() noexcept { asleep_ = false; }
 
   private:
+    // The pump sends a message: the look shares its frame.
+    void composing() override { look(); }
     void arrived(bool more) override {
         look_soon();
         if (more) channel_.expect_more();
@@ -61,7 +61,9 @@ class BusyRelay final : public EoeRelay {
 }  // namespace
 
 Task<Result<>> eoe_relay(MailboxChannel& channel, EoePort& port) {
-    BusyRelay relay(channel, port);
+    RelayLooks looks(channel, port);
+    EoeRelay relay(channel.station().number, port, looks);
+    channel.mailboxes().listen(relay);
     Engine& engine = channel.engine();
     for (;;) {
         if (!channel.is_open()) {
@@ -69,16 +71,16 @@ Task<Result<>> eoe_relay(MailboxChannel& channel, EoePort& port) {
             co_await engine.sleep_for(kClosedLook);
             continue;
         }
-        relay.look();
         if (!relay.has_fragment()) {
-            co_await relay;
+            looks.look();
+            co_await looks;
             continue;
         }
         const MailPatience patience{.each = port.send_patience, .priority = port.priority};
         MailExchange fragment(channel, MailboxType::eoe, relay, {.patience = patience, .reply = false});
         const Error failed = co_await fragment;
         relay.sent(failed.code == Errc::none);
-        relay.look_soon();
+        looks.look_soon();
     }
 }
 

@@ -69,7 +69,8 @@ EoeStatistics EoePort::statistics() const {
 
 // ------------------------------------------------------------------ frames and fragments
 
-EoeRelay::EoeRelay(std::uint16_t slave, EoePort& port) : MailListener(MailboxType::eoe), port_(port) {
+EoeRelay::EoeRelay(std::uint16_t slave, EoePort& port, EoeRelayWatch& watch)
+    : MailListener(MailboxType::eoe), port_(port), watch_(watch) {
     only_slave = slave;
     slots_ = std::min(port.parts_.size() / kEoeFrameBytes, assemblies_.size());
     for (std::size_t n = 0; n < slots_; ++n)
@@ -90,6 +91,7 @@ bool EoeRelay::has_fragment() {
 
 std::size_t EoeRelay::compose(MutableBytes data) {
     if (data.size() < eoe::kLeastRoom) return 0;
+    watch_.composing();
     const std::size_t left = frame_bytes_ - offset_;
     composed_ = eoe::fragment_bytes(left, data.size());
     const bool last = composed_ == left;
@@ -140,7 +142,7 @@ bool EoeRelay::take(const UnaskedMail& mail) {
     }
     if (header.type != eoe::Type::fragment) return false;
     take_fragment(header, data);
-    arrived(!header.last);
+    watch_.arrived(!header.last);
     return true;
 }
 

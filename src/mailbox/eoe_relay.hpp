@@ -10,27 +10,34 @@
 
 namespace margay {
 
-class EoeRelay : public MailListener, public MailClient {
+// What the relay tells the sequence around it.
+class EoeRelayWatch {
   public:
-    // `port` outlives the relay.
-    EoeRelay(std::uint16_t slave, EoePort& port);
+    // A fragment is sent now.
+    virtual void composing() = 0;
+    // A fragment has arrived. `more`: it is not the last one of its frame.
+    virtual void arrived(bool more) = 0;
+
+  protected:
+    ~EoeRelayWatch() = default;
+};
+
+class EoeRelay final : public MailListener, public MailClient {
+  public:
+    // `port` and `watch` outlive the relay.
+    EoeRelay(std::uint16_t slave, EoePort& port, EoeRelayWatch& watch);
 
     // To the slave. True: a fragment waits to be sent, and compose() writes it.
     [[nodiscard]] bool has_fragment();
-    std::size_t compose(MutableBytes data) final;
-    Taken accept(const wire::MailboxMessage&) final { return Taken::no; }
+    std::size_t compose(MutableBytes data) override;
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
     // The fragment was sent. False: the slave has not taken it, and the rest of its frame is not sent.
     void sent(bool taken);
     // Drops the frames of both directions that are not complete, and those that wait for the slave.
     void drop_all();
 
     // From the slave.
-    bool take(const UnaskedMail& mail) final;
-
-  protected:
-    ~EoeRelay() = default;
-    // A fragment has arrived. `more`: it is not the last one of its frame.
-    virtual void arrived(bool more) = 0;
+    bool take(const UnaskedMail& mail) override;
 
   private:
     using Assembly = wire::eoe::Assembly;
@@ -43,6 +50,7 @@ class EoeRelay : public MailListener, public MailClient {
     void end_frame(EoePort::Count outcome);
 
     EoePort& port_;
+    EoeRelayWatch& watch_;
     // The frame that is being sent; 0 octets: none.
     std::size_t frame_bytes_ = 0;
     std::size_t offset_ = 0;

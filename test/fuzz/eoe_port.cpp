@@ -12,12 +12,9 @@ using fuzzing::require;
 
 namespace {
 
-class Relay final : public EoeRelay {
-  public:
-    explicit Relay(EoePort& port) : EoeRelay(1, port) {}
+struct Watch final : EoeRelayWatch {
     std::size_t fragments = 0;
-
-  private:
+    void composing() override {}
     void arrived(bool) override { ++fragments; }
 };
 
@@ -36,7 +33,7 @@ struct Memory {
     }
 };
 
-void from_slave(Input& input, EoePort& port, Relay& relay, std::size_t what) {
+void from_slave(Input& input, EoePort& port, EoeRelay& relay, const Watch& watch, std::size_t what) {
     while (!input.empty()) {
         const std::size_t step = input.octet();
         if (step == 0xFF) {
@@ -53,16 +50,17 @@ void from_slave(Input& input, EoePort& port, Relay& relay, std::size_t what) {
         if (step == 0xFE) relay.drop_all();
     }
     const auto s = port.statistics();
-    require(s.received + s.overrun + s.incomplete + s.malformed + s.too_long <= relay.fragments);
+    require(s.received + s.overrun + s.incomplete + s.malformed + s.too_long <= watch.fragments);
 }
 
-void to_slave(Input& input, EoePort& port, Relay& relay) {
+void to_slave(Input& input, EoePort& port, EoeRelay& relay) {
     std::vector<std::byte> room(wire::eoe::kLeastRoom + input.octet() * 8);
-    while (!input.empty()) {
+    constexpr unsigned kMostFrames = 8;  // each goes in up to 48 fragments
+    for (unsigned n = 0; n < kMostFrames; ++n) {
         const Bytes head = input.take(2);
         if (head.size() < 2) return;
         std::vector<std::byte> frame(load_le<std::uint16_t>(head) % 1700);
-        for (std::size_t n = 0; n < frame.size(); ++n) frame[n] = static_cast<std::byte>(n * 3 + n / 256);
+        for (std::size_t at = 0; at < frame.size(); ++at) frame[at] = static_cast<std::byte>(at * 3 + at / 256);
         const bool right = frame.size() >= wire::eoe::kLeastFrameBytes && frame.size() <= kEoeFrameBytes;
         require(port.send(frame) == right);
         if (!right) continue;
@@ -92,9 +90,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Memory memory;
     EoePort port(Memory::without_guard(memory.to), Memory::without_guard(memory.from),
                  Memory::without_guard(memory.parts));
-    Relay relay(port);
+    Watch watch;
+    EoeRelay relay(1, port, watch);
     if ((what & 1) == 0)
-        from_slave(input, port, relay, what);
+        from_slave(input, port, relay, watch, what);
     else
         to_slave(input, port, relay);
     require(memory.intact());

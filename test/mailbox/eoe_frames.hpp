@@ -2,6 +2,7 @@
 #pragma once
 
 #include "mailbox/mailbox_bus.hpp"
+#include "sim/ethernet_port.hpp"
 
 namespace margay {
 
@@ -44,6 +45,36 @@ struct EoePart {
             eoe_part({number, fragment, blocks, at + size == frame.size()}, Bytes(frame).subspan(at, size)));
     }
     return parts;
+}
+
+// A host at the port of a gateway: keeps the frames that arrive, and sends them back if `echo`.
+struct EoeHost final : sim::EthernetPeer {
+    MailboxBus& bus;
+    std::uint32_t number;  // of the slave, from 0
+    std::vector<Mail> frames;
+    bool echo = false;
+    EoeHost(MailboxBus& b, std::uint32_t n) : bus(b), number(n) { port().connect(this); }
+    [[nodiscard]] sim::EthernetPort& port() { return *bus.segment.slave(number).ethernet(); }
+    void arrived(Bytes frame, Time) override {
+        frames.emplace_back(frame.begin(), frame.end());
+        if (echo) {
+            EXPECT_TRUE(port().put(frame));
+        }
+    }
+    bool send(const Mail& frame) {
+        const bool taken = port().put(frame);
+        bus.segment.interrupt(number, bus.osal.now());
+        return taken;
+    }
+};
+
+// All frames that wait in a port.
+[[nodiscard]] inline std::vector<Mail> received(EoePort& port) {
+    std::vector<Mail> frames;
+    std::array<std::byte, kEoeFrameBytes> buffer{};
+    while (const auto frame = port.receive(buffer))
+        frames.emplace_back(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(frame->bytes));
+    return frames;
 }
 
 }  // namespace margay
