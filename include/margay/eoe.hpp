@@ -64,8 +64,8 @@ struct EoeGetFilter : MailRequest {
 // The longest frame: 1500 octets of data and up to five VLAN tags.
 inline constexpr std::size_t kEoeFrameBytes = 1536;
 
-// Counters of a port, modulo 2^32. The frames of send() are either sent or counted in one of the next three lines, or
-// wait; fragments of a slave end in a received frame, or in one of the other lines.
+// Counters of a port, modulo 2^32. A frame of send() is counted once: in sent, refused or not_sent. A frame that the
+// slave has begun is counted once: in received, overrun, incomplete, malformed or too_long.
 struct EoeStatistics {
     std::uint32_t sent = 0;  // frames that the slave has taken
     std::uint32_t sent_octets = 0;

@@ -33,8 +33,8 @@ struct EoeIp {
 
     // Empty if there is none.
     [[nodiscard]] std::string_view host_name() const {
-        const std::string_view all(host_name_octets.data(), has_host_name ? host_name_octets.size() : 0);
-        return all.substr(0, all.find('\0'));
+        const auto end = std::find(host_name_octets.begin(), host_name_octets.end(), '\0');
+        return {host_name_octets.data(), has_host_name ? static_cast<std::size_t>(end - host_name_octets.begin()) : 0};
     }
     // False: the name is longer than kHostNameBytes, and is not set.
     [[nodiscard]] constexpr bool set_host_name(std::string_view name) {

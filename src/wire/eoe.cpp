@@ -146,8 +146,8 @@ std::optional<EoeIp> load_ip(Bytes at) {
         std::array<char, EoeIp::kHostNameBytes> text{};
         for (std::size_t n = 0; n < text.size(); ++n)
             text[n] = static_cast<char>(std::to_integer<unsigned char>(at[place + n]));
-        const std::string_view all(text.data(), text.size());
-        (void)ip.set_host_name(all.substr(0, all.find('\0')));
+        const auto end = std::ranges::find(text, '\0');
+        (void)ip.set_host_name({text.data(), static_cast<std::size_t>(end - text.begin())});
     }
     ip.append_time_stamp = (flags & kAppendTimeStamp) != 0;
     return ip;
