@@ -16,13 +16,13 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6336, 4512), "context_bytes(): kFixedBytes");
-static_assert(is_size(sizeof(MailboxChannel), 488, 392), "context_bytes(): kMailboxBytes");
+static_assert(is_size(sizeof(Master), 6352, 4512), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
-static_assert(sizeof(ClockEntry) + sizeof(DelayNode) <= 240, "context_bytes(): clock");
+static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 200, 200), "context_bytes(): kClockBytes");
 static_assert(is_size(sizeof(RingPlace), 28, 28), "context_bytes(): kRingBytes");
 static_assert(is_size(sizeof(SlaveMarks), 20, 20), "context_bytes(): kMarksBytes");
-static_assert(is_size(sizeof(ProcessGroup), 408, 312), "context_bytes(): kGroupBytes");
+static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupBytes");
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *
                               (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),
@@ -37,13 +37,8 @@ class Carver {
     explicit Carver(std::span<std::byte> memory) : left_(memory) {}
     template <class T>
     std::span<T> take(std::size_t count) {
-        void* at = left_.data();
-        std::size_t space = left_.size();
-        if (std::align(alignof(T), count * sizeof(T), at, space) == nullptr) return {};
-        left_ = left_.subspan(left_.size() - space + count * sizeof(T));
-        T* first = static_cast<T*>(at);
-        for (std::size_t i = 0; i < count; ++i) ::new (static_cast<void*>(first + i)) T();
-        return {first, count};
+        void* first = array(count, sizeof(T), alignof(T), [](void* at) { ::new (at) T(); });
+        return {static_cast<T*>(first), first == nullptr ? 0 : count};
     }
     void* raw(std::size_t bytes, std::size_t alignment) {
         void* at = left_.data();
@@ -55,6 +50,14 @@ class Carver {
     std::span<std::byte> rest() const { return left_; }
 
   private:
+    // One function for all types.
+    void* array(std::size_t count, std::size_t bytes, std::size_t alignment, void (*construct)(void*)) {
+        auto* const first = static_cast<std::byte*>(raw(count * bytes, alignment));
+        if (first == nullptr) return nullptr;
+        for (std::size_t i = 0; i < count; ++i) construct(first + i * bytes);
+        return first;
+    }
+
     std::span<std::byte> left_;
 };
 

@@ -109,7 +109,7 @@ void write_place(TextWriter& out, const Error& e) {
         case Step::discover_pdos:
         case Step::map_process_data:
         case Step::exchange_process_data:
-            if (e.code == Errc::unknown_group)
+            if (e.code == Errc::unknown_group || e.code == Errc::group_left_out)
                 out << " of group " << e.index;
             else if (e.code == Errc::image_overlaps)
                 break;
@@ -331,6 +331,8 @@ void write_aoe(TextWriter& out, const Error& e) {
 }
 
 std::string_view code_text(const Error& e) {
+    if (e.code == Errc::configuration_lost && e.slave != 0)
+        return "the new scan has deleted its config and its hooks: set them again, or use expect()";
     if (e.code == Errc::missing_slave && e.step == Step::recover)
         return e.slave == 0 ? "no lost slave was found" : "the slave does not answer";
     if (e.code == Errc::nic && e.step == Step::open_nic) return "the network interface could not be opened";

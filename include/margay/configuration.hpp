@@ -122,9 +122,12 @@ struct SlaveConfiguration {
     bool fixed_pdos : 1 = false;  // the PDOs of `setup` describe what the slave has; the library writes none of them
     // The highest state that the slave is brought to: PREOP (no process data), SAFEOP or OP.
     AlState highest = AlState::op;
-    // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here
-    // count from the next config_map() of the group on. Until then the slave is exchanged as it was mapped; when it
-    // leaves SAFEOP meanwhile, it stays in PREOP with Errc::remapping_needed.
+    // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here,
+    // and lists of PDOs that are changed in `setup`, count from the next config_map() of the group on. Until then the
+    // slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
+    // Errc::remapping_needed. The same after an SDO of the application has written a PDO mapping or a PDO assignment
+    // (0x1600 to 0x1BFF, 0x1C10 to 0x1C2F). The library does not compare what a hook or a start-up command writes into
+    // these objects: it must be the same each time.
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In

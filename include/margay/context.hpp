@@ -25,19 +25,20 @@ struct Master;
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6336 : 4512;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6352 : 4512;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
     constexpr std::size_t kTaskBytes = 1024 * sizeof(void*);
-    constexpr std::size_t kGroupBytes = kWide ? 408 : 312;
+    constexpr std::size_t kGroupBytes = kWide ? 424 : 328;
     constexpr std::size_t kProcessFrameBytes = kWide ? 1976 : 1888;  // a prepared frame with its datagrams
-    constexpr std::size_t kMailboxBytes = kWide ? 488 : 392;         // the mailbox channel of a slave
+    constexpr std::size_t kMailboxBytes = kWide ? 392 : 320;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
     constexpr std::size_t kMarksBytes = 20;                          // what the library notes about a slave
-    constexpr std::size_t kAlignmentBytes = 256;                     // between the parts
+    constexpr std::size_t kClockBytes = 200;      // the clock of a slave, and its place in the topology
+    constexpr std::size_t kAlignmentBytes = 256;  // between the parts
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
-    const std::size_t clock = limits.clocks ? 240 : 0;  // the clock of a slave, and its place in the topology
+    const std::size_t clock = limits.clocks ? kClockBytes : 0;
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
     const std::size_t slave =
         clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);

@@ -102,11 +102,13 @@ enum class Errc : std::uint8_t {
     entry_stale,  // the group was mapped again since the entry was found
     other_state,  // the slave is not in its target state (expected: the target state, actual: the present state)
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
-    configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number, and are
-                         // gone. A scan deletes those of the scan before without a warning
-    place_unknown,  // a warning: the slave may be missing and is missing, and the sizes of its process data are not
-                    // known (SlaveSetup::pdos), so that it has no place in the image: it can take part after the next
-                    // config_map()
+    configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number (slave
+                         // 0), or for a slave of the scan before (slave), and are gone
+    place_unknown,   // a warning: the slave may be missing and is missing, and the sizes of its process data are not
+                     // known (SlaveSetup::pdos), so that it has no place in the image: it can take part after the next
+                     // config_map()
+    not_supervised,  // no supervision is busy, and the states of all slaves were read more than a second ago
+    group_left_out,  // the group is mapped, and the application has not exchanged it for a second (index: the group)
     start_up_unfinished,     // the slave is in its target state, and its commands or its hook after the transition have
                              // not ended, or were ended early (expected, actual: the state)
     no_clock,                // the slave has no clock that runs; slave 0: no slave has one

@@ -20,6 +20,9 @@
 //     }
 //     ctx.slave(1).hooks.preop_to_safeop = choose_mode;
 //
+// A hook that says the SyncManagers of its slave (SlaveConfiguration::add()) sets sm_count to 0 before: when the slave
+// comes back, the configuration still has what the hook said the last time.
+//
 // poll() calls hooks of both forms, at the first start-up and when a slave comes back. An exception that leaves a hook
 // ends the program.
 #pragma once

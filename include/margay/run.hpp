@@ -106,7 +106,9 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // the hook after the transition have not ended, have failed or were ended), remapping_needed (when it came back), every
 // error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the working counter of
 // a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled (requests are
-// busy, and the owner has exchanged process data for a second without a call of poll()).
+// busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised (no supervision
+// is busy, and nobody has read the states of all slaves for a second of cycles), group_left_out (a mapped group was not
+// exchanged for a second of cycles; seen from the second call on).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle

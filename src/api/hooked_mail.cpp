@@ -23,7 +23,10 @@ Task<Result<std::size_t>> transfer(HookedSlave hooked, MailboxType type, Bytes m
     request.answer = answer;
     Error refused = check_in_hook(network, request);
     if (message.empty()) refused = invalid(Argument::mail_size, Step::mailbox_send, request.slave);
-    if (refused.code != Errc::none) co_return refused;
+    if (refused.code != Errc::none) {
+        auto later = co_await refuse_in_hook(hooked, refused);
+        co_return later.error();
+    }
     const MailPatience patience = startup_patience(hooked.slave());
     MailboxChannel& channel = network.mailbox(hooked.slave());
     auto done = co_await transfer_raw(channel, request, patience);
@@ -38,7 +41,7 @@ Task<> set_net_id(HookedSlave hooked, AoeNetId net_id) {
     request.net_id = net_id;
     request.timeout = startup_patience(hooked.slave()).each;
     const Error refused = check_in_hook(network, request);
-    if (refused.code != Errc::none) co_return refused;
+    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
     auto done = co_await RequestAccess::operation(request).sequence(network, request);
     co_return done;
 }

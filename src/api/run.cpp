@@ -9,6 +9,7 @@
 #include <margay/margay.hpp>
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 namespace {
@@ -68,10 +69,25 @@ Error cycle_trouble(const ProcessGroup& group) {
     return right ? Error{} : error;
 }
 
+// For how long what was read last, or exchanged last, is believed while other cycles go on.
+constexpr Duration kBelieved = std::chrono::seconds(1);
+
+// The application exchanges other groups, and not this one.
+bool is_left_out(ProcessGroup& group, Time now) {
+    const std::uint32_t sent =
+        group.overlap.sets > 1 ? group.overlap.sent.load(std::memory_order_relaxed) : group.cycles_sent;
+    const bool goes_on = std::exchange(group.cycles_seen, sent) != sent || group.seen_at == Time{};
+    if (goes_on) group.seen_at = now;
+    return later(group.seen_at, kBelieved) < now;
+}
+
 Error cycles_trouble(Network& network) {
-    for (const ProcessGroup& group : network.process.groups) {
+    const Time now = network.engine.link().last_cycle();
+    for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped) continue;
-        const Error error = cycle_trouble(group);
+        Error error = cycle_trouble(group);
+        if (error.code == Errc::none && is_left_out(group, now))
+            error = {.code = Errc::group_left_out, .step = Step::exchange_process_data, .index = group.number};
         if (error.code != Errc::none) return error;
     }
     return {};
@@ -156,9 +172,8 @@ class OverrunNews {
 
 // The owner exchanges process data but does not call poll(), so that its requests do not progress.
 bool is_starved(Master& master) {
-    constexpr Duration kLongest = std::chrono::seconds(1);
     const bool requests = master.queue.waiting != nullptr || master.queue.running != nullptr;
-    return requests && later(master.polled, kLongest) < master.network.engine.link().last_cycle();
+    return requests && later(master.polled, kBelieved) < master.network.engine.link().last_cycle();
 }
 
 // Why reach() or run_cycle() is refused: the codes of check_waiting_owner(), or the work function of run_cycle() called
@@ -251,7 +266,7 @@ static Error check(Network& network, const TargetRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, TargetRequest& request) {
-    set_targets(network, request.slave, request.wanted);
+    set_targets(network, request.slave, request.wanted, target_of_all(network));
     if (network.supervised) co_return Nothing{};
     FirstFault faults;
     if (request.slave != 0) {
@@ -280,7 +295,8 @@ Result<> set_target(Context& ctx, std::uint16_t slave, AlState state) {
         if (refused.code != Errc::none) return refused;
         if (waiting != nullptr && slave == 0)
             waiting->target = state;  // replaces the target that it was submitted with
-        set_targets(master->network, slave, state);
+        const AlState of_all = waiting != nullptr ? waiting->target : target_of_all(master->network);
+        set_targets(master->network, slave, state, of_all);
         return Result<>();
     }
     TargetRequest request;
@@ -296,6 +312,8 @@ Error what_is_wrong(Context& ctx) {
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
     for (const Slave& slave : network.slaves())
         if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
+    if (!network.supervised && later(network.states_read, kBelieved) < network.engine.link().last_cycle())
+        return {.code = Errc::not_supervised, .step = Step::read_state};
     return cycles_trouble(network);
 }
 

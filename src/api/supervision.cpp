@@ -31,11 +31,15 @@ static Error check(Network& network, const ReconfigRequest& request) {
 // Marks the network as supervised while this object exists.
 class Supervised {
   public:
-    explicit Supervised(Network& network) : network_(network) { network_.supervised = true; }
+    Supervised(Network& network, const SuperviseRequest& request) : network_(network) {
+        network_.supervised = true;
+        network_.supervision = &request;
+    }
     Supervised(const Supervised&) = delete;
     Supervised& operator=(const Supervised&) = delete;
     ~Supervised() {
         network_.supervised = false;
+        network_.supervision = nullptr;
         network_.supervision_ended = !network_.reaching;
     }
 
@@ -44,7 +48,7 @@ class Supervised {
 };
 
 static Task<Result<>> run(Network& network, SuperviseRequest& request) {
-    const Supervised supervised(network);
+    const Supervised supervised(network, request);
     network.target = request.target;
     co_return co_await supervise(network, request);
 }

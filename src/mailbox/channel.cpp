@@ -103,7 +103,7 @@ Task<Result<>> MailboxChannel::pump() {
         const bool carries = action == Action::send || action == Action::fetch;
         if (carries && !memory.reserve(std::max(info_.out_bytes, info_.in_bytes))) {
             last_failure_ = Errc::capacity;  // wait until others return memory
-            co_await Doze(*this, now() + timing.longest_pause);
+            co_await Doze(*this, now() + mail_timing::kLongestPause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
             const bool looks = looks_beside();
@@ -135,7 +135,7 @@ Task<Result<>> MailboxChannel::pump() {
             Datagram ask(link, wire::Command::FPWR, {address_, kInActivate}, Bytes(activate));
             co_await ask;
             repeat_ = Repeated::requested;
-            repeat_until_ = now() + timing.repeat_patience;
+            repeat_until_ = now() + mail_timing::kRepeatPatience;
             ++statistics_.repeats;
             look_soon();
         } else {
@@ -202,7 +202,7 @@ MailboxChannel::Action MailboxChannel::next_look() {
     if (!bit_is_trusted()) return Action::look;
     // The bit shows the state of the last cycle: it still reports mail that was fetched after that cycle.
     if (engine_->link().last_cycle() <= fetched_at_ || !bit_is_set()) {
-        look_at_ = now() + timing.first_pause;
+        look_at_ = now() + mail_timing::kFirstPause;
         return Action::doze;
     }
     full_ = true;
@@ -223,7 +223,7 @@ Time MailboxChannel::doze_until() const {
 
 void MailboxChannel::look_soon() {
     look_at_ = now();
-    pause_ = timing.first_pause;
+    pause_ = mail_timing::kFirstPause;
     looks_ = 0;
     watched_by_mailboxes_ = false;
 }
@@ -260,7 +260,7 @@ bool MailboxChannel::compose(MutableBytes buffer) {
 void MailboxChannel::left(MailExchange& exchange) {
     const bool first = exchange.state_ == MailExchange::State::queued;
     if (!exchange.options_.reply) {
-        unanswered_until_ = now() + timing.owed_patience;
+        unanswered_until_ = now() + mail_timing::kOwedPatience;
         return finish(exchange, {});
     }
     if (first) {
@@ -273,7 +273,7 @@ void MailboxChannel::left(MailExchange& exchange) {
 
 void MailboxChannel::message_refused(Errc why) {
     last_failure_ = why;
-    pause_ = std::clamp(pause_ * 2, timing.first_pause, timing.longest_pause);
+    pause_ = std::clamp(pause_ * 2, mail_timing::kFirstPause, mail_timing::kLongestPause);
     send_at_ = now() + pause_;
     look_at_ = std::min(look_at_, now());
 }
@@ -311,7 +311,7 @@ void MailboxChannel::sent(Reply reply) {
         if (exchange == nullptr) return;
         unsure_ = exchange;
         resend_at_ = now();
-        unsure_until_ = now() + timing.resend_after;
+        unsure_until_ = now() + mail_timing::kResendAfter;
         if (exchange->state_ != MailExchange::State::queued) return;
         exchange->unlink();
         awaiting_.push_back(*exchange);
@@ -327,7 +327,7 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
     if (unsure_ == nullptr) return;
     if (!reply.ok() || reply.wkc != 1) {
         last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
-        resend_at_ = now() + timing.longest_pause;
+        resend_at_ = now() + mail_timing::kLongestPause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
         MailExchange& arrived = *std::exchange(unsure_, nullptr);
         last_failure_ = Errc::none;
@@ -346,7 +346,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
     real_look_at_ = now() + kRealLook;
     if (!reply.ok() || reply.wkc != 1) {
         last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
-        look_at_ = now() + timing.longest_pause;
+        look_at_ = now() + mail_timing::kLongestPause;
         if (silent_looks_ < kMostSilentLooks) ++silent_looks_;
         return;
     }
@@ -368,7 +368,7 @@ void MailboxChannel::looked(Reply reply, Bytes octets) {
         if (!acknowledged && now() < repeat_until_) return nothing_there();
         repeat_ = Repeated::no;
         repeated_ = acknowledged;
-        lost_at_ = full ? kNever : now() + timing.resend_after;
+        lost_at_ = full ? kNever : now() + mail_timing::kResendAfter;
     }
     full_ = full;
     if (full_) return;
@@ -386,7 +386,7 @@ void MailboxChannel::reply_is_lost() {
         turn = awaiting_.after(*turn);
         if (&exchange == unsure_) continue;  // this message may not have arrived, and is sent again
         owed_key_ = exchange.options_.key;
-        owed_until_ = now() + timing.owed_patience;
+        owed_until_ = now() + mail_timing::kOwedPatience;
         finish(exchange, lost);
     }
 }
@@ -397,9 +397,9 @@ void MailboxChannel::nothing_there() {
         glance_ = false;
         stale_ = 0;
     }
-    pause_ = std::clamp(pause_, timing.first_pause, timing.longest_pause);
+    pause_ = std::clamp(pause_, mail_timing::kFirstPause, mail_timing::kLongestPause);
     look_at_ = on_grid(now() + pause_, pause_);
-    pause_ = std::min(pause_ * 2, timing.longest_pause);
+    pause_ = std::min(pause_ * 2, mail_timing::kLongestPause);
     if (++looks_ >= kLooksBeforeParking && repeat_ == Repeated::no && mailboxes_->park(*this))
         look_at_ = now() + kRealLook;
 }
@@ -412,7 +412,7 @@ void MailboxChannel::fetched(Reply reply, Bytes mailbox) {
         look_soon();
     } else if (!reply.ok()) {
         last_failure_ = reply.errc;
-        look_at_ = now() + timing.longest_pause;
+        look_at_ = now() + mail_timing::kLongestPause;
     } else if (reply.wkc != 1) {
         nothing_there();
     } else {

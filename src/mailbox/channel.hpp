@@ -29,18 +29,21 @@ namespace margay {
 
 class Mailboxes;
 
+// The times of all channels.
+namespace mail_timing {
+// Between looks for mail; doubled after each look in vain.
+inline constexpr Duration kFirstPause = std::chrono::microseconds(100);
+inline constexpr Duration kLongestPause = std::chrono::milliseconds(1);
+// For a message that may not have arrived.
+inline constexpr Duration kResendAfter = std::chrono::milliseconds(20);
+inline constexpr Duration kRepeatPatience = std::chrono::milliseconds(100);
+// For the reply to an exchange that was given up.
+inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
+}  // namespace mail_timing
+
 class MailboxChannel {
   public:
-    struct Timing {
-        Duration first_pause =
-            std::chrono::microseconds(100);  // between looks for mail; doubled after each look in vain
-        Duration longest_pause = std::chrono::milliseconds(1);
-        Duration resend_after = std::chrono::milliseconds(20);  // for a message that may not have arrived
-        Duration repeat_patience = std::chrono::milliseconds(100);
-        Duration owed_patience = std::chrono::milliseconds(100);  // for the reply to an exchange that was given up
-    };
-
-    MailboxChannel() = default;
+    MailboxChannel();
     MailboxChannel(const MailboxChannel&) = delete;
     MailboxChannel& operator=(const MailboxChannel&) = delete;
 
@@ -94,7 +97,6 @@ class MailboxChannel {
     bool no_complete_access = false;
     // Whether complete access may be used: the slave has not refused it, and the application has not disabled it.
     [[nodiscard]] bool whole_objects() const { return !no_complete_access && !slave_->config.no_complete_access; }
-    Timing timing;
 
   private:
     friend class MailExchange;
@@ -156,67 +158,74 @@ class MailboxChannel {
     void error_reply(Bytes data);
     [[nodiscard]] Time now() const { return engine_->now(); }
 
-    Engine* engine_ = nullptr;
-    Mailboxes* mailboxes_ = nullptr;
-    Slave* slave_ = nullptr;
-    StationAddress address_;
-    std::uint16_t number_ = 0;
-    MailboxInfo info_;
-    bool open_ = false;
-    std::uint32_t epoch_ = 0;
+    static constexpr std::uint8_t kMostStale = 16;         // a slave that always has mail must not prevent sending
+    static constexpr std::uint8_t kMostSilentLooks = 100;  // one millisecond each
 
-    List<MailTurn> queue_;     // exchanges whose message is not sent yet
-    List<MailTurn> awaiting_;  // exchanges whose message was sent, in the order of sending
-    List<MailTurn> tickets_;   // sessions that wait for their turn
-    std::uint16_t busy_types_ = 0;
+    // A context has a channel for each slave, so the members are in the order of their sizes.
+    bool open_ = false;
+    bool dozing_ = false;
+    std::uint8_t status_bit_ = 0;
 
     // Sending.
-    MailExchange* sending_ = nullptr;
     bool sending_farewell_ = false;
-    MailExchange* unsure_ = nullptr;  // its message was sent, but the frame was lost
     bool resend_ = false;
-    Time resend_at_ = kNever;
-    Time unsure_until_ = kNever;
-    Time send_at_ = Time::min();    // not before this time: the mailbox was full
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
     Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
     std::array<std::byte, 16> farewell_{};
     std::uint8_t farewell_bytes_ = 0;
     wire::MailboxType farewell_type_{};
-    Time farewell_until_ = Time::min();
 
     // Receiving.
     bool glance_ = false;
     // How many messages from before open() may still be fetched before the first message is sent; 0: sending may begin.
     std::uint8_t stale_ = 0;
-    static constexpr std::uint8_t kMostStale = 16;  // a slave that always has mail must not prevent sending
-    bool full_ = false;                             // there is mail, as far as is known
-    bool watched_by_mailboxes_ = false;             // Mailboxes looks for mail in place of this channel
-    Time look_at_ = Time::min();
-    Duration pause_{0};
-    std::uint8_t silent_looks_ = 0;                        // consecutive looks that the slave has not answered
-    static constexpr std::uint8_t kMostSilentLooks = 100;  // one millisecond each
-    unsigned looks_ = 0;                                   // consecutive looks without mail
+    bool full_ = false;                  // there is mail, as far as is known
+    bool watched_by_mailboxes_ = false;  // Mailboxes looks for mail in place of this channel
+    std::uint8_t silent_looks_ = 0;      // consecutive looks that the slave has not answered
     std::uint8_t in_counter_ = 0;
     bool counts_ = true;  // false: the slave sends mail with counter 0
     Repeated repeat_ = Repeated::no;
     bool repeated_ = false;  // the next mail may repeat the one received before
     std::uint8_t activate_ = 0;
+    std::uint16_t busy_types_ = 0;
+
+    StationAddress address_;
+    std::uint16_t number_ = 0;
+    MailboxInfo info_;
+    std::uint32_t epoch_ = 0;
+    unsigned looks_ = 0;  // consecutive looks without mail
+    Engine* engine_ = nullptr;
+    Mailboxes* mailboxes_ = nullptr;
+    Slave* slave_ = nullptr;
+    const std::byte* status_octet_ = nullptr;
+
+    List<MailTurn> queue_;     // exchanges whose message is not sent yet
+    List<MailTurn> awaiting_;  // exchanges whose message was sent, in the order of sending
+    List<MailTurn> tickets_;   // sessions that wait for their turn
+    MailExchange* sending_ = nullptr;
+    MailExchange* unsure_ = nullptr;  // its message was sent, but the frame was lost
+
+    // Sending.
+    Time resend_at_ = kNever;
+    Time unsure_until_ = kNever;
+    Time send_at_ = Time::min();  // not before this time: the mailbox was full
+    Time farewell_until_ = Time::min();
+
+    // Receiving.
+    Time look_at_ = Time::min();
+    Duration pause_{0};
     Time repeat_until_ = kNever;
-    Time lost_at_ =
-        kNever;  // a reply that was asked for by a repeat request is lost when it has not arrived until then
+    // A reply that was asked for by a repeat request is lost when it has not arrived until then.
+    Time lost_at_ = kNever;
     std::uint64_t owed_key_ = 0;
     Time owed_until_ = Time::min();
-    Time unanswered_until_ =
-        Time::min();  // a message without reply was sent: until then an error reply may belong to it
-    const std::byte* status_octet_ = nullptr;
-    std::uint8_t status_bit_ = 0;
+    // A message without reply was sent: until then an error reply may belong to it.
+    Time unanswered_until_ = Time::min();
     Time fetched_at_ = Time::min();
     Time real_look_at_ = Time::min();
 
     TaskHandle pump_;
-    bool dozing_ = false;
     Engine::Sleep::Timer doze_;
     MailboxStatistics statistics_;
     EmergencyRing emergencies_;

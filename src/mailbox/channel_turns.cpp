@@ -64,7 +64,7 @@ void MailboxChannel::forget(MailExchange& exchange) {
     if (awaiting_.empty()) lost_at_ = kNever;
     if (out && exchange.options_.reply) {
         owed_key_ = exchange.options_.key;
-        owed_until_ = now() + timing.owed_patience;
+        owed_until_ = now() + mail_timing::kOwedPatience;
     }
     kick();
 }
@@ -135,6 +135,8 @@ void MailboxChannel::leave(MailSession& session) {
 
 // ------------------------------------------------------------------ open and close
 
+MailboxChannel::MailboxChannel() = default;
+
 void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& slave, const MailboxInfo& info) {
     close();
     mailboxes_ = &mailboxes;
@@ -190,7 +192,7 @@ void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
     std::copy(data.begin(), data.end(), farewell_.begin());
     farewell_bytes_ = static_cast<std::uint8_t>(data.size());
     farewell_type_ = type;
-    farewell_until_ = now() + timing.owed_patience;
+    farewell_until_ = now() + mail_timing::kOwedPatience;
     ensure_pump();
     kick();
 }

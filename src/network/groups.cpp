@@ -190,6 +190,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
 Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.config.group != number) co_return Nothing{};
     slave.unplaced = false;
+    network.marks(slave).pdos_written = false;
     const Error wrong = invalid_setting(slave);
     slave.pdos_failed = wrong.code != Errc::none;
     if (slave.pdos_failed) {
@@ -352,6 +353,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
     auto configured = co_await for_each_slave(network, set);
     if (!configured) co_return configured.error();
+    network.states_read = network.engine.now();
     use_status_bits(network, number);
     keep_others(network, number, faults);
     faults.keep(entries);

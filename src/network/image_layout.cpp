@@ -1,5 +1,8 @@
 #include "network/image_layout.hpp"
 
+#include "network/pdo_lists.hpp"
+#include "util/check_value.hpp"
+
 #include <algorithm>
 
 namespace margay {
@@ -87,17 +90,17 @@ Result<> check_sync_managers(const Slave& slave) {
     return Result<>();
 }
 
-// Fowler, Noll and Vo's check value, folded to 16 bits.
-std::uint16_t check_of_sizes(const Slave& slave) {
-    std::uint32_t check = 0x811C'9DC5;
-    const auto add = [&check](std::uint32_t octet) { check = (check ^ (octet & 0xFF)) * 0x01000193; };
+// Of the SyncManagers, their directions and sizes, and of the PDOs and entries in the lists of the application.
+std::uint16_t check_of_process_data(const Slave& slave) {
+    CheckValue check;
     for (const ProcessSm& sm : process_sms(slave)) {
         if (sm.bits == 0) continue;
-        add(sm.number);
-        add(static_cast<std::uint32_t>(sm.direction));
-        for (unsigned shift = 0; shift < 32; shift += 8) add(sm.bits >> shift);
+        check.add(sm.number);
+        check.add(static_cast<unsigned>(sm.direction));
+        check.add_word(sm.bits);
     }
-    return static_cast<std::uint16_t>(check ^ check >> 16);
+    if (const detail::PdoPart* lists = pdo_part(slave)) lists->add_to(check, slave);
+    return check.folded();
 }
 
 // Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
@@ -194,7 +197,7 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
         if (std::max(place.outputs.end, place.inputs.end) > room) return too_large();
         slave.image.outputs = part(place.outputs, image);
         slave.image.inputs = part(place.inputs, image);
-        slave.image.mapped_sizes = check_of_sizes(slave);
+        slave.image.mapped_check = check_of_process_data(slave);
     }
     for (Slave& slave : slaves) {
         if (slave.image.group != group || !wants_mailbox_status(slave)) continue;
@@ -310,7 +313,7 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
                        .status_bytes = static_cast<std::uint32_t>(halves.status_bits / 8)};
 }
 
-bool is_as_mapped(const Slave& slave) { return slave.image.mapped_sizes == check_of_sizes(slave); }
+bool is_as_mapped(const Slave& slave) { return slave.image.mapped_check == check_of_process_data(slave); }
 
 SlaveFmmus exchanged_ranges(const Slave& slave, const ImageLayout& layout) {
     SlaveFmmus ranges;

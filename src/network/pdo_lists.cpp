@@ -1,5 +1,6 @@
 #include "network/pdo_lists.hpp"
 
+#include "util/check_value.hpp"
 #include "wire/esc.hpp"
 
 #include <algorithm>
@@ -135,12 +136,32 @@ bool lists_all_entries(const Slave& slave) {
 
 }  // namespace
 
+void add_lists(CheckValue& check, const Slave& slave) {
+    for (const SmPdos& list : slave.config.pdos()) {
+        check.add(list.sync_manager);
+        for (const Pdo& pdo : list.pdos) {
+            check.add_word(pdo.index);
+            for (const PdoEntry& entry : pdo.entries) {
+                check.add_word(std::uint32_t{entry.index} << 8 | entry.subindex);
+                check.add_word(entry.bits);
+            }
+        }
+    }
+}
+
+bool is_by_application(const SlaveConfiguration& config) {
+    switch (config.source) {
+        case ConfigurationSource::application:
+        case ConfigurationSource::file: return true;
+        case ConfigurationSource::none: return config.sm_count != 0;
+        default: return false;
+    }
+}
+
 bool keep_place(Slave& slave) {
     SlaveConfiguration& config = slave.config;
     forget_kept_place(slave);
-    if (config.sm_count != 0 || config.source == ConfigurationSource::application ||
-        config.source == ConfigurationSource::file)
-        return true;
+    if (config.sm_count != 0 || is_by_application(config)) return true;
     return pdo_part(slave) != nullptr && pdo_part(slave)->place(slave);
 }
 

@@ -8,6 +8,7 @@
 
 namespace margay {
 
+class CheckValue;
 class EntrySink;
 struct Network;
 
@@ -36,6 +37,12 @@ void forget_kept_place(Slave& slave);
 // The direction of the PDOs in the list; by the SII if the list is empty.
 [[nodiscard]] Direction direction_of(const Slave& slave, const SmPdos& list);
 
+// Adds all that the lists contain to a check value.
+void add_lists(CheckValue& check, const Slave& slave);
+
+// Whether the application, or one of its files, has set the SyncManagers of the process data.
+[[nodiscard]] bool is_by_application(const SlaveConfiguration& config);
+
 // The part of keep_place() that uses the lists.
 [[nodiscard]] bool place_by_lists(Slave& slave);
 
@@ -45,6 +52,7 @@ struct detail::PdoPart {
     bool (*place)(Slave& slave);
     Task<Result<>> (*write)(Network& network, Slave& slave);
     Task<Result<>> (*walk)(Network& network, const Slave& slave, EntrySink& entries);
+    void (*add_to)(CheckValue& check, const Slave& slave);
 };
 // nullptr: the slave has no lists.
 [[nodiscard]] inline const detail::PdoPart* pdo_part(const Slave& slave) {

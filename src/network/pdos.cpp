@@ -13,16 +13,6 @@
 namespace margay {
 namespace {
 
-// Whether the application, or one of its files, has set the place of the process data.
-bool by_application(const SlaveConfiguration& config) {
-    switch (config.source) {
-        case ConfigurationSource::application:
-        case ConfigurationSource::file: return true;
-        case ConfigurationSource::none: return config.sm_count != 0;
-        default: return false;
-    }
-}
-
 bool has_mailbox(Network& network, const Slave& slave) {
     return network.has_mailbox(slave) && network.mailbox(slave).is_open();
 }
@@ -170,7 +160,7 @@ void compare_with_sii(Network& network, const Slave& slave, const Findings& foun
 Result<> select_source(Network& network, Slave& slave, Findings& found, const Result<>& read, bool compare) {
     const bool by_slave = found.source != ConfigurationSource::sii;
     if (!by_slave) found.counts = found.sii;
-    if (by_application(slave.config)) {
+    if (is_by_application(slave.config)) {
         if (compare && (by_slave || found.sii_read)) compare_with_application(network, slave, found);
         return Result<>();
     }
@@ -223,7 +213,7 @@ Task<Result<>> walk_lists(Network& network, const Slave& slave, EntrySink& entri
 }  // namespace
 
 constinit const detail::PdoPart detail::kPdoPart{
-    .check = check_pdo_lists, .place = place_by_lists, .write = write_pdos, .walk = walk_lists};
+    .check = check_pdo_lists, .place = place_by_lists, .write = write_pdos, .walk = walk_lists, .add_to = add_lists};
 
 namespace {
 
@@ -231,7 +221,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     SlaveConfiguration& config = slave.config;
     const bool compare = !network.marks(slave).pdos_compared;
     network.marks(slave).pdos_compared = true;
-    const bool said = by_application(config);
+    const bool said = is_by_application(config);
     // The SII does not change, so it need not be read again.
     const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
     const detail::PdoPart* const lists = pdo_part(slave);

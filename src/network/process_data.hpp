@@ -38,6 +38,8 @@ struct ProcessGroup : Group {
     std::span<SlaveMarks> marks;    // and their marks
     std::array<PreparedReading, ReadingPlans::kMost> readings{};
     CyclePace pace;
+    Time seen_at{};  // when what_is_wrong() saw `cycles_seen` cycles for the first time
+    std::uint32_t cycles_seen = 0;
     std::uint16_t dc_reference = 0;  // the slave whose time the cycle carries, as config_map() has found it
     std::uint8_t number = 0;
     // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.

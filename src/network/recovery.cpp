@@ -75,18 +75,22 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
     return {};
 }
 
-// Takes the values of a reserved place out of the slave's configuration: the hook and the search for PDOs find it
-// empty, as at the first start-up. Puts them back unless accept() was called.
-class KeptPlace {
+// While the process data of a slave that comes back is being found: its configuration is not complete. The values of a
+// reserved place are taken out of the configuration, so that the hook and the search for PDOs find it empty, as at the
+// first start-up. They are put back unless accept() was called, or the application has set others meanwhile.
+class Finding {
   public:
-    explicit KeptPlace(Slave& slave) : slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept) {
+    Finding(SlaveMarks& marks, Slave& slave)
+        : marks_(marks), slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept) {
+        marks_.finding = true;
         count_ = kept_ ? slave.config.used_sms().size() : 0U;
         forget_kept_place(slave);
     }
-    KeptPlace(const KeptPlace&) = delete;
-    KeptPlace& operator=(const KeptPlace&) = delete;
-    ~KeptPlace() {
-        if (!kept_) return;
+    Finding(const Finding&) = delete;
+    Finding& operator=(const Finding&) = delete;
+    ~Finding() {
+        marks_.finding = false;
+        if (!kept_ || is_by_application(slave_.config)) return;
         slave_.config.sms = sms_;
         slave_.config.sm_count = static_cast<std::uint8_t>(count_);
         slave_.config.source = ConfigurationSource::none;
@@ -97,47 +101,59 @@ class KeptPlace {
     void accept() { kept_ = false; }
 
   private:
+    SlaveMarks& marks_;
     Slave& slave_;
     std::array<ProcessSm, SlaveConfiguration::kProcessSms> sms_;
     std::size_t count_ = 0;
     bool kept_;
 };
 
-// Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
-// or from the slave itself. It may differ from the reserved place.
-Task<Result<>> discover_late_slave(Network& network, Slave& slave, KeptPlace& kept) {
-    auto discovered = co_await discover_pdos(network, slave);
-    Error error = discovered.error();
-    if (discovered && kept.is_kept()) error = compare_with_place(slave, kept.sms());
-    slave.pdos_failed = error.code != Errc::none;
-    if (slave.pdos_failed) co_return error;
-    kept.accept();
+// Whether the slave can use its place in the image, and has the entries that the application has listed.
+Error check_late_slave(Network& network, Slave& slave) {
     const auto sms = slave.config.used_sms();
     if (std::ranges::all_of(sms, [](const ProcessSm& sm) { return sm.bits == 0; })) forget_unplaced(network, slave);
-    if (!has_place(slave))
-        co_return Error{.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
-    if (!is_mapped(network, slave)) co_return Nothing{};
+    if (!has_place(slave)) return {.code = Errc::no_place, .step = Step::map_process_data, .slave = slave.number};
+    if (!is_mapped(network, slave)) return {};
     ProcessGroup& group = network.process.groups[slave.image.group];
     const Error entries = place_entries(network, group, &slave);
-    if (entries.code != Errc::none) co_return entries;  // outputs that the application writes would have no effect
+    if (entries.code != Errc::none) return entries;  // outputs that the application writes would have no effect
     const bool lrw =
         std::ranges::any_of(group.plans, [](const DatagramPlan& plan) { return plan.command == wire::Command::LRW; });
-    co_return check_place(slave, group.layout, lrw);
+    return check_place(slave, group.layout, lrw).error();
 }
 
-// From PREOP to SAFEOP: calls the hook, finds the process data if it was not read yet, and configures the slave.
-Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
-    KeptPlace kept(slave);
+// Finds the process data of a slave that could not be read when the image was laid out: from the application's values,
+// or from the slave itself. It may differ from the reserved place.
+Task<Result<>> discover_late_slave(Network& network, Slave& slave, Finding& finding) {
+    auto discovered = co_await discover_pdos(network, slave);
+    Error error = discovered.error();
+    if (discovered && finding.is_kept()) error = compare_with_place(slave, finding.sms());
+    if (error.code == Errc::none) error = check_late_slave(network, slave);
+    slave.pdos_failed = error.code != Errc::none && error.code != Errc::no_place;
+    if (error.code != Errc::none) co_return error;
+    finding.accept();
+    co_return Nothing{};
+}
+
+// The hook, and the search for the process data if it was not read yet.
+Task<Result<>> find_process_data(Network& network, Slave& slave) {
+    Finding finding(network.marks(slave), slave);
     auto hook = co_await call_hook(network, slave);
     slave.hook_failed = !hook.ok();
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Nothing{};  // the hook may have changed the group
-    if (slave.pdos_failed || kept.is_kept() || slave.unplaced || !network.marks(slave).pdos_compared) {
-        auto taken_in = co_await discover_late_slave(network, slave, kept);
-        if (!taken_in) co_return taken_in;
-    }
-    if (!is_mapped(network, slave)) co_return Nothing{};
-    if (!is_as_mapped(slave))
+    if (slave.pdos_failed || finding.is_kept() || slave.unplaced || !network.marks(slave).pdos_compared)
+        co_return co_await discover_late_slave(network, slave, finding);
+    co_return Nothing{};
+}
+
+// From PREOP to SAFEOP.
+Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
+    auto found = co_await find_process_data(network, slave);
+    if (!found) co_return found;
+    if (!is_mapped(network, slave) || wanted_state(network, slave) < AlState::safeop)
+        co_return Nothing{};  // the hook may have changed the group, or the highest state
+    if (needs_mapping(network, slave))
         co_return Error{.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
     const ChangeReport report(network, slave);
     co_return co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);

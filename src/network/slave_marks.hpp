@@ -31,7 +31,9 @@ struct SlaveMarks {
     // In BOOT: the application has set another target for this slave since. Without it the supervision leaves the slave
     // in BOOT.
     bool leave_boot : 1 = false;
-    bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
+    bool finding : 1 = false;       // the slave comes back, and its process data is being found
+    bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
+    bool held_back : 1 = false;     // brought to PREOP while it was held: its start-up commands were left out
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

@@ -3,6 +3,7 @@
 #include "mailbox/coe_sdo.hpp"
 #include "mailbox/soe.hpp"
 #include "network/pdos.hpp"
+#include "util/check_value.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -196,19 +197,6 @@ Task<Result<>> run_commands(Network& network, Slave& slave, Transition which, Mo
 }
 
 namespace {
-
-// Fowler, Noll and Vo's check value.
-class CheckValue {
-  public:
-    void add(unsigned octet) { value_ = (value_ ^ (octet & 0xFF)) * 0x01000193; }
-    void add(std::span<const std::byte> octets) {
-        for (const std::byte octet : octets) add(std::to_integer<unsigned>(octet));
-    }
-    [[nodiscard]] std::uint32_t get() const { return value_; }
-
-  private:
-    std::uint32_t value_ = 0x811C'9DC5;
-};
 
 std::uint32_t check_of_ip_commands(std::span<const StartupCommand> commands) {
     CheckValue check;

@@ -129,6 +129,7 @@ Task<Result<AlStatus>> read_states(Network& network) {
     if (!all) co_return all.error();
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
+    network.states_read = network.engine.now();
     co_return lowest(network);
 }
 

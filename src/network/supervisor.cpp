@@ -306,6 +306,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         co_return Nothing{};
     }
     (void)count_lost_frames(watch);
+    network.states_read = network.engine.now();
     if (std::exchange(watch.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};

@@ -94,8 +94,13 @@ bool has_place(const Slave& slave) {
     return !slave.unplaced && (!wants || exchanges(slave) || !is_as_mapped(slave));
 }
 
+bool needs_mapping(const Network& network, const Slave& slave) {
+    return exchanges(slave) && (!is_as_mapped(slave) || network.marks(slave).pdos_written);
+}
+
 bool may_be_exchanged(const Network& network, const Slave& slave) {
-    return slave.takes_part || !exchanges(slave) || is_as_mapped(slave) || network.marks(slave).in_hook;
+    const SlaveMarks& marks = network.marks(slave);
+    return slave.takes_part || marks.finding || marks.in_hook || !needs_mapping(network, slave);
 }
 
 AlState wanted_state(const Network& network, const Slave& slave) {
@@ -173,13 +178,18 @@ Error refusal(const Network& network, const Slave& slave, AlState state) {
     return error;
 }
 
-void set_targets(Network& network, std::uint16_t slave, AlState state) {
+AlState target_of_all(const Network& network) {
+    const SuperviseRequest* const request = network.supervision;
+    return request != nullptr && can_be_target(request->target) ? request->target : network.target;
+}
+
+void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all) {
     if (slave == 0) network.target = state;
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
         if (one.number == slave) {
             // A slave with OP of its own would stay in OP when the target of all slaves is lowered.
-            one.target = state == AlState::op && network.target == AlState::op ? AlState::none : state;
+            one.target = state == AlState::op && of_all == AlState::op ? AlState::none : state;
             network.marks(one).leave_boot = state != AlState::boot;
         }
         update_counted(network, one);

@@ -21,8 +21,10 @@ void update_held(Network& network);
 [[nodiscard]] bool is_being_mapped(const Network& network, const Slave& slave);
 // Whether all process data of the slave has a place in the image.
 [[nodiscard]] bool has_place(const Slave& slave);
-// Whether the slave takes part, or can: after the mapping its sizes have not changed in the configuration. A hook may
-// be changing them now: what it leaves counts.
+// The configuration of the slave, or its PDOs by an SDO of the application, have changed since the mapping.
+[[nodiscard]] bool needs_mapping(const Network& network, const Slave& slave);
+// Whether the slave takes part, or can. While its process data is being found, or a hook is executing, which may change
+// the configuration: what these leave counts.
 [[nodiscard]] bool may_be_exchanged(const Network& network, const Slave& slave);
 [[nodiscard]] inline bool exchanges(const Slave& slave) {
     return slave.image.outputs.bits != 0 || slave.image.inputs.bits != 0;
@@ -61,8 +63,12 @@ void update_held(Network& network);
     return state == AlState::init || state == AlState::preop || state == AlState::safeop || state == AlState::op;
 }
 
-// Sets the target of one slave, or of all (0). With 0 the own targets of all slaves are removed.
-void set_targets(Network& network, std::uint16_t slave, AlState state);
+// The target of all slaves, also where the supervision has not read its request yet.
+[[nodiscard]] AlState target_of_all(const Network& network);
+
+// Sets the target of one slave, or of all (0). With 0 the own targets of all slaves are removed. `of_all`: the target
+// of all slaves, see target_of_all().
+void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all);
 
 // Keeps the error of the slave with the lowest number, for errors of many slaves in any order; for one slave the first.
 class FirstFault {

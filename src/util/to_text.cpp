@@ -43,7 +43,7 @@ std::string_view to_text(Errc code) {
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
         case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
         case Errc::remapping_needed:
-            return "SlaveConfiguration::sms have changed since config_map(): call config_map() again";
+            return "its SyncManagers or PDOs have changed since config_map(): call config_map() again";
         case Errc::scan_needed: return "expect() was called after config_init(): call config_init() again";
         case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
         case Errc::image_too_large: return "the process image is larger than the buffer";
@@ -87,6 +87,10 @@ std::string_view to_text(Errc code) {
         case Errc::entry_type: return "one of entry and type is a floating point number, the other is not";
         case Errc::other_state: return "the slave is not in the state that is wanted";
         case Errc::image_overlaps: return "the image overlaps that of another group: give each group octets of its own";
+        case Errc::not_supervised:
+            return "the states of the slaves were read more than a second ago: submit a SuperviseRequest, or call "
+                   "readstate() again and again";
+        case Errc::group_left_out: return "the group is mapped, but its process data was not exchanged for a second";
         case Errc::place_unknown:
             return "no place in the image, the sizes of its process data are not known (SlaveSetup::pdos): it can take "
                    "part after the next config_map()";

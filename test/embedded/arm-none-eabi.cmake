@@ -1,8 +1,10 @@
-# Toolchain file: Cortex-M4 without an operating system, static libraries only.
+# Toolchain file: Cortex-M without an operating system, static libraries only. MARGAY_CPU is cortex-m4, or another -mcpu of GCC.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
+set(MARGAY_CPU cortex-m4 CACHE STRING "The processor, as GCC calls it")
+set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES MARGAY_CPU)
 set(CMAKE_C_COMPILER arm-none-eabi-gcc)
 set(CMAKE_CXX_COMPILER arm-none-eabi-g++)
-set(CMAKE_C_FLAGS_INIT "-mcpu=cortex-m4 -mthumb -ffunction-sections -fdata-sections")
+set(CMAKE_C_FLAGS_INIT "-mcpu=${MARGAY_CPU} -mthumb -ffunction-sections -fdata-sections")
 set(CMAKE_CXX_FLAGS_INIT "${CMAKE_C_FLAGS_INIT} -Wno-psabi")
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)

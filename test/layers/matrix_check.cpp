@@ -27,8 +27,18 @@ bool there(const std::string& name, const std::vector<std::string>& tests, const
     if (name.rfind("bench_", 0) == 0) return file_begins("test/bench/" + name.substr(6) + ".cpp");
     if (name.rfind("fuzz/", 0) == 0) return file_begins("test/" + name);
     if (name.rfind("install/", 0) == 0) return file_begins("test/install/");
-    static const std::vector<std::string> nested = {"embedded/arm_builds", "embedded/footprint", "embedded/sizes",
-                                                    "clang/builds", "test/run.sh"};
+    static const std::vector<std::string> nested = {"embedded/arm_builds",
+                                                    "embedded/cortex_m0plus_builds",
+                                                    "embedded/cortex_m7_builds",
+                                                    "embedded/rv32_builds",
+                                                    "embedded/rv32_read_modify_write",
+                                                    "embedded/footprint",
+                                                    "embedded/sizes",
+                                                    "big_endian/wire",
+                                                    "big_endian/engine",
+                                                    "big_endian/segment",
+                                                    "clang/builds",
+                                                    "test/run.sh"};
     if (std::find(nested.begin(), nested.end(), name) != nested.end()) return true;
     return std::any_of(tests.begin(), tests.end(), [&](const auto& test) { return test.rfind(name, 0) == 0; });
 }

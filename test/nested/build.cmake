@@ -1,8 +1,14 @@
-# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). Skips when a program of NEEDS is missing.
-foreach(program IN LISTS NEEDS)
-  find_program(found_${program} ${program})
-  if(NOT found_${program})
-    message("SKIPPED: there is no ${program}")
+# Configures SOURCE in FOLDER with DEFINE and builds TARGETS (empty: all targets). Skips when a program of NEEDS, or
+# a file where the name begins with "/", is missing.
+foreach(needed IN LISTS NEEDS)
+  if(needed MATCHES "^/")
+    set(found ${needed})
+  else()
+    find_program(found_${needed} ${needed})
+    set(found ${found_${needed}})
+  endif()
+  if(NOT found OR NOT EXISTS ${found})
+    message("SKIPPED: there is no ${needed}")
     return()
   endif()
 endforeach()

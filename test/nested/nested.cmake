@@ -1,7 +1,7 @@
 # Tests that build the project in another way: installed and used by another project, with the ARM compiler, with clang, with clang
 # for fuzzing. Each has its own build folder below build/nested. The folder is kept, so that only changed files are built again.
 
-# margay_nested(NAME SOURCE folder [NEEDS program …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds]
+# margay_nested(NAME SOURCE folder [NEEDS program_or_/file …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds]
 #               [FOLDER name] [AFTER fixture])
 # A test with a COST begins before the others, so that the run does not end with waiting for it. FOLDER: the build folder, if it
 # is that of another test too; AFTER is the fixture of that test.
@@ -24,6 +24,15 @@ function(margay_nested name)
   if(NESTED_AFTER)
     set_tests_properties(${name} PROPERTIES FIXTURES_REQUIRED ${NESTED_AFTER})
   endif()
+endfunction()
+
+# margay_emulated(NAME program EMULATOR name FIXTURE name): a program of another processor, run by QEMU's emulation of a process.
+function(margay_emulated name program)
+  cmake_parse_arguments(EMULATED "" "EMULATOR;FIXTURE" "" ${ARGN})
+  add_test(NAME ${name} COMMAND ${CMAKE_COMMAND} -DPROGRAM=${program} -DEMULATOR=${EMULATED_EMULATOR}
+           -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/emulated.cmake)
+  set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED: " TIMEOUT 600 LABELS build_types
+                                          FIXTURES_REQUIRED ${EMULATED_FIXTURE})
 endfunction()
 
 set(parts_only MARGAY_TESTS=OFF MARGAY_SAMPLES=OFF)
@@ -71,6 +80,34 @@ set(board SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g+
            CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
 margay_nested(embedded/arm_builds ${board} FIXTURE arm_archives TARGETS margay_wire margay margay_subdevice)
 margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives)
+
+# The same program for other processors; test/qemu runs the one for ARMv6-M, because a Cortex-M4 executes its code too. The
+# Cortex-M0+ and RISC-V with 32 bits lack operations that osal/bare/read_modify_write.cpp has.
+set(master SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ TARGETS master COST 60
+    DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON MARGAY_UNITY=ON CMAKE_BUILD_TYPE=MinSizeRel
+           CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
+margay_nested(embedded/cortex_m0plus_builds ${master} MARGAY_CPU=cortex-m0plus FIXTURE mps2_images)
+margay_nested(embedded/cortex_m7_builds ${master} MARGAY_CPU=cortex-m7)
+set_tests_properties(embedded/cortex_m7_builds PROPERTIES LABELS build_types)
+set(rv32 ${CMAKE_CURRENT_SOURCE_DIR}/embedded/rv32)
+margay_nested(embedded/rv32_builds SOURCE ${rv32} FIXTURE rv32_programs COST 60
+              NEEDS riscv64-unknown-elf-g++ arm-none-eabi-g++ /usr/lib/picolibc/riscv64-unknown-elf/picolibc.specs
+              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON MARGAY_UNITY=ON CMAKE_BUILD_TYPE=MinSizeRel
+                     CMAKE_TOOLCHAIN_FILE=${rv32}/rv32.cmake)
+set_tests_properties(embedded/rv32_builds PROPERTIES LABELS build_types)
+margay_emulated(embedded/rv32_read_modify_write ${PROJECT_BINARY_DIR}/nested/embedded_rv32_builds/read_modify_write
+                EMULATOR qemu-riscv32-static FIXTURE rv32_programs)
+
+# The unit tests of the layouts, the engine and the master with a simulated segment, on a big-endian processor.
+margay_nested(big_endian/builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/big_endian FIXTURE big_endian_programs COST 300
+              NEEDS s390x-linux-gnu-g++ qemu-s390x-static /usr/src/googletest/googletest/src/gtest-all.cc
+              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} CMAKE_CXX_COMPILER=s390x-linux-gnu-g++
+                     MARGAY_CAPTURES_DIR=${MARGAY_CAPTURES_DIR} MARGAY_SII_DIR=${MARGAY_SII_DIR})
+set_tests_properties(big_endian/builds PROPERTIES LABELS build_types)
+foreach(suite wire engine segment)
+  margay_emulated(big_endian/${suite} ${PROJECT_BINARY_DIR}/nested/big_endian_builds/test_${suite}
+                  EMULATOR qemu-s390x-static FIXTURE big_endian_programs)
+endforeach()
 
 # What each feature of the master needs on a microcontroller.
 margay_nested(embedded/sizes_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FIXTURE size_programs

@@ -53,6 +53,27 @@ TEST_F(Mistakes, WishesWrittenBeforeTheScanAreWarnedOf) {
     EXPECT_TRUE(all(ctx->warnings()).empty()) << "reported once";
 }
 
+// A retry of config_init() after config_map() has failed: the slaves start without their hooks and settings.
+TEST_F(Mistakes, WishesThatASecondScanDeletesAreWarnedOf) {
+    SlaveConfiguration listed;
+    listed.highest = AlState::safeop;
+    const ExpectedSlave expected[] = {{.number = 1, .config = &listed}, {.number = 2}};
+    ASSERT_TRUE(expect(*ctx, expected).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_TRUE(all(ctx->warnings()).empty()) << "the list gives them again";
+    ctx->slave(2).config.highest = AlState::preop;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_EQ(
+        all(ctx->warnings()),
+        std::vector<std::string>{"slave 2: counting slaves: the new scan has deleted its config and its hooks: set "
+                                 "them again, or use expect()"});
+    ASSERT_TRUE(config_init(*ctx).ok());
+    EXPECT_TRUE(all(ctx->warnings()).empty());
+}
+
 TEST_F(Mistakes, TheTargetOfOneSlaveIsTakenBackByNone) {
     ASSERT_TRUE(config_init(*ctx).ok());
     ASSERT_TRUE(config_map(*ctx, image).ok());
@@ -81,6 +102,100 @@ TEST_F(Mistakes, TheTargetOfOneSlaveEndsWithOpWhereAllHaveOp) {
     ASSERT_TRUE(set_target(*ctx, 2, AlState::safeop).ok()) << "to keep it lower";
     ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
     EXPECT_EQ(ctx->slave(2).al.state, AlState::safeop);
+}
+
+// The target of all slaves is SAFEOP already, although the supervision has not read it yet.
+TEST_F(Mistakes, TheTargetOfOneSlaveBesideANewTargetOfAll) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    for (const bool waiting : {true, false}) {
+        supervision.cancel();
+        supervision.target = waiting ? AlState::safeop : AlState::op;
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+        if (!waiting) cycles(500);
+        supervision.target = AlState::safeop;
+        ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+        cycles(500);
+        EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
+        EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
+        ASSERT_TRUE(set_target(*ctx, 2, AlState::none).ok());
+    }
+}
+
+// reach() has ended its own supervision: nobody reads the states any more.
+TEST_F(Mistakes, NothingIsRightForLongWithoutASupervision) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    cycles(500);
+    EXPECT_TRUE(all_right(*ctx));
+    cycles(1'500);
+    EXPECT_FALSE(all_right(*ctx));
+    EXPECT_EQ(
+        words(what_is_wrong(*ctx)),
+        "reading the state: the states of the slaves were read more than a second ago: submit a SuperviseRequest, or "
+        "call readstate() again and again");
+    ASSERT_TRUE(readstate(*ctx).ok());
+    EXPECT_TRUE(all_right(*ctx));
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(2'500);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+TEST_F(Mistakes, AGroupThatIsNotExchangedIsNamed) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ctx->slave(2).config.group = 1;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(config_map(*ctx, second_image, 1).ok());
+    supervision.target = AlState::safeop;  // in OP the watchdogs of the slaves would name it
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::safeop, 2s).ok());
+    for (int n = 0; n < 500; ++n) {
+        cycles(1);  // of group 0
+        EXPECT_TRUE(all_right(*ctx)) << n << words(what_is_wrong(*ctx));
+    }
+    cycles(1'500);
+    (void)all_right(*ctx);
+    cycles(1);
+    EXPECT_EQ(words(what_is_wrong(*ctx)),
+              "exchanging process data of group 1: the group is mapped, but its process data was not exchanged for a "
+              "second");
+    ASSERT_TRUE(reach(*ctx, AlState::safeop, 2s).ok());
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+// A hook that tries for ever what is refused at once, or waits for no time.
+TEST_F(Mistakes, AHookThatTriesAgainAtOnceStopsNobody) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    const Hook<> hooks[] = {
+        [](HookedSlave slave, void*) -> Task<> {
+            for (;;) {
+                auto value = co_await slave.sdo_read<std::uint32_t>(0x1000, 0);
+                if (value) co_return Result<>();
+            }
+        },
+        [](HookedSlave slave, void*) -> Task<> {
+            std::array<std::byte, 4> into{};
+            for (;;) {
+                auto read = co_await slave.register_read(0xFFFF, into);
+                if (read) co_return Result<>();
+            }
+        },
+        [](HookedSlave slave, void*) -> Task<> {
+            for (;;) {
+                auto slept = co_await slave.sleep(Duration{-5});
+                (void)slept;
+            }
+        },
+    };
+    for (const auto& hook : hooks) {
+        ctx->slave(2).hooks.preop_to_safeop = hook;
+        MapRequest map;
+        map.image = image;
+        map.timeout = 50ms;
+        ASSERT_TRUE(submit(*ctx, map).ok());
+        EXPECT_EQ(words(wait(*ctx, map).error()), "slave 2: the hook of the application: timed out");
+    }
 }
 
 TEST_F(Mistakes, ARequestThatWasNotSubmittedCannotBeWaitedFor) {

@@ -598,36 +598,6 @@ TEST_F(Wanted, ASlaveThatWasAwayWhileItWasMappedIsAskedWhenItIsBack) {
     expect_exchanged(3, line[2]);
 }
 
-// A hook that fills in the SyncManagers finds the configuration empty, at the first start-up and later, also where a
-// place was reserved by the list of PDOs. What the hook says counts.
-TEST_F(Wanted, AHookMaySayTheSyncManagersOfASlaveThatComesLate) {
-    static int found_full = 0;
-    found_full = 0;
-    SlaveConfiguration config;
-    config.setup = &kSetup;
-    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2}, {.number = 3, .config = &config}};
-    power(line[2], false);
-    (void)scan(expected);
-    const auto say = [](HookedSlave slave, void*) -> Result<> {
-        SlaveConfiguration& own = slave.slave().config;
-        found_full += own.sm_count;
-        own.source = ConfigurationSource::application;
-        (void)own.add({0, Direction::outputs, 0x64, 0x1100, 8});
-        (void)own.add({1, Direction::inputs, 0x20, 0x2000, 8});
-        return Result<>();
-    };
-    ctx->slave(3).hooks.preop_to_safeop = say;
-    EXPECT_EQ(config_map(*ctx, image).error().slave, 3);
-    ASSERT_TRUE(submit(*ctx, supervision).ok());
-    cycles(50);
-    power(line[2], true);
-    ASSERT_TRUE(until([&] { return in_op(3); })) << joined(events());
-    EXPECT_EQ(found_full, 0);
-    EXPECT_EQ(ctx->slave(3).config.source, ConfigurationSource::application);
-    EXPECT_EQ(ctx->slave(3).config.used_sms().size(), 2U);
-    expect_exchanged(3, line[2]);
-}
-
 // ------------------------------------------------------------------ operations at the same time
 
 TEST_F(Wanted, ASupervisionBesideAScanIsNoHarm) {

@@ -36,7 +36,7 @@ void write_line(int to, const std::string& text) {
 }  // namespace
 
 std::filesystem::path image(const std::string& name) {
-    return std::filesystem::path(MARGAY_BIN_DIR) / "../nested/embedded_mps2_builds" / (name + ".elf");
+    return std::filesystem::path(MARGAY_BIN_DIR) / "../nested" / (name + ".elf");
 }
 
 Machine::Machine(const std::string& image_name, const std::string& more) {
@@ -45,9 +45,8 @@ Machine::Machine(const std::string& image_name, const std::string& more) {
     if (!process::run("qemu-system-arm --version", &said))
         missing_ = "there is no qemu-system-arm";
     else if (!std::filesystem::exists(path))
-        missing_ =
-            "there is no " + path.lexically_normal().string() +
-            ": the test embedded/mps2_builds makes it, with the ARM compiler and, for FreeRTOS, MARGAY_FREERTOS_DIR";
+        missing_ = "there is no " + path.lexically_normal().string() +
+                   ": the tests embedded/… make it, with the ARM compiler and, for FreeRTOS, MARGAY_FREERTOS_DIR";
     else if (!std::filesystem::exists(kVirtualSegment))
         missing_ = kVirtualSegment + " is not built";
     else if (!cable_.missing().empty())

@@ -12,7 +12,8 @@
 
 namespace margay::qemu {
 
-// The image of samples/mps2_an386 that the test `embedded/mps2_builds` has built.
+// FOLDER/NAME: the image of samples/mps2_an386 that the test `embedded/mps2_builds` or `embedded/cortex_m0plus_builds`
+// has built in its folder.
 [[nodiscard]] std::filesystem::path image(const std::string& name);
 
 class Machine {

@@ -11,6 +11,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
+const std::string kBuild = "embedded_mps2_builds/";
+
 // The whole way of an application. Each step ends with its outcome, however slow the machine is.
 void expect_whole_way(const std::string& image_name) {
     Machine machine(image_name);
@@ -40,12 +42,14 @@ void expect_whole_way(const std::string& image_name) {
     EXPECT_EQ(machine.uart().find("ended"), std::string::npos) << machine.report();
 }
 
-TEST(Mps2, AMasterWithoutASystemGoesTheWholeWay) { expect_whole_way("master"); }
-TEST(Mps2, AMasterInTwoTasksOfFreertosGoesTheWholeWay) { expect_whole_way("master_freertos"); }
+TEST(Mps2, AMasterWithoutASystemGoesTheWholeWay) { expect_whole_way(kBuild + "master"); }
+TEST(Mps2, AMasterInTwoTasksOfFreertosGoesTheWholeWay) { expect_whole_way(kBuild + "master_freertos"); }
+// A Cortex-M4 executes the code of a Cortex-M0+, whose atomic operations block interrupts.
+TEST(Mps2, AMasterCompiledForArmv6MGoesTheWholeWay) { expect_whole_way("embedded_cortex_m0plus_builds/master"); }
 
 // The conformance suite on the board. Where it asks for the cable, QEMU's monitor unplugs it.
 void expect_port_passes(const std::string& image_name, const std::string& verdict) {
-    Machine machine(image_name);
+    Machine machine(kBuild + image_name);
     if (!machine.missing().empty()) GTEST_SKIP() << machine.missing();
     ASSERT_TRUE(machine.says("please pull out the cable")) << machine.report();
     machine.tell_qemu("set_link net0 off");
@@ -62,7 +66,7 @@ TEST(Mps2, OsalFreertosAndLan9118PassTheSuite) {
 }
 
 TEST(Mps2, TheInstructionsOfACycleAreCounted) {
-    Machine machine("count_cycle", "-icount shift=0");
+    Machine machine(kBuild + "count_cycle", "-icount shift=0");
     if (!machine.missing().empty()) GTEST_SKIP() << machine.missing();
     ASSERT_TRUE(machine.says("instructions of a cycle: ")) << machine.report();
     ASSERT_TRUE(machine.says("\n")) << machine.report();

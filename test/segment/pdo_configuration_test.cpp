@@ -228,8 +228,7 @@ TEST_F(PdoConfiguration, ListsThatCannotBeAreNamed) {
         {{{2, kOut}, {2, kOut}},
          "slave 1: configuring PDOs of SyncManager 2: the list of PDOs is invalid (two lists name "
          "this SyncManager)"},
-        {{{2, kTwice}},
-         "slave 1: configuring PDOs of 0x1600:0: the list of PDOs is invalid (the PDO is listed twice)"},
+        {{{2, kTwice}}, "slave 1: configuring PDOs of 0x1600:0: the list of PDOs is invalid (the PDO is listed twice)"},
         {{{2, kNoPdo}},
          "slave 1: configuring PDOs of 0x7000:0: the list of PDOs is invalid (PDOs are 0x1600 to 0x17FF and "
          "0x1A00 to 0x1BFF)"},
@@ -268,6 +267,30 @@ TEST_F(PdoConfiguration, SizesThatTheApplicationContradictsAreNamed) {
     ctx.slave(1).config.sms[1].bits = 160;
     EXPECT_EQ(wrong_with(kPdos), "");
     EXPECT_EQ(ctx.slave(1).image.inputs.bits, 160U);
+}
+
+// A service tool assigns other PDOs of the same size: the image and the handles are still those of the mapping.
+TEST_F(PdoConfiguration, PdosThatAnSdoHasWrittenNeedAMapping) {
+    plug_odd({});
+    plug_odd({});
+    start();
+    ASSERT_EQ(to_op(), (AlStatus{AlState::op, false, 0})) << told(1) << told(2);
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(ctx, supervision));
+    ASSERT_TRUE(set_target(ctx, 1, AlState::preop));
+    ASSERT_TRUE(reach(ctx, AlState::op, 5s).ok());
+    const auto assigned = SDOread<std::uint16_t>(ctx, 1, 0x1C12, 1);
+    ASSERT_TRUE(assigned.ok());
+    ASSERT_TRUE(SDOwrite(ctx, 1, 0x1C12, 0, std::uint8_t{0}));
+    ASSERT_TRUE(SDOwrite(ctx, 1, 0x1C12, 1, *assigned));
+    ASSERT_TRUE(SDOwrite(ctx, 1, 0x1C12, 0, std::uint8_t{1}));
+    ASSERT_TRUE(set_target(ctx, 1, AlState::none));
+    EXPECT_EQ(words(reach(ctx, AlState::op, 5s).error()),
+              "slave 1: mapping process data: its SyncManagers or PDOs have changed since config_map(): call "
+              "config_map() again");
+    EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
+    map();
+    EXPECT_TRUE(reach(ctx, AlState::op, 5s).ok());
 }
 
 }  // namespace

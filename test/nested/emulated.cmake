@@ -1,0 +1,11 @@
+# Runs PROGRAM by EMULATOR; fails unless it ends with 0. Skips without the emulator, or where the program could not be built.
+find_program(emulator ${EMULATOR})
+if(NOT emulator)
+  message("SKIPPED: there is no ${EMULATOR}")
+  return()
+endif()
+if(NOT EXISTS ${PROGRAM})
+  message("SKIPPED: there is no compiler for ${PROGRAM}")
+  return()
+endif()
+execute_process(COMMAND ${emulator} ${PROGRAM} COMMAND_ERROR_IS_FATAL ANY)
