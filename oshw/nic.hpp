@@ -11,6 +11,7 @@
 // the reply to this frame can be received.
 #pragma once
 
+#include <margay/mac_address.hpp>
 #include <margay/time.hpp>
 
 #include <array>
@@ -19,8 +20,6 @@
 #include <span>
 
 namespace margay {
-
-using MacAddress = std::array<std::uint8_t, 6>;
 
 enum class LinkState : std::uint8_t { unknown, down, up };
 

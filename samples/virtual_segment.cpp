@@ -29,6 +29,9 @@ int main(int argc, char** argv) {
                          "by commas");
     arguments.flag("--tap", options.tap, "make a TAP device of that name");
     arguments.option("--record", options.record, "write all frames to this pcap file");
+    arguments.option("--ports", options.ports,
+                     "make a TAP device for the Ethernet port of each slave with EoE, with this name and the position "
+                     "of the slave, the first is 0: gw1");
     arguments.flag("--quiet", options.quiet, "do not report masters and state changes");
     arguments.without_arguments([] { return list_of_interfaces() + list_of_segments(""); });
     return arguments.run(argc, argv, [&] { return serve(description, options); });

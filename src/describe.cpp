@@ -3,6 +3,7 @@
 #include "wire/al_status_code.hpp"
 #include "wire/aoe.hpp"
 #include "wire/coe.hpp"
+#include "wire/eoe.hpp"
 #include "wire/esc.hpp"
 #include "wire/foe.hpp"
 #include "wire/mailbox.hpp"
@@ -203,6 +204,8 @@ std::string_view argument_text(Argument argument) {
         case Argument::mail_size: return "the mailbox message";
         case Argument::mail_listener: return "the object does not listen, call listen()";
         case Argument::aoe_size: return "the length in the AoE command";
+        case Argument::eoe_filter: return "an address filter has at most 15 addresses and 3 masks";
+        case Argument::eoe_port_memory: return "the memory of the EoePort has no room for one frame in each direction";
         case Argument::highest: return "SlaveConfiguration::highest must be PREOP, SAFEOP or OP";
         case Argument::watchdog_time: return "process_data_watchdog must be at most 65535 units of the divider";
         case Argument::sync_manager_count: return "SlaveConfiguration::sm_count must be at most 8";
@@ -398,6 +401,10 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::stream_failed: out << " (number " << e.detail << ")"; break;
         case Errc::aoe_error:
         case Errc::aoe_result: write_aoe(out, e); break;
+        case Errc::eoe_error:
+            (out << " (result ").hex(e.detail, 4)
+                << ": " << wire::eoe::to_text(static_cast<EoeResult>(e.detail)) << ")";
+            break;
         case Errc::command_failed: (out << " (data state ").hex(e.detail, 4) << ")"; break;
         case Errc::mailbox_error:
             (out << " (detail ").hex(e.detail, 4)

@@ -48,6 +48,7 @@ enum class Errc : std::uint8_t {
     aoe_error,         // the AoE header of the answer has an error code: no device has executed the command (detail:
                        // the code, expected: index group, actual: index offset)
     aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
+    eoe_error,         // the slave refused an EoE request (detail: the result code)
     unsupported,       // the slave does not support it
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)
@@ -156,6 +157,11 @@ enum class Step : std::uint8_t {
     aoe_device_info,
     aoe_notification,
     aoe_net_id,
+    eoe_set_ip,
+    eoe_get_ip,
+    eoe_set_filter,
+    eoe_get_filter,
+    eoe_frames,
     read_register,
     write_register,
     topology,
@@ -211,6 +217,8 @@ enum class Operation : std::uint8_t {
     voe_send,
     voe_receive,
     aoe,
+    eoe_parameters,
+    eoe_port,
     find_entry,
     configure_clocks,
     set_sync,
@@ -290,6 +298,8 @@ enum class Argument : std::uint8_t {
     mail_size,        // the octets of a mailbox message (expected: the most that fit, actual: those of the message)
     mail_listener,    // an object that must listen
     aoe_size,         // a length in an AoE command (expected: the most, actual: the length)
+    eoe_filter,       // the numbers of addresses and masks of an EoE address filter
+    eoe_port_memory,  // the memory of an EoePort is too small
     highest,          // members of SlaveConfiguration
     watchdog_time,
     sync_manager_count,

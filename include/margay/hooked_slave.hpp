@@ -4,6 +4,7 @@
 
 #include <margay/aoe_address.hpp>
 #include <margay/coe.hpp>
+#include <margay/eoe_parameters.hpp>
 #include <margay/idn.hpp>
 #include <margay/slave.hpp>
 #include <margay/task.hpp>
@@ -58,6 +59,8 @@ class HookedSlave {
                                                      std::span<std::byte> answer) const;
     // Gives the slave its NetID; errors as of AOEset_net_id().
     [[nodiscard]] Task<> aoe_set_net_id(const AoeNetId& net_id) const;
+    // Sets the parameters of the slave's IP stack; errors as of EOEset_ip().
+    [[nodiscard]] Task<> eoe_set_ip(const EoeIp& ip) const;
 
     // Access to ESC registers; errors as of read_register() and write_register().
     [[nodiscard]] Task<> register_read(std::uint16_t address, std::span<std::byte> into) const;

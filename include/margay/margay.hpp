@@ -19,6 +19,7 @@
 #include <margay/coe_stream.hpp>
 #include <margay/context.hpp>
 #include <margay/entry.hpp>
+#include <margay/eoe.hpp>
 #include <margay/expected.hpp>
 #include <margay/features.hpp>
 #include <margay/foe.hpp>

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <margay/borrowed.hpp>
+#include <margay/detail/octet_ring.hpp>
 #include <margay/mail_listener.hpp>
 #include <margay/request.hpp>
 
@@ -51,7 +52,7 @@ struct VoeSend : MailRequest {
 class VoeInbox final : public MailListener {
   public:
     // A message needs 20 octets of the memory beside its data.
-    explicit VoeInbox(std::span<std::byte> memory) : MailListener(MailboxType::voe), memory_(memory) {}
+    explicit VoeInbox(std::span<std::byte> memory) : MailListener(MailboxType::voe), ring_(memory) {}
 
     // What the inbox accepts; empty: any.
     std::optional<std::uint32_t> vendor_id;
@@ -59,7 +60,7 @@ class VoeInbox final : public MailListener {
 
     // Removes the oldest message and copies its data to `into`, as far as it fits. Callable from the cycle.
     std::optional<VoeMessage> take(std::span<std::byte> into);
-    [[nodiscard]] bool empty() const;
+    [[nodiscard]] bool empty() const { return ring_.empty(); }
 
     // Messages that were dropped because the memory was full.
     [[nodiscard]] std::uint32_t lost() const { return lost_.load(std::memory_order_relaxed); }
@@ -68,15 +69,8 @@ class VoeInbox final : public MailListener {
 
   private:
     bool take(const UnaskedMail& mail) override;
-    void put(std::size_t& at, std::span<const std::byte> octets);
-    void get(std::size_t& at, std::span<std::byte> octets) const;
-    [[nodiscard]] std::size_t used(std::size_t written, std::size_t taken) const;
-    [[nodiscard]] std::size_t advanced(std::size_t at, std::size_t octets) const;
 
-    std::span<std::byte> memory_;
-    // Positions from 0 to twice the size of the memory, so that a full memory differs from an empty one.
-    std::atomic<std::size_t> written_{0};
-    std::atomic<std::size_t> taken_{0};
+    OctetRing ring_;
     std::atomic<std::uint32_t> lost_{0};
     std::atomic<std::uint32_t> count_{0};
 };

@@ -47,6 +47,8 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
         if (!packet_.open(options.interface, PacketNic::Side::segment)) return std::string(packet_.problem());
         nic_ = &packet_;
     }
+    if (!options.ports.empty())
+        if (auto problem = ports_.open(*simulated_, options.ports); !problem.empty()) return problem;
     if (!options.record.empty()) {
         auto& recorder = recorder_.emplace(*nic_, osal_);
         const auto epoch = std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
@@ -61,6 +63,7 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     signals_ = signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC);
     if (signals_ < 0) return fmt::format("cannot receive signals: {}", std::strerror(errno));
     states_.resize(simulated_->segment.size());
+    for (const auto& name : ports_.names()) say(name);
     say(fmt::format("serving {} slaves on {}", simulated_->segment.size(), options.interface));
     return {};
 }
@@ -74,18 +77,20 @@ bool SegmentServer::run() {
             print_states();
             next_look = now + kStateLook;
         }
-        std::array<pollfd, 3> files{pollfd{nic_->wait_handle(), POLLIN, 0}, pollfd{signals_, POLLIN, 0},
-                                    pollfd{commands_open_ ? STDIN_FILENO : -1, POLLIN, 0}};
+        files_.assign(
+            {{nic_->wait_handle(), POLLIN, 0}, {signals_, POLLIN, 0}, {commands_open_ ? STDIN_FILENO : -1, POLLIN, 0}});
+        ports_.add_files(files_);
         const Duration wait =
             std::clamp<Duration>(std::min(simulated_->segment.next_event(), next_look) - now, 0ns, 100ms);
         const timespec timeout{0, static_cast<long>(wait.count())};
-        if (::ppoll(files.data(), files.size(), &timeout, nullptr) < 0 && errno != EINTR) {
+        if (::ppoll(files_.data(), files_.size(), &timeout, nullptr) < 0 && errno != EINTR) {
             say(fmt::format("waiting failed: {}", std::strerror(errno)));
             return false;
         }
-        if (files[0].revents != 0) serve();
-        if (files[1].revents != 0 && handle_signal()) break;
-        if (files[2].revents != 0 && read_commands()) break;
+        if (files_[0].revents != 0) serve();
+        ports_.serve(osal_.now());
+        if (files_[1].revents != 0 && handle_signal()) break;
+        if (files_[2].revents != 0 && read_commands()) break;
     }
     say(fmt::format("{} frames answered, {} lost in the segment", answered_, lost_));
     if (recorder_ && !recorder_->close()) {

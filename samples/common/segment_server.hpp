@@ -2,6 +2,7 @@
 // executes commands.
 #pragma once
 
+#include "common/outer_ports.hpp"
 #include "common/segment_file.hpp"
 #include "common/tap_nic.hpp"
 #include "osal/linux/linux_osal.hpp"
@@ -18,6 +19,7 @@ struct ServerOptions {
     std::string interface {};
     bool tap = false;
     std::string record{};
+    std::string ports{};  // TAP devices of the Ethernet ports of devices have this prefix; empty: there are none
     bool quiet = false;
 };
 
@@ -42,6 +44,8 @@ class SegmentServer {
     std::unique_ptr<SimulatedSegment> simulated_;
     PacketNic packet_;
     TapNic tap_;
+    OuterPorts ports_;
+    std::vector<pollfd> files_;
     std::optional<PcapRecorder> recorder_;
     Nic* nic_ = nullptr;
     int signals_ = -1;

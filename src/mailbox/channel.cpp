@@ -66,6 +66,19 @@ class MailboxChannel::Doze {
     Time until_;
 };
 
+// Awaitable: sends one datagram, or two in the same frame.
+class MailboxChannel::OneOrTwo : public DatagramWait {
+  public:
+    OneOrTwo(Datagram& one, Datagram* other) : datagrams_{&one, other} {}
+    bool await_suspend(std::coroutine_handle<> h) noexcept {
+        return submit(h, std::span(datagrams_).first(datagrams_[1] == nullptr ? 1 : 2));
+    }
+    void await_resume() const noexcept {}
+
+  private:
+    std::array<Datagram*, 2> datagrams_;
+};
+
 void MailboxChannel::ensure_pump() {
     if (pump_) return;
     Task<Result<>> task = pump();
@@ -93,10 +106,15 @@ Task<Result<>> MailboxChannel::pump() {
             co_await Doze(*this, now() + mail_timing::kLongestPause);
         } else if (action == Action::send) {
             if (!compose(memory.bytes())) continue;
+            const bool looks = looks_beside();
+            std::array<std::byte, kLookBytes> octets{};
             Datagram write(link, wire::Command::FPWR, {address_, info_.out_start},
                            Bytes(memory.bytes()).first(info_.out_bytes), Repeat::no);
-            auto reply = co_await write;
-            sent(reply);
+            Datagram look(link, wire::Command::FPRD, {address_, kInStatus}, MutableBytes(octets));
+            OneOrTwo both(write, looks ? &look : nullptr);
+            co_await both;
+            sent(write.reply());
+            if (looks && look.reply().ok()) looked(look.reply(), octets);
         } else if (action == Action::fetch) {
             Datagram read(link, wire::Command::FPRD, {address_, info_.in_start}, memory.bytes().first(info_.in_bytes),
                           Repeat::no);
@@ -165,6 +183,12 @@ bool MailboxChannel::expecting() const {
     const bool held_up =
         now() < send_at_ && (!queue_.empty() || farewell_bytes_ != 0);  // it may want to be rid of its own mail first
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < owed_until_;
+}
+
+// Beside a message, the channel looks for mail that no exchange waits for: otherwise messages that follow each other
+// would keep it from looking, or every second datagram would be a look.
+bool MailboxChannel::looks_beside() const {
+    return glance_ && awaiting_.empty() && repeat_ == Repeated::no && now() >= look_at_;
 }
 
 bool MailboxChannel::bit_is_trusted() const {

@@ -66,6 +66,9 @@ class MailboxChannel {
     // reports no mail; a slave that does not answer gets one look.
     void look_once();
 
+    // For listeners, within take(): the slave sends more mail at once. It is fetched without a look before.
+    void expect_more() { full_ = true; }
+
     // Ends the use of a bit that lies in this memory.
     void forget_status_bit(Bytes memory) {
         const std::less<> before;
@@ -101,6 +104,7 @@ class MailboxChannel {
     friend class Mailboxes;
     class PumpGuard;
     class Doze;
+    class OneOrTwo;
 
     enum class Action : std::uint8_t { stop, doze, send, look, look_out, fetch, ask_repeat };
     // State of the repeat request for a lost reply. wanted: the activate octet of SyncManager 1 must be read first;
@@ -129,6 +133,7 @@ class MailboxChannel {
     [[nodiscard]] Action next_look();
     [[nodiscard]] bool pick_message();
     [[nodiscard]] bool expecting() const;
+    [[nodiscard]] bool looks_beside() const;
     [[nodiscard]] bool bit_is_trusted() const;
     [[nodiscard]] bool bit_is_set() const {
         return ((std::to_integer<unsigned>(*status_octet_) >> status_bit_) & 1U) != 0;

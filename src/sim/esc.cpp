@@ -72,6 +72,11 @@ void Esc::start_pdi(Time now) {
     if (!firmware_polls_ && interrupt_active()) wake_firmware(now);
 }
 
+void Esc::interrupt(Time now) {
+    wake_firmware(now);
+    schedule();
+}
+
 void Esc::power_up_registers() {
     registers_.clear();
     registers_.set(reg::kType.address, description_.type);

@@ -50,6 +50,11 @@ class Esc final : public subdevice::EscAccess {
         return firmware_ && pdi_operational_ ? firmware_->process_data() : nullptr;
     }
 
+    // The Ethernet port of the firmware; nullptr if there is none.
+    [[nodiscard]] EthernetPort* ethernet() { return firmware_ ? firmware_->ethernet() : nullptr; }
+    // An interrupt of the firmware that does not come from the ESC, for example from its Ethernet port.
+    void interrupt(Time now);
+
     void power_up(Time now);
     [[nodiscard]] const EscDescription& description() const { return description_; }
 

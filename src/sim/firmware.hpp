@@ -10,6 +10,7 @@
 
 namespace margay::sim {
 
+class EthernetPort;
 class ProcessDataFirmware;
 
 class Firmware {
@@ -38,6 +39,8 @@ class Firmware {
 
     // The process data of the device, for tests and programs that set or read it; nullptr: the device has none.
     [[nodiscard]] virtual ProcessDataFirmware* process_data() { return nullptr; }
+    // The Ethernet port of a device with EoE; nullptr: the device has none.
+    [[nodiscard]] virtual EthernetPort* ethernet() { return nullptr; }
 };
 
 }  // namespace margay::sim

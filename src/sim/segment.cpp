@@ -67,6 +67,11 @@ void Segment::reconsider() {
     for (std::uint32_t n = 0; n < size(); ++n) schedule(n);
 }
 
+void Segment::interrupt(std::uint32_t number, Time now) {
+    slave(number).interrupt(now);
+    schedule(number);
+}
+
 void Segment::set_power(std::uint32_t number, bool on, Time now) {
     auto& node = nodes_[number];
     if (node.powered == on) return;

@@ -80,6 +80,8 @@ class Segment {
 
     // Reads the state of all slaves again. Call it when registers of slaves were changed other than by a frame.
     void reconsider();
+    // An interrupt of the firmware of a slave from outside, for example from its Ethernet port.
+    void interrupt(std::uint32_t slave, Time now);
 
     // --- Inspection ---
     [[nodiscard]] std::size_t size() const { return nodes_.size(); }

@@ -105,6 +105,7 @@ std::string_view to_text(Errc code) {
         case Errc::not_in_sync: return "the clock is not in sync";
         case Errc::aoe_error: return "the AoE command was not executed";
         case Errc::aoe_result: return "the device refused the AoE command";
+        case Errc::eoe_error: return "the slave refused the EoE request";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";
@@ -149,6 +150,11 @@ std::string_view to_text(Step step) {
         case Step::aoe_device_info: return "AoE device information";
         case Step::aoe_notification: return "AoE notification";
         case Step::aoe_net_id: return "setting the AoE NetID";
+        case Step::eoe_set_ip: return "setting the IP parameters";
+        case Step::eoe_get_ip: return "reading the IP parameters";
+        case Step::eoe_set_filter: return "setting the address filter";
+        case Step::eoe_get_filter: return "reading the address filter";
+        case Step::eoe_frames: return "EoE frames";
         case Step::read_register: return "reading";
         case Step::write_register: return "writing";
         case Step::configure_pdos: return "configuring PDOs";
@@ -205,6 +211,8 @@ std::string_view to_text(Operation operation) {
         case Operation::voe_send: return "a VoE message";
         case Operation::voe_receive: return "a wait for VoE";
         case Operation::aoe: return "an AoE command";
+        case Operation::eoe_parameters: return "an EoE request";
+        case Operation::eoe_port: return "an exchange of Ethernet frames";
         case Operation::find_entry: return "a search for an entry";
         case Operation::configure_clocks: return "a synchronisation of the clocks";
         case Operation::set_sync: return "a change of SYNC signals";

@@ -1,5 +1,6 @@
-// A device with CoE, FoE, SoE, VoE and AoE over plain memory, for harnesses that write anything to its mailbox. For any
-// input, each reply must be a mailbox message that fits, and afterwards a correct request must get its correct reply.
+// A device with CoE, EoE, FoE, SoE, VoE and AoE over plain memory, for harnesses that write anything to its mailbox.
+// For any input, each reply must be a mailbox message that fits, and afterwards a correct request must get its correct
+// reply.
 #pragma once
 
 #include "subdevice/mail_hand.hpp"
@@ -8,6 +9,7 @@
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
+#include "subdevice/eoe_server.hpp"
 #include "subdevice/foe_server.hpp"
 #include "subdevice/soe_server.hpp"
 #include "subdevice/voe_server.hpp"
@@ -28,7 +30,7 @@ inline constexpr DeviceDescription kDevice{
     .revision = 3,
     .serial = 4,
     .name = "Fuzzed",
-    .protocols = {.aoe = true, .coe = true, .foe = true, .soe = true, .voe = true},
+    .protocols = {.aoe = true, .eoe = true, .coe = true, .foe = true, .soe = true, .voe = true},
     .mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
                 {.start = 0x1100, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256}},
     .boot_mailbox = {{.start = 0x1000, .size_bytes = 64, .min_bytes = 16, .max_bytes = 256},
@@ -169,6 +171,35 @@ class Voice final : public VoeApplication {
         for (unsigned n = 0; n < (header.vendor_type & 7U); ++n) (void)server.send(header, data);
         return header.vendor_id == 1;
     }
+};
+
+// Sends each frame back, and keeps parameters and filter.
+class Net final : public EoeApplication {
+  public:
+    void received(EoeServer& server, Bytes frame, Time) override {
+        require(frame.size() >= wire::eoe::kLeastFrameBytes);
+        (void)server.send(frame, 3);
+    }
+    EoeResult set_ip(const EoeIp& ip) override {
+        ip_ = ip;
+        return EoeResult::success;
+    }
+    EoeResult get_ip(EoeIp& ip) override {
+        ip = ip_;
+        return EoeResult::success;
+    }
+    EoeResult set_filter(const EoeFilter& filter) override {
+        filter_ = filter;
+        return filter.passes({1, 2, 3, 4, 5, 6}) ? EoeResult::success : EoeResult::unspecified;
+    }
+    EoeResult get_filter(EoeFilter& filter) override {
+        filter = filter_;
+        return EoeResult::success;
+    }
+
+  private:
+    EoeIp ip_;
+    EoeFilter filter_;
 };
 
 // 64 octets at index group 1; what is read as group 2 changes each time.
@@ -331,6 +362,7 @@ class MailDevice {
             case wire::MailboxType::soe: return wire::soe::kHeaderBytes;
             case wire::MailboxType::voe: return wire::voe::kHeaderBytes;
             case wire::MailboxType::aoe: return wire::aoe::kHeaderBytes;
+            case wire::MailboxType::eoe: return wire::eoe::kHeaderBytes;
             default: return SIZE_MAX;
         }
     }
@@ -353,16 +385,21 @@ class MailDevice {
     Voice voice_;
     std::array<std::byte, 300> voe_memory_{};
     VoeServer voe_{voice_, voe_memory_};
+    Net net_;
+    std::array<std::byte, 400> frame_{};
+    std::array<std::byte, 200> frames_{};
+    EoeServer eoe_{net_, frame_, frames_};
     Cell own_cell_;
     Cell other_cell_;
     std::array<AoeRoute, 2> routes_{{{&own_cell_, 1}, {&other_cell_, 2, true, {{1, 1, 1, 1, 1, 1}}}}};
     std::array<AoeWatch, 2> watches_{};
     AoeServer aoe_{routes_, watches_};
-    std::array<MailboxProtocol, 5> protocols_{{{wire::MailboxType::coe, &coe_},
+    std::array<MailboxProtocol, 6> protocols_{{{wire::MailboxType::coe, &coe_},
                                                {wire::MailboxType::foe, &foe_, true},
                                                {wire::MailboxType::soe, &soe_},
                                                {wire::MailboxType::voe, &voe_},
-                                               {wire::MailboxType::aoe, &aoe_}}};
+                                               {wire::MailboxType::aoe, &aoe_},
+                                               {wire::MailboxType::eoe, &eoe_}}};
     MailboxMemory<256, 3> memory_;
     ProcessDataMemory<8, 8, 8> process_memory_;
     ProcessData process_data_{esc, author_, dictionary_, process_memory_};

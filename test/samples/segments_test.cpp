@@ -186,8 +186,8 @@ INSTANTIATE_TEST_SUITE_P(Each, ReadyMadeSegments, testing::ValuesIn(ready_made()
 
 // The segments that the README files list.
 TEST(SegmentsFolder, HoldsWhatIsPromised) {
-    EXPECT_EQ(ready_made(), (std::vector<std::string>{"bootloader", "coupler", "dc_bench", "drives", "hot_connect",
-                                                      "mixed200", "servodrives", "tree"}));
+    EXPECT_EQ(ready_made(), (std::vector<std::string>{"bootloader", "coupler", "dc_bench", "drives", "eoe",
+                                                      "hot_connect", "mixed200", "servodrives", "tree"}));
     Plant mixed("mixed200");
     ASSERT_TRUE(mixed.good()) << mixed.error();
     EXPECT_EQ(mixed.order().size(), 200u);

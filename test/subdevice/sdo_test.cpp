@@ -8,7 +8,7 @@ namespace {
 
 using namespace testing;
 
-std::vector<std::byte> pattern(std::size_t bytes) {
+std::vector<std::byte> sdo_pattern(std::size_t bytes) {
     std::vector<std::byte> out(bytes);
     for (std::size_t i = 0; i < bytes; ++i) out[i] = static_cast<std::byte>(i * 7 + 1);
     return out;
@@ -49,7 +49,7 @@ TEST(SdoTransfer, EveryLengthGoesThereAndBackThroughEveryMailbox) {
              {room - 17, room - 11, room - 10, room - 9, room - 4, room - 3, room - 2, room, room + 1, room * 2})
             for (const std::size_t first : {std::size_t{0}, std::size_t{1}, SIZE_MAX}) {
                 if (bytes > 300) continue;
-                const auto data = pattern(bytes);
+                const auto data = sdo_pattern(bytes);
                 ASSERT_EQ(download(bench, 0x2003, 0, data, false, true, first).abort, Abort::none)
                     << bytes << " through " << mailbox;
                 const auto back = upload(bench, 0x2003);
@@ -75,11 +75,11 @@ TEST(SdoTransfer, VastObjectsStreamPastTheStagingBuffer) {
     const auto back = upload(bench, 0x2008);
     EXPECT_EQ(back.data, bench.application.vast);
     EXPECT_EQ(back.segments, (70'000u - 240u + 246u) / 247u);
-    const auto data = pattern(65'537);
+    const auto data = sdo_pattern(65'537);
     EXPECT_EQ(download(bench, 0x2008, 0, data).abort, Abort::none);
     EXPECT_EQ(bench.application.vast_bytes, 65'537u);
     EXPECT_EQ(upload(bench, 0x2008).data, data);
-    EXPECT_EQ(download(bench, 0x2008, 0, pattern(70'001)).abort, Abort::length_too_high);
+    EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(70'001)).abort, Abort::length_too_high);
 }
 
 TEST(SdoDownload, ExpeditedWithoutSizeTakesTheObjectsLength) {
@@ -107,14 +107,14 @@ TEST(SdoAbort, EachWhereItBelongs) {
     EXPECT_EQ(download(bench, 0x2000, 0, number(501, 2)).abort, value_too_high);
     EXPECT_EQ(download(bench, 0x2000, 0, number(static_cast<std::uint64_t>(-501), 2)).abort, value_too_low);
     EXPECT_EQ(download(bench, 0x2000, 0, number(static_cast<std::uint64_t>(-500), 2)).abort, none);
-    EXPECT_EQ(download(bench, 0x2002, 0, pattern(21)).abort, length_too_high);
-    EXPECT_EQ(download(bench, 0x2001, 0, pattern(7), false, true).abort, length_too_low);
-    EXPECT_EQ(download(bench, 0x2001, 0, pattern(9), false, true).abort, length_too_high);
-    EXPECT_EQ(download(bench, 0x2003, 0, pattern(301)).abort, length_too_high) << "told before the segments travel";
+    EXPECT_EQ(download(bench, 0x2002, 0, sdo_pattern(21)).abort, length_too_high);
+    EXPECT_EQ(download(bench, 0x2001, 0, sdo_pattern(7), false, true).abort, length_too_low);
+    EXPECT_EQ(download(bench, 0x2001, 0, sdo_pattern(9), false, true).abort, length_too_high);
+    EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(301)).abort, length_too_high) << "told before the segments travel";
     EXPECT_EQ(upload(bench, 0x1018, 2, true).abort, unsupported_access) << "complete access begins at 0 or 1";
     EXPECT_EQ(upload(bench, 0x2000, 0, true).abort, unsupported_access) << "a variable is complete as it is";
     EXPECT_EQ(upload(bench, 0x10F3, 0, true).abort, complete_access_unsupported);
-    EXPECT_EQ(download(bench, 0x1018, 0, pattern(18), true).abort, read_only);
+    EXPECT_EQ(download(bench, 0x1018, 0, sdo_pattern(18), true).abort, read_only);
     EXPECT_EQ(abort_of(bench.exchange(sdo_request(0x60, 0, 0))), unknown_command) << "no upload is under way";
     EXPECT_EQ(abort_of(bench.exchange(sdo_request(0x00, 0, 0))), unknown_command);
     for (const int specifier : {0xA0, 0xC0, 0xE0})
@@ -191,10 +191,10 @@ TEST(SdoAbort, StagingIsTheAuthorsAndEndsSomewhere) {
     std::array<std::byte, 512> send{};
     bench.mailbox.emplace(bench.esc, MutableBytes(receive), MutableBytes(send), protocols);
     bench.mailbox->start(AlState::preop);
-    EXPECT_EQ(download(bench, 0x2003, 0, pattern(81)).abort, Abort::out_of_memory);
-    EXPECT_EQ(download(bench, 0x2003, 0, pattern(80)).abort, Abort::none);
+    EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(81)).abort, Abort::out_of_memory);
+    EXPECT_EQ(download(bench, 0x2003, 0, sdo_pattern(80)).abort, Abort::none);
     EXPECT_EQ(upload(bench, 0x2003).data.size(), 300u) << "uploads go straight from the object";
-    EXPECT_EQ(download(bench, 0x2008, 0, pattern(500)).abort, Abort::none) << "and streams straight into it";
+    EXPECT_EQ(download(bench, 0x2008, 0, sdo_pattern(500)).abort, Abort::none) << "and streams straight into it";
 }
 
 TEST(SdoComplete, SubindexZeroTakesSixteenBits) {

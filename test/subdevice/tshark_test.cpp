@@ -68,21 +68,24 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
     ASSERT_EQ(std::system(run.c_str()), 0) << "other tests fail: see them first";
     const auto packets = testing_tshark::fields_of(
         file.string(), {"frame.number", "_ws.malformed", "_ws.expert", "ecat_mailbox.length", "ecat_mailbox.coe.type",
-                        "ecat_mailbox.foe_opmode", "ecat_mailbox.soe_opcode", "ams.cmdid"});
+                        "ecat_mailbox.foe_opmode", "ecat_mailbox.soe_opcode", "ams.cmdid", "ecat_mailbox.eoe.type"});
     std::size_t coe = 0;
     std::size_t foe = 0;
     std::size_t soe = 0;
     std::size_t aoe = 0;
+    std::size_t eoe = 0;
     std::size_t plain = 0;
     for (const auto& columns : packets) {
-        ASSERT_EQ(columns.size(), 8u);
+        ASSERT_EQ(columns.size(), 9u);
         EXPECT_EQ(columns[1], "") << "malformed: packet " << columns[0];
         EXPECT_EQ(columns[2], "") << "expert information: packet " << columns[0];
         coe += columns[4].empty() ? 0 : 1;
         foe += columns[5].empty() ? 0 : 1;
         soe += columns[6].empty() ? 0 : 1;
         aoe += columns[7].empty() ? 0 : 1;
-        const bool decoded = !(columns[4].empty() && columns[5].empty() && columns[6].empty() && columns[7].empty());
+        eoe += columns[8].empty() ? 0 : 1;
+        const bool decoded = !(columns[4].empty() && columns[5].empty() && columns[6].empty() && columns[7].empty() &&
+                               columns[8].empty());
         plain += decoded ? 0 : 1;
     }
     // All kinds of messages occurred: hundreds of SDO and file messages, at least six mailbox errors and five VoE
@@ -91,6 +94,7 @@ TEST(TsharkMailbox, DecodesEveryMessageOfAllTests) {
     EXPECT_GT(foe, 100u);
     EXPECT_GT(soe, 60u);
     EXPECT_GT(aoe, 30u);
+    EXPECT_GT(eoe, 10u);
     EXPECT_GE(plain, 11u);
     EXPECT_LT(plain, 100u);
     std::error_code ignored;

@@ -20,6 +20,7 @@ extern const Blueprint kOpenBootloader;
 extern const Blueprint kOddDevice;
 extern const Blueprint kVoeDevice;
 extern const Blueprint kAoeGateway;
+extern const Blueprint kEoeGateway;
 
 // Creates the SII image of a device, with the current PDO assignment of `dictionary`.
 [[nodiscard]] std::vector<std::byte> sii_of(const Blueprint& blueprint, const subdevice::ObjectDictionary& dictionary);

@@ -2,11 +2,13 @@
 #pragma once
 
 #include "sim/esc_description.hpp"
+#include "sim/ethernet_port.hpp"
 #include "sim/library/quirk.hpp"
 #include "subdevice/aoe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
 #include "subdevice/emergency.hpp"
+#include "subdevice/eoe_server.hpp"
 #include "subdevice/foe_server.hpp"
 #include "subdevice/sii_image.hpp"
 #include "subdevice/soe_server.hpp"
@@ -48,9 +50,12 @@ class Model : public subdevice::Application {
     [[nodiscard]] virtual subdevice::FoeStore* files() { return nullptr; }
     // The SoE server of a device with SoE; nullptr: the device has no SoE.
     [[nodiscard]] virtual subdevice::SoeServer* soe() { return nullptr; }
-    // The server of a device with VoE, and that of a device with AoE; nullptr: the device does not have the protocol.
+    // The server of a device with VoE, AoE or EoE; nullptr: the device does not have the protocol.
     [[nodiscard]] virtual subdevice::VoeServer* voe() { return nullptr; }
     [[nodiscard]] virtual subdevice::AoeServer* aoe() { return nullptr; }
+    [[nodiscard]] virtual subdevice::EoeServer* eoe() { return nullptr; }
+    // The Ethernet port of a device with EoE.
+    [[nodiscard]] virtual EthernetPort* ethernet() { return nullptr; }
     // Returns true when the firmware must restart (called after each step). The restart takes restart_time().
     [[nodiscard]] virtual bool wants_restart() { return false; }
     [[nodiscard]] virtual Duration restart_time() const { return std::chrono::milliseconds(200); }

@@ -31,6 +31,7 @@ StackFirmware::StackFirmware(const Blueprint& blueprint)
     if (auto* const soe = model_->soe(); soe != nullptr) protocols_.push_back({wire::MailboxType::soe, soe});
     if (auto* const voe = model_->voe(); voe != nullptr) protocols_.push_back({wire::MailboxType::voe, voe});
     if (auto* const aoe = model_->aoe(); aoe != nullptr) protocols_.push_back({wire::MailboxType::aoe, aoe});
+    if (auto* const eoe = model_->eoe(); eoe != nullptr) protocols_.push_back({wire::MailboxType::eoe, eoe});
     if (auto* const files = model_->files(); files != nullptr)
         protocols_.push_back({wire::MailboxType::foe, &foe_.emplace(*files), true});
     receive_.resize(mailbox_bytes(*blueprint.device));

@@ -26,6 +26,7 @@ class StackFirmware final : public ProcessDataFirmware {
     [[nodiscard]] MutableBytes inputs() override { return model_->measured(); }
     [[nodiscard]] Bytes outputs() override;
     void poke() override;
+    [[nodiscard]] EthernetPort* ethernet() override { return model_->ethernet(); }
 
     [[nodiscard]] Model& model() { return *model_; }
     [[nodiscard]] subdevice::ObjectDictionary& dictionary() { return dictionary_; }

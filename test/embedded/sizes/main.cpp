@@ -99,6 +99,15 @@ Result<> use_features() {
 #ifdef WITH_SOE
     if (const auto read = SoEread(ctx, 4, 0, Idn::standard(1), soe_element::kValue, value); !read) return read.error();
 #endif
+#ifdef WITH_EOE
+    if (const auto set = EOEset_ip(ctx, 4, {.address = Ipv4Address{192, 168, 0, 4}}); !set) return set;
+    static EoePortMemory<2, 2, 1> frames;
+    static EoePort port(frames);
+    port.slave = 4;
+    if (const auto begun = submit(ctx, port); !begun) return begun;
+    std::byte frame[60];
+    if (port.receive(frame)) (void)port.send(frame);
+#endif
     return Result<>();
 }
 

@@ -67,12 +67,13 @@ row(expected "… and expected slaves")
 row(startup "… and start-up commands")
 row(pdo_write "… and PDO writing")
 row(soe "… and SoE")
+row(eoe "… and EoE: parameters and frames")
 row(supervision "… and supervision with hot connect")
 row(texts "… and texts of errors")
 row(everything "All of it")
 
 set(heap malloc operator.new __cxa_throw "std::ios" __cxa_demangle printf)
-set(by_name soe_ write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
+set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
             read_device_id forward_mail send_overlapped "describe\\(")
 without(sdo ${by_name} sdo_download ${heap})
 without(cycle ${by_name} sdo_download ${heap})

@@ -1,0 +1,69 @@
+// The part of an EoePort between its queues and the mailbox channel: cuts frames into fragments, and puts fragments
+// together. Without bus and time, so that it is easy to test and to fuzz.
+#pragma once
+
+#include "mailbox/exchange.hpp"
+#include "wire/eoe_assembly.hpp"
+
+#include <margay/eoe.hpp>
+#include <margay/mail_listener.hpp>
+
+namespace margay {
+
+// What the relay tells the sequence around it.
+class EoeRelayWatch {
+  public:
+    // A fragment is sent now.
+    virtual void composing() = 0;
+    // A fragment has arrived. `more`: it is not the last one of its frame.
+    virtual void arrived(bool more) = 0;
+
+  protected:
+    ~EoeRelayWatch() = default;
+};
+
+class EoeRelay final : public MailListener, public MailClient {
+  public:
+    // `port` and `watch` outlive the relay.
+    EoeRelay(std::uint16_t slave, EoePort& port, EoeRelayWatch& watch);
+
+    // To the slave. True: a fragment waits to be sent, and compose() writes it.
+    [[nodiscard]] bool has_fragment();
+    std::size_t compose(MutableBytes data) override;
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
+    // The fragment was sent. False: the slave has not taken it, and the rest of its frame is not sent.
+    void sent(bool taken);
+    // Drops the frames of both directions that are not complete, and those that wait for the slave.
+    void drop_all();
+
+    // From the slave.
+    bool take(const UnaskedMail& mail) override;
+
+  private:
+    using Assembly = wire::eoe::Assembly;
+
+    [[nodiscard]] Assembly* place_for(const wire::eoe::Header& header);
+    [[nodiscard]] std::size_t oldest() const;
+    void take_fragment(const wire::eoe::Header& header, Bytes data);
+    void drop(const wire::eoe::Header& header, EoePort::Count why);
+    void deliver(std::uint8_t port, const Assembly& whole);
+    void end_frame(EoePort::Count outcome);
+
+    EoePort& port_;
+    EoeRelayWatch& watch_;
+    // The frame that is being sent; 0 octets: none.
+    std::size_t frame_bytes_ = 0;
+    std::size_t offset_ = 0;
+    std::size_t composed_ = 0;  // octets of the fragment that compose() has written
+    std::uint8_t fragment_ = 0;
+    std::uint8_t frame_number_ = 0;
+    bool wants_time_ = false;
+    // The frames that are being received.
+    std::array<Assembly, EoePort::kMostAtOnce> assemblies_;
+    std::array<std::uint32_t, EoePort::kMostAtOnce> begun_{};  // in which order
+    std::uint32_t begun_last_ = 0;
+    std::size_t slots_ = 0;
+    std::uint16_t dropped_ = 0;  // bits of the frame numbers whose further fragments are ignored
+};
+
+}  // namespace margay
