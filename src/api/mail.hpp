@@ -28,6 +28,13 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
     return network.mailboxes.channel(request.slave);
 }
 
+// Call it before an SDO of the application: one that may write a PDO mapping or a PDO assignment makes a mapping
+// necessary. Also where the SDO fails: a part of it may have been written.
+inline void note_pdo_write(Network& network, std::uint16_t slave, std::uint16_t index) {
+    const bool decides = (index >= 0x1600 && index < 0x1C00) || (index >= 0x1C10 && index < 0x1C30);
+    if (decides) network.marks(slave).pdos_written = true;
+}
+
 // Checks whether the slave in `where` supports this mailbox protocol; if not, returns `where` with the error code.
 [[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);
 

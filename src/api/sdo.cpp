@@ -32,15 +32,13 @@ static Task<Result<>> run(Network& network, SdoUpload& request) {
     co_return read ? Result<>() : Result<>(read.error());
 }
 
-// PDO mappings and PDO assignments.
-static bool decides_about_pdos(std::uint16_t index) {
-    return (index >= 0x1600 && index < 0x1C00) || (index >= 0x1C10 && index < 0x1C30);
-}
-
 static Task<Result<>> run(Network& network, SdoDownload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
+    SlaveMarks& marks = network.marks(request.slave);
+    const bool before = marks.pdos_written;
+    note_pdo_write(network, request.slave, object.index);
     auto written = co_await sdo_download(channel_of(network, request), object, request.data, patience_of(request));
-    if (written && decides_about_pdos(object.index)) network.marks(request.slave).pdos_written = true;
+    if (!before && !object.complete && written.error().code == Errc::sdo_abort) marks.pdos_written = false;
     co_return written;
 }
 

@@ -34,6 +34,7 @@ class Supervised {
     Supervised(Network& network, const SuperviseRequest& request) : network_(network) {
         network_.supervised = true;
         network_.supervision = &request;
+        network_.target_read = request.target;
     }
     Supervised(const Supervised&) = delete;
     Supervised& operator=(const Supervised&) = delete;

@@ -19,9 +19,12 @@ namespace margay {
                          std::int64_t{static_cast<std::int32_t>(low - static_cast<std::uint32_t>(near_ns))});
 }
 
-// The same for a time that has passed: at most 4.29 s before `now_ns`.
+// The same for a time that has passed: up to 4.02 s before `now_ns`. `now_ns` is an estimate: the time may be up to
+// 268 ms after it.
 [[nodiscard]] constexpr std::uint64_t extend_past_time_ns(std::uint32_t low, std::uint64_t now_ns) {
-    return now_ns - (static_cast<std::uint32_t>(now_ns) - low);
+    constexpr std::uint32_t kAhead = 0x1000'0000;
+    const std::uint64_t latest_ns = now_ns + kAhead;
+    return latest_ns - (static_cast<std::uint32_t>(latest_ns) - low);
 }
 
 // The first time at or after `earliest_ns` that is a whole multiple of `grid_ns`, plus `shift_ns`. So all slaves with

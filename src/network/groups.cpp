@@ -76,12 +76,17 @@ Result<std::uint16_t> choose_time_source(Network& network, const ProcessGroup& g
 
 // A slave that was away keeps its FMMUs. So that they match nothing when its cable is back, each mapping has other
 // logical addresses, unless the application has chosen them.
-LogicalAddress next_start(const ProcessGroup& group, const ImageLayout& layout) {
+LogicalAddress next_start(const ProcessTables& tables, ProcessGroup& group) {
     constexpr std::uint32_t kStep = 0x0004'0000;
     constexpr std::uint32_t kSteps = GroupConfiguration::kSpacing / kStep;
     const LogicalAddress start = group.config.start;
-    if (start.value != group.number * GroupConfiguration::kSpacing || layout.logical_bytes() > kStep) return start;
-    return {start.value + group.mappings % kSteps * kStep};
+    if (start.value != group.number * GroupConfiguration::kSpacing || group.layout.logical_bytes() > kStep)
+        return start;
+    for (std::uint32_t n = 0; n < kSteps; ++n) {
+        group.layout.start.value = start.value + (group.mappings + n) % kSteps * kStep;
+        if (clear_of_others(tables, group)) return group.layout.start;
+    }
+    return start;
 }
 
 Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image) {
@@ -93,7 +98,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (!layout) return layout.error();
     if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
     group.layout = *layout;
-    group.layout.start = next_start(group, *layout);
+    group.layout.start = next_start(tables, group);
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
@@ -190,7 +195,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         auto cleared = co_await clear_fmmus(network, slave);
         (void)cleared;  // a slave that does not answer maps nothing
     }
-    const bool unread = !slave.seen && slave.config.group == number && is_there_to_map(slave);
+    const bool unread = !slave.seen && !slave.held && slave.config.group == number && is_there_to_map(slave);
     if (unread) {  // it came, or could be read, after the scan
         auto known = co_await read_missing_slave(network, slave);
         if (!known) faults.note(network, slave, known.error());
@@ -267,7 +272,8 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.image.group != number) co_return Nothing{};
     const bool unfinished = is_unfinished(network, slave);
-    if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !is_there_to_map(slave) || !slave.seen ||
+    const bool ready = is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init;
+    if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !ready ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);

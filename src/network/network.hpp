@@ -85,15 +85,16 @@ struct Network {
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
     bool expected_is_new = false;  // expect() was called since the last scan began
-    Slave guest;                 // a newcomer while it is being identified
-    std::uint8_t newcomers = 0;  // counts the newcomers, so that each one gets an address of its own
-    bool searching = false;      // a search (find_lost()) is executing
-    std::uint32_t scans = 0;     // number of scans started: older requests detect that the table has changed
+    Slave guest;                   // a newcomer while it is being identified
+    std::uint8_t newcomers = 0;    // counts the newcomers, so that each one gets an address of its own
+    bool searching = false;        // a search (find_lost()) is executing
+    std::uint32_t scans = 0;       // number of scans started: older requests detect that the table has changed
     Clocks clocks;
     Tolerance tolerance;
     AlState target = AlState::op;  // of all slaves without their own target
     bool supervised = false;
     const SuperviseRequest* supervision = nullptr;  // while `supervised`
+    AlState target_read = AlState::none;            // its target when the supervision has read it last
     Time states_read = Time::min();                 // when the states of all slaves were read last
     bool supervision_ended = false;                 // not reported yet: the next poll() does
     Error supervision_error;                        // why it has ended

@@ -162,15 +162,13 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!surveyed) co_return surveyed;
     if (!slave.seen) co_return slave.error;
-    if (!offered) co_return offered;
-    const Error other = slave.wanted != nullptr ? difference(slave, *slave.wanted) : Error{};
-    if (other.code == Errc::none) {
-        slave.other = false;
-        slave.held = false;
-        co_return Nothing{};
+    slave.other = slave.wanted != nullptr && difference(slave, *slave.wanted).code != Errc::none;
+    update_held(network);
+    if (slave.other && slave.held) {  // the wanted slave may still come
+        slave.seen = false;
+        co_return difference(slave, *slave.wanted);
     }
-    slave.seen = false;
-    co_return other;
+    co_return offered;
 }
 
 void note_change(Network& network, Slave& slave, const AlStatus& before) {

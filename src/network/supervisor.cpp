@@ -24,7 +24,6 @@ constexpr std::uint32_t kNotWalked = 0xFFFF'FFFF;
 struct Watch {
     Network& network;
     const SuperviseRequest& wanted;
-    AlState target_before{};  // wanted.target when it was read last
     BroadcastState last{};
     std::uint16_t reported_count = 0;  // number of answering slaves, as last reported
     unsigned looks = 0;                // consecutive looks that have not explained a short working counter
@@ -117,8 +116,8 @@ bool is_well(const Network& network, const Slave& slave) {
 // The application may change wanted.target at any time.
 void apply_target(Watch& watch) {
     const AlState target = watch.wanted.target;
-    if (target == watch.target_before || !can_be_target(target)) return;
-    watch.target_before = target;
+    if (target == watch.network.target_read || !can_be_target(target)) return;
+    watch.network.target_read = target;
     watch.network.target = target;
 }
 
@@ -364,7 +363,6 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
         network.marks(slave).attempts = 0;
         network.marks(slave).settled = AlState::none;
     }
-    watch.target_before = wanted.target;  // set by submit()
     for (LineErrors& errors : wanted.line_errors) {
         errors.primed = false;
         errors.other_ends = {};

@@ -153,6 +153,9 @@ Error state_error(Network& network, const Slave& slave) {
 }
 
 Error start_up_refusal(const Network& network, const Slave& slave) {
+    const bool again = slave.al.state <= AlState::preop && slave.al.state != AlState::none;
+    if (again && network.marks(slave).pdos_written && exchanges(slave))
+        return fault(slave, Errc::remapping_needed, Step::map_process_data);
     const bool unfinished = is_unfinished(network, slave);
     if (!slave.hook_failed && !slave.pdos_failed && !unfinished) return {};
     const Errc code = unfinished ? Errc::start_up_unfinished : Errc::wrong_state;
@@ -180,7 +183,8 @@ Error refusal(const Network& network, const Slave& slave, AlState state) {
 
 AlState target_of_all(const Network& network) {
     const SuperviseRequest* const request = network.supervision;
-    return request != nullptr && can_be_target(request->target) ? request->target : network.target;
+    const bool changed = request != nullptr && request->target != network.target_read && can_be_target(request->target);
+    return changed ? request->target : network.target;
 }
 
 void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all) {

@@ -122,6 +122,18 @@ TEST_F(Mistakes, TheTargetOfOneSlaveBesideANewTargetOfAll) {
     }
 }
 
+TEST_F(Mistakes, TheTargetOfOneSlaveAboveALoweredTargetOfAll) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(500);
+    ASSERT_TRUE(set_target(*ctx, 0, AlState::safeop).ok());  // the supervision was submitted with OP
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+    cycles(500);
+    EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::op);
+}
+
 // reach() has ended its own supervision: nobody reads the states any more.
 TEST_F(Mistakes, NothingIsRightForLongWithoutASupervision) {
     ASSERT_TRUE(config_init(*ctx).ok());

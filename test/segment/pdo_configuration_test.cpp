@@ -291,6 +291,21 @@ TEST_F(PdoConfiguration, PdosThatAnSdoHasWrittenNeedAMapping) {
     EXPECT_EQ(ctx.slave(1).al.state, AlState::preop);
     map();
     EXPECT_TRUE(reach(ctx, AlState::op, 5s).ok());
+    // Without a supervision, by requests for states; and the slave refuses the value.
+    supervision.cancel();
+    EXPECT_FALSE(SDOwrite(ctx, 1, 0x1C12, 0, std::uint8_t{1})) << "in OP";
+    StateRequest down;
+    down.slave = 1;
+    down.wanted = AlState::preop;
+    ASSERT_TRUE(submit(ctx, down));
+    ASSERT_TRUE(wait(ctx, down));
+    ASSERT_TRUE(SDOwrite(ctx, 1, 0x1C12, 0, std::uint8_t{0}));
+    StateRequest up;
+    up.slave = 1;
+    up.wanted = AlState::safeop;
+    ASSERT_TRUE(submit(ctx, up));
+    EXPECT_EQ(wait(ctx, up).error().code, Errc::remapping_needed);
+    EXPECT_EQ(writestate(ctx, 1, AlState::safeop).error().code, Errc::remapping_needed);
 }
 
 }  // namespace
