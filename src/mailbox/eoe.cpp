@@ -43,7 +43,7 @@ bool EoeClient::take(Bytes parameters) {
     return true;
 }
 
-Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, const MailPatience& patience) {
+Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience patience) {
     MailSession session(channel, wire::MailboxType::eoe, patience.priority, patience.give_up);
     Error failed = co_await session;
     EoeClient client(call);

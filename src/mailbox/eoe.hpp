@@ -36,7 +36,7 @@ class EoeClient final : public MailClient {
 };
 
 // Executes the request. What `call` points to outlives the task.
-[[nodiscard]] Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, const MailPatience& patience);
+[[nodiscard]] Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience patience);
 
 // Exchanges the frames of `port` with its slave, without end. The port outlives the task.
 [[nodiscard]] Task<Result<>> eoe_relay(MailboxChannel& channel, EoePort& port);

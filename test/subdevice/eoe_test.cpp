@@ -19,9 +19,8 @@ EoeOctets eoe_octets(std::initializer_list<unsigned> values) {
 EoeOctets eoe_frame(std::size_t bytes) {
     EoeOctets out(bytes);
     for (std::size_t n = 0; n < bytes; ++n) out[n] = static_cast<std::byte>(n * 3);
-    out[0] = out[6] = std::byte{2};
-    out[12] = std::byte{0x88};
-    out[13] = std::byte{0xB5};
+    const EoeOctets head = eoe_octets({2, 3, 6, 9, 12, 15, 2, 21, 24, 27, 30, 33, 0x88, 0xB5});
+    std::copy_n(head.begin(), std::min(bytes, head.size()), out.begin());
     return out;
 }
 
