@@ -241,7 +241,7 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
 
 AlState awaited_state(const Network& network, const Slave& slave) {
     const Row* row = slave.al.error ? nullptr : row_of(network.marks(slave).requested);
-    return row == nullptr ? slave.al.state : row->to;
+    return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // it may have fallen since
 }
 
 WorkLimit::WorkLimit(Network& network, std::uint16_t slave) : work_(find_work(network, network.slave(slave))) {
