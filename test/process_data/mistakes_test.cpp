@@ -211,6 +211,42 @@ TEST_F(Mistakes, AHookThatTriesAgainAtOnceStopsNobody) {
     }
 }
 
+// A hook that takes its slave out of PREOP, whenever the slave is started.
+TEST_F(Mistakes, AHookThatTakesItsSlaveToInitIsReportedOnce) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    bool wrong = false;
+    ctx->slave(2).hooks.user = &wrong;
+    ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        if (!*static_cast<const bool*>(user)) co_return Nothing{};
+        const std::array init{std::byte{1}, std::byte{0}};
+        auto written = co_await slave.register_write(0x0120, init);
+        if (!written) co_return written;
+        auto slept = co_await slave.sleep(1s);
+        co_return slept;
+    };
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    wrong = true;
+    (void)all(ctx->errors());
+    segment.set_power(1, false, osal.now());
+    cycles(100);
+    segment.set_power(1, true, osal.now());
+    unsigned reports = 0;
+    for (int n = 0; n < 2'000; ++n) {
+        cycles(1);
+        while (const auto event = ctx->events().take())
+            if (event->kind == EventKind::recovery_failed && event->slave == 2) ++reports;
+    }
+    EXPECT_EQ(reports, 1U);
+    EXPECT_EQ(all(ctx->errors()),
+              std::vector<std::string>{
+                  "slave 2: requesting a state: the slave is not in the state that is wanted (wanted OP, is in INIT)"});
+    wrong = false;
+    cycles(1'500);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
 // All memory of the sequences, until it is released.
 struct Hoard {
     Arena* arena = nullptr;
