@@ -411,16 +411,14 @@ void write_cause(TextWriter& out, const Error& e) {
                 << ": " << wire::to_text(static_cast<wire::MailboxErrorCode>(e.detail)) << ")";
             break;
         case Errc::wrong_size: out << " (expected " << e.expected << " octets, got " << e.actual << ")"; break;
-        case Errc::other_slave: {
-            static constexpr std::string_view kFields[] = {"product",       "vendor", "revision",
-                                                           "serial number", "alias",  "device id"};
-            out << " (expected " << (e.subindex < std::size(kFields) ? kFields[e.subindex] : "identity") << " ";
+        case Errc::other_slave:
+            out << " (expected " << to_text(static_cast<IdentityField>(e.subindex)) << " ";
             out.hex(e.expected, 8) << ", got ";
             out.hex(e.actual, 8) << " of vendor ";
             out.hex(e.detail, 8) << ")";
             break;
-        }
         case Errc::missing_slave:
+            if (e.index != 0) break;  // the subindex is that of an object
             if (e.subindex == static_cast<unsigned>(IdentityField::alias)) (out << " (alias ").hex(e.actual, 4) << ")";
             if (e.subindex == static_cast<unsigned>(IdentityField::device_id))
                 (out << " (device id ").hex(e.actual, 4) << ")";

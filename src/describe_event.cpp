@@ -87,8 +87,9 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::other_slave:
             write_slave(out, e);
-            (out << "another slave in its place (expected product ").hex(e.expected, 8);
-            (out << ", got ").hex(e.actual, 8);
+            out << "another slave in its place (expected " << to_text(static_cast<IdentityField>(e.error.subindex));
+            (out << " ").hex(e.error.expected, 8);
+            (out << ", got ").hex(e.error.actual, 8);
             (out << " of vendor ").hex(e.detail, 8) << ")";
             break;
         case EventKind::stranger:

@@ -338,6 +338,7 @@ enum class Argument : std::uint8_t {
 
 // Errc::other_slave: which property differs from the expected one.
 enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };
+[[nodiscard]] std::string_view to_text(IdentityField field);
 
 // Errc::pdo_list: why the list is invalid.
 enum class PdoListFault : std::uint8_t {

@@ -445,13 +445,21 @@ Result<> submit(Context& ctx, Request& request) {
     return refused;
 }
 
+// Ends a sequence outside poll(). The callbacks of events that this causes are bound as those in poll().
+static void destroy_sequence(Master& master, std::coroutine_handle<> sequence) {
+    master.in_poll = true;
+    sequence.destroy();
+    master.in_poll = false;
+}
+
 void Request::cancel() {
     std::uint32_t state = state_.load(std::memory_order_acquire);
     while ((state & kPreparing) != 0) state = state_.load(std::memory_order_acquire);  // a few instructions of submit()
     if (plain(state) != RequestState::busy) return;
     Master& master = *master_of(*ctx_);
     const bool owner = master.owned_by_caller();
-    if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).destroy();
+    if (owner && !master.in_poll && sequence_ && may_be_cut(*this))
+        return destroy_sequence(master, std::exchange(sequence_, {}));
     const Error canceled{.code = Errc::canceled, .step = operation_->step};
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
     // The end of a supervision is an event: the owner ends it.
@@ -469,7 +477,7 @@ Request::~Request() {
     Master& master = *master_of(*ctx_);
     if (master.owned_by_caller()) {
         if (master.in_poll) __builtin_trap();  // called in a callback: the sequence still uses the request
-        std::exchange(sequence_, {}).destroy();
+        destroy_sequence(master, std::exchange(sequence_, {}));
     }
     while (busy()) RequestAccess::sleep(*this, master.osal, kNever);
 }

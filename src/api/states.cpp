@@ -30,9 +30,11 @@ static Error check_state(Network& network, std::uint16_t slave, AlState wanted, 
 }
 
 static Error check(Network& network, const StateRequest& request) {
-    const Error refused = check_slave(network, request.slave, Step::request_state);
+    Error refused = check_slave(network, request.slave, Step::request_state);
+    if (refused.code == Errc::none) refused = check_state(network, request.slave, request.wanted, Step::request_state);
     if (refused.code != Errc::none) return refused;
-    return check_state(network, request.slave, request.wanted, Step::request_state);
+    // Here, so that the request does not end a hook that executes at the slave before it is refused.
+    return supervised_refusal(network, network.slave(request.slave), request.wanted);
 }
 static Error check(Network& network, const WriteStateRequest& request) {
     return check_state(network, request.slave, request.wanted, Step::request_state);

@@ -298,7 +298,8 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
         if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
-        network.marks(slave).unproved |= slave.al.state == AlState::none && slave.seen;
+        const bool fell = slave.al.state != AlState::init && seen && seen->state == AlState::init;
+        network.marks(slave).unproved |= slave.seen && (slave.al.state == AlState::none || fell);
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);

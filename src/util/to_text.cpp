@@ -233,6 +233,18 @@ std::string_view to_text(ConfigurationSource source) {
     return "unknown source";
 }
 
+std::string_view to_text(IdentityField field) {
+    switch (field) {
+        case IdentityField::product: return "product";
+        case IdentityField::vendor: return "vendor";
+        case IdentityField::revision: return "revision";
+        case IdentityField::serial: return "serial number";
+        case IdentityField::alias: return "alias";
+        case IdentityField::device_id: return "device id";
+    }
+    return "identity";
+}
+
 std::string_view to_text(AlState state) {
     switch (state) {
         case AlState::none: return "NONE";

@@ -451,10 +451,10 @@ TEST_F(Mistakes, AListThatNoSlaveCanHaveSaysWhy) {
     static constexpr Pdo kObject[] = {{0x6000, kEight}};
     static constexpr Pdo kTwice[] = {{0x1600, kEight}, {0x1600, kEight}};
     static constexpr Pdo kOnce[] = {{0x1600, kEight}};
-    static constexpr SmPdos kLists[][2] = {
+    static constexpr SmPdos kTwoLists[][2] = {
         {{0, kEmptyEntry}, {1, {}}}, {{0, kObject}, {1, {}}}, {{0, kTwice}, {1, {}}}, {{0, kOnce}, {0, kOnce}}};
     static constexpr SlaveSetup kSetups[] = {
-        {.pdos = kLists[0]}, {.pdos = kLists[1]}, {.pdos = kLists[2]}, {.pdos = kLists[3]}};
+        {.pdos = kTwoLists[0]}, {.pdos = kTwoLists[1]}, {.pdos = kTwoLists[2]}, {.pdos = kTwoLists[3]}};
     static constexpr std::string_view kSaid[] = {
         "slave 1: configuring PDOs of 0x1600:2: the list of PDOs is invalid (an entry has 0 bits)",
         "slave 1: configuring PDOs of 0x6000:0: the list of PDOs is invalid (PDOs are 0x1600 to 0x17FF and "

@@ -107,8 +107,8 @@ TEST_F(Settings, AHighestStateThatIsNoneIsRefusedByReach) {
 TEST_F(Settings, AListForASyncManagerThatDoesNotExistIsReportedOnce) {
     static constexpr PdoEntry kEntries[] = {{0x7000, 1, 8}};
     static constexpr Pdo kPdos[] = {{0x1600, kEntries}};
-    static constexpr SmPdos kLists[] = {{99, kPdos}};
-    const std::string text = map_with_setup([](SlaveSetup& s) { s.pdos = kLists; });
+    static constexpr SmPdos kNinetyNine[] = {{99, kPdos}};
+    const std::string text = map_with_setup([](SlaveSetup& s) { s.pdos = kNinetyNine; });
     EXPECT_EQ(text,
               "slave 2: configuring PDOs of SyncManager 99: the slave has no such SyncManager (needed 100, there is "
               "room for 2)");

@@ -1,0 +1,196 @@
+// The identity of the slaves that answer: another machine, or another device, at the addresses of known slaves gets no
+// outputs, whoever finds it.
+#include "process_data/plant.hpp"
+
+#include <margay/hooked_slave.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::string in_words(const Error& error) {
+    std::array<char, 400> buffer{};
+    return std::string(describe(error, buffer));
+}
+
+// A line of three slaves (products 0x100 to 0x102), and devices that are not connected: a tool of product 0x200, and a
+// device of the kind of slave 2.
+struct Identities : testing::Test, Plant {
+    std::vector<std::uint32_t> line;
+    std::uint32_t tool = 0;
+    std::uint32_t twin = 0;
+    std::vector<ExpectedSlave> wanted{
+        {.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}, {.number = 3, .product = 0x102}};
+
+    void SetUp() override { build(); }
+    void build() {
+        for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));
+        tool = make({.product = 0x200, .alias = 7});
+        twin = make({.product = 0x101, .alias = 8});
+        ASSERT_TRUE(segment.connect_master({line[0], 0}));
+        ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
+        ASSERT_TRUE(segment.connect({line[1], 1}, {line[2], 0}));
+        EXPECT_EQ(bring_up(wanted), std::vector<std::string>());
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+    }
+    // As another master, or this one on another day, has left the device.
+    void set(std::uint32_t device, std::uint16_t reg, std::uint16_t value) {
+        const std::array octets{static_cast<std::byte>(value & 0xFF), static_cast<std::byte>(value >> 8)};
+        (void)segment.slave(device).ecat_write(reg, octets, osal.now());
+        sim::FrameEnd end{};
+        end.at = osal.now();
+        segment.slave(device).frame_end(end);
+    }
+    void take_out_slave_2() {
+        segment.disconnect({line[1], 0});
+        segment.disconnect({line[1], 1});
+    }
+    void put_in(std::uint32_t device) {
+        ASSERT_TRUE(segment.connect({line[0], 1}, {device, 0}));
+        ASSERT_TRUE(segment.connect({device, 1}, {line[2], 0}));
+    }
+    void write_outputs() {
+        for (const Slave& slave : ctx->slaves())
+            std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0xA0 + slave.number));
+    }
+    void expect_no_outputs(std::uint32_t device) {
+        for (int n = 0; n < 1'500; ++n) {
+            write_outputs();
+            (void)cycle();
+            const auto outputs = program(device).outputs();
+            ASSERT_TRUE(outputs.empty() || outputs[0] == std::byte{0}) << n;
+        }
+        EXPECT_FALSE(all_right(*ctx));
+    }
+};
+
+// What a program without a supervision may call first.
+using First = void (*)(Identities& test);
+constexpr std::pair<const char*, First> kFirst[] = {
+    {"nothing", [](Identities&) {}},
+    {"readstate", [](Identities& t) { (void)readstate(*t.ctx); }},
+    {"recover one",
+     [](Identities& t) { EXPECT_EQ(recover_slave(*t.ctx, 2).error().code, Errc::other_slave) << "of slave 2"; }},
+    {"recover all", [](Identities& t) { (void)recover_slave(*t.ctx, 0); }},
+    {"map", [](Identities& t) { EXPECT_EQ(config_map(*t.ctx, t.image).error().slave, 2); }},
+    {"reconfigure", [](Identities& t) { EXPECT_EQ(reconfigure_slave(*t.ctx, 2).error().code, Errc::other_slave); }},
+    {"set the target",
+     [](Identities& t) {
+         EXPECT_EQ(set_target(*t.ctx, 2, AlState::safeop).error().slave, 2);
+         (void)set_target(*t.ctx, 2, AlState::none);
+     }},
+    {"write the state", [](Identities& t) {
+         (void)writestate(*t.ctx, 0, AlState::preop);
+         (void)statecheck(*t.ctx, 0, AlState::preop, 100ms);
+         (void)writestate(*t.ctx, 0, AlState::safeop);
+     }}};
+
+TEST(IdentitiesUnsupervised, AnotherDeviceAtTheAddressOfASlaveGetsNothing) {
+    for (const bool noticed : {false, true})
+        for (const auto& [name, first] : kFirst) {
+            SCOPED_TRACE(std::string(name) + (noticed ? ", noticed before" : ""));
+            struct One : Identities {
+                void TestBody() override {}
+            } one;
+            one.build();
+            one.take_out_slave_2();
+            one.cycles(200);
+            if (noticed) (void)readstate(*one.ctx);
+            one.set(one.tool, 0x0010, 0x1002);
+            one.put_in(one.tool);
+            one.cycles(300);
+            first(one);
+            const auto reached = reach(*one.ctx, AlState::op, 2s);
+            EXPECT_EQ(reached.error().slave, 2) << in_words(reached.error());
+            one.expect_no_outputs(one.tool);
+        }
+}
+
+TEST_F(Identities, AnotherMachineBehindTheCableGetsNothing) {
+    const auto other = make({.product = 0x300});
+    const auto next = make({.product = 0x301});
+    segment.set_power(other, true, osal.now());
+    segment.set_power(next, true, osal.now());
+    ASSERT_TRUE(segment.connect({other, 1}, {next, 0}));
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    (void)events();
+    segment.disconnect({line[0], 0});
+    cycles(1'000);
+    set(other, 0x0010, 0x1001);
+    set(next, 0x0010, 0x1002);
+    ASSERT_TRUE(segment.connect_master({other, 0}));
+    segment.disconnect({next, 1});  // the ports follow a change of cables
+    expect_no_outputs(other);
+    expect_no_outputs(next);
+    const auto said = events();
+    EXPECT_EQ(told(said, "slave 1: another slave in its place (expected product 0x00000100, got 0x00000300"), 1)
+        << joined(said);
+    segment.disconnect({other, 0});
+    ASSERT_TRUE(segment.connect_master({line[0], 0}));
+    segment.disconnect({line[2], 1});
+    EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
+    for (std::size_t n = 1; n <= 3; ++n) expect_exchanged(n, line[n - 1]);
+}
+
+// A second machine with the same program gives its slaves the same addresses and FMMUs.
+TEST_F(Identities, TheFmmusOfALostSlaveProveNothing) {
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    const auto fmmus = segment.slave(line[1]).peek(0x0600, 0x30);
+    take_out_slave_2();
+    cycles(500);
+    (void)segment.slave(tool).ecat_write(0x0600, fmmus, osal.now());
+    set(tool, 0x0010, 0x1002);
+    put_in(tool);
+    expect_no_outputs(tool);
+}
+
+// The device of a lost slave's kind is in another place: at a free port, or behind the slaves that come after it.
+TEST_F(Identities, ADeviceOfTheSameKindInAnotherPlaceIsNotTheLostSlave) {
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    segment.set_power(twin, true, osal.now());
+    segment.disconnect({line[1], 0});
+    segment.disconnect({line[1], 1});
+    ASSERT_TRUE(segment.connect({line[0], 1}, {line[2], 0}));
+    cycles(500);
+    ASSERT_TRUE(segment.connect({line[2], 1}, {twin, 0}));
+    expect_no_outputs(twin);
+    segment.disconnect({twin, 0});
+    cycles(500);
+    // In the right place it is a spare part.
+    segment.disconnect({line[2], 0});
+    put_in(twin);
+    EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
+    expect_exchanged(2, twin);
+}
+
+// A mapping that is cut leaves no slave in the exchange that it has not configured.
+TEST_F(Identities, AMappingThatIsCutLeavesNoFreshInputsOfSlavesThatAreNotThere) {
+    int cuts = 0;
+    for (int at = 0; at < 40; ++at) {
+        power(line[2], false);
+        (void)readstate(*ctx);
+        MapRequest map;
+        map.image = image;
+        map.timeout = 50us * at + 1us;
+        ASSERT_TRUE(submit(*ctx, map).ok());
+        (void)wait(*ctx, map);
+        power(line[2], true);
+        cuts += ctx->group(0).mapped && map.error().code == Errc::timeout ? 1 : 0;
+        for (int n = 0; n < 5; ++n) (void)cycle();
+        for (std::uint16_t n = 1; n <= 3; ++n) {
+            const auto real = static_cast<AlState>(segment.slave(line[n - 1U]).peek(0x0130, 1)[0] & std::byte{0xF});
+            EXPECT_FALSE(inputs_fresh(*ctx, n) && real < AlState::safeop)
+                << "slave " << n << ", cut after 50 us * " << at;
+        }
+        (void)recover_slave(*ctx, 0);
+    }
+    EXPECT_GT(cuts, 3);
+}
+
+}  // namespace
+}  // namespace margay
