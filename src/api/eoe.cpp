@@ -71,7 +71,7 @@ Task<> set_ip(HookedSlave hooked, EoeIp ip) {
     request.ip = ip;
     request.timeout = startup_patience(hooked.slave()).each;
     const Error refused = RequestAccess::operation(request).check(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto done = co_await RequestAccess::operation(request).sequence(network, request);
     co_return done;
 }

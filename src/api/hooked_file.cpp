@@ -25,8 +25,7 @@ Task<Result<std::size_t>> read_file(HookedSlave hooked, std::string_view name, s
         auto later = co_await refuse_in_hook(hooked, refused);
         co_return later.error();
     }
-    auto done = co_await RequestAccess::operation(request).sequence(network, request);
-    if (!done) co_return done.error();
+    co_await required(RequestAccess::operation(request).sequence(network, request));
     co_return request.bytes();
 }
 
@@ -36,7 +35,7 @@ Task<> write_file(HookedSlave hooked, std::string_view name, std::uint32_t passw
     set(request, hooked, name, password);
     request.data = content;
     const Error refused = RequestAccess::operation(request).check(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto done = co_await RequestAccess::operation(request).sequence(network, request);
     co_return done;
 }

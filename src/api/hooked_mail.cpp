@@ -29,8 +29,7 @@ Task<Result<std::size_t>> transfer(HookedSlave hooked, MailboxType type, Bytes m
     }
     const MailPatience patience = startup_patience(hooked.slave());
     MailboxChannel& channel = network.mailbox(hooked.slave());
-    auto done = co_await transfer_raw(channel, request, patience);
-    if (!done) co_return done.error();
+    co_await required(transfer_raw(channel, request, patience));
     co_return request.bytes;
 }
 
@@ -41,7 +40,7 @@ Task<> set_net_id(HookedSlave hooked, AoeNetId net_id) {
     request.net_id = net_id;
     request.timeout = startup_patience(hooked.slave()).each;
     const Error refused = check_in_hook(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto done = co_await RequestAccess::operation(request).sequence(network, request);
     co_return done;
 }

@@ -28,7 +28,7 @@ Task<Result<std::size_t>> read_object(HookedSlave hooked, SdoObject object, Muta
 Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
     const Error refused =
         check_coe(network_of(hooked), hooked.number(), Step::sdo_download, object.index, object.subindex);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto written = co_await sdo_download(network_of(hooked).mailbox(hooked.slave()), object, value,
                                          startup_patience(hooked.slave()));
     co_return written;
@@ -49,7 +49,7 @@ Task<Result<std::size_t>> read_parameter(HookedSlave hooked, std::uint8_t drive,
 
 Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes value) {
     const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_write, drive, idn);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto written = co_await soe_write(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), value,
                                       startup_patience(hooked.slave()));
     co_return written;
@@ -57,7 +57,7 @@ Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes va
 
 Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
     const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_command, drive, idn);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
+    if (refused.code != Errc::none) co_return co_await required(refuse_in_hook(hooked, refused));
     auto done = co_await soe_execute(network_of(hooked).mailbox(hooked.slave()), target(drive, idn),
                                      startup_patience(hooked.slave()));
     co_return done;
@@ -67,7 +67,8 @@ Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
     if (!is_register_range(address, data.size()))
-        co_return co_await refuse_in_hook(hooked, invalid(Argument::register_octets, step, hooked.number(), address));
+        co_return co_await required(
+            refuse_in_hook(hooked, invalid(Argument::register_octets, step, hooked.number(), address)));
     const Station station = network_of(hooked).station(hooked.slave());
     Datagram datagram(station.engine.link(), command, {station.address, address}, data);
     auto reply = co_await datagram;

@@ -261,10 +261,10 @@ bool begin(Master& master, Request& request) {
         end_unbegun(master, request, refused);
         return true;
     }
-    Task<Result<>> task = drive(master, request);
+    const TaskReference task = drive(master, request);
     if (!task) return false;
-    RequestAccess::sequence(request) = task.handle();
-    (void)master.network.requests.start(std::move(task));
+    RequestAccess::sequence(request) = task;
+    (void)master.network.requests.start(task);
     return true;
 }
 
@@ -277,7 +277,7 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
                 master.network.slave_of_cut_hook = 0;
-                std::exchange(RequestAccess::sequence(*request), {}).destroy();
+                std::exchange(RequestAccess::sequence(*request), {}).end();
             } else {
                 (void)remove(list, *request);
                 end_unbegun(master, *request, {.code = code, .step = operation(*request).step});
@@ -451,7 +451,7 @@ void Request::cancel() {
     if (plain(state) != RequestState::busy) return;
     Master& master = *master_of(*ctx_);
     const bool owner = master.owned_by_caller();
-    if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).destroy();
+    if (owner && !master.in_poll && sequence_ && may_be_cut(*this)) return std::exchange(sequence_, {}).end();
     const Error canceled{.code = Errc::canceled, .step = operation_->step};
     if (owner && remove(master.queue.waiting, *this)) return end_unbegun(master, *this, canceled);
     // The end of a supervision is an event: the owner ends it.
@@ -469,7 +469,7 @@ Request::~Request() {
     Master& master = *master_of(*ctx_);
     if (master.owned_by_caller()) {
         if (master.in_poll) __builtin_trap();  // called in a callback: the sequence still uses the request
-        std::exchange(sequence_, {}).destroy();
+        std::exchange(sequence_, {}).end();
     }
     while (busy()) RequestAccess::sleep(*this, master.osal, kNever);
 }

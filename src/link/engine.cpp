@@ -27,7 +27,7 @@ Time Engine::poll(Time now) {
     link_.receive(now, ready_);
     for (auto* timer = timers_.front(); timer != nullptr && timer->until <= now; timer = timers_.front())
         ready_.push_back(*timer);
-    while (Waiter* waiter = ready_.pop_front()) waiter->handle.resume();
+    while (Waiter* waiter = ready_.pop_front()) DatagramWait::next(*waiter).resume();
     link_.send(now);
     const Time timer = timers_.empty() ? kNever : timers_.front()->until;
     return std::min(timer, link_.next_deadline(now));

@@ -106,18 +106,15 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
     const WatchdogValues values = watchdog_values(slave);
     for (const RegisterValue& one : values) {
         if (one.place.address == 0) continue;
-        auto written = co_await write<std::uint16_t>(station, one.place, one.value, kStep);
-        if (!written) co_return written;
+        co_await required(write<std::uint16_t>(station, one.place, one.value, kStep));
     }
     co_return Nothing{};
 }
 
 Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
-    auto sms = co_await write_sync_managers(station, slave, fed(slave));
-    if (!sms) co_return sms;
-    auto fmmus = co_await write_fmmus(station, slave, layout, !running);
-    if (!fmmus) co_return fmmus;
-    co_return co_await write_watchdogs(station, slave);
+    co_await required(write_sync_managers(station, slave, fed(slave)));
+    co_await required(write_fmmus(station, slave, layout, !running));
+    co_return co_await required(write_watchdogs(station, slave));
 }
 
 // Some slaves require a watchdog and refuse SAFEOP when nothing triggers it. Then all outputs are set to trigger it,
@@ -128,8 +125,7 @@ Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
     if (first || first.error().code != Errc::al_status || fed(slave) == Fed::by_all_outputs ||
         first.error().detail != static_cast<std::uint32_t>(wire::AlStatusCode::invalid_watchdog_configuration))
         co_return first;
-    auto written = co_await write_sync_managers(station, slave, Fed::by_all_outputs);
-    if (!written) co_return written.error();
+    co_await required(write_sync_managers(station, slave, Fed::by_all_outputs));
     auto second =
         co_await change_al_state(station, AlState::safeop, slave.device_emulation, al_timeout(slave, AlState::safeop));
     co_return second;
@@ -141,7 +137,7 @@ Task<Result<>> prepare_clock_if_any(Network& network, Slave& slave) {
         if (slave.config.dc().source == SyncSettings::Source::none) co_return Result<>();
         co_return Error{.code = Errc::wrong_state, .step = Step::configure_sync, .slave = slave.number};
     }
-    co_return co_await network.clocks.prepare(network, slave);
+    co_return co_await required(network.clocks.prepare(network, slave));
 }
 
 }  // namespace
@@ -196,19 +192,14 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     update_al_status(slave.al, before);
     if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
-        auto back = co_await bring_to_state(network, slave, AlState::preop);
-        if (!back) co_return back.error();
+        co_await required(bring_to_state(network, slave, AlState::preop));
     }
     if (running && pdo_part(slave) != nullptr) {
-        auto pdos = co_await pdo_part(slave)->write(network, slave);
-        if (!pdos) co_return pdos;
+        co_await required(pdo_part(slave)->write(network, slave));
     }
-    auto written = co_await write_all(station, slave, layout, running);
-    if (!written) co_return written;
-    auto prepared = co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::before);
-    if (!prepared) co_return prepared;
-    auto clock = co_await prepare_clock_if_any(network, slave);
-    if (!clock) co_return clock;
+    co_await required(write_all(station, slave, layout, running));
+    co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::before));
+    co_await required(prepare_clock_if_any(network, slave));
     network.marks(slave).requested = Transition::none;
     mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
@@ -216,11 +207,10 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
-        auto mapped = co_await write_fmmus(station, slave, layout, true);
-        if (!mapped) co_return mapped;
+        co_await required(write_fmmus(station, slave, layout, true));
         set_takes_part(network, slave, true);
     }
-    co_return co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::after);
+    co_return co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::after));
 }
 
 }  // namespace margay

@@ -243,7 +243,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     auto hook = co_await prepare_slave(network, slave, faults);
     (void)hook;                          // a place is reserved for the slave nevertheless
     if (slave.config.group != number) {  // the hook has assigned the slave to another group
-        if (slave.image.group == number) co_return co_await leave_group(network, slave);
+        if (slave.image.group == number) co_return co_await required(leave_group(network, slave));
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
@@ -275,7 +275,7 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
     const bool ready = is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init;
     if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !ready ||
         wanted_state(network, slave) < AlState::safeop)
-        co_return co_await leave_out(network, slave);
+        co_return co_await required(leave_out(network, slave));
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
     if (done) co_return Nothing{};
     faults.note(network, slave, done.error());
@@ -355,11 +355,9 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     Mapping mapping(network, number);
     FirstFault faults;
     const auto start = [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); };
-    auto started = co_await for_each_slave(network, start);
-    if (!started) co_return started.error();
+    co_await required(for_each_slave(network, start));
     const auto find = [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); };
-    auto discovered = co_await for_each_slave(network, find);
-    if (!discovered) co_return discovered.error();
+    co_await required(for_each_slave(network, find));
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
     if (!laid_out) {
@@ -378,8 +376,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     const detail::EntryPart* const part = group.config.entries.part();
     const Error entries = part == nullptr ? Error{} : part->place(network, group, nullptr);
     const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
-    auto configured = co_await for_each_slave(network, set);
-    if (!configured) co_return configured.error();
+    co_await required(for_each_slave(network, set));
     network.states_read = network.engine.now();
     use_status_bits(network, number);
     keep_others(network, number, faults);

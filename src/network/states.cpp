@@ -80,7 +80,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
     }
-    co_return co_await write_state(network, slave, limited(slave, state));
+    co_return co_await required(write_state(network, slave, limited(slave, state)));
 }
 
 // Keeps the error of the slave with the lowest number.
@@ -133,8 +133,7 @@ Task<Result<AlStatus>> read_states(Network& network) {
     const std::uint32_t scans = network.scans;
     Error first;
     const auto read = [&network](Slave& s) { return read_state(network, s); };
-    auto all = co_await for_each_slave(network, read, &first);
-    if (!all) co_return all.error();
+    co_await required(for_each_slave(network, read, &first));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     network.states_read = network.engine.now();
@@ -146,7 +145,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
         Slave& one = network.slave(slave);
         const Error refused = refusal(network, one, state);
         if (refused.code != Errc::none) co_return refused;
-        co_return co_await write_state(network, one, state);
+        co_return co_await required(write_state(network, one, state));
     }
     if (network.supervised && state != network.target)
         co_return Error{.code = Errc::supervised,
@@ -155,8 +154,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
                         .actual = static_cast<std::uint32_t>(state)};
     FirstFault faults;
     const auto write = [&network, state, &faults](Slave& s) { return write_and_keep(network, s, state, faults); };
-    auto all = co_await for_each_slave(network, write);
-    if (!all) co_return all;
+    co_await required(for_each_slave(network, write));
     if (faults.error().code != Errc::none) co_return faults.error();
     co_return Nothing{};
 }

@@ -35,7 +35,7 @@ class FrameSizes : public testing::Test {
     void expect(const char* name, std::size_t bytes, Task<T> task) {
         EXPECT_TRUE(static_cast<bool>(task));
         EXPECT_EQ(network.arena().used_bytes(), bytes) << name;
-        task.reset();
+        task.end();
         EXPECT_EQ(network.arena().used_bytes(), 0U) << name;
     }
 };
@@ -58,7 +58,7 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));
     expect("read_states", 256, read_states(network));
-    expect("write_states", 512, write_states(network, 0, AlState::safeop));
+    expect("write_states", 256, write_states(network, 0, AlState::safeop));
     expect("wait_for_state", 512, wait_for_state(network, 0, AlState::safeop, kNever));
     FoundSms found{};
     expect("find_sms_by_sii", 512, find_sms_by_sii(station, slave, found));
