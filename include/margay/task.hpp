@@ -14,7 +14,8 @@
 //
 // The memory of the coroutine comes from the arena of a context: one parameter of the coroutine (for a
 // member function: the object) has a member arena(). If the arena is full, the call returns an empty task: awaiting it
-// yields Errc::capacity, and no statement of the sequence is executed. A task begins when it is awaited. A Task is a
+// yields Errc::capacity in the next poll(), and no statement of the sequence is executed. A task begins when it is
+// awaited. A Task is a
 // pointer: await each task that you create, because the memory of a task that is never awaited stays in use until the
 // context ends. A task that is destroyed destroys all tasks that it awaits.
 //
@@ -50,6 +51,7 @@ struct PromiseBase : ListNode {
         task,            // `waiting` awaits the result of the task
         required,        // `waiting` awaits the task by required(): an error ends `waiting` too
         required_value,  // the same, and `waiting` reads the value of the task
+        completion,      // `waiting` awaits the end of the task, and not its result
     };
 
     union {
@@ -59,7 +61,8 @@ struct PromiseBase : ListNode {
     PromiseBase* awaited = nullptr;  // the task that this one awaits
     Error error;                     // the error that the task has returned
     Parent parent = Parent::none;
-    bool over = false;  // the task has ended
+    bool over = false;   // the task has ended
+    bool fails = false;  // in Arena::starving: `error` ends the task in the next poll()
 
     PromiseBase() noexcept;
     ~PromiseBase();
@@ -87,10 +90,14 @@ struct PromiseBase : ListNode {
     void unhandled_exception() noexcept { exception_left_sequence(); }
 };
 
-// Begins `task` (nullptr: the arena was full) for the sequence that awaits it. Returns the coroutine that continues.
+// Begins `task` for the sequence that awaits it. Returns the coroutine that continues. nullptr: the arena was full;
+// then the waiting sequence continues, or ends, in the next poll(), since it might try again and again.
 [[nodiscard]] std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept;
 [[nodiscard]] std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept;
+[[nodiscard]] std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting) noexcept;
+// For poll(): returns the coroutine that continues for a sequence of Arena::starving.
+[[nodiscard]] std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept;
 // The task has ended; its result is in its promise. Returns the coroutine that continues.
 [[nodiscard]] std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept;
 // Destroys a task, after the task that it awaits. nullptr: no effect.
@@ -145,6 +152,7 @@ class TaskReference {
     void end() const noexcept { detail::destroy_task(promise_); }
 
   protected:
+    friend class Completion;
     friend class Crew;
     explicit TaskReference(detail::PromiseBase& promise) : promise_(&promise) {}
     detail::PromiseBase* promise_ = nullptr;
@@ -233,6 +241,25 @@ class [[nodiscard]] Task : public TaskReference {
 template <class T>
 [[nodiscard]] typename Task<T>::Required required(Task<T> task) {
     return typename Task<T>::Required(task);
+}
+
+// Awaitable: awaits the end of the task, whether it succeeds or fails.
+class [[nodiscard]] Completion {
+  public:
+    explicit Completion(TaskReference task) : task_(task.promise_) {}
+    bool await_ready() const noexcept { return false; }
+    template <std::derived_from<detail::PromiseBase> P>
+    std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) const noexcept {
+        return detail::await_completion(task_, waiting.promise());
+    }
+    void await_resume() const noexcept {}
+
+  private:
+    detail::PromiseBase* task_;
+};
+template <class T>
+Completion completion(Task<T> task) {
+    return Completion(task);
 }
 
 }  // namespace margay

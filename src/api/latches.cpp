@@ -86,8 +86,7 @@ static Task<Result<>> run(Network& network, LatchRequest& request) {
     }
     for (;;) {
         if (network.scans != scan) co_return Error{.code = Errc::wrong_state, .step = kStep, .slave = request.slave};
-        auto looked = co_await look_once(network, request);
-        (void)looked;  // a slave that does not answer may come back
+        co_await completion(look_once(network, request));  // a slave that does not answer may come back
         co_await network.engine.sleep_for(request.interval);
     }
 }

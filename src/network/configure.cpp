@@ -53,6 +53,7 @@ Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed)
 }
 
 using FmmuBytes = std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride>;
+static_assert(sizeof(FmmuBytes) <= sizeof(kClearedRegisters));
 
 std::size_t fmmu_count(const Slave& slave) { return std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost); }
 
@@ -144,26 +145,21 @@ Task<Result<>> prepare_clock_if_any(Network& network, Slave& slave) {
 
 Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     const std::size_t count = fmmu_count(slave);
-    static constexpr FmmuBytes kNone{};
-    const Station station = network.station(slave);
-    Datagram clear(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
-                   Bytes(kNone).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride));
-    auto reply = co_await clear;
-    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
+    const Bytes zeros = Bytes(kClearedRegisters).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride);
+    auto cleared = co_await write_bytes(network.station(slave), reg::kFmmuBase, zeros, kStep);
     // The write fails on a slave without FMMUs, which has nothing to clear.
-    if (error.code != Errc::none && count != 0) co_return error;
+    if (!cleared && count != 0) co_return cleared;
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }
 
 Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
-    static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
     const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
     if (count == 0) co_return Nothing{};
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
-                   Bytes(kNone).first(count * reg::kSyncManagerStride));
+                   Bytes(kClearedRegisters).first(count * reg::kSyncManagerStride));
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
-                  Bytes(kNone).first(1));
+                  Bytes(kClearedRegisters).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
     co_return error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
 }

@@ -133,8 +133,8 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     slave.hook_failed = false;
     if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Nothing{};
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
-        auto back = co_await bring_to_state(network, slave, AlState::preop);
-        (void)back;  // an error is found again by the configuration of the slave
+        // The configuration of the slave finds an error again.
+        co_await completion(bring_to_state(network, slave, AlState::preop));
     }
     auto done = co_await call_hook(network, slave);
     slave.hook_failed = !done.ok();
@@ -160,8 +160,7 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
     if (network.has_mailbox(slave))
         network.mailbox(slave).forget_status_bit(network.process.groups[slave.image.group].image);
     if (slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer maps nothing
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -192,8 +191,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer maps nothing
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
     const bool unread = !slave.seen && !slave.held && slave.config.group == number && is_there_to_map(slave);
     if (unread) {  // it came, or could be read, after the scan
@@ -262,8 +260,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
         if (!back) network.note(slave, back.error());
     }
     if (slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer does not take part
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer does not take part
     }
     set_takes_part(network, slave, false);
     co_return Nothing{};
@@ -279,8 +276,7 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
     if (done) co_return Nothing{};
     faults.note(network, slave, done.error());
-    auto cleared = co_await clear_fmmus(network, slave);
-    (void)cleared;  // a slave that does not answer does not take part
+    co_await completion(clear_fmmus(network, slave));  // a slave that does not answer does not take part
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }

@@ -1,5 +1,6 @@
 #include "network/scan.hpp"
 
+#include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/preop.hpp"
 #include "network/survey.hpp"
@@ -58,10 +59,9 @@ Task<Result<bool>> wait_for_init(Network& network) {
 
 // Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI.
 Task<Result<>> clear_slaves(Network& network) {
-    static constexpr std::array<std::byte, 16 * reg::kFmmuStride> kZeros{};
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
     Link& link = network.engine.link();
-    const auto zeros = [](std::size_t count) { return Bytes(kZeros).first(count); };
+    const auto zeros = [](std::size_t count) { return Bytes(kClearedRegisters).first(count); };
     Datagram fmmus(link, Command::BWR, broadcast(reg::fmmu(0)), zeros(16 * reg::kFmmuStride));
     Datagram sms(link, Command::BWR, broadcast(reg::sync_manager(0)), zeros(16 * reg::kSyncManagerStride));
     Datagram sync(link, Command::BWR, broadcast(reg::kSyncActivation), zeros(reg::kSyncActivation.length));

@@ -116,8 +116,8 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
         const auto& write = plan.writes()[n];
         auto written = co_await write_word(station, write.word, word_octets(write.after));
         if (written) continue;
-        auto undone = co_await undo(station, plan, n + 1);
-        (void)undone;  // the caller needs the first error; a read returns the current words
+        // The caller needs the first error; a read returns the current words.
+        co_await completion(undo(station, plan, n + 1));
         co_return written;
     }
     co_return Nothing{};

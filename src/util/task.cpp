@@ -39,16 +39,24 @@ std::coroutine_handle<> begin(PromiseBase& task, PromiseBase& waiting, PromiseBa
     return task.self();
 }
 
+// A sequence has found no memory. A member of a crew continues at once, and returns the error to the crew.
+std::coroutine_handle<> starve(PromiseBase& task) noexcept {
+    if (task.parent == PromiseBase::Parent::crew) return end_of_starving(task);
+    auto* memory = static_cast<std::byte*>(task.self().address()) - kHeaderBytes;
+    (*reinterpret_cast<Arena**>(memory))->starving.push_back(task);
+    return std::noop_coroutine();
+}
+
 std::coroutine_handle<> require(PromiseBase* task, PromiseBase& waiting, PromiseBase::Parent parent) noexcept {
     if (task != nullptr) return begin(*task, waiting, parent);
-    waiting.error = {.code = Errc::capacity};
-    return end_of_task(waiting);
+    waiting.fails = true;
+    return starve(waiting);
 }
 
 }  // namespace
 
 std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept {
-    return task != nullptr ? begin(*task, waiting, PromiseBase::Parent::task) : waiting.self();
+    return task != nullptr ? begin(*task, waiting, PromiseBase::Parent::task) : starve(waiting);
 }
 
 std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept {
@@ -57,6 +65,16 @@ std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) no
 
 std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept {
     return require(task, waiting, PromiseBase::Parent::required_value);
+}
+
+std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting) noexcept {
+    return task != nullptr ? begin(*task, waiting, PromiseBase::Parent::completion) : starve(waiting);
+}
+
+std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept {
+    if (!task.fails) return task.self();
+    task.error = {.code = Errc::capacity};
+    return end_of_task(task);
 }
 
 std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept {
@@ -72,10 +90,10 @@ std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept {
             return crew.member_ended(error);
         }
         PromiseBase& waiting = *ended->waiting;
-        const bool failed = ended->error.code != Errc::none;
+        const bool failed = ended->error.code != Errc::none && ended->parent != Parent::completion;
         if (ended->parent == Parent::task || (!failed && ended->parent == Parent::required_value))
             return waiting.self();
-        waiting.error = ended->error;
+        if (failed) waiting.error = ended->error;
         release_awaited(*ended);
         if (!failed) return waiting.self();
         ended = &waiting;

@@ -31,7 +31,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("sdo_upload", 512, sdo_upload(channel, {}, memory, {}));
     expect("sdo_upload_once", 512, sdo_upload_once(channel, {}, memory, {}));
     expect("sdo_download", 512, sdo_download(channel, {}, memory, {}));
-    expect("sdo_upload_singly", 512, sdo_upload_singly(channel, {}, memory, {}));
+    expect("sdo_upload_singly", 256, sdo_upload_singly(channel, {}, memory, {}));
     expect("ask_information", 512, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));
