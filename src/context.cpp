@@ -38,8 +38,8 @@ class Carver {
     template <class T>
     std::span<T> take(std::size_t count) {
         static constexpr Element kElement{sizeof(T), alignof(T), [](void* at) { ::new (at) T(); }};
-        const std::span<std::byte> taken = array(count, kElement);
-        return {reinterpret_cast<T*>(taken.data()), taken.size()};
+        const Taken taken = array(count, kElement);
+        return {static_cast<T*>(taken.first), taken.count};
     }
     void* raw(std::size_t bytes, std::size_t alignment) {
         void* at = left_.data();
@@ -56,8 +56,12 @@ class Carver {
         std::size_t alignment;
         void (*construct)(void* at);
     };
-    // One function for all types. Returns the first octet and the number of elements.
-    [[gnu::noinline]] std::span<std::byte> array(std::size_t count, const Element& element) {
+    struct Taken {
+        void* first = nullptr;
+        std::size_t count = 0;
+    };
+    // One function for all types.
+    [[gnu::noinline]] Taken array(std::size_t count, const Element& element) {
         auto* const first = static_cast<std::byte*>(raw(count * element.bytes, element.alignment));
         if (first == nullptr) return {};
         for (std::size_t i = 0; i < count; ++i) element.construct(first + i * element.bytes);

@@ -72,11 +72,8 @@ static Error absence(Network& network, std::uint16_t number) {
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
     co_await required(read_states(network));
-    if (network
-            .supervised) {  // slaves that answer at their address again; without a supervision the reading has done it
-        const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
-        co_await required(for_each_slave(network, readmit));
-    }
+    const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
+    co_await required(for_each_slave(network, readmit));
     if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Nothing{};
     const auto found = co_await required(find_lost(network));
     request.found = found;

@@ -190,6 +190,12 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     if (before->state == AlState::safeop || before->state == AlState::op) {
         co_await required(bring_to_state(network, slave, AlState::preop));
     }
+    if (slave.al.state != AlState::preop) {  // it has fallen since it was started
+        Error error = station.error(Errc::other_state, Step::request_state, 0);
+        error.expected = static_cast<std::uint32_t>(AlState::preop);
+        error.actual = static_cast<std::uint32_t>(slave.al.state);
+        co_return error;
+    }
     if (running && pdo_part(slave) != nullptr) {
         co_await required(pdo_part(slave)->write(network, slave));
     }

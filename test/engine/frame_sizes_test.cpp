@@ -58,7 +58,7 @@ TEST_F(FrameSizes, OfEachSequence) {
     expect("reset_slaves", 512, reset_slaves(network));
     expect("bring_to_preop", 1024, bring_to_preop(network, slave));
     expect("read_states", 256, read_states(network));
-    expect("write_states", 256, write_states(network, 0, AlState::safeop));
+    expect("write_states", 512, write_states(network, 0, AlState::safeop));
     expect("wait_for_state", 512, wait_for_state(network, 0, AlState::safeop, kNever));
     FoundSms found{};
     expect("find_sms_by_sii", 512, find_sms_by_sii(station, slave, found));
