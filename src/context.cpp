@@ -37,8 +37,9 @@ class Carver {
     explicit Carver(std::span<std::byte> memory) : left_(memory) {}
     template <class T>
     std::span<T> take(std::size_t count) {
-        void* first = array(count, sizeof(T), alignof(T), [](void* at) { ::new (at) T(); });
-        return {static_cast<T*>(first), first == nullptr ? 0 : count};
+        static constexpr Element kElement{sizeof(T), alignof(T), [](void* at) { ::new (at) T(); }};
+        const Taken taken = array(count, kElement);
+        return {static_cast<T*>(taken.first), taken.count};
     }
     void* raw(std::size_t bytes, std::size_t alignment) {
         void* at = left_.data();
@@ -50,12 +51,21 @@ class Carver {
     std::span<std::byte> rest() const { return left_; }
 
   private:
+    struct Element {
+        std::size_t bytes;
+        std::size_t alignment;
+        void (*construct)(void* at);
+    };
+    struct Taken {
+        void* first = nullptr;
+        std::size_t count = 0;
+    };
     // One function for all types.
-    void* array(std::size_t count, std::size_t bytes, std::size_t alignment, void (*construct)(void*)) {
-        auto* const first = static_cast<std::byte*>(raw(count * bytes, alignment));
-        if (first == nullptr) return nullptr;
-        for (std::size_t i = 0; i < count; ++i) construct(first + i * bytes);
-        return first;
+    [[gnu::noinline]] Taken array(std::size_t count, const Element& element) {
+        auto* const first = static_cast<std::byte*>(raw(count * element.bytes, element.alignment));
+        if (first == nullptr) return {};
+        for (std::size_t i = 0; i < count; ++i) element.construct(first + i * element.bytes);
+        return {first, count};
     }
 
     std::span<std::byte> left_;
@@ -80,25 +90,26 @@ ProcessTables carve_process_tables(Carver& carver, const Limits& limits) {
     return tables;
 }
 
-// Returns the error of an argument that is not from `least` to `most`; code none: it is in this range.
-Error check_range(Argument argument, std::int64_t value, std::int64_t least, std::int64_t most) {
-    if (value >= least && value <= most) return {};
-    Error error = invalid(argument, Step::open_nic);
-    error.expected = static_cast<std::uint32_t>(most);
-    error.actual = static_cast<std::uint32_t>(value);
-    return error;
-}
-
 Error check_limits(const Limits& limits) {
-    constexpr std::int64_t kMost = UINT16_MAX;
-    const Error errors[] = {
-        check_range(Argument::limit_slaves, limits.slaves, 1, kMost),
-        check_range(Argument::limit_frames, limits.frames, 1, FrameTable::kMostSlots),
-        check_range(Argument::limit_groups, limits.groups, 1, kMostGroups),
-        check_range(Argument::limit_process_frames, limits.process_frames, 1, kMost),
+    struct Range {
+        Argument argument;
+        std::uint16_t Limits::*limit;
+        std::uint16_t most;  // the least value is 1
     };
-    for (const Error& error : errors)
-        if (error.code != Errc::none) return error;
+    static constexpr Range kRanges[] = {
+        {Argument::limit_slaves, &Limits::slaves, UINT16_MAX},
+        {Argument::limit_frames, &Limits::frames, FrameTable::kMostSlots},
+        {Argument::limit_groups, &Limits::groups, kMostGroups},
+        {Argument::limit_process_frames, &Limits::process_frames, UINT16_MAX},
+    };
+    for (const Range& range : kRanges) {
+        const std::uint16_t value = limits.*range.limit;
+        if (value >= 1 && value <= range.most) continue;
+        Error error = invalid(range.argument, Step::open_nic);
+        error.expected = range.most;
+        error.actual = value;
+        return error;
+    }
     return {};
 }
 

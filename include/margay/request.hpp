@@ -25,10 +25,10 @@
 #include <margay/borrowed.hpp>
 #include <margay/error.hpp>
 #include <margay/result.hpp>
+#include <margay/task.hpp>
 #include <margay/time.hpp>
 
 #include <atomic>
-#include <coroutine>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -85,9 +85,9 @@ class Request {
 
     const OperationDescription* operation_;
     Context* ctx_ = nullptr;
-    Request* next_ = nullptr;           // in one of two lists: waiting to begin, or running
-    std::uint32_t ticket_ = 0;          // the order of submission
-    std::coroutine_handle<> sequence_;  // exists after the request has begun
+    Request* next_ = nullptr;   // in one of two lists: waiting to begin, or running
+    std::uint32_t ticket_ = 0;  // the order of submission
+    TaskReference sequence_;    // exists after the request has begun
     Time deadline_ = kNever;
     std::atomic<std::uint32_t> state_{0};
     std::atomic<bool> cancel_asked_{false};

@@ -7,10 +7,16 @@
 //         …
 //     }
 //
-// T is a Result. The memory of the coroutine comes from the arena of a context: one parameter of the coroutine (for a
-// member function: the object) has a member arena(). If the arena is full, the call returns an empty task: awaiting it
-// yields Errc::capacity in the next poll(), and no statement of the sequence is executed. A task begins when it is
-// awaited. Destroying a task destroys all tasks that it awaits.
+// T is a Result. `required()` ends the awaiting sequence with the error of the awaited one:
+//
+//         const auto mode = co_await required(slave.sdo_read<std::int8_t>(0x6061, 0));
+//         co_await required(slave.sdo_write(0x6060, 0, mode));
+//
+// The memory of the coroutine comes from the arena of a context: one parameter of the coroutine (for a member function:
+// the object) has a member arena(). If the arena is full, the call returns an empty task: awaiting it yields
+// Errc::capacity in the next poll(), and no statement of the sequence is executed. A task begins when it is awaited. A
+// Task is a pointer: await each task that you create, because the memory of a task that is never awaited stays in use
+// until the context ends. A task that is destroyed destroys all tasks that it awaits.
 //
 // An exception must not leave a sequence: that ends the program.
 #pragma once
@@ -21,7 +27,7 @@
 #include <concepts>
 #include <coroutine>
 #include <cstddef>
-#include <utility>
+#include <cstdint>
 
 namespace margay {
 
@@ -37,11 +43,25 @@ void release_frame(void* frame) noexcept;
 
 // The functions of this class that each sequence calls are out of line: they are compiled once, not for each sequence.
 struct PromiseBase : ListNode {
-    std::coroutine_handle<> continuation;  // the coroutine that awaits the task,
-    Crew* crew = nullptr;                  // or the crew that the task belongs to: then
-    std::coroutine_handle<> self;          // the node of this object is in the list of the crew.
-                                           // Or self waits for the next poll(): see begin_task()
-    Error error;                           // the error that the task has returned
+    // What continues when the task ends.
+    enum class Parent : std::uint8_t {
+        none,
+        crew,            // the task is a member of `crew`
+        task,            // `waiting` awaits the result of the task
+        required,        // `waiting` awaits the task by required(): an error ends `waiting` too
+        required_value,  // the same, and `waiting` reads the value of the task
+        completion,      // `waiting` awaits the end of the task, and not its result
+    };
+
+    union {
+        PromiseBase* waiting = nullptr;
+        Crew* crew;
+    };
+    PromiseBase* awaited = nullptr;  // the task that this one awaits
+    Error error;                     // the error that the task has returned
+    Parent parent = Parent::none;
+    bool over = false;   // the task has ended
+    bool fails = false;  // in Arena::starving: `error` ends the task in the next poll()
 
     PromiseBase() noexcept;
     ~PromiseBase();
@@ -49,6 +69,11 @@ struct PromiseBase : ListNode {
     PromiseBase& operator=(const PromiseBase&) = delete;
 
     void return_value(const Error& returned) noexcept;
+
+    // The coroutine. The distance from it to its promise depends on the alignment only, see Promise.
+    [[nodiscard]] std::coroutine_handle<> self() noexcept {
+        return std::coroutine_handle<PromiseBase>::from_promise(*this);
+    }
 
     // Both are inlined: GCC does not know that they belong together, and would warn in the sources of users.
     template <class First, class... Rest>
@@ -62,23 +87,27 @@ struct PromiseBase : ListNode {
 
     std::suspend_always initial_suspend() noexcept { return {}; }
     void unhandled_exception() noexcept { exception_left_sequence(); }
-
-  protected:
-    // For Task: called at the end of a task. Returns the coroutine that continues.
-    [[nodiscard]] std::coroutine_handle<> ended(std::coroutine_handle<> own) noexcept;
 };
 
-// Awaits a task: returns the coroutine to resume, that of the task. Without memory there was no task: then `waiting`
-// continues in the next poll(), since it might try again and again.
-[[nodiscard]] std::coroutine_handle<> begin_task(std::coroutine_handle<> task, PromiseBase& parent,
-                                                 std::coroutine_handle<> waiting) noexcept;
-
-// Destroys the coroutine of a task, if there is one.
-void end_task(std::coroutine_handle<>& handle) noexcept;
+// Begins `task` for the sequence that awaits it. Returns the coroutine that continues. nullptr: the arena was full;
+// then the waiting sequence continues, or ends, in the next poll(), since it might try again and again.
+[[nodiscard]] std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept;
+[[nodiscard]] std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept;
+[[nodiscard]] std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept;
+[[nodiscard]] std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting) noexcept;
+// For poll(): returns the coroutine that continues for a sequence of Arena::starving.
+[[nodiscard]] std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept;
+// The task has ended; its result is in its promise. Returns the coroutine that continues.
+[[nodiscard]] std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept;
+// Destroys a task, after the task that it awaits. nullptr: no effect.
+void destroy_task(PromiseBase* task) noexcept;
+// Destroys a task that has ended, and that `waiting` has awaited.
+void release_awaited(PromiseBase& task) noexcept;
 
 // The promise of a task that returns a Result<T>.
 template <class T>
 struct Promise : PromiseBase {
+    static_assert(alignof(T) <= 2 * sizeof(void*), "PromiseBase::self() does not find the coroutine");
     T value{};
 
     // Templates, so that only the last one takes `co_return {}`.
@@ -112,17 +141,33 @@ struct Promise<Nothing> : PromiseBase {
 
 }  // namespace detail
 
+// Refers to a task; owns nothing.
+class TaskReference {
+  public:
+    TaskReference() = default;
+    // False if there is no task: the arena had no memory for it.
+    [[nodiscard]] explicit operator bool() const { return promise_ != nullptr; }
+    // Destroys the task, which exists, or no task. A task must not destroy itself.
+    void end() const noexcept { detail::destroy_task(promise_); }
+
+  protected:
+    friend class Completion;
+    friend class Crew;
+    explicit TaskReference(detail::PromiseBase& promise) : promise_(&promise) {}
+    detail::PromiseBase* promise_ = nullptr;
+};
+
 template <class T = Result<>>
-class [[nodiscard]] Task {
+class [[nodiscard]] Task : public TaskReference {
   public:
     struct promise_type : detail::Promise<typename T::Value> {
         static Task get_return_object_on_allocation_failure() noexcept { return Task(); }
-        Task get_return_object() noexcept { return Task(std::coroutine_handle<promise_type>::from_promise(*this)); }
+        Task get_return_object() noexcept { return Task(*this); }
 
         struct Final {
             bool await_ready() noexcept { return false; }
             std::coroutine_handle<> await_suspend(std::coroutine_handle<promise_type> own) noexcept {
-                return own.promise().ended(own);
+                return detail::end_of_task(own.promise());
             }
             void await_resume() noexcept {}
         };
@@ -130,46 +175,90 @@ class [[nodiscard]] Task {
     };
 
     Task() = default;
-    Task(Task&& other) noexcept : handle_(std::exchange(other.handle_, {})) {}
-    Task& operator=(Task&& other) noexcept {
-        if (this != &other) {
-            reset();
-            handle_ = std::exchange(other.handle_, {});
-        }
-        return *this;
-    }
-    ~Task() { detail::end_task(handle_); }
+    Task(Task&&) = default;  // trivial, so that a Task is passed in a register
+    Task& operator=(Task&&) = default;
 
-    // False if the arena had no memory for the task.
-    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
-    [[nodiscard]] bool done() const { return !handle_ || handle_.done(); }
-    // The value of a finished task.
-    [[nodiscard, gnu::noinline]] T result() const {
-        return handle_ ? promise().result() : T(Error{.code = Errc::capacity});
-    }
-    // The coroutine of the task. Destroying it destroys the task, wherever the Task object is.
-    [[nodiscard]] std::coroutine_handle<> handle() const { return handle_; }
     // Begins a task that no coroutine awaits; its owner calls done() to find its end.
     void start() {
-        if (handle_) handle_.resume();
+        if (promise_ != nullptr) promise_->self().resume();
     }
-    void reset() { detail::end_task(handle_); }
+    [[nodiscard]] bool done() const { return promise_ == nullptr || promise_->over; }
+    // The result of a finished task.
+    [[nodiscard, gnu::noinline]] T result() const {
+        return promise_ != nullptr ? promise().result() : T(Error{.code = Errc::capacity});
+    }
 
     bool await_ready() const noexcept { return false; }
     template <std::derived_from<detail::PromiseBase> P>
-    std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) noexcept {
-        if (handle_) promise().continuation = waiting;
-        return detail::begin_task(handle_, waiting.promise(), waiting);
+    std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) const noexcept {
+        return detail::await_task(promise_, waiting.promise());
     }
-    T await_resume() noexcept { return result(); }
+    T await_resume() const noexcept { return take_result(promise_); }
+
+    // What required() returns.
+    class Required {
+      public:
+        explicit Required(const Task& task) : task_(task.promise_) {}
+        bool await_ready() const noexcept { return false; }
+        template <std::derived_from<detail::PromiseBase> P>
+        std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) noexcept {
+            if constexpr (std::same_as<typename T::Value, Nothing>)
+                return detail::require_task(task_, waiting.promise());
+            else
+                return detail::require_value(task_, waiting.promise());
+        }
+        typename T::Value await_resume() const noexcept {
+            if constexpr (std::same_as<typename T::Value, Nothing>)
+                return {};
+            else
+                return take_value(task_);
+        }
+
+      private:
+        detail::PromiseBase* task_;
+    };
 
   private:
-    friend class Crew;
-    explicit Task(std::coroutine_handle<promise_type> handle) : handle_(handle) {}
-    [[nodiscard]] promise_type& promise() const {
-        return std::coroutine_handle<promise_type>::from_address(handle_.address()).promise();
+    using TaskReference::TaskReference;
+    [[nodiscard]] promise_type& promise() const { return static_cast<promise_type&>(*promise_); }
+    // Static: GCC copies a member function into each source to pass `promise_` in place of `this`.
+    [[gnu::noinline]] static T take_result(detail::PromiseBase* task) noexcept {
+        if (task == nullptr) return Error{.code = Errc::capacity};
+        T result = static_cast<promise_type*>(task)->result();
+        detail::release_awaited(*task);
+        return result;
     }
-    std::coroutine_handle<> handle_;  // of a promise_type
+    [[nodiscard, gnu::noinline]] static typename T::Value take_value(detail::PromiseBase* task) noexcept {
+        const typename T::Value value = static_cast<promise_type*>(task)->value;
+        detail::release_awaited(*task);
+        return value;
+    }
 };
+
+// Awaitable: awaits the task and returns its value. If the task returns an error, the awaiting sequence ends with this
+// error, and no further statement of it is executed.
+template <class T>
+[[nodiscard]] typename Task<T>::Required required(Task<T> task) {
+    return typename Task<T>::Required(task);
+}
+
+// Awaitable: awaits the end of the task, whether it succeeds or fails.
+class [[nodiscard]] Completion {
+  public:
+    explicit Completion(TaskReference task) : task_(task.promise_) {}
+    bool await_ready() const noexcept { return false; }
+    template <std::derived_from<detail::PromiseBase> P>
+    std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) const noexcept {
+        return detail::await_completion(task_, waiting.promise());
+    }
+    void await_resume() const noexcept {}
+
+  private:
+    detail::PromiseBase* task_;
+};
+template <class T>
+Completion completion(Task<T> task) {
+    return Completion(task);
+}
 
 }  // namespace margay

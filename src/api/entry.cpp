@@ -109,8 +109,7 @@ static Task<Result<>> run(Network& network, EntryRequest& request) {
     Wanted in(address, Direction::inputs);
     EntryHandle* handles[] = {&out, &in};
     EntryMatcher matcher(handles, slave);
-    auto walked = co_await find_entries(network, slave, matcher);
-    if (!walked) co_return walked;
+    co_await required(find_entries(network, slave, matcher));
     const Error changed = check(network, request);  // the configuration of the slave may have changed meanwhile
     if (changed.code != Errc::none) co_return changed;
     Wanted& first = request.one_direction && request.wanted == Direction::inputs ? in : out;

@@ -25,11 +25,11 @@ static MailPatience patience_of_file(FoeRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, FoeRead& request) {
-    co_return co_await foe_read(channel_of(network, request), request, patience_of_file(request));
+    co_return co_await required(foe_read(channel_of(network, request), request, patience_of_file(request)));
 }
 
 static Task<Result<>> run(Network& network, FoeWrite& request) {
-    co_return co_await foe_write(channel_of(network, request), request, patience_of_file(request));
+    co_return co_await required(foe_write(channel_of(network, request), request, patience_of_file(request)));
 }
 
 static constexpr OperationDescription kRead = describe_mail<FoeRead, check, run>(Operation::foe_read, Step::foe_read);

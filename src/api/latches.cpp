@@ -30,11 +30,10 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
     const Slave& slave = network.slave(request.slave);
     const wire::Register time{
         static_cast<std::uint16_t>(reg::kLatch0PositiveEdge.address + 8 * (which & 1U) + 0x10 * (which >> 1)), 8};
-    auto seen = co_await read<std::uint64_t>(network.station(slave), time, kStep);
-    if (!seen) co_return seen.error();
+    const auto seen = co_await required(read<std::uint64_t>(network.station(slave), time, kStep));
     const std::uint64_t about = network.clocks.system_at_ns(network.engine.now());
     LatchEdge& edge = request.edges[which];
-    edge.time_ns = slave.dl.dc_64bit ? *seen : extend_past_time_ns(static_cast<std::uint32_t>(*seen), about);
+    edge.time_ns = slave.dl.dc_64bit ? seen : extend_past_time_ns(static_cast<std::uint32_t>(seen), about);
     ++edge.count;
     network.report({.kind = EventKind::latch_edge,
                     .port = static_cast<std::uint8_t>(which >> 1),
@@ -48,14 +47,13 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
 // One reading of the status. A slave that was reset has lost the latch control.
 Task<Result<>> look_once(Network& network, LatchRequest& request) {
     const Station station = network.station(network.slave(request.slave));
-    auto seen = co_await read<std::uint64_t>(station, kControlAndStatus, kStep);
-    if (!seen) co_return seen.error();
-    if (static_cast<std::uint16_t>(*seen) != kBothEdges) co_return co_await write(station, kControl, kBothEdges, kStep);
-    const unsigned edges = edges_of(*seen);
+    const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
+    if (static_cast<std::uint16_t>(seen) != kBothEdges)
+        co_return co_await required(write(station, kControl, kBothEdges, kStep));
+    const unsigned edges = edges_of(seen);
     for (unsigned which = 0; which < request.edges.size(); ++which) {
         if ((edges >> which & 1U) == 0) continue;
-        auto done = co_await read_edge(network, request, which);
-        if (!done) co_return done;
+        co_await required(read_edge(network, request, which));
     }
     co_return Nothing{};
 }
@@ -84,13 +82,11 @@ static Task<Result<>> run(Network& network, LatchRequest& request) {
     request.edges = {};
     const std::uint32_t scan = network.scans;
     if (network.slave(request.slave).al.state != AlState::none) {  // a lost slave may come back
-        auto checked = co_await check_unit(network, request);
-        if (!checked) co_return checked;
+        co_await required(check_unit(network, request));
     }
     for (;;) {
         if (network.scans != scan) co_return Error{.code = Errc::wrong_state, .step = kStep, .slave = request.slave};
-        auto looked = co_await look_once(network, request);
-        (void)looked;  // a slave that does not answer may come back
+        co_await completion(look_once(network, request));  // a slave that does not answer may come back
         co_await network.engine.sleep_for(request.interval);
     }
 }

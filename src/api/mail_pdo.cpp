@@ -15,7 +15,8 @@ static Error check(Network& network, const MailPdoFetch& r) {
 }
 
 static Task<Result<>> run(Network& network, MailPdoSend& request) {
-    co_return co_await send_rx_pdo(channel_of(network, request), request.number, request.data, patience_of(request));
+    co_return co_await required(
+        send_rx_pdo(channel_of(network, request), request.number, request.data, patience_of(request)));
 }
 
 static Task<Result<>> run(Network& network, MailPdoFetch& request) {

@@ -89,29 +89,16 @@ inline void note_of_segment(Network& network, const Error& error) {
 // ------------------------------------------------------------------ checks for several operations
 
 // The error of an argument that is out of range. `index` and `subindex` name the object, the IDN or the register.
-[[nodiscard]] inline Error invalid(Argument argument, Step step, std::uint16_t slave = 0, std::uint16_t index = 0,
-                                   std::uint8_t subindex = 0) {
-    return {.code = Errc::invalid_argument,
-            .step = step,
-            .slave = slave,
-            .index = index,
-            .subindex = subindex,
-            .detail = static_cast<std::uint32_t>(argument)};
-}
+[[nodiscard]] Error invalid(Argument argument, Step step, std::uint16_t slave = 0, std::uint16_t index = 0,
+                            std::uint8_t subindex = 0);
 
 template <class R>
 Error check_nothing(Network&, const R&) {
     return {};
 }
 
-[[nodiscard]] inline Error check_slave(Network& network, std::uint16_t slave, Step step) {
-    if (slave >= 1 && slave <= network.count) return {};
-    return {.code = Errc::unknown_slave, .step = step, .slave = slave, .expected = network.count};
-}
-
+[[nodiscard]] Error check_slave(Network& network, std::uint16_t slave, Step step);
 // Slave 0 means all slaves.
-[[nodiscard]] inline Error check_slave_or_all(Network& network, std::uint16_t slave, Step step) {
-    return slave == 0 ? Error{} : check_slave(network, slave, step);
-}
+[[nodiscard]] Error check_slave_or_all(Network& network, std::uint16_t slave, Step step);
 
 }  // namespace margay

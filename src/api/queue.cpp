@@ -261,23 +261,22 @@ bool begin(Master& master, Request& request) {
         end_unbegun(master, request, refused);
         return true;
     }
-    Task<Result<>> task = drive(master, request);
+    const TaskReference task = drive(master, request);
     if (!task) return false;
-    RequestAccess::sequence(request) = task.handle();
-    (void)master.network.requests.start(std::move(task));
+    RequestAccess::sequence(request) = task;
+    (void)master.network.requests.start(task);
     return true;
 }
 
 // Ends the requests of a list for which `ends` returns true.
-template <class Ends>
-void end_some(Master& master, Request*& list, Errc code, Ends ends) {
+void end_some(Master& master, Request*& list, Errc code, bool (*ends)(Request& request, Time now), Time now) {
     for (Request* request = list; request != nullptr;) {
         Request* const after = next(*request);
-        if (ends(*request)) {
+        if (ends(*request, now)) {
             RequestAccess::why(*request) = code;
             if (RequestAccess::sequence(*request)) {
                 master.network.slave_of_cut_hook = 0;
-                std::exchange(RequestAccess::sequence(*request), {}).destroy();
+                std::exchange(RequestAccess::sequence(*request), {}).end();
             } else {
                 (void)remove(list, *request);
                 end_unbegun(master, *request, {.code = code, .step = operation(*request).step});
@@ -285,6 +284,10 @@ void end_some(Master& master, Request*& list, Errc code, Ends ends) {
         }
         request = after;
     }
+}
+
+bool is_cancel_asked(Request& request, Time) {
+    return RequestAccess::cancel_asked(request).load(std::memory_order_acquire);
 }
 
 // When the queue ends this running request.
@@ -392,16 +395,18 @@ Time serve_queue(Master& master, Time now) {
     RequestQueue& queue = master.queue;
     accept_submitted(queue, now);
     if (queue.cancel_asked.exchange(false, std::memory_order_acquire)) {
-        const auto asked = [](Request& r) { return RequestAccess::cancel_asked(r).load(std::memory_order_acquire); };
-        end_some(master, queue.waiting, Errc::canceled, asked);
-        end_some(master, queue.running, Errc::canceled, [&](Request& r) { return asked(r) && may_be_cut(r); });
+        end_some(master, queue.waiting, Errc::canceled, is_cancel_asked, now);
+        const auto cut = [](Request& r, Time at) { return is_cancel_asked(r, at) && may_be_cut(r); };
+        end_some(master, queue.running, Errc::canceled, cut, now);
     }
-    end_some(master, queue.running, Errc::timeout, [now](Request& r) { return end_by_queue(r) <= now; });
+    end_some(
+        master, queue.running, Errc::timeout, [](Request& r, Time at) { return end_by_queue(r) <= at; }, now);
     Time end_of_first_work = kNever;
     if (queue.waiting != nullptr) {
         end_of_first_work = end_works(master, now);
         begin_waiting(master);
-        end_some(master, queue.waiting, Errc::timeout, [now](Request& r) { return RequestAccess::deadline(r) <= now; });
+        const auto late = [](Request& r, Time at) { return RequestAccess::deadline(r) <= at; };
+        end_some(master, queue.waiting, Errc::timeout, late, now);
     }
     reserve_segment(master, now);
     return first_deadline(master, end_of_first_work);
@@ -416,7 +421,8 @@ bool begins_at_once(Master& master) {
 
 void cancel_queued(Master& master) {
     accept_submitted(master.queue, Time{});
-    end_some(master, master.queue.waiting, Errc::canceled, [](Request&) { return true; });
+    end_some(
+        master, master.queue.waiting, Errc::canceled, [](Request&, Time) { return true; }, Time{});
 }
 
 // ------------------------------------------------------------------ submit and cancel
@@ -446,9 +452,9 @@ Result<> submit(Context& ctx, Request& request) {
 }
 
 // Ends a sequence outside poll(). The callbacks of events that this causes are bound as those in poll().
-static void destroy_sequence(Master& master, std::coroutine_handle<> sequence) {
+static void destroy_sequence(Master& master, TaskReference sequence) {
     master.in_poll = true;
-    sequence.destroy();
+    sequence.end();
     master.in_poll = false;
 }
 

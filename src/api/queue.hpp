@@ -17,7 +17,7 @@ struct RequestAccess {
     static Time& deadline(Request& r) { return r.deadline_; }
     static std::uint8_t& passed(Request& r) { return r.passed_; }
     static Context*& context(Request& r) { return r.ctx_; }
-    static std::coroutine_handle<>& sequence(Request& r) { return r.sequence_; }
+    static TaskReference& sequence(Request& r) { return r.sequence_; }
     static std::atomic<bool>& cancel_asked(Request& r) { return r.cancel_asked_; }
     static std::atomic<std::uint32_t>& state(Request& r) { return r.state_; }
 

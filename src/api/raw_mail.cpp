@@ -19,8 +19,8 @@ static Task<Result<>> run(Network& network, RawMail& r) {
     r.bytes = 0;
     MailboxChannel& channel = channel_of(network, r);
     const MailPatience patience = patience_of(r);
-    if (r.message.empty()) co_return co_await await_raw(channel, r, patience);
-    co_return co_await transfer_raw(channel, r, patience);
+    if (r.message.empty()) co_return co_await required(await_raw(channel, r, patience));
+    co_return co_await required(transfer_raw(channel, r, patience));
 }
 
 static constexpr OperationDescription kRaw =

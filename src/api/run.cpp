@@ -270,13 +270,11 @@ static Task<Result<>> run(Network& network, TargetRequest& request) {
     if (network.supervised) co_return Nothing{};
     FirstFault faults;
     if (request.slave != 0) {
-        auto one = co_await bring_one(network, network.slave(request.slave), faults);
-        if (!one) co_return one;
+        co_await required(bring_one(network, network.slave(request.slave), faults));
         faults.keep(state_error(network, network.slave(request.slave)));
     } else {
         const auto bring = [&network, &faults](Slave& slave) { return bring_one(network, slave, faults); };
-        auto all = co_await for_each_slave(network, bring);
-        if (!all) co_return all;
+        co_await required(for_each_slave(network, bring));
         for (const Slave& slave : network.slaves()) faults.keep(state_error(network, slave));
     }
     co_return faults.error().code == Errc::none ? Result<>() : Result<>(faults.error());

@@ -21,11 +21,11 @@ static Error check(Network& network, const SdoDownloadStream& r) {
 }
 
 static Task<Result<>> run(Network& network, SdoUploadStream& request) {
-    co_return co_await sdo_upload_stream(channel_of(network, request), request, patience_of(request));
+    co_return co_await required(sdo_upload_stream(channel_of(network, request), request, patience_of(request)));
 }
 static Task<Result<>> run(Network& network, SdoDownloadStream& request) {
     const PdoWrite note(network, request.slave, decides_on_pdos(request.index));
-    co_return co_await sdo_download_stream(channel_of(network, request), request, patience_of(request));
+    co_return co_await required(sdo_download_stream(channel_of(network, request), request, patience_of(request)));
 }
 
 static constexpr OperationDescription kUploadStream =

@@ -45,7 +45,7 @@ static Task<Result<>> run(Network& network, SoeWrite& r) {
 static Task<Result<>> run(Network& network, SoeCommand& r) {
     MailPatience patience = patience_of(r);
     patience.each = MailPatience{}.each;  // the timeout of the request limits the whole command, not a single message
-    co_return co_await soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience);
+    co_return co_await required(soe_execute(channel_of(network, r), target_of(r, soe_element::kValue), patience));
 }
 
 static constexpr OperationDescription kRead = describe_mail<SoeRead, check, run>(Operation::soe_read, Step::soe_read);

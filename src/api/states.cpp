@@ -87,7 +87,7 @@ static Task<Result<>> run(Network& network, ReadStateRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, WriteStateRequest& request) {
-    co_return co_await write_states(network, request.slave, request.wanted);
+    co_return co_await required(write_states(network, request.slave, request.wanted));
 }
 
 static Task<Result<>> run(Network& network, StateCheckRequest& request) {

@@ -51,7 +51,7 @@ class Supervised {
 static Task<Result<>> run(Network& network, SuperviseRequest& request) {
     const Supervised supervised(network, request);
     network.target = request.target;
-    co_return co_await supervise(network, request);
+    co_return co_await required(supervise(network, request));
 }
 
 static Task<Result<>> run(Network& network, ReconfigRequest& request) {
@@ -71,15 +71,12 @@ static Error absence(Network& network, std::uint16_t number) {
 
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
-    auto states = co_await read_states(network);
-    if (!states) co_return states.error();
+    co_await required(read_states(network));
     const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
-    auto back = co_await for_each_slave(network, readmit);
-    if (!back) co_return back;
+    co_await required(for_each_slave(network, readmit));
     if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Nothing{};
-    auto found = co_await find_lost(network);
-    if (!found) co_return found.error();
-    request.found = *found;
+    const auto found = co_await required(find_lost(network));
+    request.found = found;
     if (request.slave == 0) co_return Nothing{};
     const Error absent = absence(network, request.slave);
     co_return absent.code == Errc::none ? Result<>() : Result<>(absent);

@@ -25,7 +25,8 @@ class Link;
 // A coroutine that waits for one or more datagrams, or for a point of time.
 struct Waiter : ListNode {
     std::coroutine_handle<> handle;
-    unsigned pending = 0;
+    std::uint16_t pending = 0;
+    bool settles = false;  // a DatagramWait that chooses the coroutine that continues
 
     Waiter() = default;
     ~Waiter();  // out of line, as all that each sequence has for each datagram
@@ -48,17 +49,26 @@ enum class Repeat : std::uint8_t { yes, no };
 class Datagram;
 
 // Base of all awaitables of datagrams: submits the datagrams; the coroutine continues when the last of them has ended.
-class DatagramWait {
+class DatagramWait : protected Waiter {
   public:
+    // The wait is over. Returns the coroutine that continues.
+    [[nodiscard]] static std::coroutine_handle<> next(Waiter& waiter) noexcept {
+        return waiter.settles ? static_cast<DatagramWait&>(waiter).settle_(waiter) : waiter.handle;
+    }
     [[nodiscard]] bool await_ready() const noexcept { return false; }
 
   protected:
     // For await_suspend(). False: the link has refused all datagrams, and the coroutine continues at once.
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept;
     [[nodiscard]] bool submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept;
+    // In place of the waiting coroutine, the one that `settle` returns continues.
+    void settle_by(std::coroutine_handle<> (*settle)(Waiter& waiter) noexcept) {
+        settles = true;
+        settle_ = settle;
+    }
 
   private:
-    Waiter waiter_;
+    std::coroutine_handle<> (*settle_)(Waiter& waiter) noexcept = nullptr;
 };
 
 class Datagram : public ListNode {

@@ -31,8 +31,8 @@ Time Engine::poll(Time now) {
         ready_.push_back(*timer);
     List<detail::PromiseBase> starving;
     starving.take_back(arena_.starving);
-    while (detail::PromiseBase* sequence = starving.pop_front()) sequence->self.resume();
-    while (Waiter* waiter = ready_.pop_front()) waiter->handle.resume();
+    while (detail::PromiseBase* sequence = starving.pop_front()) detail::end_of_starving(*sequence).resume();
+    while (Waiter* waiter = ready_.pop_front()) DatagramWait::next(*waiter).resume();
     link_.send(now);
     Time timer = timers_.empty() ? kNever : timers_.front()->until;
     if (!arena_.starving.empty()) timer = std::min(timer, later(now, std::chrono::milliseconds(1)));

@@ -15,9 +15,9 @@ Datagram::Datagram(Link& link, wire::Command command, wire::DatagramAddress addr
 Datagram::~Datagram() = default;
 
 bool DatagramWait::submit(std::coroutine_handle<> waiting, std::span<Datagram* const> datagrams) noexcept {
-    waiter_.handle = waiting;
-    for (Datagram* datagram : datagrams) (void)datagram->submit(waiter_);
-    return waiter_.pending > 0;
+    handle = waiting;
+    for (Datagram* datagram : datagrams) (void)datagram->submit(*this);
+    return pending > 0;
 }
 
 bool DatagramWait::submit(std::coroutine_handle<> waiting, Datagram& datagram) noexcept {

@@ -81,10 +81,10 @@ class MailboxChannel::OneOrTwo : public DatagramWait {
 
 void MailboxChannel::ensure_pump() {
     if (pump_) return;
-    Task<Result<>> task = pump();
+    const TaskReference task = pump();
     if (task) {
         pump_.take(task);
-        (void)mailboxes_->tasks_.start(std::move(task));
+        (void)mailboxes_->tasks_.start(task);
         return;
     }
     const Error full{.code = Errc::capacity, .step = Step::mailbox_send, .slave = number_};

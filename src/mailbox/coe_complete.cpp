@@ -32,8 +32,7 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
 
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
-    auto read = co_await sdo_upload_once(channel, {.index = index}, count, patience);
-    if (!read) co_return read.error();
+    co_await required(sdo_upload_once(channel, {.index = index}, count, patience));
     co_return std::to_integer<std::uint8_t>(count[0]);
 }
 
@@ -54,14 +53,12 @@ Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes val
     std::size_t at = 0;
     for (unsigned n = 1; n <= count && at < value.size(); ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
-        auto bytes = co_await value_bytes(channel, one, value.size() - at, patience);
-        if (!bytes) co_return bytes.error();
-        if (*bytes > value.size() - at)
-            co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, *bytes, value.size() - at);
-        if (*bytes == 0) continue;
-        auto written = co_await sdo_download_once(channel, one, value.subspan(at, *bytes), patience);
-        if (!written) co_return written;
-        at += *bytes;
+        const auto bytes = co_await required(value_bytes(channel, one, value.size() - at, patience));
+        if (bytes > value.size() - at)
+            co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, bytes, value.size() - at);
+        if (bytes == 0) continue;
+        co_await required(sdo_download_once(channel, one, value.subspan(at, bytes), patience));
+        at += bytes;
     }
     if (at == value.size()) co_return Nothing{};
     co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, at, value.size());
@@ -80,12 +77,11 @@ Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::ui
 
 Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into,
                                             const MailPatience& patience) {
-    auto count = co_await read_count(channel, object.index, patience);
-    if (!count) co_return count.error();
+    const auto count = co_await required(read_count(channel, object.index, patience));
     std::size_t at = object.subindex == 0 ? kCountBytes : 0;
     if (at > into.size()) co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at, into.size());
-    if (at != 0) store_le<std::uint16_t>(into, 0, *count);
-    for (unsigned n = 1; n <= *count; ++n) {
+    if (at != 0) store_le<std::uint16_t>(into, 0, count);
+    for (unsigned n = 1; n <= count; ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
         auto read = co_await sdo_upload_once(channel, one, into.subspan(at), patience);
         if (read) at += *read;
@@ -104,12 +100,11 @@ Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, By
     unsigned count = 255;
     if (with_count) count = std::to_integer<std::uint8_t>(value[0]);
     if (with_count && element_bytes(object.index) != 0) {
-        auto cleared = co_await write_count(channel, object.index, 0, patience);
-        if (!cleared) co_return cleared;
+        co_await required(write_count(channel, object.index, 0, patience));
     }
     auto written = co_await write_values(channel, object, value.subspan(with_count ? kCountBytes : 0), count, patience);
     if (!written || !with_count) co_return written;
-    co_return co_await write_count(channel, object.index, static_cast<std::uint8_t>(count), patience);
+    co_return co_await required(write_count(channel, object.index, static_cast<std::uint8_t>(count), patience));
 }
 
 }  // namespace margay

@@ -17,8 +17,7 @@ Task<Result<std::uint8_t>> SdoList::open() {
         if (read || is_complete_access_refused(read.error())) channel_.no_complete_access = true;
     }
     std::array<std::byte, 4> count{};
-    auto read = co_await sdo_upload_once(channel_, {.index = index_}, count, patience_);
-    if (!read) co_return read.error();
+    co_await required(sdo_upload_once(channel_, {.index = index_}, count, patience_));
     co_return std::to_integer<std::uint8_t>(count[0]);
 }
 
@@ -30,9 +29,8 @@ Task<Result<std::uint32_t>> SdoList::element(unsigned n) {
         co_return load_le<std::uint32_t>(value);
     }
     // Some slaves send more octets than the element has.
-    auto read = co_await sdo_upload_once(channel_, {.index = index_, .subindex = static_cast<std::uint8_t>(n)}, value,
-                                         patience_);
-    if (!read) co_return read.error();
+    co_await required(
+        sdo_upload_once(channel_, {.index = index_, .subindex = static_cast<std::uint8_t>(n)}, value, patience_));
     std::fill(value.begin() + static_cast<std::ptrdiff_t>(element_bytes_), value.end(), std::byte{0});
     co_return load_le<std::uint32_t>(value);
 }

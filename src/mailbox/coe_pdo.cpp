@@ -12,16 +12,14 @@ constexpr std::uint16_t kAssignment = 0x1C10;
 Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience,
                                      EntrySink* sink) {
     SdoList entries(channel, at.pdo, 4, patience);
-    auto count = co_await entries.open();
-    if (!count) co_return count.error();
+    const auto count = co_await required(entries.open());
     std::uint32_t bits = 0;
-    for (unsigned n = 1; n <= *count; ++n) {
-        auto entry = co_await entries.element(n);
-        if (!entry) co_return entry.error();
+    for (unsigned n = 1; n <= count; ++n) {
+        const auto entry = co_await required(entries.element(n));
         at.entry_place = static_cast<std::uint8_t>(n);
-        at.index = static_cast<std::uint16_t>(*entry >> 16);
-        at.subindex = static_cast<std::uint8_t>(*entry >> 8);
-        at.bits = *entry & 0xFFU;
+        at.index = static_cast<std::uint16_t>(entry >> 16);
+        at.subindex = static_cast<std::uint8_t>(entry >> 8);
+        at.bits = entry & 0xFFU;
         if (sink != nullptr) sink->add(at);
         at.offset_bits += at.bits;
         bits += at.bits;
@@ -33,17 +31,14 @@ Task<Result<std::uint32_t>> pdo_bits(MailboxChannel& channel, FoundEntry at, con
 Task<Result<std::uint32_t>> assigned_bits(MailboxChannel& channel, FoundEntry at, const MailPatience& patience,
                                           EntrySink* sink) {
     SdoList pdos(channel, static_cast<std::uint16_t>(kAssignment + at.sync_manager), 2, patience);
-    auto count = co_await pdos.open();
-    if (!count) co_return count.error();
-    for (unsigned n = 1; n <= *count; ++n) {
-        auto pdo = co_await pdos.element(n);
-        if (!pdo) co_return pdo.error();
-        if (*pdo == 0) continue;
-        at.pdo = static_cast<std::uint16_t>(*pdo);
+    const auto count = co_await required(pdos.open());
+    for (unsigned n = 1; n <= count; ++n) {
+        const auto pdo = co_await required(pdos.element(n));
+        if (pdo == 0) continue;
+        at.pdo = static_cast<std::uint16_t>(pdo);
         at.pdo_place = static_cast<std::uint8_t>(n);
-        auto one = co_await pdo_bits(channel, at, patience, sink);
-        if (!one) co_return one;
-        at.offset_bits += *one;
+        const auto one = co_await required(pdo_bits(channel, at, patience, sink));
+        at.offset_bits += one;
     }
     co_return at.offset_bits;
 }

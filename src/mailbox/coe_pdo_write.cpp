@@ -71,7 +71,7 @@ Task<Result<Difference>> compare(MailboxChannel& channel, WantedList wanted, con
 
 Task<Result<>> write_empty(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     static constexpr std::array kZero{std::byte{0}};
-    co_return co_await sdo_download_once(channel, {.index = index}, kZero, patience);
+    co_return co_await required(sdo_download_once(channel, {.index = index}, kZero, patience));
 }
 
 // Writes the list by complete access if the slave supports it. Otherwise, or when the slave refuses it, element by
@@ -91,7 +91,8 @@ Task<Result<>> write_list(MailboxChannel& channel, WantedList wanted, const Mail
         if (written || !is_refusal(written.error())) co_return written;
         if (is_complete_access_refused(written.error())) channel.no_complete_access = true;
     }
-    co_return co_await sdo_download_singly(channel, {.index = wanted.index(), .complete = true}, whole, patience);
+    co_return co_await required(
+        sdo_download_singly(channel, {.index = wanted.index(), .complete = true}, whole, patience));
 }
 
 // For a list that the slave does not allow to be emptied: the error contains the first element that differs.
@@ -124,9 +125,8 @@ Task<Result<>> compare_mappings(MailboxChannel& channel, const SmPdos& wanted, D
                                 const MailPatience& patience) {
     for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {
         if (wanted.pdos[n].entries.empty()) continue;
-        auto difference = co_await compare(channel, {.mapping = &wanted.pdos[n]}, patience);
-        if (!difference) co_return difference.error();
-        if (difference->any) differing.set(n);
+        const auto difference = co_await required(compare(channel, {.mapping = &wanted.pdos[n]}, patience));
+        if (difference.any) differing.set(n);
     }
     co_return Nothing{};
 }
@@ -135,8 +135,7 @@ Task<Result<>> compare_mappings(MailboxChannel& channel, const SmPdos& wanted, D
 
 Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, const MailPatience& patience) {
     Differing differing;
-    auto compared = co_await compare_mappings(channel, wanted, differing, patience);
-    if (!compared) co_return compared;
+    co_await required(compare_mappings(channel, wanted, differing, patience));
     auto assignment = co_await compare(channel, {.assignment = &wanted}, patience);
     if (!assignment) co_return assignment.error();
     if (!assignment->any && !differing.any()) co_return Nothing{};
@@ -147,11 +146,10 @@ Task<Result<>> write_sm_pdos(MailboxChannel& channel, const SmPdos& wanted, cons
     if (!emptied && !fixed) co_return with_difference(emptied.error(), *assignment);
     for (std::size_t n = 0; n < wanted.pdos.size(); ++n) {
         if (!differing.test(n)) continue;
-        auto written = co_await write_mapping(channel, wanted.pdos[n], patience);
-        if (!written) co_return written;
+        co_await required(write_mapping(channel, wanted.pdos[n], patience));
     }
     if (fixed) co_return Nothing{};
-    co_return co_await write_list(channel, {.assignment = &wanted}, patience);
+    co_return co_await required(write_list(channel, {.assignment = &wanted}, patience));
 }
 
 }  // namespace margay

@@ -114,14 +114,13 @@ bool may_be_complete_access(const Error& error) {
 Task<Result<std::size_t>> sdo_upload_once(MailboxChannel& channel, SdoObject object, MutableBytes into,
                                           const MailPatience& patience) {
     SdoUploadTransfer transfer(object, into);
-    auto done = co_await run_transfer(channel, transfer, patience, Step::sdo_upload);
-    if (!done) co_return done.error();
+    co_await required(run_transfer(channel, transfer, patience, Step::sdo_upload));
     co_return transfer.bytes();
 }
 
 Task<Result<>> sdo_download_once(MailboxChannel& channel, SdoObject object, Bytes value, const MailPatience& patience) {
     SdoDownloadTransfer transfer(object, value);
-    co_return co_await run_transfer(channel, transfer, patience, Step::sdo_download);
+    co_return co_await required(run_transfer(channel, transfer, patience, Step::sdo_download));
 }
 
 Task<Result<std::size_t>> sdo_upload(MailboxChannel& channel, SdoObject object, MutableBytes into,

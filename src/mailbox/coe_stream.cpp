@@ -114,14 +114,14 @@ Task<Result<>> sdo_upload_stream(MailboxChannel& channel, SdoUploadStream& reque
     ArenaBuffer part(channel.arena());
     if (!part.reserve(channel.receive_room())) co_return no_memory_for_part(request, Step::sdo_upload);
     UploadToSink transfer(object_of(request), request, part.bytes());
-    co_return co_await run_transfer(channel, transfer, patience, Step::sdo_upload);
+    co_return co_await required(run_transfer(channel, transfer, patience, Step::sdo_upload));
 }
 
 Task<Result<>> sdo_download_stream(MailboxChannel& channel, SdoDownloadStream& request, const MailPatience& patience) {
     ArenaBuffer part(channel.arena());
     if (!part.reserve(channel.send_room())) co_return no_memory_for_part(request, Step::sdo_download);
     DownloadFromSource transfer(object_of(request), request, part.bytes().first(channel.send_room()));
-    co_return co_await run_transfer(channel, transfer, patience, Step::sdo_download);
+    co_return co_await required(run_transfer(channel, transfer, patience, Step::sdo_download));
 }
 
 }  // namespace margay

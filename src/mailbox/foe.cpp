@@ -131,8 +131,7 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
     ArenaBuffer packet(channel.arena());
     const std::size_t room = channel.receive_room();
-    auto begun = co_await begin_transfer(channel, request, session, packet, room, kStep);
-    if (!begun) co_return begun;
+    co_await required(begin_transfer(channel, request, session, packet, room, kStep));
     MemorySink memory(request.data);
     ByteSink& sink = request.sink != nullptr ? *request.sink : memory;
     FoeReadTransfer transfer(request, sink, packet.bytes().first(room - foe::kHeaderBytes));
@@ -149,12 +148,11 @@ Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailP
     MailSession session(channel, wire::MailboxType::foe, patience.priority, patience.give_up);
     ArenaBuffer packet(channel.arena());
     const std::size_t room = channel.send_room();
-    auto begun = co_await begin_transfer(channel, request, session, packet, room, kStep);
-    if (!begun) co_return begun;
+    co_await required(begin_transfer(channel, request, session, packet, room, kStep));
     MemorySource memory(request.data);
     ByteSource& source = request.source != nullptr ? *request.source : memory;
     FoeWriteTransfer transfer(request, source, packet.bytes().first(room - foe::kHeaderBytes));
-    co_return co_await transfer_file(channel, session, transfer, patience, kStep);
+    co_return co_await required(transfer_file(channel, session, transfer, patience, kStep));
 }
 
 }  // namespace margay

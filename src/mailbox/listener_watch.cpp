@@ -6,11 +6,11 @@
 namespace margay {
 
 bool Mailboxes::watch_for_listeners() {
-    Task<Result<>> task = look_for_listeners();
+    const TaskReference task = look_for_listeners();
     if (!task) return false;  // the task of other listeners goes on
     listening_.end();
     listening_.take(task);
-    return tasks_.start(std::move(task));
+    return tasks_.start(task);
 }
 
 Task<Result<>> Mailboxes::look_for_listeners() {

@@ -107,10 +107,10 @@ void Mailboxes::watch(Duration every) {
 
 void Mailboxes::ensure_watch() {
     if (watch_) return;
-    Task<Result<>> task = watch_all();
+    const TaskReference task = watch_all();
     if (!task) return;
     watch_.take(task);
-    (void)tasks_.start(std::move(task));
+    (void)tasks_.start(task);
 }
 
 std::size_t Mailboxes::waiting() const {
@@ -199,10 +199,10 @@ bool Mailboxes::start_forward(MailboxChannel& to, MailboxChannel& from, const wi
     if (!copy.reserve(mail.data.size())) return false;
     const MutableBytes message = copy.bytes().first(mail.data.size());
     std::ranges::copy(mail.data, message.begin());
-    Task<Result<>> task = forward(to, from, mail.header, message);
+    const TaskReference task = forward(to, from, mail.header, message);
     if (!task) return false;
     copy.release();
-    (void)tasks_.start(std::move(task));
+    (void)tasks_.start(task);
     return true;
 }
 

@@ -28,14 +28,13 @@ struct IdnList {
 };
 
 Task<Result<>> read_list(MailboxChannel& channel, SoeTarget target, IdnList& list) {
-    auto read = co_await soe_read(channel, target, list.octets, kPatience);
-    if (!read) co_return read.error();
+    const auto read = co_await required(soe_read(channel, target, list.octets, kPatience));
     const std::size_t length = wire::soe::ListLayout::current_bytes::load(list.octets);
-    if (*read < wire::soe::kListHeadBytes || length > *read - wire::soe::kListHeadBytes) {
+    if (read < wire::soe::kListHeadBytes || length > read - wire::soe::kListHeadBytes) {
         Error error = channel.station().error(Errc::protocol, Step::soe_read, target.idn.value);
         error.subindex = target.drive;
         error.expected = static_cast<std::uint32_t>(wire::soe::kListHeadBytes + length);
-        error.actual = static_cast<std::uint32_t>(*read);
+        error.actual = static_cast<std::uint32_t>(read);
         co_return error;
     }
     list.count = length / 2;
@@ -49,8 +48,7 @@ Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t dr
         if (list.at(n) == word) continue;
         std::array<std::byte, wire::soe::kAttributeBytes> octets{};
         const SoeTarget target{.idn = list.at(n), .drive = drive, .elements = soe_element::kAttribute};
-        auto read = co_await soe_read(channel, target, octets, kPatience);
-        if (!read) co_return read.error();
+        co_await required(soe_read(channel, target, octets, kPatience));
         const SoeAttribute attribute = soe_attribute(load_le<std::uint32_t>(octets));
         if (!attribute.list) bits += attribute.bytes * 8U;  // the length of a list cannot be configured
     }
@@ -62,13 +60,12 @@ Task<Result<std::uint32_t>> listed_bits(MailboxChannel& channel, std::uint8_t dr
 Task<Result<std::uint32_t>> direction_bits(MailboxChannel& channel, std::uint8_t drive, unsigned telegram, bool mdt) {
     IdnList list;
     if (telegram == kConfigurable) {
-        auto read = co_await read_list(channel, {.idn = mdt ? kMdtList : kAtList, .drive = drive}, list);
-        if (!read) co_return read.error();
+        co_await required(read_list(channel, {.idn = mdt ? kMdtList : kAtList, .drive = drive}, list));
     } else {
         for (const Idn idn : wire::soe::telegram(telegram, mdt))
             if (idn != Idn{}) list.add(idn);
     }
-    co_return co_await listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord);
+    co_return co_await required(listed_bits(channel, drive, list, mdt ? kControlWord : kStatusWord));
 }
 
 struct DriveBits {
@@ -88,10 +85,9 @@ Task<Result<DriveBits>> drive_bits(MailboxChannel& channel, std::uint8_t drive) 
     auto inputs = co_await direction_bits(channel, drive, telegram, false);
     if (!inputs && !type && is_refusal(inputs.error())) co_return DriveBits{};
     if (!inputs) co_return inputs.error();
-    auto outputs = co_await direction_bits(channel, drive, telegram, true);
-    if (!outputs) co_return outputs.error();
+    const auto outputs = co_await required(direction_bits(channel, drive, telegram, true));
     bits.inputs = *inputs;
-    bits.outputs = *outputs;
+    bits.outputs = outputs;
     co_return bits;
 }
 
@@ -118,11 +114,10 @@ Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, 
     if (!channel.is_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
     DriveBits all;
     for (std::uint8_t drive = 0; drive < wire::soe::kDrives; ++drive) {
-        auto one = co_await drive_bits(channel, drive);
-        if (!one) co_return one.error();
-        all.there = all.there || one->there;
-        all.outputs += one->outputs;
-        all.inputs += one->inputs;
+        const auto one = co_await required(drive_bits(channel, drive));
+        all.there = all.there || one.there;
+        all.outputs += one.outputs;
+        all.inputs += one.inputs;
     }
     if (!all.there) co_return false;
     configure(slave, all, found);

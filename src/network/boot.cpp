@@ -11,8 +11,7 @@ namespace {
 
 // The process data of the running cycle must not be written over the mailboxes of BOOT, which may have the same memory.
 Task<Result<>> to_init(Network& network, Slave& slave, Time until) {
-    auto cleared = co_await clear_fmmus(network, slave);
-    if (!cleared) co_return cleared;
+    co_await required(clear_fmmus(network, slave));
     auto init = co_await bring_to_state(network, slave, AlState::init, until);
     co_return init ? Result<>() : Result<>(init.error());
 }
@@ -24,15 +23,13 @@ Task<Result<>> prepare(Network& network, Slave& slave, AlState to, Time until) {
         if (refused.code != Errc::none) co_return refused;
     }
     if (slave.al.state != AlState::init || enters) {
-        auto init = co_await to_init(network, slave, until);
-        if (!init) co_return init;
+        co_await required(to_init(network, slave, until));
     }
     if (network.has_mailbox(slave)) network.mailbox(slave).close();
     if (!enters && (to == AlState::init || !uses_mailbox(slave))) co_return Nothing{};
     const Station station = network.station(slave);
     // An ESC accepts the address and length of a SyncManager only while the SyncManager is disabled.
-    auto cleared = co_await clear_sync_managers(station, slave);
-    if (!cleared) co_return cleared;
+    co_await required(clear_sync_managers(station, slave));
     const MailboxSyncManagers sms = mailbox_sync_managers(slave, enters ? slave.boot_mailbox : slave.mailbox);
     auto written = co_await write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox);
     co_return written ? Result<>() : Result<>(written.error());

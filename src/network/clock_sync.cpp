@@ -55,16 +55,14 @@ Task<Result<SyncRegisters>> read_mode(Network& network, const Slave& slave, std:
     sii::CategoryChain chain(sii::content_end_word(slave.sii_bytes));
     for (unsigned n = 0; chain.more() && n < kMostCategories; ++n) {
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        auto read_header = co_await reader.read(chain.header_word(), header);
-        if (!read_header) co_return read_header.error();
+        co_await required(reader.read(chain.header_word(), header));
         const auto place = chain.step(header);
         if (!place) break;
         if (place->type != sii::category::kDc) continue;
         if ((number + 1U) * sii::kDcOpModeBytes > place->words * sii::kWordBytes) break;
         std::array<std::byte, sii::kDcOpModeBytes> content{};
         const auto word = static_cast<std::uint32_t>(place->word + number * sii::kDcOpModeBytes / sii::kWordBytes);
-        auto read_content = co_await reader.read(word, content);
-        if (!read_content) co_return read_content.error();
+        co_await required(reader.read(word, content));
         co_return registers_of_mode(sii::load_dc_op_mode(content), network.clocks.settings);
     }
     co_return no_such_mode(slave, number);
@@ -77,8 +75,7 @@ Task<Result<SyncRegisters>> find_sync(Network& network, Slave& slave) {
     if (clock.sync_set) co_return clock.sync;
     if (wanted.source == SyncSettings::Source::none) co_return SyncRegisters{};
     if (wanted.source == SyncSettings::Source::application) co_return sync_registers(wanted, network.clocks.settings);
-    auto assigned = co_await sii_assign(network.station(slave), false);
-    if (!assigned) co_return assigned.error();
+    co_await required(sii_assign(network.station(slave), false));
     auto mode = co_await read_mode(network, slave, wanted.sii_mode);
     auto offered = co_await sii_assign(network.station(slave), true);
     if (mode && !offered) co_return offered.error();
@@ -143,14 +140,12 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
 Task<Result<>> continue_reference(Network& network) {
     Clocks& clocks = network.clocks;
     Slave& reference = network.slave(clocks.reference);
-    auto latched = co_await latch_receive_times(network);
-    if (!latched) co_return latched;
+    co_await required(latch_receive_times(network));
     const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
-    auto mine = co_await read_receive_times(network, reference);
-    if (!mine) co_return mine;
+    co_await required(read_receive_times(network, reference));
     ClockEntry& clock = clocks.of(reference);
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
-    co_return co_await write_clock(network, reference);
+    co_return co_await required(write_clock(network, reference));
 }
 
 bool was_reset(const ClockEntry& clock, std::uint64_t offset) { return offset == 0 && clock.offset_ns != 0; }
@@ -161,11 +156,10 @@ Task<Result<>> restore_reference(Network& network) {
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
     Slave& reference = network.slave(clocks.reference);
-    auto offset =
-        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
-    if (!offset) co_return offset.error();
-    if (!was_reset(clocks.of(reference), *offset)) co_return Nothing{};
-    co_return co_await continue_reference(network);
+    const auto offset = co_await required(
+        read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
+    if (!was_reset(clocks.of(reference), offset)) co_return Nothing{};
+    co_return co_await required(continue_reference(network));
 }
 
 // The clock of the slave from that of the reference: both latch the same frame.
@@ -175,27 +169,22 @@ Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     const Measuring measuring(clocks);
     Slave& reference = network.slave(clocks.reference);
     const bool measured = clocks.of(slave).times.count() != 0;
-    auto offset =
-        co_await read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks);
-    if (!offset) co_return offset.error();
-    if (was_reset(clocks.of(reference), *offset)) {
-        auto continued = co_await continue_reference(network);
-        if (!continued) co_return continued;
-        *offset = clocks.of(reference).offset_ns;
+    auto offset = co_await required(
+        read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
+    if (was_reset(clocks.of(reference), offset)) {
+        co_await required(continue_reference(network));
+        offset = clocks.of(reference).offset_ns;
     }
-    auto latched = co_await latch_receive_times(network);
-    if (!latched) co_return latched;
-    auto mine = co_await read_receive_times(network, slave);
-    if (!mine) co_return mine;
-    auto other = co_await read_receive_times(network, reference);
-    if (!other) co_return other;
+    co_await required(latch_receive_times(network));
+    co_await required(read_receive_times(network, slave));
+    co_await required(read_receive_times(network, reference));
     if (!measured) compute_clock_delays(network);
     ClockEntry& clock = clocks.of(slave);
     const ClockEntry& source = clocks.of(reference);
-    const std::uint64_t system = source.local_ns + *offset - source.delay_ns;
+    const std::uint64_t system = source.local_ns + offset - source.delay_ns;
     clocks.note_time(system, source.kind == ClockKind::bits64, clocks.latched_at);
     clock.offset_ns = clock_offset_ns(clocks.system_ns, clock.delay_ns, clock.local_ns);
-    co_return co_await write_clock(network, slave);
+    co_return co_await required(write_clock(network, slave));
 }
 
 // Sends the time until the slave's clock is within the limit. A clock that is not after this time stays under the eyes
@@ -206,10 +195,8 @@ Task<Result<>> wait_for_clock(Network& network, Slave& slave) {
     unsigned good = 0;
     constexpr unsigned kEnough = 10;
     while (good < kEnough && network.engine.now() < give_up) {
-        auto sent = co_await send_time(network);
-        if (!sent) co_return sent;
-        auto seen = co_await read_difference(network, slave);
-        if (!seen) co_return seen;
+        co_await required(send_time(network));
+        co_await required(read_difference(network, slave));
         const std::int64_t away = std::abs(std::int64_t{network.clocks.of(slave).difference_ns});
         good = away <= network.clocks.settings.limit_ns ? good + 1 : 0;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
@@ -239,26 +226,23 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     ClockEntry& clock = clocks.of(slave);
     if (clock.kind == ClockKind::unknown) {
-        auto probed = co_await probe_clock(network, slave);
-        if (!probed) co_return probed;
+        co_await required(probe_clock(network, slave));
     }
     if (!is_clock(clock.kind) || clocks.reference == 0) co_return Result<>();
-    if (clocks.reference == slave.number) co_return co_await restore_reference(network);
+    if (clocks.reference == slave.number) co_return co_await required(restore_reference(network));
     if (clock.synchronised) {
-        auto same = co_await has_its_clock(network, slave);
-        if (!same) co_return same.error();
-        if (*same) co_return Result<>();
+        const auto same = co_await required(has_its_clock(network, slave));
+        if (same) co_return Result<>();
     }
     if (network.slave(clocks.reference).al.state == AlState::none) co_return Result<>();
     clock.synchronised = clock.in_sync = false;
     clock.watch.reset();
     clocks.all_in_sync = false;
     const Slave& reference = network.slave(clocks.reference);
-    if (slave.ring_position < reference.ring_position) co_return co_await become_reference(network, slave);
-    auto set = co_await set_clock_by_reference(network, slave);
-    if (!set) co_return set;
+    if (slave.ring_position < reference.ring_position) co_return co_await required(become_reference(network, slave));
+    co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
-    co_return co_await wait_for_clock(network, slave);
+    co_return co_await required(wait_for_clock(network, slave));
 }
 
 }  // namespace
@@ -298,8 +282,7 @@ Task<Result<>> activate_sync(Network& network, Slave& slave, SyncRegisters sync)
 }
 
 Task<Result<>> prepare_clock(Network& network, Slave& slave) {
-    auto restored = co_await restore_clock(network, slave);
-    if (!restored) co_return restored;
+    co_await required(restore_clock(network, slave));
     auto sync = co_await find_sync(network, slave);
     if (!sync) {
         Error error = sync.error();
@@ -307,7 +290,7 @@ Task<Result<>> prepare_clock(Network& network, Slave& slave) {
         co_return error;
     }
     if (sync->assign_activate == 0) co_return Result<>();
-    co_return co_await activate_sync(network, slave, *sync);
+    co_return co_await required(activate_sync(network, slave, *sync));
 }
 
 }  // namespace margay

@@ -61,11 +61,9 @@ Task<Result<>> replace_reference(Network& network) {
         co_return Nothing{};
     }
     Slave& slave = network.slave(next);
-    auto seen = co_await read_difference(network, slave);
-    if (!seen) co_return seen;
+    co_await required(read_difference(network, slave));
     if (std::abs(std::int64_t{clocks.of(slave).difference_ns}) > clocks.settings.limit_ns) {
-        auto reset = co_await reset_control_loop(network.station(slave));
-        if (!reset) co_return reset;
+        co_await required(reset_control_loop(network.station(slave)));
     }
     if (!carry_time_of(network, &slave)) co_return Nothing{};
     network.report({.kind = EventKind::reference_clock, .slave = next, .other = clocks.reference});
@@ -166,8 +164,7 @@ Task<Result<>> watch_clocks(Network& network) {
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     forget_lost(network);
     if (!is_there(network, clocks.reference)) {
-        auto replaced = co_await replace_reference(network);
-        if (!replaced) co_return replaced;
+        co_await required(replace_reference(network));
     }
     if (!is_there(network, clocks.reference)) co_return Nothing{};
     clocks.loss_reported = false;
@@ -179,13 +176,11 @@ Task<Result<>> watch_clocks(Network& network) {
         if (!improved && improved.error().code == Errc::capacity) co_return improved;
     }
     if (!cycle_carries_time(network)) {
-        auto sent = co_await send_time(network);
-        if (!sent) co_return sent;
+        co_await required(send_time(network));
     }
-    auto greatest = co_await read_greatest_difference(network);
-    if (!greatest) co_return greatest.error();
-    clocks.greatest_ns = *greatest;
-    if (*greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
+    const auto greatest = co_await required(read_greatest_difference(network));
+    clocks.greatest_ns = greatest;
+    if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
     const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
     auto all = co_await for_each_slave(network, look);
     clocks.all_in_sync = all_in_sync(network);

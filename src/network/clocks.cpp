@@ -50,7 +50,7 @@ Task<Result<>> probe_if_there(Network& network, Slave& slave, Error& first) {
 Task<Result<>> read_times_if_any(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
     if (clock.kind < ClockKind::receive_times || slave.al.state == AlState::none) co_return Nothing{};
-    co_return co_await read_receive_times(network, slave);
+    co_return co_await required(read_receive_times(network, slave));
 }
 
 // The reference that the settings choose; 0 and an error if there is none.
@@ -69,12 +69,10 @@ Result<std::uint16_t> choose_reference(Network& network, std::uint16_t wanted) {
 
 // One measurement: all latch, all are read.
 Task<Result<>> measure_once(Network& network) {
-    auto latched = co_await latch_receive_times(network);
-    if (!latched) co_return latched;
+    co_await required(latch_receive_times(network));
     Error first;
     const auto read = [&network](Slave& s) { return read_times_if_any(network, s); };
-    auto all = co_await for_each_slave(network, read, &first);
-    if (!all) co_return all;
+    co_await required(for_each_slave(network, read, &first));
     if (first.code != Errc::none) co_return first;
     co_return Nothing{};
 }
@@ -82,8 +80,7 @@ Task<Result<>> measure_once(Network& network) {
 Task<Result<>> measure(Network& network) {
     const Measuring measuring(network.clocks);
     for (std::uint8_t n = 0; n < network.clocks.settings.measurements; ++n) {
-        auto once = co_await measure_once(network);
-        if (!once) co_return once;
+        co_await required(measure_once(network));
     }
     compute_clock_delays(network);
     co_return Nothing{};
@@ -103,18 +100,18 @@ void compute_offsets(Network& network) {
 
 Task<Result<>> write_clock_if_any(Network& network, Slave& slave) {
     if (!network.clocks.of(slave).synchronised) co_return Nothing{};
-    co_return co_await write_clock(network, slave);
+    co_return co_await required(write_clock(network, slave));
 }
 
 Task<Result<>> write_delay_if_any(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
     if (!clock.synchronised || slave.al.state == AlState::none) co_return Nothing{};
-    co_return co_await write_clock_register(network.station(slave), reg::kSystemTimeDelay, clock.delay_ns);
+    co_return co_await required(write_clock_register(network.station(slave), reg::kSystemTimeDelay, clock.delay_ns));
 }
 
 Task<Result<>> read_difference_if_any(Network& network, Slave& slave) {
     if (!network.clocks.of(slave).synchronised || slave.al.state == AlState::none) co_return Nothing{};
-    co_return co_await read_difference(network, slave);
+    co_return co_await required(read_difference(network, slave));
 }
 
 // Many frames with the time, several of them on the wire at once. Beside a cycle they wait for its spare room: then the
@@ -158,20 +155,17 @@ Task<Result<>> wait_until_in_sync(Network& network) {
     const Time give_up = later(network.engine.now(), settings.timeout);
     Time since = kNever;
     for (;;) {
-        auto sent = co_await send_time(network);
-        if (!sent) co_return sent;
-        auto greatest = co_await read_greatest_difference(network);
-        if (!greatest) co_return greatest.error();
+        co_await required(send_time(network));
+        const auto greatest = co_await required(read_greatest_difference(network));
         const Time now = network.engine.now();
-        network.clocks.greatest_ns = *greatest;
-        if (*greatest > settings.limit_ns) since = kNever;
-        if (*greatest <= settings.limit_ns && since == kNever) since = now;
+        network.clocks.greatest_ns = greatest;
+        if (greatest > settings.limit_ns) since = kNever;
+        if (greatest <= settings.limit_ns && since == kNever) since = now;
         if ((since != kNever && now >= later(since, settings.settle)) || now >= give_up) break;
         co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     }
     const auto read = [&network](Slave& s) { return read_difference_if_any(network, s); };
-    auto all = co_await for_each_slave(network, read);
-    if (!all) co_return all;
+    co_await required(for_each_slave(network, read));
     const Error worst = worst_clock(network);
     if (worst.code != Errc::none) co_return worst;
     for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.in_sync = clock.synchronised;
@@ -181,13 +175,11 @@ Task<Result<>> wait_until_in_sync(Network& network) {
 
 // Measures delays and writes offsets, from the clocks' own times.
 Task<Result<>> set_clocks(Network& network) {
-    auto measured = co_await measure(network);
-    if (!measured) co_return measured;
+    co_await required(measure(network));
     compute_offsets(network);
     Error first;
     const auto write = [&network](Slave& s) { return write_clock_if_any(network, s); };
-    auto written = co_await for_each_slave(network, write, &first);
-    if (!written) co_return written;
+    co_await required(for_each_slave(network, write, &first));
     co_return first.code == Errc::none ? Result<>() : Result<>(first);
 }
 
@@ -196,10 +188,9 @@ Task<Result<>> set_clocks(Network& network) {
 Task<Result<>> improve_delays(Network& network) {
     while (network.clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
-    auto measured = co_await measure(network);
-    if (!measured) co_return measured;
+    co_await required(measure(network));
     const auto write = [&network](Slave& s) { return write_delay_if_any(network, s); };
-    co_return co_await for_each_slave(network, write);
+    co_return co_await required(for_each_slave(network, write));
 }
 
 void Clocks::forget() {
@@ -261,9 +252,9 @@ Task<Result<std::uint32_t>> read_greatest_difference(Network& network) {
 }
 
 Task<Result<>> read_difference(Network& network, Slave& slave) {
-    auto raw = co_await read<std::uint32_t>(network.station(slave), reg::kSystemTimeDifference, kClockStep);
-    if (!raw) co_return raw.error();
-    network.clocks.of(slave).difference_ns = load_difference_ns(*raw);
+    const auto raw =
+        co_await required(read<std::uint32_t>(network.station(slave), reg::kSystemTimeDifference, kClockStep));
+    network.clocks.of(slave).difference_ns = load_difference_ns(raw);
     co_return Nothing{};
 }
 
@@ -274,8 +265,7 @@ Task<Result<>> probe_clock(Network& network, Slave& slave) {
     ClockEntry& clock = network.clocks.of(slave);
     clock.kind = ClockKind::none;
     slave.dl.dc = slave.dl.dc_64bit = false;
-    auto there = co_await read<std::uint8_t>(station, reg::kType, kClockStep);
-    if (!there) co_return there.error();
+    co_await required(read<std::uint8_t>(station, reg::kType, kClockStep));
     auto times = co_await read<std::uint32_t>(station, reg::kPortReceiveTime, kClockStep);
     if (does_not_answer(times.error())) co_return Nothing{};
     if (!times) co_return times.error();
@@ -364,19 +354,17 @@ Task<Result<>> write_clock(Network& network, Slave& slave) {
 }
 
 Task<Result<>> reset_control_loop(Station station) {
-    co_return co_await write_clock_register(station, reg::kSpeedCounterStart, kSpeedCounterDefault);
+    co_return co_await required(write_clock_register(station, reg::kSpeedCounterStart, kSpeedCounterDefault));
 }
 
 Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings settings) {
     Clocks& clocks = network.clocks;
     clocks.forget();
     clocks.settings = settings;
-    auto reset = co_await reset_clocks(network);
-    if (!reset) co_return reset.error();
+    co_await required(reset_clocks(network));
     Error first;
     const auto probe = [&network, &first](Slave& s) { return probe_if_there(network, s, first); };
-    auto probed = co_await for_each_slave(network, probe);
-    if (!probed) co_return probed.error();
+    co_await required(for_each_slave(network, probe));
     if (first.code != Errc::none) co_return first;
     const auto reference = choose_reference(network, settings.reference);
     if (!reference) co_return reference;

@@ -53,6 +53,7 @@ Task<Result<>> write_sync_managers(Station station, const Slave& slave, Fed fed)
 }
 
 using FmmuBytes = std::array<std::byte, SlaveFmmus::kMost * reg::kFmmuStride>;
+static_assert(sizeof(FmmuBytes) <= sizeof(kClearedRegisters));
 
 std::size_t fmmu_count(const Slave& slave) { return std::min<std::size_t>(slave.dl.fmmus, SlaveFmmus::kMost); }
 
@@ -106,18 +107,15 @@ Task<Result<>> write_watchdogs(Station station, const Slave& slave) {
     const WatchdogValues values = watchdog_values(slave);
     for (const RegisterValue& one : values) {
         if (one.place.address == 0) continue;
-        auto written = co_await write<std::uint16_t>(station, one.place, one.value, kStep);
-        if (!written) co_return written;
+        co_await required(write<std::uint16_t>(station, one.place, one.value, kStep));
     }
     co_return Nothing{};
 }
 
 Task<Result<>> write_all(Station station, const Slave& slave, const ImageLayout& layout, bool running) {
-    auto sms = co_await write_sync_managers(station, slave, fed(slave));
-    if (!sms) co_return sms;
-    auto fmmus = co_await write_fmmus(station, slave, layout, !running);
-    if (!fmmus) co_return fmmus;
-    co_return co_await write_watchdogs(station, slave);
+    co_await required(write_sync_managers(station, slave, fed(slave)));
+    co_await required(write_fmmus(station, slave, layout, !running));
+    co_return co_await required(write_watchdogs(station, slave));
 }
 
 // Some slaves require a watchdog and refuse SAFEOP when nothing triggers it. Then all outputs are set to trigger it,
@@ -128,8 +126,7 @@ Task<Result<AlStatus>> to_safeop(Station station, const Slave& slave) {
     if (first || first.error().code != Errc::al_status || fed(slave) == Fed::by_all_outputs ||
         first.error().detail != static_cast<std::uint32_t>(wire::AlStatusCode::invalid_watchdog_configuration))
         co_return first;
-    auto written = co_await write_sync_managers(station, slave, Fed::by_all_outputs);
-    if (!written) co_return written.error();
+    co_await required(write_sync_managers(station, slave, Fed::by_all_outputs));
     auto second =
         co_await change_al_state(station, AlState::safeop, slave.device_emulation, al_timeout(slave, AlState::safeop));
     co_return second;
@@ -141,33 +138,28 @@ Task<Result<>> prepare_clock_if_any(Network& network, Slave& slave) {
         if (slave.config.dc().source == SyncSettings::Source::none) co_return Result<>();
         co_return Error{.code = Errc::wrong_state, .step = Step::configure_sync, .slave = slave.number};
     }
-    co_return co_await network.clocks.prepare(network, slave);
+    co_return co_await required(network.clocks.prepare(network, slave));
 }
 
 }  // namespace
 
 Task<Result<>> clear_fmmus(Network& network, Slave& slave) {
     const std::size_t count = fmmu_count(slave);
-    static constexpr FmmuBytes kNone{};
-    const Station station = network.station(slave);
-    Datagram clear(station.engine.link(), wire::Command::FPWR, {station.address, reg::kFmmuBase},
-                   Bytes(kNone).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride));
-    auto reply = co_await clear;
-    const Error error = error_of_reply(station, reply, kStep, reg::kFmmuBase);
+    const Bytes zeros = Bytes(kClearedRegisters).first(std::max<std::size_t>(count, 1) * reg::kFmmuStride);
+    auto cleared = co_await write_bytes(network.station(slave), reg::kFmmuBase, zeros, kStep);
     // The write fails on a slave without FMMUs, which has nothing to clear.
-    if (error.code != Errc::none && count != 0) co_return error;
+    if (!cleared && count != 0) co_return cleared;
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }
 
 Task<Result<>> clear_sync_managers(Station station, const Slave& slave) {
-    static constexpr std::array<std::byte, Slave::kSyncManagers * reg::kSyncManagerStride> kNone{};
     const std::size_t count = std::min<std::size_t>(slave.dl.sync_managers, Slave::kSyncManagers);
     if (count == 0) co_return Nothing{};
     Datagram write(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncManagerBase},
-                   Bytes(kNone).first(count * reg::kSyncManagerStride));
+                   Bytes(kClearedRegisters).first(count * reg::kSyncManagerStride));
     Datagram sync(station.engine.link(), wire::Command::FPWR, {station.address, reg::kSyncActivation.address},
-                  Bytes(kNone).first(1));
+                  Bytes(kClearedRegisters).first(1));
     co_await together(write, sync);  // not every slave has a SYNC unit
     co_return error_of_reply(station, write.reply(), Step::recover, reg::kSyncManagerBase);
 }
@@ -196,8 +188,7 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     update_al_status(slave.al, before);
     if (!before) co_return before.error();
     if (before->state == AlState::safeop || before->state == AlState::op) {
-        auto back = co_await bring_to_state(network, slave, AlState::preop);
-        if (!back) co_return back.error();
+        co_await required(bring_to_state(network, slave, AlState::preop));
     }
     if (slave.al.state != AlState::preop) {  // it has fallen since it was started
         Error error = station.error(Errc::other_state, Step::request_state, 0);
@@ -206,15 +197,11 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         co_return error;
     }
     if (running && pdo_part(slave) != nullptr) {
-        auto pdos = co_await pdo_part(slave)->write(network, slave);
-        if (!pdos) co_return pdos;
+        co_await required(pdo_part(slave)->write(network, slave));
     }
-    auto written = co_await write_all(station, slave, layout, running);
-    if (!written) co_return written;
-    auto prepared = co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::before);
-    if (!prepared) co_return prepared;
-    auto clock = co_await prepare_clock_if_any(network, slave);
-    if (!clock) co_return clock;
+    co_await required(write_all(station, slave, layout, running));
+    co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::before));
+    co_await required(prepare_clock_if_any(network, slave));
     network.marks(slave).requested = Transition::none;
     mark_unfinished(network, slave, Transition::preop_to_safeop);
     auto state = co_await to_safeop(station, slave);
@@ -222,11 +209,10 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
     update_al_status(slave.al, seen);
     if (!state) co_return state.error();
     if (running) {
-        auto mapped = co_await write_fmmus(station, slave, layout, true);
-        if (!mapped) co_return mapped;
+        co_await required(write_fmmus(station, slave, layout, true));
         set_takes_part(network, slave, true);
     }
-    co_return co_await around_transition(network, slave, Transition::preop_to_safeop, Moment::after);
+    co_return co_await required(around_transition(network, slave, Transition::preop_to_safeop, Moment::after));
 }
 
 }  // namespace margay

@@ -6,6 +6,9 @@
 
 namespace margay {
 
+// Written to registers to clear them: at most 16 FMMUs.
+inline constexpr std::array<std::byte, 256> kClearedRegisters{};
+
 // Writes SyncManagers, FMMUs and watchdogs of a slave that lay_out() has placed, and brings it to SAFEOP, with the
 // commands and the hook of its configuration. A slave in SAFEOP or OP is first brought back to PREOP. Used for the
 // first start and for a slave that has come back. While a cycle is running (`running`) the FMMUs are activated last,

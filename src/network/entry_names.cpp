@@ -48,8 +48,7 @@ Task<Result<>> look_through_pdos(SiiReader& reader, sii::CategoryPlace place, Sd
     for (std::uint32_t word = place.word; word + kHeadWords <= end && name.number == 0;) {
         std::array<std::byte, sii::kPdoBytes> octets{};
         static_assert(sii::kPdoBytes == sii::kPdoEntryBytes);
-        auto read = co_await reader.read(word, octets, word + kEntryWords);
-        if (!read) co_return read;
+        co_await required(reader.read(word, octets, word + kEntryWords));
         word += kEntryWords;
         if (entries == 0) {
             entries = sii::load_pdo(octets).entry_count;
@@ -66,14 +65,12 @@ Task<Result<>> look_through_categories(SiiReader& reader, const Slave& slave, Sd
     sii::CategoryChain chain(static_cast<std::uint32_t>(slave.sii_bytes / sii::kWordBytes));
     for (unsigned n = 0; chain.more() && n < kMostCategories; ++n) {
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        auto read = co_await reader.read(chain.header_word(), header, chain.header_word() + 2);
-        if (!read) co_return read;
+        co_await required(reader.read(chain.header_word(), header, chain.header_word() + 2));
         const auto place = chain.step(header);
         if (!place) break;
         if (place->type == sii::category::kStrings) name.strings = *place;
         if (place->type != sii::category::kTxPdo && place->type != sii::category::kRxPdo) continue;
-        auto looked = co_await look_through_pdos(reader, *place, object, name);
-        if (!looked) co_return looked;
+        co_await required(look_through_pdos(reader, *place, object, name));
     }
     co_return Nothing{};
 }
@@ -83,40 +80,35 @@ Task<Result<std::uint8_t>> octet_at(SiiReader& reader, sii::CategoryPlace place,
     std::array<std::byte, sii::kWordBytes> word{};
     const std::uint32_t offset = octet / static_cast<std::uint32_t>(sii::kWordBytes);
     if (offset >= place.words) co_return std::uint8_t{0};
-    auto read = co_await reader.read(place.word + offset, word);
-    if (!read) co_return read.error();
+    co_await required(reader.read(place.word + offset, word));
     co_return std::to_integer<std::uint8_t>(word[octet % sii::kWordBytes]);
 }
 
 // Reads the string name.number, skipping the strings before it.
 Task<Result<std::size_t>> read_string(SiiReader& reader, SiiName name, std::span<char> into) {
-    auto count = co_await octet_at(reader, name.strings, 0);
-    if (!count) co_return count.error();
-    if (*count < name.number) co_return std::size_t{0};
+    const auto count = co_await required(octet_at(reader, name.strings, 0));
+    if (count < name.number) co_return std::size_t{0};
     std::uint32_t at = 1;
     for (unsigned n = 1;; ++n) {
-        auto length = co_await octet_at(reader, name.strings, at);
-        if (!length) co_return length.error();
+        const auto length = co_await required(octet_at(reader, name.strings, at));
         ++at;
         if (n < name.number) {
-            at += *length;
+            at += length;
             continue;
         }
         std::array<std::byte, 255> text{};
-        for (unsigned i = 0; i < *length; ++i) {
-            auto octet = co_await octet_at(reader, name.strings, at);
-            if (!octet) co_return octet.error();
+        for (unsigned i = 0; i < length; ++i) {
+            const auto octet = co_await required(octet_at(reader, name.strings, at));
             ++at;
-            text[i] = std::byte{*octet};
+            text[i] = std::byte{octet};
         }
-        co_return sii::to_utf8(Bytes(text).first(*length), into).size();
+        co_return sii::to_utf8(Bytes(text).first(length), into).size();
     }
 }
 
 Task<Result<std::size_t>> name_by_sii(Station station, const Slave& slave, SdoObject object, std::span<char> into) {
     if (!slave.sii_read) co_return std::size_t{0};
-    auto taken = co_await sii_assign(station, false);
-    if (!taken) co_return taken.error();
+    co_await required(sii_assign(station, false));
     SiiReader reader(station);
     SiiName name;
     Result<std::size_t> bytes;
@@ -140,7 +132,7 @@ Task<Result<std::size_t>> find_entry_name(Network& network, Slave& slave, std::u
         auto found = co_await name_by_dictionary(network.mailbox(slave), object, into, patience);
         if (!found || *found != 0) co_return found;
     }
-    co_return co_await name_by_sii(network.station(slave), slave, object, into);
+    co_return co_await required(name_by_sii(network.station(slave), slave, object, into));
 }
 
 }  // namespace margay

@@ -147,8 +147,8 @@ Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults)
     if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none || slave.al.state == AlState::init)
         co_return Nothing{};
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
-        auto back = co_await bring_to_state(network, slave, AlState::preop);
-        (void)back;  // an error is found again by the configuration of the slave
+        // The configuration of the slave finds an error again.
+        co_await completion(bring_to_state(network, slave, AlState::preop));
     }
     auto done = co_await call_hook(network, slave);
     slave.hook_failed = !done.ok();
@@ -174,8 +174,7 @@ Task<Result<>> leave_group(Network& network, Slave& slave) {
     if (network.has_mailbox(slave))
         network.mailbox(slave).forget_status_bit(network.process.groups[slave.image.group].image);
     if (slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer maps nothing
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
@@ -211,8 +210,7 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     // An earlier mapping ends here. Its FMMUs would read memory whose SyncManager is disabled, and still increment the
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer maps nothing
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
     }
     const bool unread = !slave.seen && !slave.held && slave.config.group == number && is_there_to_map(slave);
     if (unread) {  // it came, or could be read, after the scan
@@ -263,7 +261,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
     auto hook = co_await prepare_slave(network, slave, faults);
     (void)hook;                          // a place is reserved for the slave nevertheless
     if (slave.config.group != number) {  // the hook has assigned the slave to another group
-        if (slave.image.group == number) co_return co_await leave_group(network, slave);
+        if (slave.image.group == number) co_return co_await required(leave_group(network, slave));
         co_return Nothing{};
     }
     auto found = co_await discover_pdos(network, slave);
@@ -282,8 +280,7 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
         if (!back) network.note(slave, back.error());
     }
     if (slave.al.state != AlState::none) {
-        auto cleared = co_await clear_fmmus(network, slave);
-        (void)cleared;  // a slave that does not answer does not take part
+        co_await completion(clear_fmmus(network, slave));  // a slave that does not answer does not take part
     }
     set_takes_part(network, slave, false);
     co_return Nothing{};
@@ -295,15 +292,14 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
     const bool ready = is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init;
     if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !ready ||
         wanted_state(network, slave) < AlState::safeop)
-        co_return co_await leave_out(network, slave);
+        co_return co_await required(leave_out(network, slave));
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
     if (done) {
         set_takes_part(network, slave, exchanges(slave));
         co_return Nothing{};
     }
     faults.note(network, slave, done.error());
-    auto cleared = co_await clear_fmmus(network, slave);
-    (void)cleared;  // a slave that does not answer does not take part
+    co_await completion(clear_fmmus(network, slave));  // a slave that does not answer does not take part
     set_takes_part(network, slave, false);
     co_return Nothing{};
 }
@@ -378,11 +374,9 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     Mapping mapping(network, number);
     FirstFault faults;
     const auto start = [&network, number, &faults](Slave& s) { return start_up(network, s, number, faults); };
-    auto started = co_await for_each_slave(network, start);
-    if (!started) co_return started.error();
+    co_await required(for_each_slave(network, start));
     const auto find = [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); };
-    auto discovered = co_await for_each_slave(network, find);
-    if (!discovered) co_return discovered.error();
+    co_await required(for_each_slave(network, find));
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
     if (!laid_out) {
@@ -401,8 +395,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     const detail::EntryPart* const part = group.config.entries.part();
     const Error entries = part == nullptr ? Error{} : part->place(network, group, nullptr);
     const auto set = [&network, number, &faults](Slave& s) { return configure(network, s, number, faults); };
-    auto configured = co_await for_each_slave(network, set);
-    if (!configured) co_return configured.error();
+    co_await required(for_each_slave(network, set));
     network.states_read = network.engine.now();
     use_status_bits(network, number);
     keep_others(network, number, faults);

@@ -46,7 +46,7 @@ struct SlaveWork : ListNode {
     // The state to which the work brings the slave, or has brought it; NONE: to a lower state than it had. When the
     // target of the slave becomes lower than this state, the hook that keeps the slave from it ends.
     AlState upwards_to = AlState::none;
-    std::coroutine_handle<> sequence{};
+    TaskReference sequence{};
 };
 
 struct Expectation;

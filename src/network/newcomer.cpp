@@ -35,8 +35,7 @@ std::uint8_t group_of(const Slave& slave) {
 bool of_the_line(const Slave& slave) { return slave.wanted == nullptr || slave.wanted->number != 0; }
 
 Task<Result<Identity>> read_identity(Station station) {
-    auto taken = co_await sii_assign(station, false);
-    if (!taken) co_return taken.error();
+    co_await required(sii_assign(station, false));
     std::array<std::byte, sii::kIdentityBytes> octets{};
     SiiReader reader(station);
     auto read = co_await reader.read(sii::word::kIdentity, octets);
@@ -183,31 +182,24 @@ Task<Result<>> read_newcomer(Network& network) {
     guest = Slave{};
     guest.station_address = newcomer_address(network);
     const Station station = network.station(guest);
-    auto al = co_await read_al_status(station);
-    if (!al) co_return al.error();
-    auto unmapped = co_await unmap(station);
-    if (!unmapped) co_return unmapped;
+    const auto al = co_await required(read_al_status(station));
+    co_await required(unmap(station));
     const bool by_id = std::ranges::any_of(network.slaves(), [&](const Slave& s) {
         return is_lost(network, s) && s.wanted != nullptr && s.wanted->device_id;
     });
     if (by_id) {
-        auto assigned = co_await sii_assign(station, false);
-        if (!assigned) co_return assigned;
-        auto surveyed = co_await survey(network, guest);
-        if (!surveyed) co_return surveyed;
+        co_await required(sii_assign(station, false));
+        co_await required(survey(network, guest));
         // A failed read is not an answer. A missing device id, or a contradictory SII, is an answer.
         if (!guest.seen || guest.error.step == Step::identify) co_return guest.error;
-        auto offered = co_await sii_assign(station, true);
-        if (!offered) co_return offered;
+        co_await required(sii_assign(station, true));
     } else {
-        auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
-        if (!alias) co_return alias.error();
-        guest.alias = *alias;
-        auto identity = co_await read_identity(station);
-        if (!identity) co_return identity.error();
-        guest.identity = *identity;
+        const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));
+        guest.alias = alias;
+        const auto identity = co_await required(read_identity(station));
+        guest.identity = identity;
     }
-    guest.al = *al;
+    guest.al = al;
     co_return Nothing{};
 }
 
@@ -246,11 +238,9 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
 
 Task<Result<>> compare_identity(Network& network, Slave& slave) {
     const Station station = network.station(slave);
-    auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
-    if (!alias) co_return alias.error();
-    auto identity = co_await read_identity(station);
-    if (!identity) co_return identity.error();
-    co_return identity_difference(slave, *identity, *alias);
+    const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));
+    const auto identity = co_await required(read_identity(station));
+    co_return identity_difference(slave, identity, alias);
 }
 
 }  // namespace margay

@@ -76,8 +76,7 @@ Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlac
     std::uint32_t word = place.word;
     while (word + kHeadWords <= end) {
         std::array<std::byte, sii::kPdoBytes> head{};
-        auto read_head = co_await reader.read(word, head, word + kHeadWords);
-        if (!read_head) co_return read_head;
+        co_await required(reader.read(word, head, word + kHeadWords));
         const sii::Pdo pdo = sii::load_pdo(head);
         const std::uint32_t first = word + kHeadWords;
         word = first + pdo.entry_count * kEntryWords;
@@ -86,9 +85,7 @@ Task<Result<>> add_pdos(SiiReader& reader, const Slave& slave, sii::CategoryPlac
         if (!walk.begin(pdo, slave, direction)) continue;
         for (std::uint32_t at = first; at < word; at += kEntryWords) {
             std::array<std::byte, sii::kPdoEntryBytes> entry{};
-            auto read_entry =
-                co_await reader.read(at, entry, at + kEntryWords < end ? at + kEntryWords : SiiReader::kNone);
-            if (!read_entry) co_return read_entry;
+            co_await required(reader.read(at, entry, at + kEntryWords < end ? at + kEntryWords : SiiReader::kNone));
             walk.add(sii::load_pdo_entry(entry));
         }
     }
@@ -100,13 +97,11 @@ Task<Result<>> read_pdos(SiiReader& reader, const Slave& slave, PdoWalk& walk) {
     for (unsigned n = 0; chain.more(); ++n) {
         if (n == kMostCategories) co_return fault(reader.station(), sii::Fault::no_end, chain.header_word());
         std::array<std::byte, sii::kCategoryHeaderBytes> header{};
-        auto read_header = co_await reader.read(chain.header_word(), header, chain.header_word() + 2);
-        if (!read_header) co_return read_header;
+        co_await required(reader.read(chain.header_word(), header, chain.header_word() + 2));
         const auto place = chain.step(header);
         if (!place) break;
         if (place->type != sii::category::kTxPdo && place->type != sii::category::kRxPdo) continue;
-        auto added = co_await add_pdos(reader, slave, *place, walk);
-        if (!added) co_return added;
+        co_await required(add_pdos(reader, slave, *place, walk));
     }
     if (chain.fault() == sii::Fault::none) co_return Nothing{};
     co_return fault(reader.station(), chain.fault(), chain.header_word());
@@ -137,8 +132,7 @@ void apply_sm_types(const Slave& slave, FoundSms& found) {
 
 Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& found, EntrySink* entries) {
     if (!slave.sii_read) co_return Nothing{};  // the scan has reported the reason
-    auto taken = co_await sii_assign(station, false);
-    if (!taken) co_return taken;
+    co_await required(sii_assign(station, false));
     SiiReader reader(station);
     PdoWalk walk{.assigned = &found, .entries = entries};
     auto read = co_await read_pdos(reader, slave, walk);
@@ -152,8 +146,7 @@ Task<Result<>> find_sms_by_sii(Station station, const Slave& slave, FoundSms& fo
 
 Task<Result<>> walk_list_by_sii(Station station, const Slave& slave, const SmPdos& list, EntrySink& entries) {
     if (!slave.sii_read) co_return Nothing{};
-    auto taken = co_await sii_assign(station, false);
-    if (!taken) co_return taken;
+    co_await required(sii_assign(station, false));
     SiiReader reader(station);
     Result<> read;
     PdoWalk walk{.entries = &entries};

@@ -57,9 +57,8 @@ Task<Result<>> ask_dictionary(Network& network, Slave& slave, Findings& found, b
     if (!has_dictionary(network, slave)) co_return Nothing{};
     MailboxChannel& channel = network.mailbox(slave);
     SmTypes types{};
-    auto said = co_await read_sm_types(channel, types, startup_patience(slave));
-    if (!said) co_return said.error();
-    if (*said && compare) compare_types(network, slave, types);
+    const auto said = co_await required(read_sm_types(channel, types, startup_patience(slave)));
+    if (said && compare) compare_types(network, slave, types);
     auto known = co_await find_sms_by_coe(channel, slave, types, found.counts, startup_patience(slave), entries);
     if (known && *known) found.source = ConfigurationSource::coe;
     co_return known ? Result<>() : Result<>(known.error());
@@ -94,7 +93,7 @@ Task<Result<>> read_sii(Network& network, Slave& slave, Findings& found, EntrySi
     found.sii_read = read.ok() && slave.sii_read;
     if (!read || sink == nullptr) co_return read;
     if (pdo_part(slave) == nullptr) co_return Nothing{};
-    co_return co_await pdo_part(slave)->walk(network, slave, *sink);
+    co_return co_await required(pdo_part(slave)->walk(network, slave, *sink));
 }
 
 // The bits of a list: its own sum if it contains all entries, otherwise with the sizes of the other PDOs from the
@@ -185,8 +184,7 @@ Task<Result<>> write_pdos(Network& network, Slave& slave) {
     if (slave.config.fixed_pdos || !has_dictionary(network, slave)) co_return Nothing{};
     // PDOs can be written in PREOP only.
     if (!slave.config.pdos().empty() && (slave.al.state == AlState::safeop || slave.al.state == AlState::op)) {
-        auto back = co_await bring_to_state(network, slave, AlState::preop);
-        if (!back) co_return back.error();
+        co_await required(bring_to_state(network, slave, AlState::preop));
     }
     for (const SmPdos& list : slave.config.pdos()) {
         auto written = co_await write_sm_pdos(network.mailbox(slave), list, startup_patience(slave));
@@ -204,8 +202,7 @@ namespace {
 Task<Result<>> walk_lists(Network& network, const Slave& slave, EntrySink& entries) {
     for (const SmPdos& list : slave.config.pdos()) {
         if (listed_bits(list).open == 0) continue;
-        auto walked = co_await walk_list_by_sii(network.station(slave), slave, list, entries);
-        if (!walked) co_return walked;
+        co_await required(walk_list_by_sii(network.station(slave), slave, list, entries));
     }
     co_return Nothing{};
 }
@@ -249,7 +246,7 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
 // The same, and finds the entries that the application has listed.
 Task<Result<>> discover_with_entries(Network& network, Slave& slave) {
     EntryMatcher entries(entries_of(network, slave), slave);
-    co_return co_await discover(network, slave, entries.wanted() ? &entries : nullptr);
+    co_return co_await required(discover(network, slave, entries.wanted() ? &entries : nullptr));
 }
 
 }  // namespace

@@ -11,20 +11,16 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     if (uses_mailbox(slave)) {
         const MailboxSyncManagers sms = mailbox_sync_managers(slave, slave.mailbox);
-        auto written = co_await write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox);
-        if (!written) co_return written.error();
+        co_await required(write_bytes(station, wire::reg::kSyncManagerBase, sms, Step::configure_mailbox));
     }
     // The commands of the application are for the wanted slave, not for a held one.
     network.marks(slave).held_back = slave.held;
     network.marks(slave).unfinished = network.marks(slave).requested = Transition::none;
     network.marks(slave).started_with = check_of_ip_commands(slave);
     const Transition which = network.marks(slave).held_back ? Transition::none : Transition::init_to_preop;
-    auto before = co_await around_transition(network, slave, which, Moment::before);
-    if (!before) co_return before;
+    co_await required(around_transition(network, slave, which, Moment::before));
     if (slave.al.state == AlState::none) {
-        auto now = co_await read_al_status(station);
-        if (!now) co_return now.error();
-        slave.al = *now;
+        slave.al = co_await required(read_al_status(station));
     }
     mark_unfinished(network, slave, which);
     auto state = co_await change_al_state_from(station, slave.al, AlState::preop, slave.device_emulation,
@@ -32,7 +28,8 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     if (state) {
         slave.al = *state;
         open_mailbox(network, slave, slave.mailbox);
-        co_return co_await around_transition(network, slave, which, Moment::after);
+        co_await required(around_transition(network, slave, which, Moment::after));
+        co_return Nothing{};
     }
     auto seen = co_await read_al_status(station);
     update_al_status(slave.al, seen);

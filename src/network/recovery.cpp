@@ -25,16 +25,14 @@ namespace {
 // Changes the state with everything that belongs to the transition, and reports it as an event.
 Task<Result<AlStatus>> change(Network& network, Slave& slave, AlState state) {
     const ChangeReport report(network, slave);
-    co_return co_await bring_to_state(network, slave, state);
+    co_return co_await required(bring_to_state(network, slave, state));
 }
 
 // Brings the slave to INIT and clears its earlier configuration.
 Task<Result<>> back_to_init(Network& network, Slave& slave) {
-    auto cleared = co_await clear_fmmus(network, slave);
-    if (!cleared) co_return cleared;
-    auto init = co_await change(network, slave, AlState::init);
-    if (!init) co_return init.error();
-    co_return co_await clear_sync_managers(network.station(slave), slave);
+    co_await required(clear_fmmus(network, slave));
+    co_await required(change(network, slave, AlState::init));
+    co_return co_await required(clear_sync_managers(network.station(slave), slave));
 }
 
 // Checks that the place that was reserved for the slave has the sizes of its process data.
@@ -123,26 +121,25 @@ Task<Result<>> find_process_data(Network& network, Slave& slave) {
     if (!hook) co_return hook;
     if (!is_mapped(network, slave)) co_return Nothing{};  // the hook may have changed the group
     if (slave.pdos_failed || finding.is_kept() || slave.unplaced || !network.marks(slave).pdos_compared)
-        co_return co_await discover_late_slave(network, slave, finding);
+        co_return co_await required(discover_late_slave(network, slave, finding));
     co_return Nothing{};
 }
 
 // From PREOP to SAFEOP.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
-    auto found = co_await find_process_data(network, slave);
-    if (!found) co_return found;
+    co_await required(find_process_data(network, slave));
     if (!is_mapped(network, slave) || wanted_state(network, slave) < AlState::safeop)
         co_return Nothing{};  // the hook may have changed the group, or the highest state
     if (needs_mapping(network, slave))
         co_return Error{.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number};
     const ChangeReport report(network, slave);
-    co_return co_await configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true);
+    co_return co_await required(
+        configure_process_data(network, slave, network.process.groups[slave.image.group].layout, true));
 }
 
 // Removes the slave from the exchange and brings it to PREOP or INIT.
 Task<Result<>> lower(Network& network, Slave& slave, AlState state) {
-    auto cleared = co_await clear_fmmus(network, slave);
-    if (!cleared) co_return cleared;
+    co_await required(clear_fmmus(network, slave));
     auto changed = co_await change(network, slave, state);
     co_return changed ? Result<>() : Result<>(changed.error());
 }
@@ -156,8 +153,7 @@ bool is_configured(const Slave& slave) {
 
 Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     slave.error = {};
-    auto assigned = co_await sii_assign(network.station(slave), false);
-    if (!assigned) co_return assigned;
+    co_await required(sii_assign(network.station(slave), false));
     auto surveyed = co_await survey(network, slave);
     auto offered = co_await sii_assign(network.station(slave), true);
     if (!surveyed) co_return surveyed;
@@ -191,37 +187,33 @@ Task<Result<>> restart(Network& network, Slave& slave) {
     auto same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
-    auto init = co_await back_to_init(network, slave);
-    if (!init) co_return init;
+    co_await required(back_to_init(network, slave));
     const ChangeReport report(network, slave);
-    auto offered = co_await sii_assign(network.station(slave), true);
-    if (!offered) co_return offered;
-    co_return co_await bring_to_preop(network, slave);
+    co_await required(sii_assign(network.station(slave), true));
+    co_return co_await required(bring_to_preop(network, slave));
 }
 
 Task<Result<>> reconfigure(Network& network, Slave& slave) {
     if (!slave.seen) {
-        auto known = co_await read_missing_slave(network, slave);
-        if (!known) co_return known;
+        co_await required(read_missing_slave(network, slave));
         if (!is_mapped(network, slave)) slave.pdos_failed = false;
     }
-    if (slave.held && !slave.mailbox.present()) co_return co_await back_to_init(network, slave);
+    if (slave.held && !slave.mailbox.present()) co_return co_await required(back_to_init(network, slave));
     auto preop = co_await restart(network, slave);
     if (!preop || slave.held || !is_mapped(network, slave) || wanted_state(network, slave) < AlState::safeop)
         co_return preop;
-    co_return co_await back_to_safeop(network, slave);
+    co_return co_await required(back_to_safeop(network, slave));
 }
 
 Task<Result<>> bring_back(Network& network, Slave& slave) {
-    auto seen = co_await read_al_status(network.station(slave));
-    if (!seen) co_return seen.error();
-    note_state(network, slave, *seen);
+    const auto seen = co_await required(read_al_status(network.station(slave)));
+    note_state(network, slave, seen);
     if (stays_in_boot(network, slave)) co_return Nothing{};
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
     const bool to_be_asked = is_to_be_asked(network, slave);
     if (to == AlState::init || to == AlState::boot || (to == AlState::preop && process && !to_be_asked))
-        co_return co_await lower(network, slave, to);
+        co_return co_await required(lower(network, slave, to));
     const auto unfinished = [&] { return is_unfinished(network, slave); };
     bool configured = is_configured(slave) && !unfinished();
     if (configured && slave.al.error) {

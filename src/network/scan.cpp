@@ -1,5 +1,6 @@
 #include "network/scan.hpp"
 
+#include "network/configure.hpp"
 #include "network/expectation.hpp"
 #include "network/preop.hpp"
 #include "network/survey.hpp"
@@ -58,10 +59,9 @@ Task<Result<bool>> wait_for_init(Network& network) {
 
 // Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI.
 Task<Result<>> clear_slaves(Network& network) {
-    static constexpr std::array<std::byte, 16 * reg::kFmmuStride> kZeros{};
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
     Link& link = network.engine.link();
-    const auto zeros = [](std::size_t count) { return Bytes(kZeros).first(count); };
+    const auto zeros = [](std::size_t count) { return Bytes(kClearedRegisters).first(count); };
     Datagram fmmus(link, Command::BWR, broadcast(reg::fmmu(0)), zeros(16 * reg::kFmmuStride));
     Datagram sms(link, Command::BWR, broadcast(reg::sync_manager(0)), zeros(16 * reg::kSyncManagerStride));
     Datagram sync(link, Command::BWR, broadcast(reg::kSyncActivation), zeros(reg::kSyncActivation.length));
@@ -116,8 +116,7 @@ Task<Result<bool>> reset_slaves(Network& network) {
     // INIT with the error acknowledged, then without: slaves that mirror AL control would keep the acknowledge bit as
     // an error, and some old slaves require the second write.
     for (const int state : {kInit | kAndAcknowledge, +kInit}) {
-        auto init = co_await broadcast_write(network, reg::kAlControl, static_cast<std::uint16_t>(state));
-        if (!init) co_return init.error();
+        co_await required(broadcast_write(network, reg::kAlControl, static_cast<std::uint16_t>(state)));
     }
     auto in_init = co_await wait_for_init(network);
     if (!in_init) co_return in_init;
@@ -158,7 +157,7 @@ Task<Result<>> arrange(Network& network) {
     store_topology(network.seen_ring(), network.slaves());
     if (!*moved) co_return Nothing{};
     const auto assign = [&network](Slave& s) { return assign_address(network, s); };
-    co_return co_await for_each_slave(network, assign);
+    co_return co_await required(for_each_slave(network, assign));
 }
 
 // The table is valid only after a complete scan: the destructor clears it otherwise.
@@ -201,38 +200,29 @@ Task<Result<std::uint16_t>> scan(Network& network) {
         unprepare(group, network.engine.link(), network.engine.now());
         group.was_mapped &= network.in_run_cycle;
     }
-    auto link = co_await wait_for_link(network);
-    if (!link) co_return link.error();
-    auto count = co_await count_slaves(network);
-    if (!count) co_return count;
-    if (*count > network.table.size())
-        co_return segment_error(Errc::capacity, Step::count_slaves, *count,
+    co_await required(wait_for_link(network));
+    const auto count = co_await required(count_slaves(network));
+    if (count > network.table.size())
+        co_return segment_error(Errc::capacity, Step::count_slaves, count,
                                 static_cast<std::uint32_t>(network.table.size()));
-    auto reset = co_await reset_slaves(network);
-    if (!reset) co_return reset.error();
-    begin_table(network, *count, *reset);
+    const auto reset = co_await required(reset_slaves(network));
+    begin_table(network, count, reset);
     const auto assign = [&network](Slave& s) { return assign_address(network, s); };
-    auto addressed = co_await for_each_slave(network, assign);
-    if (!addressed) co_return addressed.error();
+    co_await required(for_each_slave(network, assign));
     const auto identify = [&network](Slave& s) { return survey(network, s); };
-    auto identified = co_await for_each_slave(network, identify);
-    if (!identified) co_return identified.error();
-    auto offered = co_await broadcast_write(network, reg::kSiiConfig, wire::sii_config::kOfferedToPdi);
-    if (!offered) co_return offered.error();
-    auto again = co_await count_slaves(network);
-    if (!again) co_return again;
-    if (*again != *count) co_return segment_error(Errc::unstable, Step::count_slaves, *count, *again);
-    auto arranged = co_await arrange(network);
-    if (!arranged) co_return arranged.error();
+    co_await required(for_each_slave(network, identify));
+    co_await required(broadcast_write(network, reg::kSiiConfig, wire::sii_config::kOfferedToPdi));
+    const auto again = co_await required(count_slaves(network));
+    if (again != count) co_return segment_error(Errc::unstable, Step::count_slaves, count, again);
+    co_await required(arrange(network));
     FirstFault faults;
     keep_unasked(network, faults);
     if (!network.expected.empty()) network.expectation->compare(network, faults);
     const auto start = [&network, &faults](Slave& s) { return start_mailbox(network, s, faults); };
-    auto started = co_await for_each_slave(network, start);
-    if (!started) co_return started.error();
+    co_await required(for_each_slave(network, start));
     scanning.done();
     if (faults.error().code != Errc::none) co_return faults.error();
-    co_return *count;
+    co_return count;
 }
 
 }  // namespace margay

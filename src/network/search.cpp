@@ -73,8 +73,7 @@ Task<Result<bool>> end_clashes(Network& network) {
         const SlaveToken token(network.marks(slave));
         if (slave.al.state != AlState::none) note_lost(network, slave);
         const Station both{network.engine, {address}, 0};
-        auto unmapped = co_await unmap(both);  // neither of them may answer for the slave
-        (void)unmapped;
+        co_await completion(unmap(both));  // neither of them may answer for the slave
         auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
         (void)reset;  // the working counter is 2
     }
@@ -119,10 +118,9 @@ Task<Result<>> read_ring(Network& network) {
     co_await crew.all();
     if (crew.first_error().code != Errc::none) co_return crew.first_error();
     network.ring_count = roll->count;
-    auto clashes = co_await end_clashes(network);
-    if (!clashes) co_return clashes.error();
+    const auto clashes = co_await required(end_clashes(network));
     recognise(network);
-    if (*clashes) co_return Error{.code = Errc::unstable, .step = Step::recover};
+    if (clashes) co_return Error{.code = Errc::unstable, .step = Step::recover};
     co_return Nothing{};
 }
 
@@ -164,8 +162,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     const AlStatus now = network.guest.al;
     slave.alias = network.guest.alias;
     slave.device_id = network.guest.device_id;
-    auto named = co_await rename(network, network.guest.station_address, slave.station_address.value);
-    if (!named) co_return named;
+    co_await required(rename(network, network.guest.station_address, slave.station_address.value));
     network.ring[n].slave = slave.number;
     network.ring[n].address = slave.station_address.value;
     store_topology(network.seen_ring(), network.slaves());
@@ -228,8 +225,7 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_o
     const bool again = !at_once && before == reported - kSuspect;
     const bool known = !at_once && before == reported;
     const auto mark = static_cast<std::uint16_t>(at_once || again || known ? reported : reported - kSuspect);
-    auto marked = co_await rename(network, network.guest.station_address, mark);
-    if (!marked) co_return marked;
+    co_await required(rename(network, network.guest.station_address, mark));
     network.ring[n].address = mark;
     if (!at_once && !again) co_return Nothing{};
     if (instead_of != nullptr)
@@ -248,14 +244,13 @@ bool below_unasked(Network& network, std::size_t n) {
 
 // Identifies a newcomer. Returns whether it is a slave of the network.
 Task<Result<bool>> receive_newcomer(Network& network, std::uint16_t n) {
-    auto named = co_await address_newcomer(network, n);
-    if (!named) co_return named.error();
+    co_await required(address_newcomer(network, n));
     auto asked = co_await read_newcomer(network);
     Result<Verdict> verdict;
     if (asked) verdict = co_await verify_newcomer(network, n);
     if (!asked || !verdict) {
-        auto undone = co_await rename(network, newcomer_address(network), network.ring[n].address);
-        (void)undone;  // the newcomer is gone, or it is read again in the next search
+        // If this fails, the newcomer is gone, or the next search reads it again.
+        co_await completion(rename(network, newcomer_address(network), network.ring[n].address));
         co_return asked ? verdict.error() : asked.error();
     }
     if (verdict->slave == nullptr) {
@@ -279,10 +274,8 @@ Task<Result<BroadcastState>> read_all_states(Network& network) {
 
 Task<Result<std::uint16_t>> find_lost(Network& network) {
     const Searching searching(network);
-    auto read = co_await read_ring(network);
-    if (!read) co_return read.error();
-    auto missed = co_await miss_absent(network);
-    if (!missed) co_return missed.error();
+    co_await required(read_ring(network));
+    co_await required(miss_absent(network));
     std::uint16_t found = 0;
     Error error;
     for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
@@ -327,7 +320,7 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen || slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
-    co_return co_await readmit_slave(network, slave, *seen);
+    co_return co_await required(readmit_slave(network, slave, *seen));
 }
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
@@ -351,8 +344,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     slave.al = {};
     leave_exchange(network, slave);
     if (!network.supervised) network.note(slave, same.error());  // the search of a supervision reports it
-    auto unmapped = co_await unmap(network.station(slave));
-    if (!unmapped) co_return unmapped;
+    co_await required(unmap(network.station(slave)));
     auto renamed = co_await rename(network, slave.station_address, 0);
     (void)renamed;  // the search identifies it, or finds it at this address again
     co_return same;

@@ -130,22 +130,22 @@ Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& comman
             co_return network.station(slave).error(Errc::unsupported, Step::none, command.index);
         const SoeTarget target{.idn = Idn{command.index}, .drive = command.subindex};
         if (command.kind == StartupCommand::Kind::execute_parameter)
-            co_return co_await soe_execute(channel, target, patience);
-        co_return co_await soe_write(channel, target, command.octets(), patience);
+            co_return co_await required(soe_execute(channel, target, patience));
+        co_return co_await required(soe_write(channel, target, command.octets(), patience));
     }
     const SdoObject object{.index = command.index, .subindex = command.subindex, .complete = command.complete_access};
-    co_return co_await sdo_download(channel, object, command.octets(), patience);
+    co_return co_await required(sdo_download(channel, object, command.octets(), patience));
 }
 
 Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& command) {
     switch (command.kind) {
         case StartupCommand::Kind::write_register:
-            co_return co_await write_register_of(network.station(slave), command);
+            co_return co_await required(write_register_of(network.station(slave), command));
         case StartupCommand::Kind::check_register:
-            co_return co_await check_register_of(network.station(slave), command);
+            co_return co_await required(check_register_of(network.station(slave), command));
         case StartupCommand::Kind::write_object:
         case StartupCommand::Kind::write_parameter:
-        case StartupCommand::Kind::execute_parameter: co_return co_await mail(network, slave, command);
+        case StartupCommand::Kind::execute_parameter: co_return co_await required(mail(network, slave, command));
     }
     co_return Nothing{};
 }

@@ -30,17 +30,14 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
 Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState state) {
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
-        auto prepared = co_await network.boot->prepare(network, slave, state, kNever);
-        if (!prepared) co_return prepared.error();
+        co_await required(network.boot->prepare(network, slave, state, kNever));
     }
     const AlState awaited = awaited_state(network, slave);
     const Transition which = transition(awaited, state);
     const Error left_out = left_out_state(slave, awaited, state);
     if (left_out.code != Errc::none) co_return left_out;
-    auto finished = co_await finish_requested(network, slave, which);
-    if (!finished) co_return finished.error();
-    auto before = co_await around_transition(network, slave, which, Moment::before);
-    if (!before) co_return before.error();
+    co_await required(finish_requested(network, slave, which));
+    co_await required(around_transition(network, slave, which, Moment::before));
     co_return which;
 }
 
@@ -78,7 +75,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
     }
-    co_return co_await write_state(network, slave, limited(slave, state));
+    co_return co_await required(write_state(network, slave, limited(slave, state)));
 }
 
 // Keeps the error of the slave with the lowest number.
@@ -131,8 +128,7 @@ Task<Result<AlStatus>> read_states(Network& network) {
     const std::uint32_t scans = network.scans;
     Error first;
     const auto read = [&network](Slave& s) { return read_state(network, s); };
-    auto all = co_await for_each_slave(network, read, &first);
-    if (!all) co_return all.error();
+    co_await required(for_each_slave(network, read, &first));
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     network.states_read = network.engine.now();
@@ -146,7 +142,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
         (void)seen;                                    // the request itself says whether the slave answers
         const Error refused = refusal(network, one, state);
         if (refused.code != Errc::none) co_return refused;
-        co_return co_await write_state(network, one, state);
+        co_return co_await required(write_state(network, one, state));
     }
     if (network.supervised && state != network.target)
         co_return Error{.code = Errc::supervised,
@@ -155,8 +151,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
                         .actual = static_cast<std::uint32_t>(state)};
     FirstFault faults;
     const auto write = [&network, state, &faults](Slave& s) { return write_and_keep(network, s, state, faults); };
-    auto all = co_await for_each_slave(network, write);
-    if (!all) co_return all;
+    co_await required(for_each_slave(network, write));
     if (faults.error().code != Errc::none) co_return faults.error();
     co_return Nothing{};
 }

@@ -91,7 +91,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (network.marks(slave).in_use) co_return Nothing{};
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
         if (network.is_reserved()) co_return Nothing{};
-        co_return co_await readmit_slave(network, slave, *seen);
+        co_return co_await required(readmit_slave(network, slave, *seen));
     }
     if (network.marks(slave).unproved && slave.seen) {
         const SlaveToken token(network.marks(slave));
@@ -277,10 +277,9 @@ void start_helpers(Watch& watch, Crew& crew) {
         Slave& slave = slaves[at];
         if (crew.full() || !needs_help(watch.network, slave) || (watch.network.marks(slave).attempts > 0 && !again))
             continue;
-        Task<Result<>> task = help(watch, slave);
-        const std::coroutine_handle<> handle = task.handle();
-        if (!crew.start(std::move(task))) return;
-        if (SlaveWork* begun = find_work(watch.network, slave)) begun->sequence = handle;
+        const TaskReference task = help(watch, slave);
+        if (!crew.start(task)) return;
+        if (SlaveWork* begun = find_work(watch.network, slave)) begun->sequence = task;
         watch.next_helped = at + 1;
     }
 }
@@ -296,15 +295,13 @@ bool walk_is_due(Watch& watch, const BroadcastState& roll) {
 Task<Result<>> look(Watch& watch, Crew& crew, const BroadcastState& roll, bool unexpected) {
     Network& network = watch.network;
     const auto look = [&network](Slave& s) { return look_at(network, s); };
-    auto looked = co_await for_each_slave(network, look);
-    if (!looked) co_return looked;
+    co_await required(for_each_slave(network, look));
     if (std::exchange(network.group_is_back, false)) watch.groups_at = later(network.engine.now(), watch.wanted.retry);
     watch.looks = unexpected ? watch.looks + 1 : 0;
     if (watch.looks >= kLooksBeforeDoubt) {
         watch.looks = 0;
         const auto doubt = [&network](Slave& s) { return check_fmmus(network, s); };
-        auto doubted = co_await for_each_slave(network, doubt);
-        if (!doubted) co_return doubted;
+        co_await required(for_each_slave(network, doubt));
     }
     report_count(watch, roll.count);
     if (walk_is_due(watch, roll)) (void)crew.start(search(watch));
@@ -388,8 +385,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     }
     Crew crew(network.tasks);
     for (;;) {
-        auto done = co_await round(watch, crew);
-        if (!done) co_return done;
+        co_await required(round(watch, crew));
         const Time now = network.engine.now();
         if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {
             watch.lines_at = later(now, wanted.line_interval);

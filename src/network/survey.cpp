@@ -73,7 +73,7 @@ Task<Result<>> survey(Network& network, Slave& slave) {
     if (!sii) network.note(slave, sii.error());
     slave.seen = sii || sii.error().step == Step::parse_sii;
     if (network.expected.empty()) co_return Nothing{};
-    co_return co_await network.expectation->read_id(network, slave);
+    co_return co_await required(network.expectation->read_id(network, slave));
 }
 
 }  // namespace margay

@@ -151,33 +151,29 @@ bool is_unfinished(const Network& network, const Slave& slave) {
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
     const Error refused = refusal(network, slave, state);
     if (refused.code != Errc::none) co_return refused;
-    co_return co_await bring_to_state(network, slave, state, until);
+    co_return co_await required(bring_to_state(network, slave, state, until));
 }
 
 Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState state, Time until) {
     const Station station = network.station(slave);
     if (limited(slave, state) != state) co_return above_highest(slave, state);
     if (slave.al.state == AlState::none) {
-        auto now = co_await read_al_status(station);
-        if (!now) co_return now;
-        slave.al = *now;
+        const auto now = co_await required(read_al_status(station));
+        slave.al = now;
     }
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
-        auto prepared = co_await network.boot->prepare(network, slave, state, until);
-        if (!prepared) co_return prepared.error();
+        co_await required(network.boot->prepare(network, slave, state, until));
     }
     const AlState from = slave.al.state;
     const Transition which = transition(from, state);
     const Error left_out = left_out_state(slave, from, state);
     if (left_out.code != Errc::none) co_return left_out;
     if (network.marks(slave).requested != Transition::none) {
-        auto finished = co_await finish_requested(network, slave, which);
-        if (!finished) co_return finished.error();
+        co_await required(finish_requested(network, slave, which));
     }
     if (concerns(slave, which, Moment::before)) {
-        auto before = co_await around_transition(network, slave, which, Moment::before);
-        if (!before) co_return before.error();
+        co_await required(around_transition(network, slave, which, Moment::before));
     }
     mark_unfinished(network, slave, which);
     const Time now = network.engine.now();
@@ -192,8 +188,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
     if (concerns(slave, which, Moment::after)) {
-        auto after = co_await around_transition(network, slave, which, Moment::after);
-        if (!after) co_return after.error();
+        co_await required(around_transition(network, slave, which, Moment::after));
     } else {
         nothing_follows(network.marks(slave), which);
         if (is_unfinished(network, slave)) co_return unfinished_error(network, slave);
@@ -206,10 +201,9 @@ void settle_request(Network& network, Slave& slave) {
     const bool met = row != nullptr && slave.al.state == row->to && !slave.al.error;
     if (met && network.boot != nullptr) network.boot->reached(network, slave, row->from, row->to);
     if (!met || network.marks(slave).in_use || network.segment_in_use) return;
-    Task<Result<>> task = follow_transition(network, slave);
-    const std::coroutine_handle<> handle = task.handle();
-    (void)network.settling.start(std::move(task));
-    if (SlaveWork* begun = find_work(network, slave)) begun->sequence = handle;
+    const TaskReference task = follow_transition(network, slave);
+    (void)network.settling.start(task);
+    if (SlaveWork* begun = find_work(network, slave)) begun->sequence = task;
 }
 
 bool is_settling(const Network& network, const Slave& slave) {
@@ -236,7 +230,7 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
     if (next != Transition::none && !goes_up(next)) co_return Nothing{};
     if (on_its_way) mark_unfinished(network, slave, requested);  // what follows cannot be executed in that state
     if (!pending) co_return Nothing{};
-    co_return co_await around_transition(network, slave, requested, Moment::after);
+    co_return co_await required(around_transition(network, slave, requested, Moment::after));
 }
 
 AlState awaited_state(const Network& network, const Slave& slave) {
@@ -262,7 +256,7 @@ void end_work(Network& network, SlaveWork& work) {
     Error error{.code = Errc::timeout, .step = Step::application_hook, .slave = slave.number};
     if (!marks.in_hook) error.step = Step::request_state;
     if (!marks.in_hook && marks.following) error = unfinished_error(network, slave);
-    work.sequence.destroy();
+    work.sequence.end();
     network.note(slave, error);
     if (network.supervised && attempts == 0) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
@@ -273,7 +267,7 @@ void end_work(Network& network, SlaveWork& work) {
 }
 
 void drop_work(Network& network, const Slave& slave) {
-    if (SlaveWork* work = find_work(network, slave)) work->sequence.destroy();
+    if (SlaveWork* work = find_work(network, slave)) work->sequence.end();
 }
 
 bool crosses_boot(Network& network, const Slave& slave, AlState to) {

@@ -32,15 +32,16 @@ ReadAlStatus::ReadAlStatus(const Station& station)
 Result<AlStatus> ReadAlStatus::await_resume() const noexcept {
     const Error failed = error();
     if (failed.code != Errc::none) return failed;
-    return load_al_status(load_le<std::uint64_t>(bytes()));
+    return value();
 }
+
+AlStatus ReadAlStatus::value() const noexcept { return load_al_status(load_le<std::uint64_t>(bytes())); }
 
 Task<Result<>> request_again(Station station, std::uint16_t request, Step step, Duration patience) {
     const Time give_up = later(station.engine.now(), patience);
     Duration pause = kFirstPause;
     for (;;) {
-        auto status = co_await read_al_status(station);
-        if (!status) co_return status.error();
+        const auto status = co_await required(read_al_status(station));
         co_await station.engine.sleep_for(pause);
         pause = std::min(pause * 2, kLongestPause);
         auto written = co_await write<std::uint16_t>(station, reg::kAlControl, request, step);
@@ -48,15 +49,14 @@ Task<Result<>> request_again(Station station, std::uint16_t request, Step step, 
         if (station.engine.now() < give_up) continue;
         Error error = station.error(Errc::timeout, step);
         error.expected = request & wire::al::kStateMask;
-        error.actual = static_cast<std::uint32_t>(status->state);
+        error.actual = static_cast<std::uint32_t>(status.state);
         co_return error;
     }
 }
 
 Task<Result<AlStatus>> change_al_state(Station station, AlState state, bool device_emulation, Duration timeout) {
-    auto before = co_await read_al_status(station);
-    if (!before) co_return before;
-    co_return co_await change_al_state_from(station, *before, state, device_emulation, timeout);
+    const auto before = co_await required(read_al_status(station));
+    co_return co_await required(change_al_state_from(station, before, state, device_emulation, timeout));
 }
 
 Task<Result<AlStatus>> change_al_state_from(Station station, AlStatus before, AlState state, bool device_emulation,

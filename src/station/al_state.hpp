@@ -12,6 +12,7 @@ namespace margay {
 class ReadAlStatus : public RegisterWait {
   public:
     explicit ReadAlStatus(const Station& station);
+    [[nodiscard]] AlStatus value() const noexcept;
     [[nodiscard]] Result<AlStatus> await_resume() const noexcept;
 };
 [[nodiscard]] inline ReadAlStatus read_al_status(const Station& station) { return ReadAlStatus(station); }

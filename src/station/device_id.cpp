@@ -15,8 +15,7 @@ constexpr Duration kPause = std::chrono::milliseconds(1);
 Task<Result<std::uint16_t>> from_memory(Station station, std::uint16_t sii_word) {
     std::array<std::byte, 2> address{};
     SiiReader reader(station);
-    auto found = co_await reader.read(sii_word, address);
-    if (!found) co_return found.error();
+    co_await required(reader.read(sii_word, address));
     auto id = co_await read<std::uint16_t>(station, {load_le<std::uint16_t>(address), 2}, kStep);
     co_return id;
 }
@@ -42,11 +41,10 @@ Task<Result<std::uint16_t>> await_id(Station station) {
 }
 
 Task<Result<std::uint16_t>> from_al_status(Station station) {
-    auto status = co_await read<std::uint16_t>(station, reg::kAlStatus, kStep);
-    if (!status) co_return status;
-    const auto state = static_cast<std::uint16_t>(*status & wire::al::kStateMask);
+    const auto status = co_await required(read<std::uint16_t>(station, reg::kAlStatus, kStep));
+    const auto state = static_cast<std::uint16_t>(status & wire::al::kStateMask);
     // A slave with an error indication answers no request: the same write acknowledges the error.
-    const unsigned acknowledge = (*status & wire::al::kErrorIndication) != 0 ? wire::al::kErrorAcknowledge : 0U;
+    const unsigned acknowledge = (status & wire::al::kErrorIndication) != 0 ? wire::al::kErrorAcknowledge : 0U;
     const auto request = static_cast<std::uint16_t>(state | wire::al::kDeviceIdentification | acknowledge);
     auto asked = co_await write<std::uint16_t>(station, reg::kAlControl, request, kStep);
     if (does_not_answer(asked.error())) asked = co_await request_again(station, request, kStep, kPatience);
@@ -60,9 +58,10 @@ Task<Result<std::uint16_t>> from_al_status(Station station) {
 
 // A slave without a processor mirrors AL control: a set bit 5 would not be an answer.
 Task<Result<std::uint16_t>> read_device_id(Station station, const Slave& slave) {
-    if (slave.device_id_source == DeviceIdSource::memory) co_return co_await from_memory(station, slave.device_id_word);
+    if (slave.device_id_source == DeviceIdSource::memory)
+        co_return co_await required(from_memory(station, slave.device_id_word));
     if (slave.device_emulation) co_return station.error(Errc::unsupported, kStep);
-    co_return co_await from_al_status(station);
+    co_return co_await required(from_al_status(station));
 }
 
 }  // namespace margay

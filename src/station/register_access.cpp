@@ -48,6 +48,19 @@ RegisterWait::~RegisterWait() = default;
 
 bool RegisterWait::await_suspend(std::coroutine_handle<> h) noexcept { return submit(h, datagram_); }
 
+std::coroutine_handle<> RegisterWait::require(detail::PromiseBase& waiting) noexcept {
+    waiting_ = &waiting;
+    settle_by(settle);
+    return submit(waiting.self(), datagram_) ? std::noop_coroutine() : settle(*this);
+}
+
+std::coroutine_handle<> RegisterWait::settle(Waiter& waiter) noexcept {
+    const auto& wait = static_cast<RegisterWait&>(waiter);
+    detail::PromiseBase& waiting = *wait.waiting_;
+    waiting.error = wait.error();
+    return waiting.error.code == Errc::none ? waiter.handle : detail::end_of_task(waiting);
+}
+
 Error RegisterWait::error() const noexcept { return error_of_reply(station_, datagram_, step_, address_); }
 
 }  // namespace margay

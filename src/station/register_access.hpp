@@ -2,13 +2,16 @@
 // frame:
 //
 //     auto status = co_await read<std::uint16_t>(station, wire::reg::kAlStatus, Step::read_state);
+//     const auto status = co_await required(read<std::uint16_t>(station, wire::reg::kAlStatus, Step::read_state));
+//
+// required() ends the sequence with the error, if there is one.
 // A reply whose working counter is not 1 is an error: the slave at this address did not take part.
 #pragma once
 
 #include "link/engine.hpp"
 #include "wire/esc.hpp"
 
-#include <margay/result.hpp>
+#include <margay/task.hpp>
 
 #include <array>
 
@@ -44,24 +47,49 @@ class RegisterWait : public DatagramWait {
     RegisterWait(const RegisterWait&) = delete;
     RegisterWait& operator=(const RegisterWait&) = delete;
     [[nodiscard]] bool await_suspend(std::coroutine_handle<> h) noexcept;
+    // For required(): an error ends the waiting sequence. Returns the coroutine that continues.
+    [[nodiscard]] std::coroutine_handle<> require(detail::PromiseBase& waiting) noexcept;
 
   protected:
     static constexpr std::size_t kMostBytes = 8;
 
     RegisterWait(const Station& station, std::uint16_t address, std::size_t bytes, Step step);  // reads
     RegisterWait(const Station& station, std::uint16_t address, std::uint32_t value, std::size_t bytes,
-                 Step step);                                                                      // writes
-    RegisterWait(const Station& station, std::uint16_t address, Bytes bytes, Step step);          // writes
+                 Step step);                                                              // writes
+    RegisterWait(const Station& station, std::uint16_t address, Bytes bytes, Step step);  // writes
     [[nodiscard]] Error error() const noexcept;
     [[nodiscard]] Bytes bytes() const { return bytes_; }
 
   private:
+    static std::coroutine_handle<> settle(Waiter& waiter) noexcept;
+
     Station station_;
+    detail::PromiseBase* waiting_ = nullptr;  // with required()
     std::uint16_t address_;
     Step step_;
     std::array<std::byte, kMostBytes> bytes_{};
     Datagram datagram_;
 };
+
+// Awaitable: the register access, whose error ends the awaiting sequence. Returns the value that was read, or nothing.
+template <class Wait>
+class RequiredRegister {
+  public:
+    explicit RequiredRegister(Wait& wait) : wait_(wait) {}
+    [[nodiscard]] bool await_ready() const noexcept { return false; }
+    template <std::derived_from<detail::PromiseBase> P>
+    [[nodiscard]] std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) const noexcept {
+        return wait_.require(waiting.promise());
+    }
+    auto await_resume() const noexcept { return wait_.value(); }
+
+  private:
+    Wait& wait_;
+};
+template <std::derived_from<RegisterWait> Wait>
+[[nodiscard]] RequiredRegister<Wait> required(Wait&& wait) {
+    return RequiredRegister<Wait>(wait);
+}
 
 template <class T>
 class ReadRegister : public RegisterWait {
@@ -69,14 +97,15 @@ class ReadRegister : public RegisterWait {
     static_assert(sizeof(T) <= kMostBytes);
     ReadRegister(const Station& station, std::uint16_t address, Step step)
         : RegisterWait(station, address, sizeof(T), step) {}
+    [[nodiscard]] T value() const noexcept { return load_le<T>(bytes()); }
     [[gnu::noinline]] Result<T> await_resume() const noexcept {
         const Error failed = error();
-        return failed.code == Errc::none ? Result<T>(load_le<T>(bytes())) : Result<T>(failed);
+        return failed.code == Errc::none ? Result<T>(value()) : Result<T>(failed);
     }
 };
 
 template <class T>
-[[nodiscard]] ReadRegister<T> read(const Station& station, wire::Register r, Step step) {
+[[nodiscard]] ReadRegister<T> read(const Station& station, const wire::Register& r, Step step) {
     return {station, r.address, step};
 }
 
@@ -86,11 +115,12 @@ class WriteRegister : public RegisterWait {
         : RegisterWait(station, address, value, bytes, step) {}
     WriteRegister(const Station& station, std::uint16_t address, Bytes bytes, Step step)
         : RegisterWait(station, address, bytes, step) {}
+    [[nodiscard]] Nothing value() const noexcept { return {}; }
     Result<> await_resume() const noexcept { return error(); }
 };
 
 template <class T>
-[[nodiscard]] WriteRegister write(const Station& station, wire::Register r, T value, Step step) {
+[[nodiscard]] WriteRegister write(const Station& station, const wire::Register& r, T value, Step step) {
     static_assert(sizeof(T) <= sizeof(std::uint32_t));
     return {station, r.address, value, sizeof(T), step};
 }

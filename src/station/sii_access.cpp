@@ -167,13 +167,10 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
 
 Task<Result<>> sii_assign(Station station, bool to_pdi) {
     if (!to_pdi) {  // forced first: takes the interface from a PDI that does not release it
-        auto forced =
-            co_await write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat, Step::read_sii);
-        if (!forced) co_return forced.error();
+        co_await required(write<std::uint8_t>(station, reg::kSiiConfig, wire::sii_config::kForceEcat, Step::read_sii));
     }
-    auto assigned = co_await write<std::uint8_t>(
-        station, reg::kSiiConfig, to_pdi ? wire::sii_config::kOfferedToPdi : std::uint8_t{0}, Step::read_sii);
-    if (!assigned) co_return assigned.error();
+    co_await required(write<std::uint8_t>(station, reg::kSiiConfig,
+                                          to_pdi ? wire::sii_config::kOfferedToPdi : std::uint8_t{0}, Step::read_sii));
     co_return Nothing{};
 }
 

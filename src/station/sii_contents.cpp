@@ -128,14 +128,11 @@ Result<> Contents::read_fixed_part(Bytes head, Bytes mailboxes) {
 
 Task<Result<>> Contents::configuration() {
     std::array<std::byte, sii::kConfigurationBytes + sii::kIdentityBytes> head{};
-    auto read_head = co_await reader_.read(0, head, sii::word::kBootMailbox);
-    if (!read_head) co_return read_head;
+    co_await required(reader_.read(0, head, sii::word::kBootMailbox));
     std::array<std::byte, sii::kMailboxesBytes> mailboxes{};
-    auto read_mailboxes = co_await reader_.read(sii::word::kBootMailbox, mailboxes, sii::word::kSize);
-    if (!read_mailboxes) co_return read_mailboxes;
+    co_await required(reader_.read(sii::word::kBootMailbox, mailboxes, sii::word::kSize));
     std::array<std::byte, 2> size{};
-    auto read_size = co_await reader_.read(sii::word::kSize, size, sii::word::kCategories);
-    if (!read_size) co_return read_size;
+    co_await required(reader_.read(sii::word::kSize, size, sii::word::kCategories));
     if (sii::is_blank(head)) co_return error(sii::Fault::blank, 0);
     slave_.sii_bytes = sii::eeprom_bytes(load_le<std::uint16_t>(size));
     co_return read_fixed_part(head, mailboxes);
@@ -215,17 +212,14 @@ Task<Result<>> Contents::categories() {
         // The first category is mostly the strings category, which is not read yet. The content of the other categories
         // is mostly wanted.
         const auto behind = n == 0 ? SiiReader::kNone : chain.header_word() + 2;
-        auto read_header = co_await reader_.read(chain.header_word(), header, behind);
-        if (!read_header) co_return read_header;
+        co_await required(reader_.read(chain.header_word(), header, behind));
         const auto place = chain.step(header);
         if (!place) break;
         std::array<std::byte, Slave::kSyncManagers * wire::reg::kSyncManagerStride> content{};
         const auto wanted =
             MutableBytes(content).first(std::min(place->words * sii::kWordBytes, wanted_bytes(place->type)));
         mark(*place);
-        auto read_content =
-            co_await reader_.read(place->word, wanted, found_all() ? strings_.word : chain.header_word());
-        if (!read_content) co_return read_content;
+        co_await required(reader_.read(place->word, wanted, found_all() ? strings_.word : chain.header_word()));
         read_category(*place, wanted);
     }
     if (chain.fault() != sii::Fault::none) co_return error(chain.fault(), chain.header_word());
@@ -240,8 +234,7 @@ Task<Result<>> Contents::name() {
         std::array<std::byte, kBlockBytes> block{};
         const auto part = MutableBytes(block).first(std::min<std::size_t>(kBlockBytes, (end - word) * sii::kWordBytes));
         const std::uint32_t next = word + kBlockBytes / sii::kWordBytes;
-        auto read_part = co_await reader_.read(word, part, next < end ? next : SiiReader::kNone);
-        if (!read_part) co_return read_part;
+        co_await required(reader_.read(word, part, next < end ? next : SiiReader::kNone));
         picker.take(part);
     }
     slave_.name_bytes = static_cast<std::uint8_t>(sii::to_utf8(picker.text(), slave_.name_text).size());

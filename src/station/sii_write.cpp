@@ -21,9 +21,9 @@ using Word = std::array<std::byte, sii::kWordBytes>;
 Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
     for (;;) {
         const Time sent = station.engine.now();  // see SiiReader::read()
-        auto status = co_await ::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii);
-        if (!status) co_return status.error();
-        if ((*status & control::kBusy) == 0) co_return *status;
+        const auto status =
+            co_await required(::margay::read<std::uint16_t>(station, reg::kSiiControl, Step::write_sii));
+        if ((status & control::kBusy) == 0) co_return status;
         if (sent >= give_up) co_return station.error(Errc::sii_busy, Step::write_sii);
         co_await station.engine.sleep_for(kPause);
     }
@@ -31,26 +31,23 @@ Task<Result<std::uint16_t>> wait_ready(Station station, Time give_up) {
 
 // Executes one write command: waits until ready, writes, waits until ready again. Returns the status after the command.
 Task<Result<std::uint16_t>> order_write(Station station, std::uint32_t word, Word data, Time give_up) {
-    auto ready = co_await wait_ready(station, give_up);
-    if (!ready) co_return ready.error();
+    co_await required(wait_ready(station, give_up));
     std::array<std::byte, 8> bytes{};  // control, address and data in one datagram, so that the command uses this data
     store_le<std::uint16_t>(bytes, 0, control::kCommandWrite | control::kWriteEnable);
     store_le<std::uint32_t>(bytes, 2, word);
     std::copy(data.begin(), data.end(), bytes.begin() + 6);
-    auto written = co_await write_bytes(station, reg::kSiiControl.address, bytes, Step::write_sii);
-    if (!written) co_return written.error();
-    co_return co_await wait_ready(station, give_up);
+    co_await required(write_bytes(station, reg::kSiiControl.address, bytes, Step::write_sii));
+    co_return co_await required(wait_ready(station, give_up));
 }
 
 // Repeats the command until the EEPROM acknowledges it: the EEPROM may still be storing the previous word.
 Task<Result<>> write_until_acknowledged(Station station, std::uint32_t word, Word data) {
     const Time give_up = station.engine.now() + kWordTimeout;
     for (int tries = 1;; ++tries) {
-        auto status = co_await order_write(station, word, data, give_up);
-        if (!status) co_return status.error();
-        if ((*status & control::kWriteEnableError) != 0)
+        const auto status = co_await required(order_write(station, word, data, give_up));
+        if ((status & control::kWriteEnableError) != 0)
             co_return station.error(Errc::sii_write_denied, Step::write_sii);
-        if ((*status & control::kMissingAcknowledge) == 0) co_return Nothing{};
+        if ((status & control::kMissingAcknowledge) == 0) co_return Nothing{};
         if (tries >= kNackTries && station.engine.now() >= give_up)
             co_return station.error(Errc::sii_nack, Step::write_sii);
         co_await station.engine.sleep_for(kPause);
@@ -119,8 +116,8 @@ Task<Result<>> write_area(Station station, std::uint32_t word, Bytes data) {
         const auto& write = plan.writes()[n];
         auto written = co_await write_word(station, write.word, word_octets(write.after));
         if (written) continue;
-        auto undone = co_await undo(station, plan, n + 1);
-        (void)undone;  // the caller needs the first error; a read returns the current words
+        // The caller needs the first error; a read returns the current words.
+        co_await completion(undo(station, plan, n + 1));
         co_return written;
     }
     co_return Nothing{};
@@ -135,13 +132,12 @@ Task<Result<>> sii_write(Station station, std::uint32_t word, Bytes data, Reason
         const Errc code = ends();
         if (code != Errc::none) co_return sii_error(station, code, Step::write_sii, at);
         const std::size_t offset = (at - word) * sii::kWordBytes;
-        auto written = co_await write_word(station, at, {data[offset], data[offset + 1]});
-        if (!written) co_return written;
+        co_await required(write_word(station, at, {data[offset], data[offset + 1]}));
     }
     if (word >= std::min(end, sii::word::kIdentity)) co_return Nothing{};
     const Errc code = ends();
     if (code != Errc::none) co_return sii_error(station, code, Step::write_sii, word);
-    co_return co_await write_area(station, word, data);
+    co_return co_await required(write_area(station, word, data));
 }
 
 }  // namespace margay

@@ -22,34 +22,125 @@ void release_frame(void* frame) noexcept {
 
 void exception_left_sequence() noexcept { __builtin_trap(); }
 
-std::coroutine_handle<> begin_task(std::coroutine_handle<> task, PromiseBase& parent,
-                                   std::coroutine_handle<> waiting) noexcept {
-    if (task) return task;
-    if (parent.crew != nullptr) return waiting;  // a member of a crew returns the error to the crew
-    auto* memory = static_cast<std::byte*>(waiting.address()) - kHeaderBytes;
-    parent.self = waiting;
-    (*reinterpret_cast<Arena**>(memory))->starving.push_back(parent);
-    return std::noop_coroutine();
-}
-
-void end_task(std::coroutine_handle<>& handle) noexcept {
-    if (handle) std::exchange(handle, {}).destroy();
-}
-
 PromiseBase::PromiseBase() noexcept = default;
 
 PromiseBase::~PromiseBase() {
-    if (crew != nullptr) crew->member_gone();
+    if (parent == Parent::crew) crew->member_gone();
 }
 
 void PromiseBase::return_value(const Error& returned) noexcept { error = returned; }
 
-std::coroutine_handle<> PromiseBase::ended(std::coroutine_handle<> own) noexcept {
-    if (crew == nullptr) return continuation ? continuation : std::noop_coroutine();
-    Crew& ours = *crew;
-    const Error kept = error;  // it is in the frame, so copy it before the frame is destroyed
-    own.destroy();
-    return ours.member_ended(kept);
+namespace {
+
+std::coroutine_handle<> begin(PromiseBase& task, PromiseBase& waiting, PromiseBase::Parent parent) noexcept {
+    waiting.awaited = &task;
+    task.waiting = &waiting;
+    task.parent = parent;
+    return task.self();
+}
+
+// A sequence has found no memory. A member of a crew continues at once, and returns the error to the crew.
+std::coroutine_handle<> starve(PromiseBase& task) noexcept {
+    if (task.parent == PromiseBase::Parent::crew) return end_of_starving(task);
+    auto* memory = static_cast<std::byte*>(task.self().address()) - kHeaderBytes;
+    (*reinterpret_cast<Arena**>(memory))->starving.push_back(task);
+    return std::noop_coroutine();
+}
+
+std::coroutine_handle<> require(PromiseBase* task, PromiseBase& waiting, PromiseBase::Parent parent) noexcept {
+    if (task != nullptr) return begin(*task, waiting, parent);
+    waiting.fails = true;
+    return starve(waiting);
+}
+
+}  // namespace
+
+std::coroutine_handle<> await_task(PromiseBase* task, PromiseBase& waiting) noexcept {
+    return task != nullptr ? begin(*task, waiting, PromiseBase::Parent::task) : starve(waiting);
+}
+
+std::coroutine_handle<> require_task(PromiseBase* task, PromiseBase& waiting) noexcept {
+    return require(task, waiting, PromiseBase::Parent::required);
+}
+
+std::coroutine_handle<> require_value(PromiseBase* task, PromiseBase& waiting) noexcept {
+    return require(task, waiting, PromiseBase::Parent::required_value);
+}
+
+std::coroutine_handle<> await_completion(PromiseBase* task, PromiseBase& waiting) noexcept {
+    return task != nullptr ? begin(*task, waiting, PromiseBase::Parent::completion) : starve(waiting);
+}
+
+std::coroutine_handle<> end_of_starving(PromiseBase& task) noexcept {
+    if (!task.fails) return task.self();
+    task.error = {.code = Errc::capacity};
+    return end_of_task(task);
+}
+
+std::coroutine_handle<> end_of_task(PromiseBase& task) noexcept {
+    using Parent = PromiseBase::Parent;
+    PromiseBase* ended = &task;
+    for (;;) {
+        ended->over = true;
+        if (ended->parent == Parent::none) return std::noop_coroutine();
+        if (ended->parent == Parent::crew) {
+            Crew& crew = *ended->crew;
+            const Error error = ended->error;  // it is in the frame, so copy it before the frame is destroyed
+            destroy_task(ended);
+            return crew.member_ended(error);
+        }
+        PromiseBase& waiting = *ended->waiting;
+        const bool failed = ended->error.code != Errc::none && ended->parent != Parent::completion;
+        if (ended->parent == Parent::task || (!failed && ended->parent == Parent::required_value))
+            return waiting.self();
+        if (failed) waiting.error = ended->error;
+        release_awaited(*ended);
+        if (!failed) return waiting.self();
+        ended = &waiting;
+    }
+}
+
+void destroy_task(PromiseBase* task) noexcept {
+    if (task == nullptr) return;
+    PromiseBase* last = task;
+    while (last->awaited != nullptr) last = last->awaited;
+    while (last != task) {
+        PromiseBase* const waiting = last->waiting;
+        last->self().destroy();
+        last = waiting;
+    }
+    task->self().destroy();
+}
+
+void release_awaited(PromiseBase& task) noexcept {
+    task.waiting->awaited = nullptr;
+    task.self().destroy();
 }
 
 }  // namespace margay::detail
+
+namespace margay {
+
+Crew::~Crew() {
+    while (detail::PromiseBase* member = members_.front()) detail::destroy_task(member);
+}
+
+bool Crew::start(TaskReference task) {
+    if (!task) return false;
+    detail::PromiseBase& member = *task.promise_;
+    member.crew = this;
+    member.parent = detail::PromiseBase::Parent::crew;
+    members_.push_back(member);
+    ++running_;
+    member.self().resume();
+    return true;
+}
+
+std::coroutine_handle<> Crew::member_ended(const Error& error) noexcept {
+    ++ended_;
+    if (error.code != Errc::none && first_error_.code == Errc::none) first_error_ = error;
+    if (parent_ && (running_ == 0 || !wait_all_)) return std::exchange(parent_, {});
+    return std::noop_coroutine();
+}
+
+}  // namespace margay

@@ -22,19 +22,35 @@ class TaskHandle {
     ~TaskHandle() { end(); }
 
     // Call it before the task is started.
-    template <class T>
-    void take(const Task<T>& task) {
-        handle_ = task.handle();
-    }
-    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(handle_); }
-    void release() { handle_ = {}; }
+    void take(TaskReference task) { task_ = task; }
+    [[nodiscard]] explicit operator bool() const { return static_cast<bool>(task_); }
+    void release() { task_ = {}; }
     // Ends the task if it is still running. A task must not end itself by this function.
-    void end() {
-        if (handle_) std::exchange(handle_, {}).destroy();
-    }
+    void end() { std::exchange(task_, {}).end(); }
 
   private:
-    std::coroutine_handle<> handle_;
+    TaskReference task_;
+};
+
+// A task that no coroutine awaits. The destructor destroys the task.
+template <class T = Result<>>
+class OwnedTask : public Task<T> {
+  public:
+    OwnedTask() = default;
+    explicit(false) OwnedTask(Task<T> task) : Task<T>(std::move(task)) {}
+    OwnedTask(OwnedTask&& other) noexcept : Task<T>(std::exchange(other.task(), {})) {}
+    OwnedTask& operator=(OwnedTask&& other) noexcept {
+        if (this != &other) {
+            reset();
+            task() = std::exchange(other.task(), {});
+        }
+        return *this;
+    }
+    ~OwnedTask() { this->end(); }
+    void reset() { std::exchange(task(), {}).end(); }
+
+  private:
+    Task<T>& task() { return *this; }
 };
 
 // Tasks that run concurrently for one parent task, which waits for one or for all of them. The destructor of the crew
@@ -44,9 +60,7 @@ class Crew {
     explicit Crew(std::size_t most = SIZE_MAX) : most_(most) {}
     Crew(const Crew&) = delete;
     Crew& operator=(const Crew&) = delete;
-    ~Crew() {
-        while (detail::PromiseBase* member = members_.front()) member->self.destroy();
-    }
+    ~Crew();
 
     [[nodiscard]] std::size_t running() const { return running_; }
     [[nodiscard]] bool full() const { return running_ >= most_; }
@@ -54,18 +68,7 @@ class Crew {
     [[nodiscard]] const Error& first_error() const { return first_error_; }
 
     // Starts a task and takes ownership of it. Returns false and does nothing when the task is empty (arena full).
-    template <class T>
-    [[nodiscard]] bool start(Task<T> task) {
-        if (!task) return false;
-        detail::PromiseBase& member = task.promise();
-        auto handle = std::exchange(task.handle_, {});
-        member.crew = this;
-        member.self = handle;
-        members_.push_back(member);
-        ++running_;
-        handle.resume();
-        return true;
-    }
+    [[nodiscard]] bool start(TaskReference task);
 
     // Awaitable: waits until one member has ended (returns at once when none is running), or until all have ended.
     struct Wait {
@@ -84,12 +87,7 @@ class Crew {
     // Called by Task: a member has ended or was destroyed from outside.
     void member_gone() noexcept { --running_; }
     // Called by Task: a member has ended. Returns the coroutine to resume.
-    std::coroutine_handle<> member_ended(const Error& error) noexcept {
-        ++ended_;
-        if (error.code != Errc::none && first_error_.code == Errc::none) first_error_ = error;
-        if (parent_ && (running_ == 0 || !wait_all_)) return std::exchange(parent_, {});
-        return std::noop_coroutine();
-    }
+    std::coroutine_handle<> member_ended(const Error& error) noexcept;
 
   private:
     List<detail::PromiseBase> members_;

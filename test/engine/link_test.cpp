@@ -51,7 +51,7 @@ class LinkTest : public testing::Test {
 
 TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
     task.start();
     poll();
     ASSERT_EQ(nic.sent.size(), 1U);
@@ -70,7 +70,7 @@ TEST_F(LinkTest, AnsweredDatagramBringsDataAndWorkingCounter) {
 TEST_F(LinkTest, AsManyDatagramsInAFrameAsFit) {
     // 1498 octets of datagrams: 93 datagrams of 12 + 4 octets.
     std::vector<Asked> asked(100);
-    std::vector<Task<Result<>>> tasks;
+    std::vector<OwnedTask<Result<>>> tasks;
     for (std::uint16_t i = 0; i < 100; ++i) {
         tasks.push_back(ask(engine, asked[i], station(i, 0x0130)));
         tasks.back().start();
@@ -92,7 +92,7 @@ TEST_F(LinkTest, AsManyDatagramsInAFrameAsFit) {
 
 TEST_F(LinkTest, LostFrameIsRepeatedAndThenGivenUp) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
     task.start();
     const int sendings = engine.link().settings.sendings;
     for (int i = 0; i < sendings; ++i) {
@@ -110,7 +110,7 @@ TEST_F(LinkTest, LostFrameIsRepeatedAndThenGivenUp) {
 
 TEST_F(LinkTest, WhatMustNotBeRepeatedIsNot) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x1000), Repeat::no);
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x1000), Repeat::no);
     task.start();
     now = poll();
     poll();
@@ -120,7 +120,7 @@ TEST_F(LinkTest, WhatMustNotBeRepeatedIsNot) {
 
 TEST_F(LinkTest, LateReplyIsNotTakenForTheRepeatedOne) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
     task.start();
     now = poll();
     poll();
@@ -140,14 +140,14 @@ TEST_F(LinkTest, LateReplyIsNotTakenForTheRepeatedOne) {
 
 TEST_F(LinkTest, LostIndexRestsEvenWhenAllOthersHaveBeenUsed) {
     Asked lost;
-    auto task = ask(engine, lost, station(0x1001, 0x0130), Repeat::no);
+    OwnedTask task = ask(engine, lost, station(0x1001, 0x0130), Repeat::no);
     task.start();
     now = poll();
     poll(0us);
     const auto rests = nic.sent[0][17];
     for (int i = 0; i < 255; ++i) {
         Asked asked;
-        auto next = ask(engine, asked, station(0x1002, 0x0130));
+        OwnedTask next = ask(engine, asked, station(0x1002, 0x0130));
         next.start();
         poll(10us);
         EXPECT_NE(nic.sent.back()[17], rests) << i;
@@ -160,7 +160,7 @@ TEST_F(LinkTest, LostIndexRestsEvenWhenAllOthersHaveBeenUsed) {
 // Every way in which a frame can be wrong: the link counts and drops it, and still accepts the right frame.
 TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
     task.start();
     poll();
     const Octets good = reply_to(nic.sent[0]);
@@ -200,7 +200,8 @@ TEST_F(LinkTest, WrongFramesAreCountedAndDropped) {
 
 TEST_F(LinkTest, PositionCountedUpBySlavesIsTheSameDatagram) {
     Asked asked;
-    auto task = ask(engine, asked, DatagramAddress(std::uint16_t{0}, std::uint16_t{0x0000}), Repeat::yes, Command::BRD);
+    OwnedTask task =
+        ask(engine, asked, DatagramAddress(std::uint16_t{0}, std::uint16_t{0x0000}), Repeat::yes, Command::BRD);
     task.start();
     poll();
     Octets reply = reply_to(nic.sent[0], 3);
@@ -212,7 +213,7 @@ TEST_F(LinkTest, PositionCountedUpBySlavesIsTheSameDatagram) {
 
 TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
     Asked asked;
-    auto task = ask(engine, asked, station(0x1001, 0x0130));
+    OwnedTask task = ask(engine, asked, station(0x1001, 0x0130));
     task.start();
     poll();
     std::mt19937 random(1);
@@ -238,8 +239,8 @@ TEST_F(LinkTest, NoiseOfEveryLengthChangesNothing) {
 TEST_F(LinkTest, BusyNicIsOfferedTheSameDatagramsAgain) {
     Asked first;
     Asked second;
-    auto one = ask(engine, first, station(1, 0x0130));
-    auto two = ask(engine, second, station(2, 0x0130));
+    OwnedTask one = ask(engine, first, station(1, 0x0130));
+    OwnedTask two = ask(engine, second, station(2, 0x0130));
     one.start();
     two.start();
     nic.answer = SendStatus::busy;
@@ -258,7 +259,7 @@ TEST_F(LinkTest, BusyNicIsOfferedTheSameDatagramsAgain) {
 
 TEST_F(LinkTest, RefusingNicEndsInAnErrorOfItsOwn) {
     Asked asked;
-    auto task = ask(engine, asked, station(1, 0x0130));
+    OwnedTask task = ask(engine, asked, station(1, 0x0130));
     task.start();
     nic.answer = SendStatus::failed;
     for (int i = 0; i < 10 && !asked.done; ++i) now = std::max(now, poll(0us));
@@ -269,8 +270,8 @@ TEST_F(LinkTest, RefusingNicEndsInAnErrorOfItsOwn) {
 TEST_F(LinkTest, DatagramDestroyedInFlightIsForgotten) {
     auto asked = std::make_unique<Asked>();
     Asked other;
-    auto task = ask(engine, *asked, station(1, 0x0130));
-    auto stays = ask(engine, other, station(2, 0x0130));
+    OwnedTask task = ask(engine, *asked, station(1, 0x0130));
+    OwnedTask stays = ask(engine, other, station(2, 0x0130));
     task.start();
     stays.start();
     poll();
@@ -287,7 +288,7 @@ TEST_F(LinkTest, MoreFramesThanSlotsWaitTheirTurn) {
     std::vector<Asked> asked(93 * 10);
     std::vector<std::byte> more(1024 * 1024);
     Engine large(nic, slots, more);
-    std::vector<Task<Result<>>> tasks;
+    std::vector<OwnedTask<Result<>>> tasks;
     for (auto& a : asked) {
         tasks.push_back(ask(large, a, station(1, 0x0130)));
         tasks.back().start();
@@ -310,8 +311,8 @@ TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
         Asked large;
         Asked behind;
         std::vector<std::byte> data(bytes);
-        auto one = exchange(engine, large, data);
-        auto two = ask(engine, behind, station(2, 0x0130));
+        OwnedTask one = exchange(engine, large, data);
+        OwnedTask two = ask(engine, behind, station(2, 0x0130));
         one.start();
         two.start();
         poll();
@@ -327,7 +328,7 @@ TEST_F(LinkTest, DatagramThatNoFrameHoldsIsRefusedAndNothingBehindItIsStuck) {
 TEST_F(LinkTest, LargestDatagramIsSent) {
     Asked asked;
     std::vector<std::byte> data(wire::kMaxDatagramData);
-    auto task = exchange(engine, asked, data);
+    OwnedTask task = exchange(engine, asked, data);
     task.start();
     poll();
     ASSERT_EQ(nic.sent.size(), 1U);
@@ -339,8 +340,8 @@ TEST_F(LinkTest, LargestDatagramIsSent) {
 TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
     Asked first;
     Asked second;
-    auto one = ask(engine, first, station(1, 0x0130));
-    auto two = ask(engine, second, station(2, 0x0130), Repeat::no);
+    OwnedTask one = ask(engine, first, station(1, 0x0130));
+    OwnedTask two = ask(engine, second, station(2, 0x0130), Repeat::no);
     one.start();
     two.start();
     nic.answer = SendStatus::busy;
@@ -357,7 +358,7 @@ TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
     EXPECT_LE(now - start, 301ms);
     // Later datagrams have their own timeout.
     Asked third;
-    auto three = ask(engine, third, station(3, 0x0130));
+    OwnedTask three = ask(engine, third, station(3, 0x0130));
     three.start();
     poll();
     EXPECT_FALSE(third.done);
@@ -371,7 +372,7 @@ TEST_F(LinkTest, NicThatStaysBusyForEverEndsInAnErrorThatSaysSo) {
 
 TEST_F(LinkTest, NicThatIsBusyForSomeTimeCostsNothingButTime) {
     Asked asked;
-    auto task = ask(engine, asked, station(1, 0x0130));
+    OwnedTask task = ask(engine, asked, station(1, 0x0130));
     task.start();
     nic.answer = SendStatus::busy;
     const Time start = now;
@@ -390,7 +391,7 @@ TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
     Engine large(nic, slots, more);
     large.link().settings.queue_timeout = 10ms;
     std::vector<Asked> asked(93 * 6);
-    std::vector<Task<Result<>>> tasks;
+    std::vector<OwnedTask<Result<>>> tasks;
     for (auto& a : asked) {
         tasks.push_back(ask(large, a, station(1, 0x0130)));
         tasks.back().start();
@@ -409,14 +410,14 @@ TEST_F(LinkTest, NicThatTakesAFrameNowAndThenIsWaitedFor) {
 // The stuck datagrams have ended, and later datagrams have their whole timeout.
 TEST_F(LinkTest, NewQueueDoesNotInheritTheWaitOfAnOldOne) {
     auto old = std::make_unique<Asked>();
-    auto forgotten = ask(engine, *old, station(1, 0x0130));
+    OwnedTask forgotten = ask(engine, *old, station(1, 0x0130));
     forgotten.start();
     nic.answer = SendStatus::busy;
     poll();
     forgotten.reset();
     now += 100s;
     Asked asked;
-    auto task = ask(engine, asked, station(2, 0x0130));
+    OwnedTask task = ask(engine, asked, station(2, 0x0130));
     task.start();
     poll();
     EXPECT_FALSE(asked.done);
@@ -428,7 +429,7 @@ TEST_F(LinkTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
     nic.hides_own = true;
     for (const std::uint16_t wkc : {std::uint16_t{1}, std::uint16_t{0}}) {
         Asked asked;
-        auto task = ask(engine, asked, station(1, 0x0130));
+        OwnedTask task = ask(engine, asked, station(1, 0x0130));
         task.start();
         poll();
         Octets reply = reply_to(nic.sent.back(), wkc);
@@ -446,7 +447,7 @@ TEST_F(LinkTest, UnmarkedReplyIsTakenWhereTheNicHidesOwnFrames) {
 TEST_F(LinkTest, FrameOfAnotherMasterIsNoUnmarkedReply) {
     nic.hides_own = true;
     Asked asked;
-    auto task = ask(engine, asked, station(1, 0x0130));
+    OwnedTask task = ask(engine, asked, station(1, 0x0130));
     task.start();
     poll();
     Octets other = nic.sent.back();
@@ -460,7 +461,7 @@ TEST_F(LinkTest, FrameOfAnotherMasterIsNoUnmarkedReply) {
 TEST_F(LinkTest, WhereOnlyTheMarkTellsAnEchoTheErrorSaysThatFramesWereUnmarked) {
     for (const bool counted_up : {true, false}) {
         Asked asked;
-        auto task = ask(engine, asked, station(1, 0x0130), Repeat::no);
+        OwnedTask task = ask(engine, asked, station(1, 0x0130), Repeat::no);
         task.start();
         const Time next = poll();
         Octets back = reply_to(nic.sent.back(), counted_up ? 1 : 0);
@@ -489,8 +490,8 @@ TEST_F(LinkTest, TwoEnginesShareNothing) {
     Engine other(other_nic, other_slots, other_memory);
     Asked here;
     Asked there;
-    auto a = ask(engine, here, station(1, 0x0130));
-    auto b = ask(other, there, station(1, 0x0130));
+    OwnedTask a = ask(engine, here, station(1, 0x0130));
+    OwnedTask b = ask(other, there, station(1, 0x0130));
     a.start();
     b.start();
     poll();

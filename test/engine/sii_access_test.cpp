@@ -124,7 +124,7 @@ class SiiAccess : public testing::Test {
     Station station{engine, {0x1001}, 1};
     Duration took{0};
 
-    Result<> finish(Task<Result<>> task) {
+    Result<> finish(OwnedTask<> task) {
         const Time start = slave.now;
         engine.poll(slave.now);
         task.start();
@@ -189,7 +189,7 @@ TEST_F(SiiAccess, MissingAcknowledgeIsTriedTwiceMoreHoweverRarelyItIsPolled) {
     slave.missing_acknowledges = 2;
     SiiReader reader(station);
     std::array<std::byte, 8> block{};
-    auto task = reader.read(0x40, block);
+    OwnedTask task = reader.read(0x40, block);
     engine.poll(slave.now);
     task.start();
     for (int polls = 0; polls < 100 && !task.done(); ++polls) {

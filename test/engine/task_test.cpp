@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <string>
+#include <vector>
 
 namespace margay {
 namespace {
@@ -80,7 +82,7 @@ Task<Result<int>> add(Engine& engine, int depth) {
 
 TEST_F(TaskTest, TimersFireInTheirOrderAndNotBefore) {
     engine.poll(now);
-    std::vector<Task<Result<int>>> tasks;
+    std::vector<OwnedTask<Result<int>>> tasks;
     for (const int ms : {5, 1, 3, 3, 2}) {
         tasks.push_back(wait_and_return(engine, std::chrono::milliseconds(ms), ms));
         tasks.back().start();
@@ -96,12 +98,12 @@ TEST_F(TaskTest, TimersFireInTheirOrderAndNotBefore) {
 }
 
 TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCallerInTheNextPoll) {
-    auto fits = add(engine, 10);
+    OwnedTask fits = add(engine, 10);
     fits.start();
     ASSERT_TRUE(fits.done());
     EXPECT_EQ(*fits.result(), 10);
     fits.reset();
-    auto deep = add(engine, 100000);
+    OwnedTask deep = add(engine, 100000);
     deep.start();
     EXPECT_FALSE(deep.done());
     EXPECT_EQ(engine.poll(now), kNever);
@@ -123,7 +125,7 @@ Task<Result<int>> try_again(Engine& engine, int& tries) {
 TEST_F(TaskTest, ASequenceThatFindsNoMemoryContinuesInTheNextPoll) {
     engine.poll(now);
     int tries = 0;
-    auto task = try_again(engine, tries);
+    OwnedTask task = try_again(engine, tries);
     task.start();
     for (int polls = 1; polls < 5; ++polls) {
         EXPECT_EQ(tries, polls);
@@ -158,7 +160,7 @@ Task<Result<int>> lead(Engine& engine, std::size_t limit, int members, int& most
 TEST_F(TaskTest, CrewRunsNoMoreThanItsLimitAndReportsTheFirstError) {
     engine.poll(now);
     int most = 0;
-    auto task = lead(engine, 4, 40, most);
+    OwnedTask task = lead(engine, 4, 40, most);
     task.start();
     for (int i = 0; i < 1000 && !task.done(); ++i) engine.poll(now += 1ms);
     ASSERT_TRUE(task.done());
@@ -171,12 +173,134 @@ TEST_F(TaskTest, CrewRunsNoMoreThanItsLimitAndReportsTheFirstError) {
 TEST_F(TaskTest, DestroyedCrewTakesItsMembersAlong) {
     engine.poll(now);
     int most = 0;
-    auto task = lead(engine, 10, 10, most);
+    OwnedTask task = lead(engine, 10, 10, most);
     task.start();
     EXPECT_GT(engine.arena().used_bytes(), 0U);
     task.reset();
     EXPECT_EQ(engine.arena().used_bytes(), 0U);
     EXPECT_EQ(engine.poll(now + 1s), kNever);
+}
+
+// What has happened, in order: the guards of sequences write their names when they are destroyed.
+struct Trace {
+    std::vector<std::string> entries;
+    struct Guard {
+        Trace& trace;
+        const char* name;
+        ~Guard() { trace.entries.emplace_back(name); }
+    };
+};
+
+Task<Result<int>> fail_after(Engine& engine, Trace& trace, Duration duration, bool fails) {
+    const Trace::Guard guard{trace, "inner"};
+    co_await engine.sleep_for(duration);
+    if (fails) co_return Error{.code = Errc::timeout, .slave = 7};
+    co_return 5;
+}
+
+Task<Result<>> pass_on(Engine& engine, Trace& trace, Duration duration, bool fails) {
+    const Trace::Guard guard{trace, "middle"};
+    const auto value = co_await required(fail_after(engine, trace, duration, fails));
+    trace.entries.push_back("value " + std::to_string(value));
+    co_return Nothing{};
+}
+
+Task<Result<>> outermost(Engine& engine, Trace& trace, Duration duration, bool fails) {
+    const Trace::Guard guard{trace, "outer"};
+    co_await required(pass_on(engine, trace, duration, fails));
+    trace.entries.emplace_back("behind");
+    co_return Nothing{};
+}
+
+Task<Result<>> look_at_error(Engine& engine, Trace& trace, Duration duration, bool fails) {
+    auto result = co_await outermost(engine, trace, duration, fails);
+    trace.entries.emplace_back(result ? "success" : "error");
+    co_return result;
+}
+
+TEST_F(TaskTest, RequiredReturnsTheValue) {
+    engine.poll(now);
+    for (const Duration duration : {Duration{0}, Duration{1ms}}) {
+        Trace trace;
+        OwnedTask task = look_at_error(engine, trace, duration, false);
+        task.start();
+        engine.poll(now += 1ms);
+        ASSERT_TRUE(task.done());
+        EXPECT_TRUE(task.result());
+        const std::vector<std::string> wanted{"inner", "value 5", "middle", "behind", "outer", "success"};
+        EXPECT_EQ(trace.entries, wanted);
+        task.reset();
+        EXPECT_EQ(engine.arena().used_bytes(), 0U);
+    }
+}
+
+TEST_F(TaskTest, RequiredEndsTheAwaitingSequencesWithTheError) {
+    engine.poll(now);
+    for (const Duration duration : {Duration{0}, Duration{1ms}}) {
+        Trace trace;
+        OwnedTask task = look_at_error(engine, trace, duration, true);
+        task.start();
+        engine.poll(now += 1ms);
+        ASSERT_TRUE(task.done());
+        EXPECT_EQ(task.result().error(), (Error{.code = Errc::timeout, .slave = 7}));
+        const std::vector<std::string> wanted{"inner", "middle", "outer", "error"};
+        EXPECT_EQ(trace.entries, wanted);
+        task.reset();
+        EXPECT_EQ(engine.arena().used_bytes(), 0U);
+    }
+}
+
+TEST_F(TaskTest, AMemberOfACrewThatIsEndedByRequiredCounts) {
+    engine.poll(now);
+    for (const Duration duration : {Duration{0}, Duration{1ms}}) {
+        Trace trace;
+        {
+            Crew crew;
+            ASSERT_TRUE(crew.start(outermost(engine, trace, duration, true)));
+            ASSERT_TRUE(crew.start(outermost(engine, trace, 5ms, false)));
+            engine.poll(now += 1ms);
+            EXPECT_EQ(crew.running(), 1U);
+            EXPECT_EQ(crew.first_error().code, Errc::timeout);
+            trace.entries.clear();
+        }
+        const std::vector<std::string> wanted{"inner", "middle", "outer"};
+        EXPECT_EQ(trace.entries, wanted) << "the member that had not ended, the innermost sequence first";
+        EXPECT_EQ(engine.arena().used_bytes(), 0U);
+    }
+}
+
+TEST_F(TaskTest, ADestroyedTaskDestroysTheInnermostSequenceFirst) {
+    engine.poll(now);
+    Trace trace;
+    OwnedTask task = look_at_error(engine, trace, 1ms, false);
+    task.start();
+    task.reset();
+    const std::vector<std::string> wanted{"inner", "middle", "outer"};
+    EXPECT_EQ(trace.entries, wanted);
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+    EXPECT_EQ(engine.poll(now + 1s), kNever);
+}
+
+Task<Result<int>> add_required(Engine& engine, int depth) {
+    if (depth == 0) co_return 0;
+    const int below = co_await required(add_required(engine, depth - 1));
+    co_return below + 1;
+}
+
+TEST_F(TaskTest, RequiredEndsTheSequenceWhenTheArenaIsFull) {
+    OwnedTask fits = add_required(engine, 10);
+    fits.start();
+    ASSERT_TRUE(fits.done());
+    EXPECT_EQ(*fits.result(), 10);
+    fits.reset();
+    OwnedTask deep = add_required(engine, 100000);
+    deep.start();
+    EXPECT_FALSE(deep.done());
+    EXPECT_EQ(engine.poll(now), kNever);
+    ASSERT_TRUE(deep.done());
+    EXPECT_EQ(deep.result().error().code, Errc::capacity);
+    deep.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
 }
 
 }  // namespace

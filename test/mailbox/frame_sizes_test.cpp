@@ -23,7 +23,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     const auto expect = [&](const char* name, std::size_t bytes, auto task) {
         EXPECT_TRUE(static_cast<bool>(task));
         EXPECT_EQ(network.arena().used_bytes(), bytes) << name;
-        task.reset();
+        task.end();
         EXPECT_EQ(network.arena().used_bytes(), 0U) << name;
     };
     std::array<std::byte, 4> memory{};
@@ -31,7 +31,7 @@ TEST(MailboxFrameSizes, OfEachSequence) {
     expect("sdo_upload", 512, sdo_upload(channel, {}, memory, {}));
     expect("sdo_upload_once", 512, sdo_upload_once(channel, {}, memory, {}));
     expect("sdo_download", 512, sdo_download(channel, {}, memory, {}));
-    expect("sdo_upload_singly", 512, sdo_upload_singly(channel, {}, memory, {}));
+    expect("sdo_upload_singly", 256, sdo_upload_singly(channel, {}, memory, {}));
     expect("ask_information", 512, ask_information(channel, query, {}, {}));
     expect("fetch_tx_pdo", 1024, fetch_tx_pdo(channel, 1, memory, {}));
     expect("soe_read", 512, soe_read(channel, {}, memory, {}));

@@ -185,7 +185,7 @@ TEST_F(OverlapTest, RequestsTravelInFramesOfTheirOwn) {
     };
     bool done = false;
     std::array<std::byte, 2> data{};
-    auto task = Asked::ask(engine, done, data);
+    OwnedTask task = Asked::ask(engine, done, data);
     task.start();
     ASSERT_TRUE(send().ok());
     ASSERT_TRUE(send().ok());

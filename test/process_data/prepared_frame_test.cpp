@@ -186,7 +186,7 @@ TEST_P(PreparedFrameTest, RefusedFrameIsAnErrorAndTheNextOneGoes) {
 
 TEST_P(PreparedFrameTest, RidersComeBackWithTheFrame) {
     Asked asked;
-    auto task = ask(engine, asked, asked.data);
+    OwnedTask task = ask(engine, asked, asked.data);
     task.start();
     ASSERT_TRUE(send().ok());
     ASSERT_EQ(nic.sent.size(), 1U);
@@ -205,7 +205,7 @@ TEST_P(PreparedFrameTest, RidersComeBackWithTheFrame) {
 
 TEST_P(PreparedFrameTest, RiderOfALostFrameTravelsAgain) {
     Asked asked;
-    auto task = ask(engine, asked, asked.data);
+    OwnedTask task = ask(engine, asked, asked.data);
     task.start();
     ASSERT_TRUE(send().ok());
     EXPECT_EQ(end().error().code, Errc::no_frame);
@@ -223,7 +223,7 @@ TEST_P(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
     ASSERT_TRUE(send().ok());
     ASSERT_TRUE(send(1ms).ok());
     Asked asked;
-    auto task = ask(engine, asked, asked.data);
+    OwnedTask task = ask(engine, asked, asked.data);
     task.start();
     const auto sent = nic.sent.size();
     const Time next = engine.poll(now += 100us);
@@ -236,7 +236,7 @@ TEST_P(PreparedFrameTest, PollLeavesTheQueueToTheCycleWhileThereIsOne) {
 TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     group.config.acyclic_bytes = 40;
     std::vector<Asked> asked(10);
-    std::vector<Task<Result<>>> tasks;
+    std::vector<OwnedTask<Result<>>> tasks;
     for (auto& a : asked) tasks.push_back(ask(engine, a, a.data));
     for (auto& t : tasks) t.start();
     ASSERT_TRUE(send().ok());
@@ -246,7 +246,7 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
     tasks.clear();
     Asked large;
     std::array<std::byte, 500> data{};
-    auto task = ask(engine, large, data);
+    OwnedTask task = ask(engine, large, data);
     task.start();
     ASSERT_TRUE(send().ok());
     EXPECT_EQ(nic.sent.back().size(), wire::kFramePrefixBytes + 16 + 512);
@@ -256,7 +256,7 @@ TEST_P(PreparedFrameTest, BudgetBoundsWhatRides) {
 TEST_P(PreparedFrameTest, NicThatTakesOnlyTheCycleLeavesNoRequestWaitingForEver) {
     Asked asked;
     std::array<std::byte, wire::kMaxDatagramData> data{};  // does not fit behind the datagrams of the cycle
-    auto task = ask(engine, asked, data);
+    OwnedTask task = ask(engine, asked, data);
     task.start();
     nic.most_frames_at_once = 1;
     const Time start = now;
@@ -273,7 +273,7 @@ TEST_P(PreparedFrameTest, NicThatTakesOnlyTheCycleLeavesNoRequestWaitingForEver)
 
 TEST_P(PreparedFrameTest, NicThatStaysBusyInTheCycleEndsWhatRides) {
     Asked asked;
-    auto task = ask(engine, asked, asked.data);
+    OwnedTask task = ask(engine, asked, asked.data);
     task.start();
     nic.answer = SendStatus::busy;
     const Time start = now;

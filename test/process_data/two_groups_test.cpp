@@ -81,7 +81,7 @@ class TwoGroupsTest : public testing::Test, protected PreparedGroup {
     }
 
     std::vector<Asked> asked = std::vector<Asked>(60);
-    std::vector<Task<Result<>>> tasks;
+    std::vector<OwnedTask<Result<>>> tasks;
 };
 
 TEST_F(TwoGroupsTest, OfOneRateKeepTheirBudgets) {

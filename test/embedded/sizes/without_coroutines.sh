@@ -23,6 +23,14 @@ namespace margay {
 template <class T = Result<>>
 using Blocking = T;
 void wait_for(void* awaited);
+// The error ends the function.
+#define REQUIRED(...)                          \
+    ({                                         \
+        auto awaited_ = Wait{}->*(__VA_ARGS__); \
+        if (!awaited_) return awaited_.error(); \
+        *awaited_;                             \
+    })
+#define COMPLETED(...) (void)(__VA_ARGS__)
 struct Wait {
     template <class Awaited>
     [[gnu::always_inline]] decltype(auto) operator->*(Awaited&& awaited) const {
@@ -47,7 +55,8 @@ struct Wait {
 END
 find "$copy/src" -name '*.?pp' ! -path '*/util/task.*' ! -path '*/sim/*' ! -path '*/subdevice/*' \
     -exec grep -lE 'Task<|co_(await|return)' {} + |
-    xargs sed -i -e "s/\bTask</Blocking</g; s/\bco_return\b/return/g; s/\bco_await /Wait{}->*/g" \
+    xargs sed -i -e "s/\bco_await required(/REQUIRED(/g; s/\bco_await completion(/COMPLETED(/g" \
+        -e "s/\bTask</Blocking</g; s/\bco_return\b/return/g; s/\bco_await /Wait{}->*/g" \
         -e "1i #include \"$copy/blocking.hpp\""
 
 # size FOLDER SOURCE: the octets of code and constants; nothing when the source cannot be compiled.
