@@ -20,9 +20,11 @@ namespace margay {
 class Context;
 
 // The common members of SdoUploadStream and SdoDownloadStream. If the slave refuses complete access, the request ends
-// with its abort. If an answer of the slave is lost on the wire and the slave cannot repeat it, the library starts the
-// transfer again as long as no octet has gone to the sink, or none was acknowledged by the slave; later the request
-// ends with Errc::reply_lost. `timeout` zero: no limit for the whole transfer, and 3 s for each answer of the slave.
+// with its abort. All other SDOs of the slave, also those of its start-up, wait until the transfer has ended. If an
+// answer of the slave is lost on the wire and the slave cannot repeat it, the library starts the transfer again as long
+// as no octet has gone to the sink, or none was acknowledged by the slave; later the request ends with
+// Errc::reply_lost. If the slave starts again, the request ends with Errc::mailbox_closed. `timeout` zero: no limit for
+// the whole transfer, and 3 s for each answer of the slave.
 class SdoStream : public MailRequest {
   public:
     std::uint16_t index = 0;

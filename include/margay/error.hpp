@@ -56,18 +56,20 @@ enum class Errc : std::uint8_t {
                     // that, and actual: its value)
     unexpected_slave,  // a slave that is not in the list of expect()
     no_place,  // a slave that appeared later has process data, and the image has no free part for it (expected: bits)
-    remapping_needed,  // SlaveConfiguration::sms were changed since the mapping of the group: config_map() is needed
-    scan_needed,       // expect() was called after config_init(): the slaves were compared with another list
-    unknown_group,     // no group has this number, or the group is not mapped (index: the group)
-    image_too_large,   // the process image does not fit the buffer (expected, actual: octets)
-    fmmu_shortage,     // the slave has too few FMMUs (expected, actual)
-    sm_shortage,       // the slave does not have this SyncManager (index: its register, expected, actual: number of
-                       // SyncManagers)
-    sm_memory,         // a SyncManager is outside the slave's process data memory or overlaps another one (index: its
-                       // register)
-    too_many_frames,   // process data needs more frames than the context can prepare (expected, actual)
-    mailbox_full,      // the slave accepts no mailbox message: its mailbox is full, or not enabled in this state
-    wrong_size,        // a value has another size than requested (expected, actual: octets)
+    // SlaveConfiguration::sms or the lists of PDOs were changed since the mapping of the group, or an SDO has written
+    // PDO objects of the slave: config_map() is needed
+    remapping_needed,
+    scan_needed,      // expect() was called after config_init(): the slaves were compared with another list
+    unknown_group,    // no group has this number, or the group is not mapped (index: the group)
+    image_too_large,  // the process image does not fit the buffer (expected, actual: octets)
+    fmmu_shortage,    // the slave has too few FMMUs (expected, actual)
+    sm_shortage,      // the slave does not have this SyncManager (index: its register, expected, actual: number of
+                      // SyncManagers)
+    sm_memory,        // a SyncManager is outside the slave's process data memory or overlaps another one (index: its
+                      // register)
+    too_many_frames,  // process data needs more frames than the context can prepare (expected, actual)
+    mailbox_full,     // the slave accepts no mailbox message: its mailbox is full, or not enabled in this state
+    wrong_size,       // a value has another size than requested (expected, actual: octets)
     pdo_list,     // a list of PDOs that is invalid for every slave (index: PDO or SyncManager's register, subindex: the
                   // entry, detail: PdoListFault)
     pdo_unknown,  // no source knows the entries of a listed PDO (index: the PDO)
@@ -100,7 +102,8 @@ enum class Errc : std::uint8_t {
     entry_type,   // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE data
                   // type). Only entries whose data type is known are checked: see EntryValue in entry.hpp
     entry_stale,  // the group was mapped again since the entry was found
-    other_state,  // the slave is not in its target state (expected: the target state, actual: the present state)
+    other_state,  // the slave is not in its target state, or not in the state from which it can be brought to the
+                  // requested one (expected: the state that is needed, actual: the present state)
     image_overlaps,      // the image of a group overlaps the image of another mapped group (index: that group)
     configuration_lost,  // a warning: `config` or `hooks` were set before the first scan or for a wrong number (slave
                          // 0), or for a slave of the scan before (slave), and are gone

@@ -114,7 +114,7 @@ Result<> clear_error(Context& ctx, std::uint16_t slave);
 // - unknown_group: slave(n).config names a group that does not exist (index: the group);
 // - invalid_argument: a value in slave(n).config or its SlaveSetup that no slave can have (detail: the Argument; of a
 //   start-up command actual: the Argument, place: its number in the list);
-// - remapping_needed: slave(n).config.sms were changed while config_map() executed;
+// - remapping_needed: slave(n).config.sms, or the lists of its PDOs, were changed while config_map() executed;
 // - of an entry: entry_not_mapped, entry_direction, entry_size, entry_type, unknown_slave.
 //
 // A slave that cannot be asked (because it is missing, held, or does not answer) keeps its part of the image if its
@@ -141,14 +141,15 @@ Result<std::size_t> config_map(Context& ctx, std::span<std::byte> image, std::ui
 // wrong_state (no slaves yet), unstable (a scan has begun meanwhile), those of reading the register.
 //
 // writestate() requests a state from one slave, or from all slaves (slave 0), each at most up to the highest state that
-// it is allowed. It starts from the state that was read last (it reads the state itself if nothing has done so since an
-// earlier writestate() of the slave), first executes the start-up commands and the hook before
-// the transition, and acknowledges an error that the last reading found. It does not wait for the new state. For SAFEOP
-// and OP it returns the error of the first slave that is held or missing, whose hook or PDOs have failed, or whose
-// commands or hook after the last transition have failed or were ended (start_up_unfinished, if there is no other
-// error); the request is sent to the other slaves nevertheless. What follows an earlier transition that no reading has
-// seen is executed first. While a supervision keeps another state, writestate()
-// fails with Errc::supervised: use set_target().
+// it is allowed. It reads the state of each slave, executes the start-up commands and the hook before the transition,
+// and acknowledges an error that the slave indicates. It does not wait for the new state. A call that is repeated while
+// the slave is on its way to the state requests the state again, and nothing else. For SAFEOP and OP it returns the
+// error of the first slave that is held or missing, whose hook or PDOs have failed, or whose commands or hook after the
+// last transition have failed or were ended (start_up_unfinished, if there is no other error); the request is sent to
+// the other slaves nevertheless. other_state: a slave that enters every state by itself (device emulation) would leave
+// out the commands and hooks of a state between; request the states one by one. What follows an earlier transition that
+// no reading has seen is executed first. While a supervision keeps another state, writestate() fails with
+// Errc::supervised: use set_target().
 //
 // The commands and the hook after the transition begin when the first of these sees the new state: readstate(),
 // statecheck(), or the supervision. They continue during all later calls of poll(). As long as they execute, other

@@ -147,7 +147,9 @@ struct SiiWriteRequest : SlaveRequest {
 // those of BOOT (Errc::unsupported if its SII describes none); from BOOT to PREOP it goes through INIT. After BOOT the
 // process data must be configured again: reconfigure_slave(), or the supervision. `timeout` zero: the time that the
 // standard allows for the transition. A hook that executes when the time is over is ended a quarter of a second later.
-// While a supervision is busy, a slave that is lost is refused with missing_slave.
+// While a supervision is busy, a slave that is lost is refused with missing_slave. A slave that enters every state by
+// itself (device emulation) is refused with other_state if the way up would leave out the commands and hooks of a state
+// between.
 struct StateRequest : SlaveRequest {
     StateRequest();
     AlState wanted = AlState::none;

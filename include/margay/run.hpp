@@ -87,12 +87,12 @@ struct CycleSettings {
 // `state` stays the target of all slaves.
 //
 // Returns the error of the first slave that has not reached its target: when `timeout` is over, or at once if all other
-// slaves have reached theirs and waiting cannot help (the slave is held, has no place in the image, or its group is not
-// mapped). Waits; not for the cycle. Errors: wrong_state (no slaves yet), invalid_argument (`state` is not INIT, PREOP,
-// SAFEOP or OP; a period of 0, a negative time), scan_needed (expect() was called after config_init()), in_callback
-// (called by the work function of run_cycle()), and the errors of what_is_wrong(). reach() reads the states of all
-// slaves at least once, and for that may take up to ten periods longer than `timeout`. If no frame comes back:
-// no_frame, or nic (the interface is down).
+// slaves have reached theirs and waiting cannot help (the slave is held, has no place in the image, needs a mapping, or
+// its group is not mapped). Waits; not for the cycle. Errors: wrong_state (no slaves yet), invalid_argument (`state` is
+// not INIT, PREOP, SAFEOP or OP; a period of 0, a negative time), scan_needed (expect() was called after
+// config_init()), in_callback (called by the work function of run_cycle()), and the errors of what_is_wrong(). reach()
+// reads the states of all slaves at least once, and for that may take up to ten periods longer than `timeout`. If no
+// frame comes back: no_frame, or nic (the interface is down).
 Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSettings& cycle = {});
 
 // Whether every wanted slave is in its target state without an error and with its process data configured, as the
@@ -103,12 +103,12 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
 // other_slave, unexpected_slave, unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
 // (the slave is in another state than its target), start_up_unfinished (the slave is in its state, but the commands or
-// the hook after the transition have not ended, have failed or were ended), remapping_needed (when it came back), every
-// error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the working counter of
-// a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled (requests are
-// busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised (no supervision
-// is busy, and nobody has read the states of all slaves for a second of cycles), group_left_out (a mapped group was not
-// exchanged for a second of cycles; seen from the second call on).
+// the hook after the transition have not ended, have failed or were ended), remapping_needed (when it is started
+// again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the
+// working counter of a datagram is too low), no_frame (no cycle has come back), wrong_state (no slaves yet), not_polled
+// (requests are busy, and the owner has exchanged process data for a second without a call of poll()), not_supervised
+// (no supervision is busy, and nobody has read the states of all slaves for a second of cycles), group_left_out (a
+// mapped group was not exchanged for a second of cycles; seen from the second call on).
 [[nodiscard]] Error what_is_wrong(Context& ctx);
 
 // ------------------------------------------------------------------ the cycle

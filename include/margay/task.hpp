@@ -9,8 +9,8 @@
 //
 // T is a Result. The memory of the coroutine comes from the arena of a context: one parameter of the coroutine (for a
 // member function: the object) has a member arena(). If the arena is full, the call returns an empty task: awaiting it
-// yields Errc::capacity, and no statement of the sequence is executed. A task begins when it is awaited. Destroying a
-// task destroys all tasks that it awaits.
+// yields Errc::capacity in the next poll(), and no statement of the sequence is executed. A task begins when it is
+// awaited. Destroying a task destroys all tasks that it awaits.
 //
 // An exception must not leave a sequence: that ends the program.
 #pragma once
@@ -39,7 +39,8 @@ void release_frame(void* frame) noexcept;
 struct PromiseBase : ListNode {
     std::coroutine_handle<> continuation;  // the coroutine that awaits the task,
     Crew* crew = nullptr;                  // or the crew that the task belongs to: then
-    std::coroutine_handle<> self;          // the node of this object is in the list of the crew
+    std::coroutine_handle<> self;          // the node of this object is in the list of the crew.
+                                           // Or self waits for the next poll(): see begin_task()
     Error error;                           // the error that the task has returned
 
     PromiseBase() noexcept;
@@ -66,6 +67,11 @@ struct PromiseBase : ListNode {
     // For Task: called at the end of a task. Returns the coroutine that continues.
     [[nodiscard]] std::coroutine_handle<> ended(std::coroutine_handle<> own) noexcept;
 };
+
+// Awaits a task: returns the coroutine to resume, that of the task. Without memory there was no task: then `waiting`
+// continues in the next poll(), since it might try again and again.
+[[nodiscard]] std::coroutine_handle<> begin_task(std::coroutine_handle<> task, PromiseBase& parent,
+                                                 std::coroutine_handle<> waiting) noexcept;
 
 // Destroys the coroutine of a task, if there is one.
 void end_task(std::coroutine_handle<>& handle) noexcept;
@@ -149,10 +155,11 @@ class [[nodiscard]] Task {
     }
     void reset() { detail::end_task(handle_); }
 
-    bool await_ready() const noexcept { return !handle_; }
-    std::coroutine_handle<> await_suspend(std::coroutine_handle<> waiting) noexcept {
-        promise().continuation = waiting;
-        return handle_;
+    bool await_ready() const noexcept { return false; }
+    template <std::derived_from<detail::PromiseBase> P>
+    std::coroutine_handle<> await_suspend(std::coroutine_handle<P> waiting) noexcept {
+        if (handle_) promise().continuation = waiting;
+        return detail::begin_task(handle_, waiting.promise(), waiting);
     }
     T await_resume() noexcept { return result(); }
 

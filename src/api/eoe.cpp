@@ -1,8 +1,8 @@
 // The requests for EoE parameters.
 #include "mailbox/eoe.hpp"
 
+#include "api/hooked.hpp"
 #include "api/mail.hpp"
-#include "network/hooks.hpp"
 #include "network/pdos.hpp"
 
 namespace margay {
@@ -65,14 +65,11 @@ constexpr OperationDescription kSetFilter =
 constexpr OperationDescription kGetFilter = describe_eoe<EoeGetFilter, Step::eoe_get_filter>();
 
 Task<> set_ip(HookedSlave hooked, EoeIp ip) {
-    Network& network = HookAccess::network(hooked);
     EoeSetIp request;
     request.slave = hooked.number();
     request.ip = ip;
     request.timeout = startup_patience(hooked.slave()).each;
-    const Error refused = RequestAccess::operation(request).check(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto done = co_await RequestAccess::operation(request).sequence(network, request);
+    auto done = co_await run_in_hook(hooked, request);
     co_return done;
 }
 

@@ -1,12 +1,11 @@
 // The functions of HookedSlave for files (FoE).
-#include "api/mail.hpp"
-#include "mailbox/foe.hpp"
-#include "network/hooks.hpp"
+#include "api/hooked.hpp"
+
+#include <margay/foe.hpp>
 
 namespace margay {
 namespace {
 
-// The same as the request does, within the sequence of the hook.
 template <class R>
 void set(R& request, HookedSlave hooked, std::string_view name, std::uint32_t password) {
     request.slave = hooked.number();
@@ -16,28 +15,18 @@ void set(R& request, HookedSlave hooked, std::string_view name, std::uint32_t pa
 
 Task<Result<std::size_t>> read_file(HookedSlave hooked, std::string_view name, std::uint32_t password,
                                     MutableBytes into) {
-    Network& network = HookAccess::network(hooked);
     FoeRead request;
     set(request, hooked, name, password);
     request.data = into;
-    const Error refused = RequestAccess::operation(request).check(network, request);
-    if (refused.code != Errc::none) {
-        auto later = co_await refuse_in_hook(hooked, refused);
-        co_return later.error();
-    }
-    auto done = co_await RequestAccess::operation(request).sequence(network, request);
-    if (!done) co_return done.error();
-    co_return request.bytes();
+    auto done = co_await run_in_hook(hooked, request);
+    co_return done ? Result<std::size_t>(request.bytes()) : Result<std::size_t>(done.error());
 }
 
 Task<> write_file(HookedSlave hooked, std::string_view name, std::uint32_t password, Bytes content) {
-    Network& network = HookAccess::network(hooked);
     FoeWrite request;
     set(request, hooked, name, password);
     request.data = content;
-    const Error refused = RequestAccess::operation(request).check(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto done = co_await RequestAccess::operation(request).sequence(network, request);
+    auto done = co_await run_in_hook(hooked, request);
     co_return done;
 }
 

@@ -1,48 +1,34 @@
 // The functions of HookedSlave for mailbox messages and AoE.
+#include "api/hooked.hpp"
 #include "api/mail.hpp"
 #include "mailbox/aoe.hpp"
 #include "mailbox/raw_mail.hpp"
-#include "network/hooks.hpp"
 #include "network/pdos.hpp"
 
 namespace margay {
 namespace {
 
-// The same as the request does, within the sequence of the hook.
-template <class R>
-Error check_in_hook(Network& network, R& request) {
-    return RequestAccess::operation(request).check(network, request);
-}
-
 Task<Result<std::size_t>> transfer(HookedSlave hooked, MailboxType type, Bytes message, MutableBytes answer) {
+    const HookCall call(hooked);
     Network& network = HookAccess::network(hooked);
     RawMail request;
     request.slave = hooked.number();
     request.type = type;
     request.message = message;
     request.answer = answer;
-    Error refused = check_in_hook(network, request);
-    if (message.empty()) refused = invalid(Argument::mail_size, Step::mailbox_send, request.slave);
-    if (refused.code != Errc::none) {
-        auto later = co_await refuse_in_hook(hooked, refused);
-        co_return later.error();
-    }
-    const MailPatience patience = startup_patience(hooked.slave());
-    MailboxChannel& channel = network.mailbox(hooked.slave());
-    auto done = co_await transfer_raw(channel, request, patience);
-    if (!done) co_return done.error();
-    co_return request.bytes;
+    Result<> done = message.empty() ? invalid(Argument::mail_size, Step::mailbox_send, request.slave)
+                                    : RequestAccess::operation(request).check(network, request);
+    if (done) done = co_await transfer_raw(network.mailbox(hooked.slave()), request, startup_patience(hooked.slave()));
+    co_await call.pause_after(done.error());
+    co_return done ? Result<std::size_t>(request.bytes) : Result<std::size_t>(done.error());
 }
 
 Task<> set_net_id(HookedSlave hooked, AoeNetId net_id) {
-    Network& network = HookAccess::network(hooked);
     AoeSetNetId request;
     request.slave = hooked.number();
     request.net_id = net_id;
     request.timeout = startup_patience(hooked.slave()).each;
-    const Error refused = check_in_hook(network, request);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto done = co_await RequestAccess::operation(request).sequence(network, request);
+    auto done = co_await run_in_hook(hooked, request);
     co_return done;
 }
 

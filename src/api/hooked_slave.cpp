@@ -14,65 +14,76 @@ namespace {
 Network& network_of(const HookedSlave& slave) { return HookAccess::network(slave); }
 
 Task<Result<std::size_t>> read_object(HookedSlave hooked, SdoObject object, MutableBytes into) {
-    const Error refused =
-        check_coe(network_of(hooked), hooked.number(), Step::sdo_upload, object.index, object.subindex);
-    if (refused.code != Errc::none) {
-        auto later = co_await refuse_in_hook(hooked, refused);
-        co_return later.error();
-    }
-    auto read =
-        co_await sdo_upload(network_of(hooked).mailbox(hooked.slave()), object, into, startup_patience(hooked.slave()));
+    const HookCall call(hooked);
+    Network& network = network_of(hooked);
+    Result<std::size_t> read = check_coe(network, hooked.number(), Step::sdo_upload, object.index, object.subindex);
+    if (read)
+        read = co_await sdo_upload(network.mailbox(hooked.slave()), object, into, startup_patience(hooked.slave()));
+    co_await call.pause_after(read.error());
     co_return read;
 }
 
 Task<> write_object(HookedSlave hooked, SdoObject object, Bytes value) {
-    const Error refused =
-        check_coe(network_of(hooked), hooked.number(), Step::sdo_download, object.index, object.subindex);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto written = co_await sdo_download(network_of(hooked).mailbox(hooked.slave()), object, value,
-                                         startup_patience(hooked.slave()));
+    const HookCall call(hooked);
+    Network& network = network_of(hooked);
+    Result<> written = check_coe(network, hooked.number(), Step::sdo_download, object.index, object.subindex);
+    if (written)
+        written =
+            co_await sdo_download(network.mailbox(hooked.slave()), object, value, startup_patience(hooked.slave()));
+    co_await call.pause_after(written.error());
     co_return written;
 }
 
 SoeTarget target(std::uint8_t drive, Idn idn) { return {.idn = idn, .drive = drive, .elements = soe_element::kValue}; }
 
 Task<Result<std::size_t>> read_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, MutableBytes into) {
-    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_read, drive, idn);
-    if (refused.code != Errc::none) {
-        auto later = co_await refuse_in_hook(hooked, refused);
-        co_return later.error();
-    }
-    auto read = co_await soe_read(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), into,
-                                  startup_patience(hooked.slave()));
+    const HookCall call(hooked);
+    Network& network = network_of(hooked);
+    Result<std::size_t> read = check_soe(network, hooked.number(), Step::soe_read, drive, idn);
+    if (read)
+        read = co_await soe_read(network.mailbox(hooked.slave()), target(drive, idn), into,
+                                 startup_patience(hooked.slave()));
+    co_await call.pause_after(read.error());
     co_return read;
 }
 
 Task<> write_parameter(HookedSlave hooked, std::uint8_t drive, Idn idn, Bytes value) {
-    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_write, drive, idn);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto written = co_await soe_write(network_of(hooked).mailbox(hooked.slave()), target(drive, idn), value,
-                                      startup_patience(hooked.slave()));
+    const HookCall call(hooked);
+    Network& network = network_of(hooked);
+    Result<> written = check_soe(network, hooked.number(), Step::soe_write, drive, idn);
+    if (written)
+        written = co_await soe_write(network.mailbox(hooked.slave()), target(drive, idn), value,
+                                     startup_patience(hooked.slave()));
+    co_await call.pause_after(written.error());
     co_return written;
 }
 
 Task<> execute(HookedSlave hooked, std::uint8_t drive, Idn idn) {
-    const Error refused = check_soe(network_of(hooked), hooked.number(), Step::soe_command, drive, idn);
-    if (refused.code != Errc::none) co_return co_await refuse_in_hook(hooked, refused);
-    auto done = co_await soe_execute(network_of(hooked).mailbox(hooked.slave()), target(drive, idn),
-                                     startup_patience(hooked.slave()));
+    const HookCall call(hooked);
+    Network& network = network_of(hooked);
+    Result<> done = check_soe(network, hooked.number(), Step::soe_command, drive, idn);
+    if (done)
+        done =
+            co_await soe_execute(network.mailbox(hooked.slave()), target(drive, idn), startup_patience(hooked.slave()));
+    co_await call.pause_after(done.error());
     co_return done;
 }
 
 // Data of a datagram: the destination of a read, or the source of a write.
 template <class Data>
 Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t address, Data data, Step step) {
-    if (!is_register_range(address, data.size()))
-        co_return co_await refuse_in_hook(hooked, invalid(Argument::register_octets, step, hooked.number(), address));
+    const HookCall call(hooked);
     const Station station = network_of(hooked).station(hooked.slave());
-    Datagram datagram(station.engine.link(), command, {station.address, address}, data);
-    auto reply = co_await datagram;
-    const Error error = error_of_reply(station, reply, step, address);
-    co_return error.code == Errc::none ? Result<>() : Result<>(error);
+    Error error;
+    if (is_register_range(address, data.size())) {
+        Datagram datagram(station.engine.link(), command, {station.address, address}, data);
+        auto reply = co_await datagram;
+        error = error_of_reply(station, reply, step, address);
+    } else {
+        error = invalid(Argument::register_octets, step, hooked.number(), address);
+    }
+    co_await call.pause_after(error);
+    co_return error;
 }
 
 Task<> sleep_for(HookedSlave hooked, Duration duration) {

@@ -1,5 +1,7 @@
 #include "link/engine.hpp"
 
+#include <margay/task.hpp>
+
 #include <algorithm>
 
 namespace margay {
@@ -27,9 +29,13 @@ Time Engine::poll(Time now) {
     link_.receive(now, ready_);
     for (auto* timer = timers_.front(); timer != nullptr && timer->until <= now; timer = timers_.front())
         ready_.push_back(*timer);
+    List<detail::PromiseBase> starving;
+    starving.take_back(arena_.starving);
+    while (detail::PromiseBase* sequence = starving.pop_front()) sequence->self.resume();
     while (Waiter* waiter = ready_.pop_front()) waiter->handle.resume();
     link_.send(now);
-    const Time timer = timers_.empty() ? kNever : timers_.front()->until;
+    Time timer = timers_.empty() ? kNever : timers_.front()->until;
+    if (!arena_.starving.empty()) timer = std::min(timer, later(now, std::chrono::milliseconds(1)));
     return std::min(timer, link_.next_deadline(now));
 }
 

@@ -55,6 +55,8 @@ class MailboxChannel {
     // Also deletes everything known about the slave: another slave may be there from now on.
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
+    // Another number after each close().
+    [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
 
     // Sends the message when its turn comes, without an exchange: for the abort of a transfer that was given up. There
     // is at most one at a time; while one waits, another one is ignored.

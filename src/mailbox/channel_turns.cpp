@@ -8,14 +8,20 @@ namespace margay {
 
 // ------------------------------------------------------------------ exchanges
 
+MailExchange::MailExchange(MailSession& session, MailClient& client, const Options& options)
+    : MailExchange(session.channel_, session.type_, client, options) {
+    session_ = &session;
+}
+
 MailExchange::~MailExchange() {
     if (state_ == State::queued || state_ == State::sent) channel_.forget(*this);
 }
 
 bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
-    if (!channel_.is_open()) {
+    const bool over = session_ != nullptr && !session_->holds();
+    if (over || !channel_.is_open()) {
         state_ = State::over;
-        error_.code = Errc::wrong_state;
+        error_.code = over ? Errc::mailbox_closed : Errc::wrong_state;
         return false;
     }
     state_ = State::queued;
@@ -83,6 +89,8 @@ MailSession::~MailSession() {
     if (granted_) channel_.leave(*this);
 }
 
+bool MailSession::holds() const { return granted_ && epoch_ == channel_.epoch(); }
+
 bool MailSession::await_ready() noexcept {
     if (!channel_.is_open()) {
         error_.code = Errc::wrong_state;
@@ -119,8 +127,9 @@ bool MailboxChannel::try_enter(MailSession& session) {
 void MailboxChannel::wait_turn(MailSession& session) { tickets_.push_back(session); }
 
 void MailboxChannel::leave(MailSession& session) {
+    const bool holds = session.holds();
     session.granted_ = false;
-    if (session.epoch_ != epoch_) return;  // the channel was closed in the meantime
+    if (!holds) return;
     busy_types_ = static_cast<std::uint16_t>(busy_types_ & ~bit_of(session.type_));
     const auto same = [&](const MailTurn& turn) {
         return static_cast<const MailSession&>(turn).type_ == session.type_;

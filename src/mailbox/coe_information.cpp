@@ -202,7 +202,7 @@ Task<Result<>> ask_information(MailboxChannel& channel, InfoQuery& query, SdoObj
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         if (n != 0) query.restart();
-        MailExchange exchange(channel, wire::MailboxType::coe, query, {.patience = patience, .key = key});
+        MailExchange exchange(session, query, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
     if (failed.code != Errc::none) co_return complete(failed);

@@ -78,8 +78,7 @@ Task<Result<std::size_t>> fetch_tx_pdo(MailboxChannel& channel, std::uint16_t nu
     TxPdo pdo(number, into);
     Error failed{.code = Errc::reply_lost};
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
-        MailExchange exchange(channel, wire::MailboxType::coe, pdo,
-                              {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
+        MailExchange exchange(session, pdo, {.patience = patience, .key = (std::uint64_t{3} << 32) | number});
         failed = co_await exchange;
     }
     if (failed.code != Errc::none) co_return pdo_error(failed, channel, number);

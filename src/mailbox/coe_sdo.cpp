@@ -14,15 +14,18 @@ namespace {
 // request.
 class AbortGuard {
   public:
-    AbortGuard(MailboxChannel& channel, const SdoTransfer& transfer) : channel_(channel), transfer_(transfer) {}
+    AbortGuard(MailboxChannel& channel, const MailSession& session, const SdoTransfer& transfer)
+        : channel_(channel), session_(session), transfer_(transfer) {}
     AbortGuard(const AbortGuard&) = delete;
     AbortGuard& operator=(const AbortGuard&) = delete;
     ~AbortGuard() {
-        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::coe, transfer_.abort_message());
+        if (transfer_.must_abort() && session_.holds())
+            channel_.send_final_message(wire::MailboxType::coe, transfer_.abort_message());
     }
 
   private:
     MailboxChannel& channel_;
+    const MailSession& session_;
     const SdoTransfer& transfer_;
 };
 
@@ -53,7 +56,7 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
     if (refused.code != Errc::none) co_return complete(refused, channel, transfer.object(), step);
     if (channel.send_room() < coe::kSdoBytes)
         co_return complete({.code = Errc::unsupported}, channel, transfer.object(), step);
-    AbortGuard guard(channel, transfer);
+    AbortGuard guard(channel, session, transfer);
     unsigned again = 0;
     for (;;) {
         const bool ready = transfer.prepare();
@@ -61,10 +64,11 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
             const Time now = channel.engine().now();
             if (now >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, transfer.object(), step);
             co_await channel.engine().sleep_until(std::min(patience.give_up, later(now, kUntilReady)));
-            continue;
+            if (session.holds()) continue;
+            co_return complete({.code = Errc::mailbox_closed}, channel, transfer.object(), step);
         }
         if (transfer.over()) break;
-        MailExchange exchange(channel, wire::MailboxType::coe, transfer, {.patience = patience, .key = transfer.key()});
+        MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});
         const Error failed = co_await exchange;
         if (failed.code == Errc::none) continue;
         const bool once_more =

@@ -50,7 +50,7 @@ Task<Result<>> eoe_call(MailboxChannel& channel, EoeCall call, MailPatience pati
     const auto key = (std::uint64_t{6} << 32) | static_cast<unsigned>(call.type);
     if (failed.code == Errc::none) failed.code = Errc::reply_lost;
     for (unsigned n = 0; failed.code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
-        MailExchange exchange(channel, wire::MailboxType::eoe, client, {.patience = patience, .key = key});
+        MailExchange exchange(session, client, {.patience = patience, .key = key});
         failed = co_await exchange;
     }
     if (failed.code == Errc::none) failed = client.error();

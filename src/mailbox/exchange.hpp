@@ -59,6 +59,8 @@ struct MailPatience {
     [[nodiscard]] Time for_one(Time now) const { return std::min(give_up, later(now, each)); }
 };
 
+class MailSession;
+
 class MailExchange : public MailTurn {
   public:
     struct Options {
@@ -74,6 +76,9 @@ class MailExchange : public MailTurn {
         : channel_(channel), client_(client), options_(options), type_(type) {
         priority = options.patience.priority;
     }
+    // Of the protocol of a session. It ends with Errc::mailbox_closed when the channel was closed since the session was
+    // granted: the slave knows nothing of the sequence any more.
+    MailExchange(MailSession& session, MailClient& client, const Options& options);
     ~MailExchange();
 
     bool await_ready() const noexcept { return false; }
@@ -88,6 +93,7 @@ class MailExchange : public MailTurn {
     MailboxChannel& channel_;
     MailClient& client_;
     Options options_;
+    const MailSession* session_ = nullptr;
     wire::MailboxType type_;
     State state_ = State::idle;
     Error error_;
@@ -106,9 +112,12 @@ class MailSession : public MailTurn {
     bool await_ready() noexcept;
     void await_suspend(std::coroutine_handle<> h) noexcept;
     Error await_resume() noexcept;
+    // False: it was not granted, or the channel was closed since.
+    [[nodiscard]] bool holds() const;
 
   private:
     friend class MailboxChannel;
+    friend class MailExchange;
 
     MailboxChannel& channel_;
     Time give_up_;

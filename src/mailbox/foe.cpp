@@ -24,15 +24,18 @@ Error of_file(Error error, const MailboxChannel& channel, Step step) {
 // Tells the slave when a transfer ends early, whatever the reason: an error, a timeout, or a cancelled request.
 class TransferEnd {
   public:
-    TransferEnd(MailboxChannel& channel, const FoeTransfer& transfer) : channel_(channel), transfer_(transfer) {}
+    TransferEnd(MailboxChannel& channel, const MailSession& session, const FoeTransfer& transfer)
+        : channel_(channel), session_(session), transfer_(transfer) {}
     TransferEnd(const TransferEnd&) = delete;
     TransferEnd& operator=(const TransferEnd&) = delete;
     ~TransferEnd() {
-        if (transfer_.must_abort()) channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
+        if (transfer_.must_abort() && session_.holds())
+            channel_.send_final_message(wire::MailboxType::foe, transfer_.abort_message());
     }
 
   private:
     MailboxChannel& channel_;
+    const MailSession& session_;
     const FoeTransfer& transfer_;
 };
 
@@ -60,12 +63,14 @@ class BusySlave {
     Duration pause_ = kFirstBusyPause;
 };
 
-Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, const MailPatience& patience, Step step) {
-    const TransferEnd end(channel, transfer);
+Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeTransfer& transfer,
+                             const MailPatience& patience, Step step) {
+    const TransferEnd end(channel, session, transfer);
     Engine& engine = channel.engine();
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
     while (!transfer.over()) {
+        if (!session.holds()) co_return of_file({.code = Errc::mailbox_closed}, channel, step);
         const bool ready = transfer.prepare();
         if (transfer.over()) break;
         if (!ready) {  // the application has no octets, or no room for octets, at present
@@ -74,8 +79,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, FoeTransfer& transfer, con
             continue;
         }
         const bool reply = transfer.awaits_reply();
-        MailExchange exchange(channel, wire::MailboxType::foe, transfer,
-                              {.patience = patience, .key = kKey, .reply = reply});
+        MailExchange exchange(session, transfer, {.patience = patience, .key = kKey, .reply = reply});
         const Error failed = co_await exchange;
         if (failed.code == Errc::reply_lost && again < kMostAskedAgain) {
             ++again;
@@ -132,7 +136,7 @@ Task<Result<>> foe_read(MailboxChannel& channel, FoeRead& request, const MailPat
     MemorySink memory(request.data);
     ByteSink& sink = request.sink != nullptr ? *request.sink : memory;
     FoeReadTransfer transfer(request, sink, packet.bytes().first(room - foe::kHeaderBytes));
-    auto done = co_await transfer_file(channel, transfer, patience, kStep);
+    auto done = co_await transfer_file(channel, session, transfer, patience, kStep);
     if (done) co_return done;
     Error error = done.error();
     if (error.code == Errc::capacity && error.detail == 0)
@@ -150,7 +154,7 @@ Task<Result<>> foe_write(MailboxChannel& channel, FoeWrite& request, const MailP
     MemorySource memory(request.data);
     ByteSource& source = request.source != nullptr ? *request.source : memory;
     FoeWriteTransfer transfer(request, source, packet.bytes().first(room - foe::kHeaderBytes));
-    co_return co_await transfer_file(channel, transfer, patience, kStep);
+    co_return co_await transfer_file(channel, session, transfer, patience, kStep);
 }
 
 }  // namespace margay

@@ -17,10 +17,12 @@ Error complete(Error error, const MailboxChannel& channel, const SoeTarget& targ
     return error;
 }
 
-// Sends all messages except the last one. The slave does not reply to these.
-Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfer, const MailPatience& patience) {
+// Sends all messages except the last one. The slave does not reply to these. The channel has the memory of the
+// sequence.
+Task<Result<>> send_fragments([[maybe_unused]] MailboxChannel& channel, MailSession& session,
+                              SoeWriteTransfer& transfer, const MailPatience& patience) {
     while (!transfer.at_last()) {
-        MailExchange fragment(channel, wire::MailboxType::soe, transfer, {.patience = patience, .reply = false});
+        MailExchange fragment(session, transfer, {.patience = patience, .reply = false});
         const Error failed = co_await fragment;
         if (failed.code != Errc::none) co_return failed;
         transfer.advance();
@@ -28,8 +30,9 @@ Task<Result<>> send_fragments(MailboxChannel& channel, SoeWriteTransfer& transfe
     co_return Nothing{};
 }
 
-Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, const MailPatience& patience) {
-    MailExchange exchange(channel, wire::MailboxType::soe, transfer, {.patience = patience, .key = transfer.key()});
+Task<Result<>> ask([[maybe_unused]] MailboxChannel& channel, MailSession& session, SoeTransfer& transfer,
+                   const MailPatience& patience) {
+    MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});
     const Error failed = co_await exchange;
     co_return failed.code != Errc::none ? failed : transfer.error();
 }
@@ -37,11 +40,12 @@ Task<Result<>> ask(MailboxChannel& channel, SoeTransfer& transfer, const MailPat
 // A command remains set until it is cleared, so the destructor clears it when the sequence ends early.
 class CommandGuard {
   public:
-    CommandGuard(MailboxChannel& channel, const SoeTarget& target) : channel_(channel), target_(target) {}
+    CommandGuard(MailboxChannel& channel, const SoeTarget& target)
+        : channel_(channel), target_(target), epoch_(channel.epoch()) {}
     CommandGuard(const CommandGuard&) = delete;
     CommandGuard& operator=(const CommandGuard&) = delete;
     ~CommandGuard() {
-        if (!set) return;
+        if (!set || channel_.epoch() != epoch_) return;
         std::array<std::byte, soe::kHeaderBytes + 2> cancel{};
         soe::store_header(cancel, {.opcode = soe::Opcode::write_request,
                                    .drive = target_.drive,
@@ -54,6 +58,7 @@ class CommandGuard {
   private:
     MailboxChannel& channel_;
     SoeTarget target_;
+    std::uint32_t epoch_;
 };
 
 }  // namespace
@@ -68,7 +73,7 @@ Task<Result<std::size_t>> soe_read(MailboxChannel& channel, SoeTarget target, Mu
     Result<> asked = Error{.code = Errc::reply_lost};
     for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         transfer.restart();
-        asked = co_await ask(channel, transfer, patience);
+        asked = co_await ask(channel, session, transfer, patience);
     }
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return transfer.bytes();
@@ -85,9 +90,9 @@ Task<Result<>> soe_write(MailboxChannel& channel, SoeTarget target, Bytes value,
     Result<> asked = Error{.code = Errc::reply_lost};
     for (unsigned n = 0; asked.error().code == Errc::reply_lost && n <= kMostAskedAgain; ++n) {
         transfer.restart();
-        auto sent = co_await send_fragments(channel, transfer, patience);
+        auto sent = co_await send_fragments(channel, session, transfer, patience);
         if (!sent) co_return complete(sent.error(), channel, target, kStep);
-        asked = co_await ask(channel, transfer, patience);
+        asked = co_await ask(channel, session, transfer, patience);
     }
     if (!asked) co_return complete(asked.error(), channel, target, kStep);
     co_return Nothing{};

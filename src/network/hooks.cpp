@@ -60,11 +60,6 @@ Result<> call_plain(const SlaveHooks& hooks, HookedSlave slave, Transition which
 
 }  // namespace
 
-Task<> refuse_in_hook(HookedSlave slave, Error refused) {
-    co_await HookAccess::network(slave).engine.sleep_for(std::chrono::milliseconds(1));
-    co_return refused;
-}
-
 Task<> call_hook(Network& network, const Slave& slave, Transition which, Moment moment) {
     const SlaveHooks hooks = slave.hooks;  // the application may change them meanwhile
     const HookedSlave hooked = HookAccess::slave(network, slave.number);

@@ -12,9 +12,21 @@ struct HookAccess {
     [[nodiscard]] static Network& network(const HookedSlave& slave) { return *slave.network_; }
 };
 
-// What a function of HookedSlave does when it is refused at once: it returns the error a millisecond later, so that a
-// hook that tries again and again stops neither the cycle nor other slaves.
-[[nodiscard]] Task<> refuse_in_hook(HookedSlave slave, Error refused);
+// One call of a function of HookedSlave. A hook that tries again and again must stop neither the cycle nor other
+// slaves: the function awaits pause_after() before it returns.
+class HookCall {
+  public:
+    explicit HookCall(const HookedSlave& slave) : engine_(HookAccess::network(slave).engine), began_(engine_.now()) {}
+    // A millisecond after an error of a call that has taken no time; otherwise nothing.
+    [[nodiscard]] Engine::Sleep pause_after(const Error& error) const {
+        const bool at_once = error.code != Errc::none && engine_.now() == began_;
+        return engine_.sleep_for(at_once ? std::chrono::milliseconds(1) : Duration{0});
+    }
+
+  private:
+    Engine& engine_;
+    Time began_;
+};
 
 // Calls the hook of a transition and waits for its end: a plain function is called again while it returns Errc::busy,
 // for 10 s at most. Transition::none: the hook preop_to_safeop. Without a hook: success. When the task is destroyed

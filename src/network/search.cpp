@@ -51,7 +51,8 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
 
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
 // that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
-// search identifies both. Returns whether there are such slaves.
+// search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
+// whether there are such slaves.
 Task<Result<bool>> end_clashes(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     const auto ring = network.seen_ring();
@@ -62,9 +63,14 @@ Task<Result<bool>> end_clashes(Network& network) {
         if (address < first || address >= first + network.count ||
             std::ranges::find(behind, address, &RingPlace::address) == behind.end())
             continue;
-        any = true;
         Slave& slave = network.slave(address - first + 1);
-        if (network.marks(slave).in_use) continue;  // the next search
+        drop_work(network, slave);  // a hook of the supervision may last for any time
+        if (network.marks(slave).in_use) {
+            for (RingPlace& place : behind) place.unasked |= place.address == address;
+            continue;
+        }
+        any = true;
+        const SlaveToken token(network.marks(slave));
         if (slave.al.state != AlState::none) note_lost(network, slave);
         const Station both{network.engine, {address}, 0};
         auto unmapped = co_await unmap(both);  // neither of them may answer for the slave
@@ -261,7 +267,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     std::uint16_t found = 0;
     Error error;
     for (std::uint16_t n = 0; n < network.ring_count && error.code != Errc::unstable; ++n) {
-        if (network.ring[n].slave != 0 || below_unasked(network, n)) continue;
+        if (network.ring[n].slave != 0 || network.ring[n].unasked || below_unasked(network, n)) continue;
         auto ours = co_await receive_newcomer(network, n);
         network.ring[n].unasked = !ours;
         if (!ours) error = ours.error();  // of this newcomer; those behind it may be correct

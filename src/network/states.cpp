@@ -1,6 +1,7 @@
 #include "network/states.hpp"
 
 #include "network/boot.hpp"
+#include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -26,39 +27,41 @@ Task<Result<>> read_state(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
-Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
-    if (network.marks(slave).requested != Transition::none) {  // nothing has read the state since
-        auto seen = co_await read_al_status(network.station(slave));
-        update_al_status(slave.al, seen);
-    }
+// What must be done before a state is requested. Returns the transition that begins.
+Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState state) {
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
         auto prepared = co_await network.boot->prepare(network, slave, state, kNever);
-        if (!prepared) {
-            network.note(slave, prepared.error());
-            co_return prepared;
-        }
+        if (!prepared) co_return prepared.error();
     }
     const AlState awaited = awaited_state(network, slave);
-    const bool again = awaited == state && awaited != slave.al.state;  // the slave is on its way there
-    const Transition which = again ? network.marks(slave).requested : transition(awaited, state);
+    const Transition which = transition(awaited, state);
     const Error left_out = left_out_state(slave, awaited, state);
     if (left_out.code != Errc::none) co_return left_out;
-    if (!again) {
-        auto finished = co_await finish_requested(network, slave, which);
-        if (!finished) {
-            network.note(slave, finished.error());
-            co_return finished;
+    auto finished = co_await finish_requested(network, slave, which);
+    if (!finished) co_return finished.error();
+    auto before = co_await around_transition(network, slave, which, Moment::before);
+    if (!before) co_return before.error();
+    co_return which;
+}
+
+Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
+    auto seen = co_await read_al_status(network.station(slave));  // nothing may have read the state for long
+    const AlStatus before = slave.al;
+    if (network.supervised)
+        update_al_status(slave.al, seen), note_change(network, slave, before);
+    else
+        note_reading(network, slave, seen);
+    const AlState awaited = awaited_state(network, slave);
+    const bool on_its_way = awaited == state && awaited != slave.al.state;
+    if (!on_its_way) {
+        auto which = co_await prepare_request(network, slave, state);
+        if (!which) {
+            network.note(slave, which.error());
+            co_return which.error();
         }
+        network.marks(slave).requested = *which;
     }
-    if (!again) {
-        auto before = co_await around_transition(network, slave, which, Moment::before);
-        if (!before) {
-            network.note(slave, before.error());
-            co_return before;
-        }
-    }
-    network.marks(slave).requested = which;
     const bool acknowledge = slave.al.error && !slave.device_emulation;
     const auto request =
         static_cast<std::uint16_t>(static_cast<unsigned>(state) | (acknowledge ? wire::al::kErrorAcknowledge : 0U));

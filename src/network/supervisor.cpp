@@ -55,6 +55,23 @@ bool may_look_at(Network& network, const Slave& slave) {
     return !network.marks(slave).in_use || (work != nullptr && work->since != kNever);
 }
 
+// A slave has left its state while it was started: by itself, or by its hook. The next attempt comes after a pause. If
+// that ends in the same way, the failure is reported.
+void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
+    drop_work(network, slave);
+    std::uint8_t& attempts = network.marks(slave).attempts;
+    if (attempts == 1) {
+        Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = now};
+        event.error = {.code = Errc::other_state, .step = Step::request_state, .slave = slave.number};
+        event.error.expected = static_cast<std::uint32_t>(goal(network, slave));
+        event.error.actual = static_cast<std::uint32_t>(now.state);
+        event.error.detail = now.code;
+        network.report(event);
+        network.note(slave, event.error);
+    }
+    if (attempts < 2) ++attempts;
+}
+
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
     if (!may_look_at(network, slave) || is_being_mapped(network, slave) ||
@@ -70,11 +87,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
         note_lost(network, slave);
         co_return Nothing{};
     }
-    if (seen->state != slave.al.state && find_work(network, slave) != nullptr) {
-        drop_work(network, slave);
-        std::uint8_t& attempts = network.marks(slave).attempts;
-        attempts = std::max<std::uint8_t>(attempts, 1);  // the next attempt comes after a pause
-    }
+    if (seen->state != slave.al.state && find_work(network, slave) != nullptr) end_start_up(network, slave, *seen);
     if (network.marks(slave).in_use) co_return Nothing{};
     if (slave.al.state == AlState::none && seen->state != AlState::none) {
         if (network.is_reserved()) co_return Nothing{};

@@ -50,11 +50,18 @@ bool concerns(const Slave& slave, Transition which, Moment moment) {
            (static_cast<bool>(slave.hooks.transition) || has_commands(slave, which, moment));
 }
 
+// A slave that has gone from INIT to PREOP has forgotten what its mailbox protocols did before: transfers of that time
+// end.
+void mailbox_starts(Network& network, Slave& slave, Transition which) {
+    if (which == Transition::init_to_preop) open_mailbox(network, slave, slave.mailbox);
+}
+
 Task<Result<>> follow_transition(Network& network, Slave& slave) {
     const SlaveToken token(network.marks(slave));
     SlaveWork work(slave.number, network.engine.now());
     network.works.push_back(work);
     const Transition which = std::exchange(network.marks(slave).requested, Transition::none);
+    mailbox_starts(network, slave, which);
     if (goes_up(which)) work.upwards_to = slave.al.state;
     auto after = co_await around_transition(network, slave, which, Moment::after);
     if (!after) network.note(slave, after.error());
@@ -182,6 +189,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
         co_return changed;
     }
     slave.al = *changed;
+    mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
     if (concerns(slave, which, Moment::after)) {
         auto after = co_await around_transition(network, slave, which, Moment::after);
@@ -233,7 +241,7 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
 
 AlState awaited_state(const Network& network, const Slave& slave) {
     const Row* row = slave.al.error ? nullptr : row_of(network.marks(slave).requested);
-    return row == nullptr ? slave.al.state : row->to;
+    return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // it may have fallen since
 }
 
 WorkLimit::WorkLimit(Network& network, std::uint16_t slave) : work_(find_work(network, network.slave(slave))) {

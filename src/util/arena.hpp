@@ -11,6 +11,10 @@
 
 namespace margay {
 
+namespace detail {
+struct PromiseBase;
+}
+
 class Arena {
   public:
     static constexpr std::size_t kBlockBytes = 64;
@@ -34,6 +38,9 @@ class Arena {
         const std::size_t blocks = (bytes + kBlockBytes - 1) / kBlockBytes;
         return blocks * (kBlockBytes + 1) + 2 * kBlockBytes;
     }
+
+    // The sequences that have found no memory, until the next poll().
+    List<detail::PromiseBase> starving;
 
   private:
     struct FreeBlock : ListNode {};

@@ -22,6 +22,16 @@ void release_frame(void* frame) noexcept {
 
 void exception_left_sequence() noexcept { __builtin_trap(); }
 
+std::coroutine_handle<> begin_task(std::coroutine_handle<> task, PromiseBase& parent,
+                                   std::coroutine_handle<> waiting) noexcept {
+    if (task) return task;
+    if (parent.crew != nullptr) return waiting;  // a member of a crew returns the error to the crew
+    auto* memory = static_cast<std::byte*>(waiting.address()) - kHeaderBytes;
+    parent.self = waiting;
+    (*reinterpret_cast<Arena**>(memory))->starving.push_back(parent);
+    return std::noop_coroutine();
+}
+
 void end_task(std::coroutine_handle<>& handle) noexcept {
     if (handle) std::exchange(handle, {}).destroy();
 }

@@ -95,7 +95,7 @@ TEST_F(TaskTest, TimersFireInTheirOrderAndNotBefore) {
     EXPECT_EQ(engine.poll(now + 5ms), kNever);
 }
 
-TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCaller) {
+TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCallerInTheNextPoll) {
     auto fits = add(engine, 10);
     fits.start();
     ASSERT_TRUE(fits.done());
@@ -103,9 +103,34 @@ TEST_F(TaskTest, FullArenaIsAnErrorThatReachesTheCaller) {
     fits.reset();
     auto deep = add(engine, 100000);
     deep.start();
+    EXPECT_FALSE(deep.done());
+    EXPECT_EQ(engine.poll(now), kNever);
     ASSERT_TRUE(deep.done());
     EXPECT_EQ(deep.result().error().code, Errc::capacity);
     deep.reset();
+    EXPECT_EQ(engine.arena().used_bytes(), 0U);
+}
+
+// Tries again without end: each attempt waits for a poll().
+Task<Result<int>> try_again(Engine& engine, int& tries) {
+    for (;;) {
+        ++tries;
+        auto added = co_await add(engine, 100000);
+        if (added) co_return added;
+    }
+}
+
+TEST_F(TaskTest, ASequenceThatFindsNoMemoryContinuesInTheNextPoll) {
+    engine.poll(now);
+    int tries = 0;
+    auto task = try_again(engine, tries);
+    task.start();
+    for (int polls = 1; polls < 5; ++polls) {
+        EXPECT_EQ(tries, polls);
+        EXPECT_EQ(engine.poll(now), now + 1ms);
+    }
+    task.reset();  // while it waits
+    EXPECT_EQ(engine.poll(now), kNever);
     EXPECT_EQ(engine.arena().used_bytes(), 0U);
 }
 

@@ -128,6 +128,45 @@ TEST_F(SdoStreams, ATimeoutIsForTheWholeTransferAlsoWhileTheSinkIsNotReady) {
     expect_idle();
 }
 
+// A sink that takes a few octets, then waits until it is opened.
+class HeldSink final : public ByteSink {
+  public:
+    Taken push(Bytes octets) override {
+        if (!open && content.size() >= 200) return {};
+        content.insert(content.end(), octets.begin(), octets.end());
+        return {.bytes = octets.size()};
+    }
+    bool open = false;
+    Mail content;
+};
+
+TEST_F(SdoStreams, EndWhenTheMailboxIsOpenedAgainWhileTheyWaitForTheirSink) {
+    HeldSink sink;
+    SdoUploadStream held;
+    held.slave = 1;
+    held.index = 0x2008;
+    held.sink = &sink;
+    ASSERT_TRUE(submit(ctx(), held).ok());
+    bus.idle(50ms);
+    ASSERT_TRUE(held.busy());
+    ASSERT_GE(sink.content.size(), 200U);
+    // The slave starts again, and another transfer of the same kind begins.
+    for (const AlState state : {AlState::init, AlState::preop}) ASSERT_EQ(bring(bus, state).code, Errc::none);
+    SlowSink other;
+    SdoUploadStream next;
+    next.slave = 1;
+    next.index = 0x2008;
+    next.sink = &other;
+    ASSERT_TRUE(submit(ctx(), next).ok());
+    sink.open = true;
+    bus.run(next);
+    EXPECT_EQ(next.error().code, Errc::none) << bus.words(next.error());
+    EXPECT_EQ(other.content, slave->application.vast);
+    EXPECT_FALSE(held.busy());
+    EXPECT_EQ(held.error().code, Errc::mailbox_closed) << bus.words(held.error());
+    expect_idle();
+}
+
 TEST_F(SdoStreams, WithoutSinkOrSourceAreRefused) {
     SdoUploadStream up;
     up.slave = 1;

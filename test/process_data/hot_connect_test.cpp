@@ -323,6 +323,44 @@ TEST_F(HotConnectTest, AToolWithTheStationAddressOfAnotherSlave) {
     }
 }
 
+// The same while the hook of that slave waits for ever: neither the tool nor the slaves behind it wait for the hook.
+TEST_F(HotConnectTest, AToolWithTheStationAddressOfASlaveInAHook) {
+    const auto tool = make({.product = 0x200, .alias = 7});
+    ExpectedSlave head{.vendor = kVendor, .product = 0x200, .hot_connect = 1, .config = &kIo};
+    head.alias = std::uint16_t{7};
+    const ExpectedSlave expected[] = {at(1, 0x100), at(2, 0x101), at(3, 0x102), head};
+    EXPECT_EQ(bring_up(expected), Words());
+    run();
+    bool waits = true;
+    ctx->slave(2).hooks.user = &waits;
+    ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        while (*static_cast<const bool*>(user)) {
+            auto slept = co_await slave.sleep(std::chrono::milliseconds(5));
+            if (!slept) co_return slept;
+        }
+        co_return Nothing{};
+    };
+    power(line[1], false);
+    cycles(200);
+    power(line[1], true);
+    cycles(500);
+    ASSERT_TRUE(in_op(3)) << joined(events());
+    ASSERT_EQ(ctx->slave(2).al.state, AlState::preop) << "in its hook";
+    power(tool, true);
+    const std::uint16_t address = ctx->slave(2).station_address.value;
+    const std::array octets{static_cast<std::byte>(address & 0xFF), static_cast<std::byte>(address >> 8)};
+    (void)segment.slave(tool).ecat_write(0x0010, octets, osal.now());
+    plug({line[0], 2}, tool);
+    cycles(1'500);
+    EXPECT_TRUE(in_op(4)) << joined(events());
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop) << "in its hook again";
+    waits = false;
+    cycles(500);
+    EXPECT_TRUE(all_right(*ctx));
+    for (std::size_t n = 1; n <= line.size(); ++n) expect_exchanged(n, line[n - 1]);
+    expect_exchanged(4, tool);
+}
+
 // A tool that is away during a mapping keeps its FMMUs and its power: when it is plugged again, they match nothing.
 TEST_F(HotConnectTest, AToolThatWasAwayDuringAMappingTakesNobodysOutputs) {
     const auto tool = make({.product = 0x200, .alias = 7});

@@ -1,5 +1,6 @@
 // Mistakes that new users make, and the error, warning or event that names each of them.
 #include "process_data/plant.hpp"
+#include "util/arena.hpp"
 
 #include <type_traits>
 
@@ -208,6 +209,93 @@ TEST_F(Mistakes, AHookThatTriesAgainAtOnceStopsNobody) {
         ASSERT_TRUE(submit(*ctx, map).ok());
         EXPECT_EQ(words(wait(*ctx, map).error()), "slave 2: the hook of the application: timed out");
     }
+}
+
+// A hook that takes its slave out of PREOP, whenever the slave is started.
+TEST_F(Mistakes, AHookThatTakesItsSlaveToInitIsReportedOnce) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    bool wrong = false;
+    ctx->slave(2).hooks.user = &wrong;
+    ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        if (!*static_cast<const bool*>(user)) co_return Nothing{};
+        const std::array init{std::byte{1}, std::byte{0}};
+        auto written = co_await slave.register_write(0x0120, init);
+        if (!written) co_return written;
+        auto slept = co_await slave.sleep(1s);
+        co_return slept;
+    };
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    wrong = true;
+    (void)all(ctx->errors());
+    segment.set_power(1, false, osal.now());
+    cycles(100);
+    segment.set_power(1, true, osal.now());
+    unsigned reports = 0;
+    for (int n = 0; n < 2'000; ++n) {
+        cycles(1);
+        while (const auto event = ctx->events().take())
+            if (event->kind == EventKind::recovery_failed && event->slave == 2) ++reports;
+    }
+    EXPECT_EQ(reports, 1U);
+    EXPECT_EQ(all(ctx->errors()),
+              std::vector<std::string>{
+                  "slave 2: requesting a state: the slave is not in the state that is wanted (wanted OP, is in INIT)"});
+    wrong = false;
+    cycles(1'500);
+    EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
+}
+
+// All memory of the sequences, until it is released.
+struct Hoard {
+    Arena* arena = nullptr;
+    std::vector<void*> blocks;
+    unsigned tries = 0;
+    void take(Arena& from) {
+        arena = &from;
+        while (void* block = from.allocate(1)) blocks.push_back(block);
+    }
+    void release() {
+        for (void* block : blocks) arena->release(block);
+        blocks.clear();
+    }
+};
+
+Task<> a_sequence_of_its_own(HookedSlave slave) {
+    std::array<std::byte, 2> type{};
+    auto read = co_await slave.register_read(0x0000, type);
+    co_return read;
+}
+
+// A hook finds no memory, and tries again until another one has released some.
+TEST_F(Mistakes, AHookThatTriesAgainWithoutMemoryStopsNobody) {
+    ASSERT_TRUE(config_init(*ctx).ok());
+    Hoard hoard;
+    ctx->slave(2).hooks.user = &hoard;
+    ctx->slave(2).hooks.preop_to_safeop = [](HookedSlave slave, void* user) -> Task<> {
+        Hoard& all = *static_cast<Hoard*>(user);
+        auto others = co_await slave.sleep(100ms);  // the other slave is mapped meanwhile
+        if (!others) co_return others;
+        all.take(slave.arena());
+        for (;; ++all.tries) {
+            auto done = co_await a_sequence_of_its_own(slave);
+            if (done) co_return done;
+            EXPECT_EQ(done.error().code, Errc::capacity);
+            auto slept = co_await slave.sleep(10ms);
+            (void)slept;
+        }
+    };
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(*ctx, map).ok());
+    for (int n = 0; n < 2'000 && (hoard.blocks.empty() || hoard.tries < 5); ++n) osal.wait(poll(*ctx, osal.now()), -1);
+    EXPECT_TRUE(map.busy());
+    EXPECT_EQ(hoard.tries, 5U);
+    hoard.release();
+    const auto mapped = wait(*ctx, map);
+    EXPECT_TRUE(mapped.ok()) << words(mapped.error());
+    EXPECT_LE(hoard.tries, 6U);
 }
 
 TEST_F(Mistakes, ARequestThatWasNotSubmittedCannotBeWaitedFor) {

@@ -1,5 +1,6 @@
 // BOOT: the way to it and back by the calls for states, its own mailboxes, and the supervision.
 #include "mailbox/foe_bus.hpp"
+#include "sim/library/quirks.hpp"
 #include "wire/sync_manager.hpp"
 
 #include <functional>
@@ -163,6 +164,30 @@ TEST_F(Boot, ByWritestateAndStatecheck) {
     EXPECT_EQ(statecheck(*bus.ctx, 1, AlState::preop, 2s)->state, AlState::preop);
     std::array<char, 32> text{};
     EXPECT_TRUE(version(text).ok());
+}
+
+// A program that asks again while the slave is on its way.
+TEST_F(Boot, AWritestateThatIsRepeatedOnTheWayBeginsNothingAgain) {
+    auto slow = sim::make_device("bootloader").value();
+    ASSERT_TRUE(sim::add_quirk(slow, "slow_firmware"));  // 5 ms to react
+    bus.add_device(std::move(slow));
+    bus.start();
+    for (const AlState to : {AlState::boot, AlState::init, AlState::preop}) {
+        int asked = 0;
+        for (AlState reached = AlState::none; reached != to && asked < 20; ++asked) {
+            ASSERT_TRUE(writestate(*bus.ctx, 1, to).ok());
+            const auto now = statecheck(*bus.ctx, 1, to, 2ms);
+            if (now) reached = now->state;
+        }
+        EXPECT_LE(asked, 6) << to_text(to);
+        EXPECT_GE(asked, 2) << "the slave is slow";
+        if (to == AlState::init) bus.idle(500ms);  // the device restarts
+        if (to == AlState::boot) {
+            const auto firmware = Bootloader::make_image(2, 3, 5000);
+            const auto written = FOEwrite(*bus.ctx, 1, "firmware", kPassword, firmware);
+            EXPECT_TRUE(written.ok()) << bus.words(written.error());
+        }
+    }
 }
 
 TEST_F(Boot, WithoutBootstrapMailboxesItIsRefusedInWords) {

@@ -16,6 +16,8 @@ namespace {
 constexpr std::size_t kQuirksOfOldSeeds = 51;
 // Devices that the library has got since then: the plans of old seeds do not have them.
 constexpr std::size_t kLaterDevices = 4;
+// The same for the kinds of requests: more_mail() chooses them.
+std::size_t old_kinds() { return kinds().size() - later_kinds().size(); }
 
 class Maker {
   public:
@@ -27,6 +29,7 @@ class Maker {
         steps();
         more_settings();
         more_harm();
+        more_mail();
         return std::move(plan_);
     }
 
@@ -77,6 +80,27 @@ class Maker {
             for (std::uint32_t n = 1 + below(3); n > 0; --n) hostile_writes(chance);
         if (below(4) == 0)
             for (std::uint32_t n = 1 + below(3); n > 0; --n) eeprom_updates(chance);
+    }
+
+    // Devices with mailbox protocols that the library has got later, in place of others, and requests for them. Also
+    // from a chance of their own.
+    void more_mail() {
+        Chance chance(plan_.seed * 2246822519ULL + 3);
+        const auto below = [&](std::size_t bound) { return static_cast<std::uint32_t>(chance.below(bound)); };
+        if (plan_.settings.calm != 0 || below(4) != 0) return;
+        const auto names = sim::device_names().last(kLaterDevices);
+        for (auto& device : plan_.devices)
+            if (device.name != "junction" && device.name != "coupler" && below(3) == 0) {
+                device.name = names[below(names.size())];
+                device.quirks.clear();
+            }
+        for (std::uint32_t n = 5 + below(20); n > 0; --n) {
+            const auto kind = static_cast<std::uint32_t>(old_kinds()) + below(later_kinds().size());
+            const bool other = kinds()[kind].mail && below(2) == 0;
+            insert(chance, {{below(20'000),
+                             other ? Op::submit_other : Op::submit,
+                             {below(24), kind, below(plan_.devices.size() + 2), below(1 << 16), below(64)}}});
+        }
     }
 
     // Replies that are lost, some for good, of devices whose SII does not list their PDOs.
@@ -250,7 +274,7 @@ class Maker {
             default: break;
         }
         for (;;) {
-            const auto kind = below(static_cast<std::uint32_t>(kinds().size()));
+            const auto kind = below(static_cast<std::uint32_t>(old_kinds()));
             const KindInfo& of = kinds()[kind];
             if (plan_.settings.calm != 0 && !of.reads) continue;
             const bool other = of.mail && one_in(2);

@@ -1,33 +1,9 @@
-#include "storm/operations.hpp"
+#include "storm/operation_of.hpp"
 
 #include <algorithm>
-#include <array>
 
 namespace margay::storm {
 namespace {
-
-using namespace std::chrono_literals;
-
-template <class R>
-struct Of final : Operation {
-    R r;
-    std::vector<std::byte> data = std::vector<std::byte>(2048);
-    std::array<LineErrors, 32> lines{};
-    ~Of() override { r.cancel(); }  // before its buffers are destroyed
-    Result<> submit(Context& ctx) override { return margay::submit(ctx, r); }
-    Request& request() override { return r; }
-    void cancel() override { r.cancel(); }
-};
-
-template <class R>
-std::unique_ptr<Operation> make() {
-    return std::make_unique<Of<R>>();
-}
-
-template <class R>
-Of<R>& as(Operation& operation) {
-    return static_cast<Of<R>&>(operation);
-}
 
 // Objects of devices in the library, and some objects that no device has.
 constexpr std::array<std::uint32_t, 20> kObjects{0x100000, 0x100800, 0x100900, 0x101801, 0x101800, 0x1C0000, 0x1C1200,
@@ -38,18 +14,6 @@ std::uint8_t subindex(std::uint32_t a) { return static_cast<std::uint8_t>(kObjec
 
 constexpr std::array kStates{AlState::init, AlState::preop, AlState::safeop, AlState::op, AlState::boot, AlState::none};
 AlState state(std::uint32_t a) { return kStates[a % kStates.size()]; }
-
-std::uint16_t slave_number(std::uint32_t slave) { return static_cast<std::uint16_t>(slave); }
-
-template <class R>
-void address_mail(R& r, std::uint32_t slave, std::uint32_t b) {
-    r.slave = slave_number(slave);
-    r.priority = static_cast<std::uint8_t>(b % 4);
-    constexpr std::array<Duration, 6> kTimeouts{0ms, 0ms, 2000ms, 100ms, 5ms, 1us};
-    r.timeout = kTimeouts[(b >> 2) % kTimeouts.size()];
-}
-
-using Set = void (*)(Operation& operation, std::uint32_t slave, std::uint32_t a, std::uint32_t b);
 
 constexpr Set kNothing = [](Operation&, std::uint32_t, std::uint32_t, std::uint32_t) {};
 
@@ -177,31 +141,36 @@ constexpr Set kRegisterWrite = [](Operation& o, std::uint32_t slave, std::uint32
 }  // namespace
 
 const std::vector<KindInfo>& kinds() {
-    static const std::vector<KindInfo> kAll{
-        {"scan", make<ScanRequest>, kNothing, false, false, false},
-        {"sii_read", make<SiiReadRequest>, kSiiRead, false, false, true},
-        {"sii_write", make<SiiWriteRequest>, kSiiWrite, false, false, false},
-        {"state", make<StateRequest>, kState, false, false, false},
-        {"read_state", make<ReadStateRequest>, kNothing, false, false, true},
-        {"write_state", make<WriteStateRequest>, kWriteState, false, false, false},
-        {"state_check", make<StateCheckRequest>, kStateCheck, false, false, true},
-        {"map", make<MapRequest>, kNothing, false, false, false},  // World sets the image
-        {"supervise", make<SuperviseRequest>, kSupervise, false, true, false},
-        {"reconfig", make<ReconfigRequest>, kReconfig, false, false, false},
-        {"recover", make<RecoverRequest>, kNothing, false, false, false},
-        {"sdo_upload", make<SdoUpload>, kSdoUpload, true, false, true},
-        {"sdo_download", make<SdoDownload>, kSdoDownload, true, false, false},
-        {"object_list", make<ObjectListRequest>, kObjectList, true, false, true},
-        {"object_description", make<ObjectDescriptionRequest>, kObjectDescription, true, false, true},
-        {"entry_description", make<EntryDescriptionRequest>, kEntryDescription, true, false, true},
-        {"pdo_send", make<MailPdoSend>, kPdoSend, true, false, true},
-        {"pdo_fetch", make<MailPdoFetch>, kPdoFetch, true, false, true},
-        {"soe_read", make<SoeRead>, kSoeRead, true, false, true},
-        {"soe_write", make<SoeWrite>, kSoeWrite, true, false, false},
-        {"soe_command", make<SoeCommand>, kSoeCommand, true, false, false},
-        {"register_read", make<RegisterReadRequest>, kRegisterRead, false, false, true},
-        {"register_write", make<RegisterWriteRequest>, kRegisterWrite, false, false, true},
-    };
+    static const std::vector<KindInfo> kAll = [] {
+        std::vector<KindInfo> all{
+            {"scan", make<ScanRequest>, kNothing, false, false, false},
+            {"sii_read", make<SiiReadRequest>, kSiiRead, false, false, true},
+            {"sii_write", make<SiiWriteRequest>, kSiiWrite, false, false, false},
+            {"state", make<StateRequest>, kState, false, false, false},
+            {"read_state", make<ReadStateRequest>, kNothing, false, false, true},
+            {"write_state", make<WriteStateRequest>, kWriteState, false, false, false},
+            {"state_check", make<StateCheckRequest>, kStateCheck, false, false, true},
+            {"map", make<MapRequest>, kNothing, false, false, false},  // World sets the image
+            {"supervise", make<SuperviseRequest>, kSupervise, false, true, false},
+            {"reconfig", make<ReconfigRequest>, kReconfig, false, false, false},
+            {"recover", make<RecoverRequest>, kNothing, false, false, false},
+            {"sdo_upload", make<SdoUpload>, kSdoUpload, true, false, true},
+            {"sdo_download", make<SdoDownload>, kSdoDownload, true, false, false},
+            {"object_list", make<ObjectListRequest>, kObjectList, true, false, true},
+            {"object_description", make<ObjectDescriptionRequest>, kObjectDescription, true, false, true},
+            {"entry_description", make<EntryDescriptionRequest>, kEntryDescription, true, false, true},
+            {"pdo_send", make<MailPdoSend>, kPdoSend, true, false, true},
+            {"pdo_fetch", make<MailPdoFetch>, kPdoFetch, true, false, true},
+            {"soe_read", make<SoeRead>, kSoeRead, true, false, true},
+            {"soe_write", make<SoeWrite>, kSoeWrite, true, false, false},
+            {"soe_command", make<SoeCommand>, kSoeCommand, true, false, false},
+            {"register_read", make<RegisterReadRequest>, kRegisterRead, false, false, true},
+            {"register_write", make<RegisterWriteRequest>, kRegisterWrite, false, false, true},
+        };
+        const auto later = later_kinds();
+        all.insert(all.end(), later.begin(), later.end());
+        return all;
+    }();
     return kAll;
 }
 

@@ -32,6 +32,8 @@ struct KindInfo {
 };
 
 [[nodiscard]] const std::vector<KindInfo>& kinds();
+// The last ones of kinds().
+[[nodiscard]] std::vector<KindInfo> later_kinds();
 [[nodiscard]] std::string_view kind_name(std::uint32_t kind);
 [[nodiscard]] std::optional<std::uint32_t> kind_by_name(std::string_view name);
 // Makes a request that is ready for submit(). The operation owns the buffers of the request.

@@ -21,11 +21,23 @@ Step submit(std::uint32_t after_us, std::uint32_t slot, std::uint32_t kind, std:
     return {after_us, Op::submit, {slot, kind, slave, 2, 0}};
 }
 
+// A device with the protocol of the request; nullptr: an I/O device has it.
+const char* device_for(std::uint32_t kind) {
+    const std::string_view name = kind_name(kind);
+    if (name.starts_with("voe")) return "voe_device";
+    if (name.starts_with("aoe")) return "aoe_gateway";
+    if (name.starts_with("eoe")) return "eoe_gateway";
+    if (name.starts_with("foe")) return "bootloader_open";
+    return nullptr;
+}
+
 void try_all(const Plan& base, std::uint32_t apart_us) {
     unsigned failed = 0;
     for (std::uint32_t first = 0; first < kinds().size(); ++first)
         for (std::uint32_t second = 0; second < kinds().size(); ++second) {
             Plan plan = base;
+            const char* const device = device_for(first) != nullptr ? device_for(first) : device_for(second);
+            if (device != nullptr) plan.devices[1].name = device;
             plan.steps.push_back(submit(1000, 0, first, 2));
             plan.steps.push_back(submit(apart_us, 1, second, 2));
             plan.steps.push_back({20'000, Op::late, {0}});
