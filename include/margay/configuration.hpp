@@ -125,9 +125,10 @@ struct SlaveConfiguration {
     // The SyncManagers in the order of their data in the image. Numbers, directions and sizes that are changed here,
     // and lists of PDOs that are changed in `setup`, count from the next config_map() of the group on. Until then the
     // slave is exchanged as it was mapped; when it leaves SAFEOP meanwhile, it stays in PREOP with
-    // Errc::remapping_needed. The same after an SDO of the application has written a PDO mapping or a PDO assignment
-    // (0x1600 to 0x1BFF, 0x1C10 to 0x1C2F). The library does not compare what a hook or a start-up command writes into
-    // these objects: it must be the same each time.
+    // Errc::remapping_needed. The same after an SDO of the application to a PDO mapping or a PDO assignment (0x1600 to
+    // 0x1BFF, 0x1C10 to 0x1C2F), or SoEwrite() of a telegram (S-0-0015, S-0-0016, S-0-0024), unless the slave has
+    // refused the request; and when a slave comes back with another revision. The library does not see what RawMail or
+    // AoE write, and does not compare what a hook or a start-up command writes there: it must be the same each time.
     std::uint8_t sm_count = 0;
     std::array<ProcessSm, kProcessSms> sms{};
     // Timeout of the slave's process data watchdog: the time without outputs after which the watchdog expires. In

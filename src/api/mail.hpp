@@ -28,12 +28,30 @@ constexpr OperationDescription describe_mail(Operation operation, Step step) {
     return network.mailboxes.channel(request.slave);
 }
 
-// Call it before an SDO of the application: one that may write a PDO mapping or a PDO assignment makes a mapping
-// necessary. Also where the SDO fails: a part of it may have been written.
-inline void note_pdo_write(Network& network, std::uint16_t slave, std::uint16_t index) {
-    const bool decides = (index >= 0x1600 && index < 0x1C00) || (index >= 0x1C10 && index < 0x1C30);
-    if (decides) network.marks(slave).pdos_written = true;
+// While a request of the application writes an object or a parameter. One that decides about process data makes a
+// mapping necessary, also where the request fails or is cut: a part of it may have been written.
+class PdoWrite {
+  public:
+    PdoWrite(Network& network, std::uint16_t slave, bool decides) : marks_(network.marks(slave)), decides_(decides) {}
+    PdoWrite(const PdoWrite&) = delete;
+    PdoWrite& operator=(const PdoWrite&) = delete;
+    ~PdoWrite() {
+        if (decides_) marks_.pdos_written = true;
+    }
+    // The slave has refused the whole request.
+    void refused() { decides_ = false; }
+
+  private:
+    SlaveMarks& marks_;
+    bool decides_;
+};
+
+// Whether an object is a PDO mapping or a PDO assignment.
+constexpr bool decides_on_pdos(std::uint16_t index) {
+    return (index >= 0x1600 && index < 0x1C00) || (index >= 0x1C10 && index < 0x1C30);
 }
+// Whether a parameter of a drive decides about its telegrams: S-0-0015, S-0-0016 and S-0-0024.
+constexpr bool decides_on_telegram(Idn idn) { return idn.value == 15 || idn.value == 16 || idn.value == 24; }
 
 // Checks whether the slave in `where` supports this mailbox protocol; if not, returns `where` with the error code.
 [[nodiscard]] Error check_mailbox(Network& network, std::uint16_t protocol, Error where);

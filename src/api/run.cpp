@@ -331,7 +331,7 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
     if (SuperviseRequest* const waiting = waiting_supervision(master_of(ctx)->queue)) waiting->target = state;
     OwnSupervision supervision(network);
     supervision.target = state;
-    network.target = state;
+    set_target_of_all(network, state);
     for (Slave& slave : network.slaves()) update_counted(network, slave);
     ReadStateRequest look;  // the states that are known may be old
     if (const auto looks = submit(ctx, look); !looks) return looks;

@@ -34,11 +34,9 @@ static Task<Result<>> run(Network& network, SdoUpload& request) {
 
 static Task<Result<>> run(Network& network, SdoDownload& request) {
     const SdoObject object{request.index, request.subindex, request.complete_access};
-    SlaveMarks& marks = network.marks(request.slave);
-    const bool before = marks.pdos_written;
-    note_pdo_write(network, request.slave, object.index);
+    PdoWrite note(network, request.slave, decides_on_pdos(object.index));
     auto written = co_await sdo_download(channel_of(network, request), object, request.data, patience_of(request));
-    if (!before && !object.complete && written.error().code == Errc::sdo_abort) marks.pdos_written = false;
+    if (!object.complete && written.error().code == Errc::sdo_abort) note.refused();
     co_return written;
 }
 

@@ -24,7 +24,7 @@ static Task<Result<>> run(Network& network, SdoUploadStream& request) {
     co_return co_await sdo_upload_stream(channel_of(network, request), request, patience_of(request));
 }
 static Task<Result<>> run(Network& network, SdoDownloadStream& request) {
-    note_pdo_write(network, request.slave, request.index);
+    const PdoWrite note(network, request.slave, decides_on_pdos(request.index));
     co_return co_await sdo_download_stream(channel_of(network, request), request, patience_of(request));
 }
 

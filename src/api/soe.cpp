@@ -36,7 +36,10 @@ static Task<Result<>> run(Network& network, SoeRead& r) {
 }
 
 static Task<Result<>> run(Network& network, SoeWrite& r) {
-    co_return co_await soe_write(channel_of(network, r), target_of(r, r.elements), r.data, patience_of(r));
+    PdoWrite note(network, r.slave, decides_on_telegram(r.idn));
+    auto written = co_await soe_write(channel_of(network, r), target_of(r, r.elements), r.data, patience_of(r));
+    if (written.error().code == Errc::soe_error) note.refused();
+    co_return written;
 }
 
 static Task<Result<>> run(Network& network, SoeCommand& r) {

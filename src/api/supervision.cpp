@@ -73,12 +73,9 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
     auto states = co_await read_states(network);
     if (!states) co_return states.error();
-    if (network
-            .supervised) {  // slaves that answer at their address again; without a supervision the reading has done it
-        const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
-        auto back = co_await for_each_slave(network, readmit);
-        if (!back) co_return back;
-    }
+    const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
+    auto back = co_await for_each_slave(network, readmit);
+    if (!back) co_return back;
     if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Nothing{};
     auto found = co_await find_lost(network);
     if (!found) co_return found.error();

@@ -199,6 +199,12 @@ Task<Result<>> configure_process_data(Network& network, Slave& slave, const Imag
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         if (!back) co_return back.error();
     }
+    if (slave.al.state != AlState::preop) {  // it has fallen since it was started
+        Error error = station.error(Errc::other_state, Step::request_state, 0);
+        error.expected = static_cast<std::uint32_t>(AlState::preop);
+        error.actual = static_cast<std::uint32_t>(slave.al.state);
+        co_return error;
+    }
     if (running && pdo_part(slave) != nullptr) {
         auto pdos = co_await pdo_part(slave)->write(network, slave);
         if (!pdos) co_return pdos;

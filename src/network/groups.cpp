@@ -7,10 +7,12 @@
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/recovery.hpp"
+#include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/startup.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
+#include "station/al_state.hpp"
 
 #include <margay/shared_image.hpp>
 
@@ -22,14 +24,23 @@ namespace {
 
 Error fault(Errc code, std::uint8_t group) { return {.code = code, .step = Step::map_process_data, .index = group}; }
 
-// Two images at the same logical addresses would be exchanged with the slaves of both groups.
-bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group) {
-    const std::uint64_t begin = group.layout.start.value;
+// Where the application has not chosen another one.
+bool is_usual_start(const ProcessGroup& group) {
+    return group.config.start.value == group.number * GroupConfiguration::kSpacing;
+}
+
+// Two images at the same logical addresses would be exchanged with the slaves of both groups. `all`: also leaves out
+// what the application has chosen for groups that are not mapped yet.
+bool clear_of_others(const ProcessTables& tables, const ProcessGroup& group, LogicalAddress start, bool all) {
+    const std::uint64_t begin = start.value;
     const std::uint64_t end = begin + group.layout.logical_bytes();
     if (end > 0x1'0000'0000) return false;
     return std::ranges::none_of(tables.groups, [&](const ProcessGroup& other) {
+        if (&other == &group) return false;
         const std::uint64_t first = other.layout.start.value;
-        return &other != &group && other.mapped && begin < first + other.layout.logical_bytes() && first < end;
+        if (other.mapped && begin < first + other.layout.logical_bytes() && first < end) return true;
+        const std::uint64_t chosen = other.config.start.value;
+        return all && !is_usual_start(other) && begin <= chosen && chosen < end;
     });
 }
 
@@ -80,11 +91,10 @@ LogicalAddress next_start(const ProcessTables& tables, ProcessGroup& group) {
     constexpr std::uint32_t kStep = 0x0004'0000;
     constexpr std::uint32_t kSteps = GroupConfiguration::kSpacing / kStep;
     const LogicalAddress start = group.config.start;
-    if (start.value != group.number * GroupConfiguration::kSpacing || group.layout.logical_bytes() > kStep)
-        return start;
+    if (!is_usual_start(group) || group.layout.logical_bytes() > kStep) return start;
     for (std::uint32_t n = 0; n < kSteps; ++n) {
-        group.layout.start.value = start.value + (group.mappings + n) % kSteps * kStep;
-        if (clear_of_others(tables, group)) return group.layout.start;
+        const LogicalAddress next{start.value + group.next_place++ % kSteps * kStep};
+        if (clear_of_others(tables, group, next, true)) return next;
     }
     return start;
 }
@@ -99,11 +109,11 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (group.config.cycles_in_flight > 1 && network.overlap == nullptr) return fault(Errc::unsupported, number);
     group.layout = *layout;
     group.layout.start = next_start(tables, group);
+    if (++group.mappings == 0) group.mappings = 1;
     group.image = image.first(layout->image_bytes());
     group.output_bytes = layout->output_bytes;
     group.input_bytes = layout->input_bytes;
-    if (++group.mappings == 0) group.mappings = 1;
-    if (!clear_of_others(tables, group)) return invalid_mapping(Argument::image_start);
+    if (!clear_of_others(tables, group, group.layout.start, false)) return invalid_mapping(Argument::image_start);
     for (const ProcessGroup& other : tables.groups) {
         if (!other.mapped || other.number == number || !share_octets(other.image, group.image)) continue;
         Error error = fault(Errc::image_overlaps, 0);
@@ -125,13 +135,17 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     const auto prepared = prepare(tables, group, *count, network.engine.link());
     if (prepared) group.was_mapped = true;
     if (prepared) begin_counting(network, group);
+    // Until its configuration has ended: the mapping may be cut.
+    for (Slave& slave : network.slaves())
+        if (slave.image.group == number) set_takes_part(network, slave, false);
     return prepared;
 }
 
 // Calls the hook of a slave. The slave is brought back to PREOP first, in case the group was mapped before.
 Task<Result<>> prepare_slave(Network& network, Slave& slave, FirstFault& faults) {
     slave.hook_failed = false;
-    if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none) co_return Nothing{};
+    if (!slave.hooks.preop_to_safeop || slave.al.state == AlState::none || slave.al.state == AlState::init)
+        co_return Nothing{};
     if (slave.al.state == AlState::safeop || slave.al.state == AlState::op) {
         auto back = co_await bring_to_state(network, slave, AlState::preop);
         (void)back;  // an error is found again by the configuration of the slave
@@ -183,6 +197,11 @@ bool is_there_to_map(const Slave& slave) { return slave.al.state != AlState::non
 
 // The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
+    if (slave.al.state != AlState::none || slave.seen) {
+        auto now = co_await read_anew(network, slave);  // nothing may have read the state for long
+        if (!now && !does_not_answer(now.error())) faults.note(network, slave, now.error());
+    }
+    if (slave.config.group == number) slave.error = {};  // of an earlier attempt
     const bool leaves = slave.config.group != number && slave.image.group == number;
     const bool comes = slave.config.group == number && slave.image.group != number;
     if (slave.image.group != SlaveImage::kNoGroup && (leaves || comes)) {
@@ -201,8 +220,9 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         if (!known) faults.note(network, slave, known.error());
         if (!known) co_return Nothing{};
     }
-    const bool due = unread || network.marks(slave).held_back || slave.al.state == AlState::init ||
-                     has_late_commands(network, slave) || is_unfinished(network, slave);
+    const bool due = unread || network.marks(slave).unproved || network.marks(slave).held_back ||
+                     slave.al.state == AlState::init || has_late_commands(network, slave) ||
+                     is_unfinished(network, slave);
     if (slave.config.group != number || slave.held || !due || !is_there_to_map(slave) ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
@@ -277,7 +297,10 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await leave_out(network, slave);
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
-    if (done) co_return Nothing{};
+    if (done) {
+        set_takes_part(network, slave, exchanges(slave));
+        co_return Nothing{};
+    }
     faults.note(network, slave, done.error());
     auto cleared = co_await clear_fmmus(network, slave);
     (void)cleared;  // a slave that does not answer does not take part

@@ -18,11 +18,11 @@ namespace sii = wire::sii;
 // The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
 // come back too: then it is this slave again, and held as before.
 bool fits(const Slave& slave, const Slave& guest) {
-    const bool same = slave.identity.vendor == guest.identity.vendor &&
-                      slave.identity.product == guest.identity.product &&
-                      slave.identity.revision == guest.identity.revision;
+    const bool same_kind =
+        slave.identity.vendor == guest.identity.vendor && slave.identity.product == guest.identity.product;
+    const bool same = same_kind && slave.identity.revision == guest.identity.revision;
     if (slave.seen && slave.other && same && slave.alias == guest.alias) return true;
-    if (slave.seen && !slave.other && !same) return false;
+    if (slave.seen && !slave.other && !same_kind) return false;
     return is_the_wanted_one(slave, guest);
 }
 
@@ -55,9 +55,19 @@ const Slave* last_before(Network& network, std::size_t n, Holds holds) {
     return nullptr;
 }
 
-// Returns the lost slave that the guest is: the search begins behind `after`, then continues with the others.
+// The first one behind the place.
 template <class Holds>
-Verdict choose(Network& network, const Slave* after, Holds holds) {
+const Slave* first_behind(Network& network, std::size_t n, Holds holds) {
+    while (++n < network.ring_count)
+        if (const std::uint16_t slave = network.ring[n].slave; slave != 0 && holds(network.slave(slave)))
+            return &network.slave(slave);
+    return nullptr;
+}
+
+// Returns the lost member of a group that the guest is: the search begins behind `after`, then continues with the
+// others.
+template <class Holds>
+Verdict choose_member(Network& network, const Slave* after, Holds holds) {
     Verdict verdict;
     for (const bool behind : {true, false}) {
         for (Slave& slave : network.slaves()) {
@@ -71,6 +81,24 @@ Verdict choose(Network& network, const Slave* after, Holds holds) {
     return verdict;
 }
 
+// A slave of the line is known by its place: behind the slave before it and before the slave behind it, and not below a
+// slave that is not known.
+Verdict choose_by_place(Network& network, std::size_t n) {
+    for (std::uint16_t at = network.ring[n].parent; at != 0; at = network.ring[at - 1U].parent)
+        if (network.ring[at - 1U].slave == 0) return {};
+    const Slave* const before = last_before(network, n, of_the_line);
+    const Slave* const behind = first_behind(network, n, of_the_line);
+    Verdict verdict;
+    for (Slave& slave : network.slaves()) {
+        if (!is_lost(network, slave) || !of_the_line(slave) || (before != nullptr && slave.number < before->number) ||
+            (behind != nullptr && slave.number > behind->number))
+            continue;
+        if (fits(slave, network.guest)) return {&slave, nullptr};
+        if (verdict.instead_of == nullptr) verdict.instead_of = &slave;
+    }
+    return verdict;
+}
+
 Verdict identify_newcomer(Network& network, std::uint16_t n) {
     for (Slave& slave : network.slaves()) {
         if (!is_lost(network, slave) || !anywhere(network, slave) || !locates(*slave.wanted, network.guest)) continue;
@@ -79,10 +107,9 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
     if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
         const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
         const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
-        const Verdict verdict = choose(network, last_before(network, n, in_group), member);
-        if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
+        return choose_member(network, last_before(network, n, in_group), member);
     }
-    Verdict verdict = choose(network, last_before(network, n, of_the_line), of_the_line);
+    Verdict verdict = choose_by_place(network, n);
     // An optional slave that has never been present is not reported as replaced by another slave.
     if (verdict.instead_of != nullptr && !verdict.instead_of->seen && verdict.instead_of->config.optional)
         verdict.instead_of = nullptr;
@@ -198,13 +225,32 @@ Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n) {
     co_return verdict;
 }
 
-Task<Result<bool>> is_the_same(Network& network, Slave& slave) {
+Error identity_difference(const Slave& slave, const Identity& there, std::uint16_t alias) {
+    Error error{.code = Errc::other_slave, .step = Step::recover, .slave = slave.number, .detail = there.vendor};
+    const auto differs = [&error](IdentityField field, std::uint32_t known, std::uint32_t seen) {
+        if (known == seen) return false;
+        error.subindex = static_cast<std::uint8_t>(field);
+        error.expected = known;
+        error.actual = seen;
+        return true;
+    };
+    const Identity& known = slave.identity;
+    if (known == Identity{}) return {};  // its SII could not be understood
+    const bool any = differs(IdentityField::vendor, known.vendor, there.vendor) ||
+                     differs(IdentityField::product, known.product, there.product) ||
+                     differs(IdentityField::serial, known.serial, there.serial) ||
+                     differs(IdentityField::alias, slave.alias, alias) ||
+                     differs(IdentityField::revision, known.revision, there.revision);
+    return any ? error : Error{};
+}
+
+Task<Result<>> compare_identity(Network& network, Slave& slave) {
     const Station station = network.station(slave);
     auto alias = co_await read<std::uint16_t>(station, reg::kStationAlias, Step::recover);
     if (!alias) co_return alias.error();
     auto identity = co_await read_identity(station);
     if (!identity) co_return identity.error();
-    co_return *alias == slave.alias&&* identity == slave.identity;
+    co_return identity_difference(slave, *identity, *alias);
 }
 
 }  // namespace margay

@@ -45,7 +45,12 @@ struct Verdict {
 // if no slave answers at the address of the slave.
 [[nodiscard]] Task<Result<Verdict>> verify_newcomer(Network& network, std::uint16_t n);
 
-// Reads alias and identity of a slave that answers at its address, and compares them with what is known of it.
-[[nodiscard]] Task<Result<bool>> is_the_same(Network& network, Slave& slave);
+// Reads alias and identity of the slave that answers at the address of `slave`, and compares them with what is known of
+// it. Errors besides those of reading: other_slave.
+[[nodiscard]] Task<Result<>> compare_identity(Network& network, Slave& slave);
+
+// The first difference between two identities, the revision last; code none if there is none, or if the identity of
+// the slave is not known.
+[[nodiscard]] Error identity_difference(const Slave& slave, const Identity& there, std::uint16_t alias);
 
 }  // namespace margay

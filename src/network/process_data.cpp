@@ -185,12 +185,14 @@ void unprepare(ProcessGroup& group, Link& link, Time now) {
     const std::uint8_t number = group.number;
     const std::uint32_t mappings = group.mappings;
     const bool was_mapped = group.was_mapped;
+    const std::uint8_t next_place = group.next_place;
     std::destroy_at(&group);
     std::construct_at(&group);
     group.config = config;
     group.number = number;
     group.mappings = mappings;
     group.was_mapped = was_mapped;
+    group.next_place = next_place;
 }
 
 Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, Link& link) {
@@ -375,6 +377,7 @@ Result<std::uint32_t> evaluate_cycle(ProcessGroup& group, std::span<PreparedFram
     if (group.mapping) error.detail = Error::kBeingMapped;
     error.expected = group.expected_wkc;
     error.actual = got;
+    if (group.mapping) return error;
     if (!group.complete) error.slave = lost_slave(group, 0);
     for (std::size_t n = 0; n < group.datagrams.size() && error.slave == 0; ++n)
         if (!group.datagrams[n].right()) error.slave = lost_slave(group, n);

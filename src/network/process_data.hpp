@@ -51,6 +51,7 @@ struct ProcessGroup : Group {
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
+    std::uint8_t next_place = 0;    // where the logical addresses of the next mapping begin: see next_start()
     std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
 };
 

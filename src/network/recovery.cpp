@@ -187,6 +187,10 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
 }
 
 Task<Result<>> restart(Network& network, Slave& slave) {
+    // Another slave may answer at this address: not every reading of the states sees that a slave was away.
+    auto same = co_await prove(network, slave);
+    if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
+    if (!same) co_return same;
     auto init = co_await back_to_init(network, slave);
     if (!init) co_return init;
     const ChangeReport report(network, slave);
@@ -231,10 +235,12 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     }
     if (configured && !to_be_asked) co_return Nothing{};
     // The slave was brought to PREOP and has been there since: its mailboxes need not be configured again.
-    const bool waits = slave.al.state == AlState::preop && !slave.al.error && !unfinished() &&
+    const bool proved = !network.marks(slave).unproved;
+    const bool waits = proved && slave.al.state == AlState::preop && !slave.al.error && !unfinished() &&
                        network.marks(slave).settled == AlState::preop && slave.seen && !slave.held &&
                        to >= AlState::safeop;
-    const bool asks = to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
+    const bool asks =
+        proved && to_be_asked && slave.seen && slave.al.state == AlState::preop && !slave.al.error && !unfinished();
     Result<> again;
     if (asks) again = co_await clear_fmmus(network, slave);  // of an earlier mapping
     if ((waits || asks) && again) again = co_await back_to_safeop(network, slave);

@@ -139,6 +139,27 @@ Task<Result<>> miss_absent(Network& network) {
 
 // ------------------------------------------------------------------ result of the identification
 
+// A device of another revision, for example with new firmware: it is read again, and may have other PDOs.
+void revise(Network& network, Slave& slave) {
+    network.marks(slave).pdos_written = true;
+    slave.seen = false;
+    slave.dl = {.fmmus = 16, .sync_managers = 16};
+}
+
+// Whether the slave differs from the known one in its revision alone, and expect() does not name another revision.
+bool accept_revision(Network& network, Slave& slave, const Error& differs) {
+    if (differs.code != Errc::other_slave || differs.subindex != static_cast<std::uint8_t>(IdentityField::revision) ||
+        slave.held)
+        return false;
+    slave.identity.revision = differs.actual;
+    if (!is_the_wanted_one(slave, slave)) {
+        slave.identity.revision = differs.expected;
+        return false;
+    }
+    revise(network, slave);
+    return true;
+}
+
 Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& slave) {
     const AlStatus now = network.guest.al;
     slave.alias = network.guest.alias;
@@ -156,12 +177,15 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.marks(slave).missing_reported = false;
     network.marks(slave).settled = AlState::none;
     // The held slave is gone: delete what was read from it.
-    if (slave.other && is_the_wanted_one(slave, network.guest)) {
+    const bool other_is_gone = slave.other && is_the_wanted_one(slave, network.guest);
+    if (other_is_gone) slave.other = slave.held = false;
+    if (other_is_gone) {
         slave.seen = false;
-        slave.other = false;
-        slave.held = false;
         slave.dl = {.fmmus = 16, .sync_managers = 16};
     }
+    if (slave.seen && !slave.held && slave.identity.revision != network.guest.identity.revision) revise(network, slave);
+    slave.identity = network.guest.identity;
+    network.marks(slave).unproved = false;
     co_return Nothing{};
 }
 
@@ -169,12 +193,7 @@ void report_other_slave(Network& network, Slave& slave) {
     const Identity& there = network.guest.identity;
     const Identity& wanted = slave.identity;
     Error error = slave.wanted != nullptr ? difference(network.guest, *slave.wanted) : Error{};
-    if (error.code == Errc::none) {
-        error.code = Errc::other_slave;
-        error.expected = wanted.product;
-        error.actual = there.product;
-        error.detail = there.vendor;
-    }
+    if (error.code == Errc::none) error = identity_difference(slave, there, network.guest.alias);
     error.step = Step::recover;
     error.slave = slave.number;
     Event event{.kind = EventKind::other_slave, .slave = slave.number, .error = error};
@@ -279,6 +298,7 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
         if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
+        network.marks(slave).unproved |= slave.al.state == AlState::none && slave.seen;
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);
@@ -298,14 +318,45 @@ void note_lost(Network& network, Slave& slave) {
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
+    if (slave.al.state != AlState::none && network.marks(slave).unproved && !network.marks(slave).in_use) {
+        auto same = co_await prove(network, slave);  // without a supervision, the reading has readmitted it
+        (void)same;
+        co_return Nothing{};
+    }
     if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
     auto seen = co_await read_al_status(network.station(slave));
     if (!seen || slave.al.state != AlState::none || network.marks(slave).in_use) co_return Nothing{};
     co_return co_await readmit_slave(network, slave, *seen);
 }
 
-// FMMUs with the expected values are sufficient proof, and faster: the cycle waits for the slave. Otherwise the SII is
-// read.
+Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
+    auto seen = co_await read_al_status(network.station(slave));
+    const AlStatus before = slave.al;
+    if (!network.supervised) {
+        note_reading(network, slave, seen);
+    } else if (before.state != AlState::none) {  // the supervision readmits a slave that was lost
+        update_al_status(slave.al, seen);
+        note_change(network, slave, before);
+    }
+    co_return seen;
+}
+
+Task<Result<>> prove(Network& network, Slave& slave) {
+    auto same = co_await compare_identity(network, slave);
+    if (accept_revision(network, slave, same.error())) same = Nothing{};
+    network.marks(slave).unproved &= !same.ok();
+    if (same.error().code != Errc::other_slave) co_return same;
+    if (network.supervised && slave.al.state != AlState::none) note_lost(network, slave);
+    slave.al = {};
+    leave_exchange(network, slave);
+    if (!network.supervised) network.note(slave, same.error());  // the search of a supervision reports it
+    auto unmapped = co_await unmap(network.station(slave));
+    if (!unmapped) co_return unmapped;
+    auto renamed = co_await rename(network, slave.station_address, 0);
+    (void)renamed;  // the search identifies it, or finds it at this address again
+    co_return same;
+}
+
 Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     const SlaveToken token(network.marks(slave));
     bool mapped = false;
@@ -313,20 +364,13 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
         mapped = same && *same;
     }
-    if (!mapped) {
-        auto same = co_await is_the_same(network, slave);
-        if (!same) co_return Nothing{};  // the next look repeats the check
-        if (!*same) {
-            auto unmapped = co_await unmap(network.station(slave));
-            if (!unmapped) co_return Nothing{};
-            co_return co_await rename(network, slave.station_address, 0);
-        }
-    }
+    auto same = co_await prove(network, slave);
+    if (!same) co_return Nothing{};  // the search identifies another slave; otherwise the next look repeats the check
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;
     network.group_is_back |= is_head_of_group(network, slave);
-    if (!mapped || now.state == AlState::init) co_return Nothing{};
+    if (!mapped || now.state == AlState::init || !slave.seen) co_return Nothing{};
     set_takes_part(network, slave, true);
     const bool well =
         network.supervised && now.state == wanted_state(network, slave) && !now.error && !is_unfinished(network, slave);

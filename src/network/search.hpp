@@ -13,12 +13,12 @@ struct BroadcastState {
 [[nodiscard]] Task<Result<BroadcastState>> read_all_states(Network& network);
 
 // Reads the whole ring: the slave and the neighbours of each place. Then identifies the newcomers. A newcomer gets a
-// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor, product and
-// revision are those of that slave:
+// station address of its own, its identity is read, and it is taken as one of these slaves, if vendor and product are
+// those of that slave, and what expect() says of it (a slave with another revision is read again):
 // - the lost slave with the alias or device id that is set on the newcomer, at any place;
 // - in a hot connect group: the next lost member of the group, or another lost member that it can be;
-// - the next lost slave of the line behind the last slave of the line before it in the ring, or any other lost slave of
-//   the line that it can be.
+// - a lost slave of the line whose number is between those of the slaves of the line before it and behind it in the
+//   ring. Below a slave that is not known there is no slave of the line.
 //
 // A newcomer that is taken as a slave gets the station address of that slave, and is reported as found. All others are
 // reported once, as other_slave or as stranger, and not used. Returns the number of slaves found. Only one search
@@ -32,9 +32,17 @@ void note_lost(Network& network, Slave& slave);
 // events, a slave that answers again is left to the supervision, and so is a slave that the supervision works on.
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
 
+// Reads the AL status of a slave that a request is for. While the segment is supervised, a lost slave stays lost: the
+// supervision readmits it.
+[[nodiscard]] Task<Result<AlStatus>> read_anew(Network& network, Slave& slave);
+
+// Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
+// FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,
+// those of reading the SII.
+[[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
+
 // A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so it is
-// reported as found, and takes part in the cycle again if it has kept its FMMUs. If not, its station address is set to
-// 0, so that find_lost() identifies it.
+// reported as found, and takes part in the cycle again if it has kept its FMMUs; see prove().
 [[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);
 // The same for a slave that may be lost and may answer.
 [[nodiscard]] Task<Result<>> readmit_if_there(Network& network, Slave& slave);

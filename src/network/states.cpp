@@ -1,7 +1,6 @@
 #include "network/states.hpp"
 
 #include "network/boot.hpp"
-#include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
@@ -46,12 +45,6 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
 }
 
 Task<Result<>> write_state(Network& network, Slave& slave, AlState state) {
-    auto seen = co_await read_al_status(network.station(slave));  // nothing may have read the state for long
-    const AlStatus before = slave.al;
-    if (network.supervised)
-        update_al_status(slave.al, seen), note_change(network, slave, before);
-    else
-        note_reading(network, slave, seen);
     const AlState awaited = awaited_state(network, slave);
     const bool on_its_way = awaited == state && awaited != slave.al.state;
     if (!on_its_way) {
@@ -79,6 +72,8 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
+    auto seen = co_await read_anew(network, slave);
+    (void)seen;  // the request itself says whether the slave answers
     if (process && state >= slave.al.state) {
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
@@ -147,6 +142,8 @@ Task<Result<AlStatus>> read_states(Network& network) {
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0) {
         Slave& one = network.slave(slave);
+        auto seen = co_await read_anew(network, one);  // nothing may have read the state for long
+        (void)seen;                                    // the request itself says whether the slave answers
         const Error refused = refusal(network, one, state);
         if (refused.code != Errc::none) co_return refused;
         co_return co_await write_state(network, one, state);

@@ -93,6 +93,11 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
         if (network.is_reserved()) co_return Nothing{};
         co_return co_await readmit_slave(network, slave, *seen);
     }
+    if (network.marks(slave).unproved && slave.seen) {
+        const SlaveToken token(network.marks(slave));
+        auto same = co_await prove(network, slave);
+        if (!same) co_return Nothing{};
+    }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
     if (!network.is_reserved()) settle_request(network, slave);
@@ -322,6 +327,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     if (std::exchange(watch.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};
+        for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;  // perhaps another machine
     }
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);

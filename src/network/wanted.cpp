@@ -187,8 +187,13 @@ AlState target_of_all(const Network& network) {
     return changed ? request->target : network.target;
 }
 
+void set_target_of_all(Network& network, AlState state) {
+    network.target = state;
+    if (network.supervision != nullptr) network.target_read = network.supervision->target;  // a value of before
+}
+
 void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all) {
-    if (slave == 0) network.target = state;
+    if (slave == 0) set_target_of_all(network, state);
     for (Slave& one : network.slaves()) {
         if (slave == 0) one.target = AlState::none;
         if (one.number == slave) {

@@ -66,6 +66,9 @@ void update_held(Network& network);
 // The target of all slaves, also where the supervision has not read its request yet.
 [[nodiscard]] AlState target_of_all(const Network& network);
 
+// Sets the target of all slaves that have none of their own. It replaces the present SuperviseRequest::target.
+void set_target_of_all(Network& network, AlState state);
+
 // Sets the target of one slave, or of all (0). With 0 the own targets of all slaves are removed. `of_all`: the target
 // of all slaves, see target_of_all().
 void set_targets(Network& network, std::uint16_t slave, AlState state, AlState of_all);
