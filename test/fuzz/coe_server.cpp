@@ -1,5 +1,5 @@
 // The CoE server with any sequence of CoE messages.
-#include "mail_device.hpp"
+#include "common/run_protocol.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace margay;

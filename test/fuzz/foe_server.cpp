@@ -1,5 +1,5 @@
 // The FoE server with any sequence of FoE messages, in PREOP and in BOOT.
-#include "mail_device.hpp"
+#include "common/run_protocol.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     using namespace margay;

@@ -408,16 +408,4 @@ class MailDevice {
     std::vector<std::byte> reply_;
 };
 
-// Messages of one protocol, each after its length in an octet. Bit 7 of this octet: read a reply first.
-inline void run_protocol(wire::MailboxType type, Input input, bool boot) {
-    MailDevice device(input.octet(), boot);
-    while (!input.done()) {
-        const auto head = input.octet();
-        if ((head & 0x80) != 0) (void)device.fetch();
-        (void)device.send(type, input.take(head & 0x7F));
-        device.step();
-    }
-    device.must_still_work();
-}
-
 }  // namespace margay::subdevice::fuzzing

@@ -1,4 +1,5 @@
-# Runs PROGRAM with its corpus and with a bounded number of inputs derived from the corpus, the same inputs each time. New inputs
+# Runs PROGRAM with its corpus and with a bounded number of inputs derived from the corpus. The inputs are the same each time: the
+# run shows whether a change broke something. To search for new faults, run PROGRAM without `-runs`, with another seed. New inputs
 # are written to a scratch folder. An input that fails is stored beside the program: add it to the corpus together with the fix.
 if(NOT EXISTS ${PROGRAM})
   message("SKIPPED: not built, as there is no clang++-16")
@@ -7,5 +8,5 @@ endif()
 set(found ${PROGRAM}.found)
 file(REMOVE_RECURSE ${found})
 file(MAKE_DIRECTORY ${found})
-execute_process(COMMAND ${PROGRAM} -runs=50000 -seed=1 -max_len=1600 -timeout=10 -artifact_prefix=${PROGRAM}.failed-
+execute_process(COMMAND ${PROGRAM} -runs=20000 -seed=1 -max_len=1600 -timeout=10 -artifact_prefix=${PROGRAM}.failed-
                         -print_final_stats=1 ${found} ${CORPUS} COMMAND_ERROR_IS_FATAL ANY)

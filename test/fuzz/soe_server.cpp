@@ -1,5 +1,5 @@
 // The SoE server with any sequence of SoE messages.
-#include "mail_device.hpp"
+#include "common/run_protocol.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     margay::subdevice::fuzzing::run_protocol(margay::wire::MailboxType::soe, {data, size}, false);

@@ -4,7 +4,7 @@
 # margay_nested(NAME SOURCE folder [NEEDS program_or_/file …] [DEFINE VAR=value …] [TARGETS target …] [FIXTURE name] [COST seconds]
 #               [FOLDER name] [AFTER fixture])
 # A test with a COST begins before the others, so that the run does not end with waiting for it. FOLDER: the build folder, if it
-# is that of another test too; AFTER is the fixture of that test.
+# is that of another test too; AFTER is the fixture of that test. Tests with the same FOLDER never run at the same time.
 function(margay_nested name)
   cmake_parse_arguments(NESTED "" "SOURCE;FIXTURE;COST;FOLDER;AFTER" "NEEDS;DEFINE;TARGETS" ${ARGN})
   string(REPLACE "/" "_" folder ${name})
@@ -15,6 +15,9 @@ function(margay_nested name)
            "-DNEEDS=${NESTED_NEEDS}" "-DDEFINE=${NESTED_DEFINE}" "-DTARGETS=${NESTED_TARGETS}"
            -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/build.cmake)
   set_tests_properties(${name} PROPERTIES SKIP_REGULAR_EXPRESSION "SKIPPED" TIMEOUT 1800)
+  if(NESTED_FOLDER)
+    set_tests_properties(${name} PROPERTIES RESOURCE_LOCK ${NESTED_FOLDER})
+  endif()
   if(NESTED_COST)
     set_tests_properties(${name} PROPERTIES COST ${NESTED_COST})
   endif()
@@ -69,17 +72,21 @@ foreach(check pkg_config component programs)
   set_tests_properties(install/moved_${check} PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
 endforeach()
 
-# The same by add_subdirectory().
-margay_nested(install/subdirectory_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install
-              DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON
-              TARGETS consumer_linux consumer_readme)
+# The same by add_subdirectory(). The parts that these programs link are those of build_types/gcc_Debug.
+set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirectory_builds
+    DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON MARGAY_PCH=ON MARGAY_WERROR=ON MARGAY_PCAP=ON
+           CMAKE_BUILD_TYPE=Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
+margay_nested(install/subdirectory_builds ${gcc_Debug} FIXTURE subdirectory COST 100 TARGETS consumer_linux consumer_readme)
 
-# The parts for an embedded system, and with them the programs for a board that QEMU knows; test/qemu runs the programs.
-set(board SOURCE ${PROJECT_SOURCE_DIR}/samples/mps2_an386 NEEDS arm-none-eabi-g++ FOLDER embedded_mps2_builds COST 300
+# The parts for an embedded system, with them the programs for a board that QEMU knows, which test/qemu runs, and a program for
+# each feature of the master. All three use the same archives.
+set(board SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FOLDER embedded_arm_builds COST 300
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_FREERTOS_DIR=${MARGAY_FREERTOS_DIR} MARGAY_WERROR=ON MARGAY_PCH=ON
            CMAKE_BUILD_TYPE=MinSizeRel CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
 margay_nested(embedded/arm_builds ${board} FIXTURE arm_archives TARGETS margay_wire margay margay_subdevice)
-margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives)
+margay_nested(embedded/mps2_builds ${board} FIXTURE mps2_images AFTER arm_archives
+              TARGETS master count_cycle check_port master_freertos check_port_freertos)
+margay_nested(embedded/sizes_builds ${board} FIXTURE size_programs AFTER arm_archives)
 
 # The same program for other processors; test/qemu runs the one for ARMv6-M, because a Cortex-M4 executes its code too. The
 # Cortex-M0+ and RISC-V with 32 bits lack operations that osal/bare/read_modify_write.cpp has.
@@ -110,17 +117,14 @@ foreach(suite wire engine segment)
 endforeach()
 
 # What each feature of the master needs on a microcontroller.
-margay_nested(embedded/sizes_builds SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes NEEDS arm-none-eabi-g++ FIXTURE size_programs
-              COST 300 DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_WERROR=ON CMAKE_BUILD_TYPE=MinSizeRel
-                     CMAKE_TOOLCHAIN_FILE=${CMAKE_CURRENT_SOURCE_DIR}/embedded/arm-none-eabi.cmake)
-add_test(NAME embedded/sizes COMMAND ${CMAKE_COMMAND} "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_sizes_builds"
+add_test(NAME embedded/sizes COMMAND ${CMAKE_COMMAND} "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds"
          -P ${CMAKE_CURRENT_SOURCE_DIR}/embedded/sizes/table.cmake)
 set_tests_properties(embedded/sizes PROPERTIES FIXTURES_REQUIRED size_programs SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The memory that a device with CoE and FoE needs on a microcontroller.
 add_test(NAME embedded/footprint
          COMMAND ${CMAKE_COMMAND} "-DSOURCE=${PROJECT_SOURCE_DIR}" "-DSAMPLE=${PROJECT_SOURCE_DIR}/samples/subdevice_lan9252.cpp"
-                 "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_mps2_builds/margay" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
+                 "-DFOLDER=${PROJECT_BINARY_DIR}/nested/embedded_arm_builds/board/margay" -P ${CMAKE_CURRENT_SOURCE_DIR}/nested/footprint.cmake)
 set_tests_properties(embedded/footprint PROPERTIES FIXTURES_REQUIRED arm_archives SKIP_REGULAR_EXPRESSION "SKIPPED")
 
 # The other compiler.
@@ -130,11 +134,12 @@ margay_nested(clang/builds SOURCE ${PROJECT_SOURCE_DIR} NEEDS clang++-16 COST 40
 set_tests_properties(clang/builds PROPERTIES LABELS build_types)
 
 # The parts in each build type by both compilers, warnings being errors. The two that are missing here are the build that
-# this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug). Debug information takes time and causes no warning; so
-# does optimisation by clang, whose warnings come from the front end. Release shows that the optimiser of clang reports nothing.
-set(flags_of_gcc_Debug CMAKE_CXX_FLAGS_DEBUG=-g0)
-set(flags_of_clang_RelWithDebInfo CMAKE_CXX_FLAGS_RELWITHDEBINFO=-DNDEBUG)
-set(flags_of_clang_MinSizeRel CMAKE_CXX_FLAGS_MINSIZEREL=-DNDEBUG)
+# this file belongs to (GCC, RelWithDebInfo) and clang/builds (Debug). Debug information takes time and causes no warning.
+# GCC reports warnings at each level of optimisation, so it compiles each type completely. The warnings of clang come from its
+# front end: Debug and Release are compiled completely, and the two other types by the front end alone.
+set(front_end CMAKE_PROJECT_margay_INCLUDE=${CMAKE_CURRENT_SOURCE_DIR}/nested/front_end.cmake MARGAY_PCH=OFF)
+set(flags_of_clang_RelWithDebInfo ${front_end})
+set(flags_of_clang_MinSizeRel ${front_end})
 set(gcc g++)
 set(clang clang++-16)
 set(families gcc clang)
@@ -147,10 +152,14 @@ foreach(version 13 14)  # newer compilers, where the system has them
 endforeach()
 foreach(type Release RelWithDebInfo MinSizeRel Debug)
   foreach(family IN LISTS families)
-    if(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
+    if("${family} ${type}" STREQUAL "gcc Debug")
+      margay_nested(build_types/gcc_Debug ${gcc_Debug} AFTER subdirectory COST 100)
+    elseif(NOT "${family} ${type}" MATCHES "^(gcc RelWithDebInfo|clang Debug)$")
       margay_nested(build_types/${family}_${type} SOURCE ${PROJECT_SOURCE_DIR} NEEDS ${${family}} COST 100
                     DEFINE CMAKE_CXX_COMPILER=${${family}} ${parts_only} CMAKE_BUILD_TYPE=${type} MARGAY_UNITY=ON MARGAY_INSTALL=OFF
                            ${flags_of_${family}_${type}})
+    endif()
+    if(TEST build_types/${family}_${type})
       set_tests_properties(build_types/${family}_${type} PROPERTIES LABELS build_types)
     endif()
   endforeach()

@@ -11,7 +11,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const std::string kBuild = "embedded_mps2_builds/";
+const std::string kBuild = "embedded_arm_builds/";
 
 // The whole way of an application. Each step ends with its outcome, however slow the machine is.
 void expect_whole_way(const std::string& image_name) {

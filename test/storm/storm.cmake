@@ -32,7 +32,12 @@ if(CLI11_FOUND)
   target_link_libraries(storm PRIVATE margay_storm margay_flags CLI11::CLI11)
   set_target_properties(storm PROPERTIES MARGAY_EFFORT program)
 endif()
-if(NOT MARGAY_SANITIZE)  # sanitized, the program above executes some seeds: only the reports of the sanitizers count
+if(MARGAY_SANITIZE AND TARGET storm)
+  # The tests of the storm without sanitizers check its rules. With sanitizers only their reports count, and a few seeds are enough.
+  add_test(NAME storm/sanitized COMMAND ${CMAKE_COMMAND} -DPROGRAM=$<TARGET_FILE:storm> -P ${CMAKE_CURRENT_LIST_DIR}/sanitized.cmake)
+  set_tests_properties(storm/sanitized PROPERTIES TIMEOUT 1200 COST 200)
+endif()
+if(NOT MARGAY_SANITIZE)
   margay_tests(storm ONLY "_test\\.cpp$" UNSANITIZED "_test\\.cpp$" TIMEOUT 900 COST 200 LINK margay_storm)
 endif()
 if(TARGET test_storm)
