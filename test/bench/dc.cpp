@@ -199,8 +199,10 @@ bool print_row(std::uint16_t slaves, Shape shape, std::int64_t jitter_ns, double
 bool sweep(std::uint16_t slaves, std::uint64_t seed, Duration duration) {
     bool kept = true;
     for (const double loss : {0.0, 0.01})
-        for (const std::int64_t jitter_ns : {0, 1'000, 5'000, 10'000, 20'000, 50'000})
+        for (const std::int64_t jitter_ns : {0, 1'000, 5'000, 10'000, 20'000, 50'000}) {
             kept &= print_row(slaves, Shape::line, jitter_ns, loss, Way::burst, seed, duration);
+            (void)print_row(slaves, Shape::line, jitter_ns, loss, Way::wait, seed, duration);
+        }
     return kept;
 }
 
