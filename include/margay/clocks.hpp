@@ -53,6 +53,11 @@ struct ClockSettings {
     // learns its drift ("static drift compensation"): `burst_bulk` of them may be on the wire at the same time.
     std::uint16_t burst_frames = 10000;
     std::uint8_t burst_bulk = 12;
+    // The datagrams that carry the time address the reference clock by its position in the ring (ARMW), and not by its
+    // station address (FRMW). While a slave is missing or lost, its station address is used nevertheless. Until the
+    // supervision has seen that a slave before the reference clock is lost, the slave that is in its position now is
+    // taken for the reference clock: leave this false where a branch without clocks before it may be disconnected.
+    bool by_position = false;
     // The cycle of the SYNC signals of slaves whose SyncSettings do not say it.
     Duration cycle = std::chrono::milliseconds(1);
     // SYNC0 starts at a whole multiple of this time (of system time), plus the shift of the slave: the same phase for

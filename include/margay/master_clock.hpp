@@ -42,7 +42,7 @@ struct MasterClockSettings {
     // The phase that the cycle has when it is in sync: when the frame passes the reference clock, against the whole
     // multiples of the cycle in system time (SYNC0 without a shift); negative: before. Less than a cycle.
     Duration set_value{0};
-    PhaseSettings phase;
+    PhaseSettings phase{};
 };
 
 // What one update() has measured and done. All times in ns unless the name says another unit.
@@ -114,6 +114,7 @@ class MasterClock : public CycleClock {
     bool was_in_sync_ = false;
     std::uint8_t odd_cycles_ = 0;  // in succession
     std::uint64_t last_due_ns_ = 0;
+    Time read_at_{};  // of record_.bus_time_ns
     std::int64_t filtered_ps_ = 0;
 };
 

@@ -4,6 +4,7 @@
 
 #include <margay/time.hpp>
 
+#include <array>
 #include <cstdint>
 
 namespace margay {
@@ -12,7 +13,15 @@ struct PhaseSettings {
     Duration cycle = std::chrono::milliseconds(1);
     // The part of the error that one cycle corrects, in parts per thousand, when the controller has settled. Before
     // that the controller corrects more, so that it learns phase and drift from few cycles.
-    std::uint16_t gain_ppt = 20;
+    std::uint16_t gain_ppt = 2;
+    // How strongly an error changes the drift that is learned: one cycle changes the correction of all further cycles
+    // by drift_gain / 4 times the square of the gain. 1 is critical damping; more follows a changing drift faster.
+    std::uint16_t drift_gain = 3;
+    // The controller measures the jitter of the errors, and chooses the gain itself: so that the jitter moves the phase
+    // by `noise_ns` (root of the mean of the squares). A small jitter gives a high gain, so that the phase follows a
+    // changing drift fast. From 1 to 250 ppt; gain_ppt is the gain until enough errors are known.
+    bool automatic_gain = false;
+    std::uint32_t noise_ns = 100;
     // An error that differs by more from the last ones is an outlier and corrects nothing; after kMostOutliers in
     // succession the controller starts again. 0: no error is an outlier.
     std::uint32_t outlier_ns = 3000;
@@ -20,9 +29,14 @@ struct PhaseSettings {
     Duration settle = std::chrono::milliseconds(1500);  // for this time
     std::uint32_t most_drift_ppm = 600;                 // what the time control loop of an ESC can follow
     std::uint32_t most_step_ns = 0;                     // the greatest correction of one cycle; 0: no limit
-    // A correction is visible in the next error (0), or in the error after that (1).
+    // How many errors do not show a correction yet: 0 when the next error shows it. At most kMostLate.
     std::uint8_t cycles_late = 0;
+    static constexpr std::uint8_t kMostLate = 8;
 };
+
+// The settings for steering the reference clock by its offset: the offset is sent with the next cycle, behind its
+// reading, and no step is greater than what the other clocks can follow.
+[[nodiscard]] PhaseSettings for_bus_shift(const PhaseSettings& settings);
 
 enum class PhaseState : std::uint8_t {
     idle,  // no error was given yet
@@ -32,6 +46,8 @@ enum class PhaseState : std::uint8_t {
     error_too_large,  // was in sync, and an error has exceeded the limit
     set_value_wrong,  // MasterClock: the set value is not less than a cycle, or there is no cycle
     cycle_wrong,      // MasterClock: the cycle that is run is not PhaseSettings::cycle
+    mode_wrong,       // ExternalClock: the cycle steers the reference clock too
+    not_reference,    // ExternalClock: the bridge is not the reference clock of its segment
 };
 
 class PhaseController {
@@ -43,13 +59,21 @@ class PhaseController {
 
     // One cycle: `error_ns` is positive when the phase is late. Returns the correction in ns: positive means that the
     // phase must come earlier. The fraction of a nanosecond is kept for the next cycle.
-    [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now);
+    [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now) {
+        return update(error_ns, now, settings_.cycles_late);
+    }
+    // The same when the last `late` corrections are not visible in this error.
+    [[nodiscard]] std::int64_t update(std::int64_t error_ns, Time now, std::uint8_t late);
     // One cycle without a reading: corrects the drift that is known.
     [[nodiscard]] std::int64_t coast();
 
     [[nodiscard]] PhaseState state() const { return state_; }
     // The drift between both clocks, in parts per thousand million: positive when the phase becomes later by itself.
     [[nodiscard]] std::int32_t drift_ppb() const;
+    // The gain after the start, see PhaseSettings::gain_ppt; with automatic_gain, as the jitter allows it now.
+    [[nodiscard]] std::uint16_t gain_ppt() const { return gain_ppt_; }
+    // With automatic_gain: the jitter of the errors, in ns (root of the mean of the squares).
+    [[nodiscard]] std::uint32_t jitter_ns() const;
 
     // The errors since start() or reset_statistics(): the last one, the mean of the magnitudes, the greatest magnitude.
     [[nodiscard]] std::int64_t error_ns() const { return error_ns_; }
@@ -61,16 +85,23 @@ class PhaseController {
     [[nodiscard]] bool is_outlier(std::int64_t error_ns);
     void watch(std::int64_t error_ns, Time now);
     void note(std::int64_t error_ns);
-    void learn_drift(std::int64_t change_ps);
-    [[nodiscard]] std::int64_t whole(std::int64_t correction_ps);
+    void learn_drift(std::int64_t change_fs);
+    void measure_jitter(std::int64_t error_ns);
+    [[nodiscard]] std::int64_t whole(std::int64_t correction_fs);
 
     PhaseSettings settings_;
     std::uint32_t seen_ = 0;  // errors since the start, at most the number after which the gains stay
     std::uint8_t outliers_ = 0;
-    std::uint8_t saturated_ = 0;    // errors in succession that want a greater drift than the settings allow
-    std::int64_t drift_ps_ = 0;     // in a cycle
-    std::int64_t fraction_ps_ = 0;  // not corrected yet
-    std::int64_t pending_ps_ = 0;   // corrected, and not visible yet
+    std::uint8_t saturated_ = 0;  // errors in succession that want a greater drift than the settings allow
+    std::uint16_t gain_ppt_ = 0;
+    std::uint16_t pairs_ = 0;       // how many differences of two errors have been seen, at most kManyPairs
+    bool has_last_ = false;         // the last cycle has brought an error that is no outlier
+    std::int64_t last_ns_ = 0;      // that error
+    std::uint64_t jitter_ = 0;      // the mean of the squares of the jitter, in ns², times kManyPairs
+    std::int64_t drift_fs_ = 0;     // in a cycle, in femtoseconds
+    std::int64_t fraction_fs_ = 0;  // not corrected yet
+    // The last corrections without their drift, the youngest first: the phase moves by them.
+    std::array<std::int64_t, PhaseSettings::kMostLate> moved_fs_{};
     PhaseState state_ = PhaseState::idle;
     Time within_since_ = kNever;
     std::int64_t error_ns_ = 0;

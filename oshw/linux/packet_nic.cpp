@@ -4,10 +4,12 @@
 #include "wire/ethernet.hpp"
 
 #include <arpa/inet.h>
+#include <linux/errqueue.h>
 #include <linux/ethtool.h>
 #include <linux/filter.h>
 #include <linux/if_ether.h>
 #include <linux/if_packet.h>
+#include <linux/net_tstamp.h>
 #include <linux/sockios.h>
 #include <net/if.h>
 #include <net/if_arp.h>
@@ -68,6 +70,8 @@ Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
     last_error_ = 0;
     problem_size_ = 0;
     overruns_ = 0;
+    stamps_ = Stamps::off;
+    send_times_ = {};
     name_ = {};
     if (interface.size() >= name_.size()) return fail_no_interface(interface);
     std::copy(interface.begin(), interface.end(), name_.begin());
@@ -201,7 +205,77 @@ std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
     const auto length = ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT);
     if (length >= 0) return static_cast<std::size_t>(length);
     if (errno != EAGAIN && errno != EINTR) last_error_ = errno;
+    // Stamps that nobody reads make each wait for a frame end at once.
+    if (stamps_ != Stamps::off) read_stamps();
     return 0;
+}
+
+// Whether the driver has these time stamps. The kernel accepts the socket option for every driver.
+bool PacketNic::has_stamps(Stamps stamps) noexcept {
+    auto request = request_for(name_);
+    ethtool_ts_info info{};
+    info.cmd = ETHTOOL_GET_TS_INFO;
+    request.ifr_data = reinterpret_cast<char*>(&info);
+    if (::ioctl(socket_, SIOCETHTOOL, &request) != 0) return false;
+    constexpr unsigned kSoftware = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
+    constexpr unsigned kHardware = SOF_TIMESTAMPING_TX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE;
+    const unsigned wanted = stamps == Stamps::hardware ? kHardware : kSoftware;
+    return (info.so_timestamping & wanted) == wanted;
+}
+
+Result<> PacketNic::stamp_frames(Stamps stamps) noexcept {
+    problem_size_ = 0;
+    if (socket_ < 0) return fail(EBADF, "it is not open");
+    if (stamps != Stamps::off && !has_stamps(stamps))
+        return fail(EOPNOTSUPP, stamps == Stamps::hardware ? "its driver has no hardware time stamps of sent frames"
+                                                           : "its driver has no time stamps of sent frames");
+    if (stamps == Stamps::hardware) {
+        auto request = request_for(name_);
+        hwtstamp_config config{};
+        config.tx_type = HWTSTAMP_TX_ON;
+        request.ifr_data = reinterpret_cast<char*>(&config);
+        if (::ioctl(socket_, SIOCSHWTSTAMP, &request) != 0)
+            return fail(errno, "its time stamps cannot be switched on", "CAP_NET_ADMIN is needed");
+    }
+    int flags = 0;
+    if (stamps == Stamps::software) flags = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
+    if (stamps == Stamps::hardware) flags = SOF_TIMESTAMPING_TX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE;
+    if (!set_option(socket_, SOL_SOCKET, SO_TIMESTAMPING, flags)) return fail(errno, "time stamps were refused");
+    stamps_ = stamps;
+    send_times_ = {};
+    return {};
+}
+
+// The kernel returns each sent frame with its time by the error queue of the socket.
+void PacketNic::read_stamps() noexcept {
+    constexpr int kMost = 64;  // then the next call goes on
+    for (int n = 0; n < kMost; ++n) {
+        std::array<std::byte, kHeadBytes> head{};
+        alignas(cmsghdr) std::array<char, 256> control{};
+        iovec part{head.data(), head.size()};
+        msghdr message{};
+        message.msg_iov = &part;
+        message.msg_iovlen = 1;
+        message.msg_control = control.data();
+        message.msg_controllen = control.size();
+        const auto length = ::recvmsg(socket_, &message, MSG_ERRQUEUE | MSG_DONTWAIT);
+        if (length < 0) return;
+        for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
+            if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPING) continue;
+            scm_timestamping times{};
+            std::memcpy(&times, CMSG_DATA(c), sizeof times);
+            const timespec& time = times.ts[stamps_ == Stamps::hardware ? 2 : 0];
+            send_times_.add(
+                std::span<const std::byte>(head).first(static_cast<std::size_t>(length)),
+                static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(time.tv_nsec));
+        }
+    }
+}
+
+std::optional<std::uint64_t> PacketNic::send_time_ns(std::span<const std::byte> head) noexcept {
+    if (stamps_ == Stamps::off) return std::nullopt;
+    read_stamps();
+    return send_times_.find(head);
 }
 
 // Reads the carrier from the driver, because IFF_RUNNING changes up to one second later.

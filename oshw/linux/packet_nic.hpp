@@ -5,6 +5,7 @@
 #include "oshw/nic.hpp"
 
 #include <margay/result.hpp>
+#include <margay/send_clock.hpp>
 
 #include <array>
 #include <atomic>
@@ -12,7 +13,7 @@
 
 namespace margay {
 
-class PacketNic final : public Nic {
+class PacketNic final : public Nic, public SendClock {
   public:
     // The end of the cable that this NIC represents.
     enum class Side : std::uint8_t {
@@ -37,6 +38,22 @@ class PacketNic final : public Nic {
     // One sentence about the last failed open(); empty after success. Valid until the next open().
     [[nodiscard]] std::string_view problem() const noexcept { return {problem_.data(), problem_size_}; }
 
+    // Where the time of a sent frame is taken.
+    enum class Stamps : std::uint8_t {
+        off,
+        software,  // by the driver, just before the frame goes to the hardware, in the time of CLOCK_REALTIME
+        // By the hardware, in the time of its own clock (/dev/ptpN). The first program switches the hardware on, for
+        // which it needs CAP_NET_ADMIN.
+        hardware,
+    };
+    // Notes when each frame is sent (SO_TIMESTAMPING), for LinkLayerClock. Each sent frame then costs one more system
+    // call. Call it after open(); open() switches it off. On failure, problem() has the cause: most often the driver
+    // of the interface has no time stamps of this kind (`ethtool -T` lists them). While time stamps are on, one thread
+    // calls receive() and send_time_ns(). Not callable from the cycle.
+    [[nodiscard]] Result<> stamp_frames(Stamps stamps) noexcept;
+    // Send times of the last frames; see SendClock. Reads those that the kernel has ready.
+    [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override;
+
     // Whether frames bypass the queueing discipline on the way to the driver; some kernels refuse this. Packet sniffers
     // on the same interface then see only received frames: use a PcapRecorder for recordings.
     [[nodiscard]] bool qdisc_bypassed() const noexcept { return qdisc_bypassed_; }
@@ -59,6 +76,8 @@ class PacketNic final : public Nic {
   private:
     [[nodiscard]] Result<> set_up(Side side) noexcept;
     [[nodiscard]] Result<> check_interface(Side side) noexcept;
+    [[nodiscard]] bool has_stamps(Stamps stamps) noexcept;
+    void read_stamps() noexcept;
     Result<> fail(int error, std::string_view what, std::string_view advice = {}) noexcept;
     Result<> fail_no_interface(std::string_view asked) noexcept;
     Result<> fail_no_permission() noexcept;
@@ -68,6 +87,8 @@ class PacketNic final : public Nic {
     bool qdisc_bypassed_ = false;
     MacAddress source_mac_{};
     std::uint64_t overruns_ = 0;
+    Stamps stamps_ = Stamps::off;
+    SendTimes send_times_;
     std::array<char, 16> name_{};  // IFNAMSIZ
     std::array<char, 512> problem_{};
     std::size_t problem_size_ = 0;

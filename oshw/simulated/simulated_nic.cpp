@@ -20,6 +20,7 @@ SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     std::copy(frame.begin(), frame.end(), frame_.begin());
     const auto bytes = MutableBytes(frame_).first(frame.size());
     ++sent_;
+    if (options_.time_stamps) send_times_.add(bytes, clock_ns(start));
     const auto passage = segment_.process(bytes, start, options_.master_port, on_wire);
     if (!passage.returned) {
         ++lost_;
@@ -28,6 +29,14 @@ SendStatus SimulatedNic::send(std::span<const std::byte> frame) noexcept {
     auto* to = passage.master_port == options_.master_port ? this : other_;
     if (to != nullptr) to->put(passage.at + on_wire + options_.round_trip, bytes);
     return SendStatus::sent;
+}
+
+std::uint64_t SimulatedNic::clock_ns(Time at) const noexcept {
+    constexpr std::int64_t kThousandMillion = 1'000'000'000;
+    const std::int64_t passed = at.time_since_epoch().count();
+    const std::int64_t drift = passed / kThousandMillion * options_.clock_drift_ppb +
+                               passed % kThousandMillion * options_.clock_drift_ppb / kThousandMillion;
+    return options_.clock_start_ns + static_cast<std::uint64_t>(passed + drift);
 }
 
 // The due time never decreases, because a cable does not reorder frames.

@@ -5,11 +5,13 @@
 #include "oshw/nic.hpp"
 #include "sim/segment.hpp"
 
+#include <margay/send_clock.hpp>
+
 #include <vector>
 
 namespace margay {
 
-class SimulatedNic final : public Nic {
+class SimulatedNic final : public Nic, public SendClock {
   public:
     struct Options {
         // Delay of the host: both drivers and the system between them.
@@ -20,6 +22,11 @@ class SimulatedNic final : public Nic {
         // Maximum number of frames in transit; further frames are "busy".
         std::size_t queue_frames = 256;
         MacAddress mac{0x00, 0x4d, 0x41, 0x52, 0x47, 0x59};
+        // The clock of the NIC, and whether the NIC notes when a frame has left (SendClock): exactly when its first
+        // octet is on the wire.
+        bool time_stamps = false;
+        std::int32_t clock_drift_ppb = 0;
+        std::uint64_t clock_start_ns = 0;  // what it shows at time 0 of the osal
     };
 
     // Both arguments must outlive the NIC. The constructor allocates the queue; nothing is allocated later.
@@ -35,6 +42,11 @@ class SimulatedNic final : public Nic {
     [[nodiscard]] LinkState link_state() noexcept override;
     [[nodiscard]] MacAddress source_mac() const noexcept override { return options_.mac; }
     [[nodiscard]] Time next_arrival() const noexcept override;
+    [[nodiscard]] std::optional<std::uint64_t> send_time_ns(std::span<const std::byte> head) noexcept override {
+        return send_times_.find(head);
+    }
+    // What the clock of the NIC shows.
+    [[nodiscard]] std::uint64_t clock_ns(Time at) const noexcept;
 
     [[nodiscard]] std::uint64_t frames_sent() const noexcept { return sent_; }
     [[nodiscard]] std::uint64_t frames_lost() const noexcept { return lost_; }
@@ -61,6 +73,7 @@ class SimulatedNic final : public Nic {
     std::array<std::byte, kMaxBytes> frame_{};
     std::uint64_t sent_ = 0;
     std::uint64_t lost_ = 0;
+    SendTimes send_times_;
 };
 
 }  // namespace margay

@@ -2,32 +2,11 @@
 #include <margay/master_clock.hpp>
 
 #include "api/master.hpp"
-#include "network/clocks.hpp"
+#include "api/reference_clock.hpp"
 
 namespace margay {
-namespace {
 
 namespace reg = wire::reg;
-
-// The reference clock: the value of one of its registers, sent beside the cycle. A value that is lost is followed by
-// the next one.
-Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t value) {
-    const Slave& reference = network.slave(network.clocks.reference);
-    const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
-    std::array<std::byte, 8> bytes{};
-    store_le<std::uint64_t>(bytes, 0, value);
-    Datagram write(network.engine.link(), wire::Command::FPWR, {reference.station_address, r.address},
-                   Bytes(bytes).first(wide ? 8U : 4U), Repeat::no);
-    auto reply = co_await write;
-    (void)reply;
-    co_return Result<>();
-}
-
-void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
-    (void)network.settling.start(write_reference(network, r, value));
-}
-
-}  // namespace
 
 MasterClock::MasterClock(const Settings& settings)
     : CycleClock([](CycleClock& self, Context& ctx, Duration lateness) {
@@ -38,12 +17,7 @@ MasterClock::MasterClock(const Settings& settings)
 }
 
 void MasterClock::restart() {
-    PhaseSettings phase = settings_.phase;
-    if (settings_.mode == Mode::bus_shift) {
-        phase.cycles_late = 1;  // the offset is sent with the next cycle, behind its reading
-        if (phase.most_step_ns == 0)
-            phase.most_step_ns = static_cast<std::uint32_t>(phase.cycle.count() * phase.most_drift_ppm / 1'000'000);
-    }
+    const PhaseSettings phase = settings_.mode == Mode::bus_shift ? for_bus_shift(settings_.phase) : settings_.phase;
     controller_.start(phase);
     record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = phase.cycle.count()};
     const Duration magnitude = settings_.set_value < Duration{0} ? -settings_.set_value : settings_.set_value;
@@ -90,9 +64,10 @@ Duration MasterClock::update(Context& ctx, Duration lateness) {
         return Duration(record_.adjust_ns);
     }
     const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
-    record_.bus_time_ns = group.dc_time.value;
-    record_.bus_time_off_ns = group.dc_time.value % cycle;
-    const std::uint64_t due_ns = group.dc_time.value - static_cast<std::uint64_t>(lateness.count());
+    record_.bus_time_ns = whole_bus_time(network, group, record_.at, record_.bus_time_ns, read_at_);
+    record_.bus_time_off_ns = record_.bus_time_ns % cycle;
+    read_at_ = record_.at;
+    const std::uint64_t due_ns = record_.bus_time_ns - static_cast<std::uint64_t>(lateness.count());
     check_cycle(due_ns);
     const Duration earlier = correct(ctx, due_ns, record_.at);
     const bool in_sync = state() == PhaseState::in_sync;
@@ -120,12 +95,7 @@ Duration MasterClock::correct(Context& ctx, std::uint64_t due_ns, Time now) {
     if (network.clocks.reference != 0)
         record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
     if (settings_.mode == Mode::master_shift) return Duration(correction);
-    if (network.clocks.reference == 0) return Duration{0};
-    ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
-    if (settings_.mode == Mode::bus_shift && correction != 0) {
-        reference.offset_ns -= static_cast<std::uint64_t>(correction);
-        send_to_reference(network, reg::kSystemTimeOffset, reference.offset_ns);
-    }
+    if (settings_.mode == Mode::bus_shift) shift_reference(network, correction);
     if (settings_.mode == Mode::master_reference) {
         const Duration time = now + settings_.phase.cycle - Time{} + network.clocks.settings.system_time_at_zero;
         send_to_reference(network, reg::kSystemTime, static_cast<std::uint64_t>((time + settings_.set_value).count()));
@@ -142,6 +112,8 @@ std::string_view to_text(PhaseState state) {
         case PhaseState::error_too_large: return "the error has exceeded the limit";
         case PhaseState::set_value_wrong: return "the set value is not less than a cycle";
         case PhaseState::cycle_wrong: return "the cycle is not that of the settings";
+        case PhaseState::mode_wrong: return "the mode of the cycle steers the reference clock too";
+        case PhaseState::not_reference: return "the bridge is not the reference clock of its segment";
     }
     return "unknown";
 }

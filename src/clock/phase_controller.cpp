@@ -11,34 +11,77 @@ constexpr std::uint64_t magnitude(std::int64_t value) {
 
 struct Gains {
     std::int64_t phase_ppm;
-    std::int64_t drift_ppm;
+    std::int64_t drift_ppb;
 };
 
 // The gains of the best line through the `n` errors so far (least squares): the first error corrects the whole phase,
-// the second one the drift. They fall with every error, down to the gain of the settings; there the drift gain is a
-// quarter of the square of the phase gain, which is critical damping.
-Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt) {
+// the second one the drift. They fall with every error, down to the gains of the settings.
+Gains gains_after(std::uint32_t n, std::uint16_t gain_ppt, std::uint16_t drift_gain) {
     constexpr std::int64_t kMillion = 1'000'000;
     const std::int64_t all = std::int64_t{n} * (n + 1);
     const std::int64_t least = std::int64_t{gain_ppt} * 1000;
     const std::int64_t phase = 2 * (2 * std::int64_t{n} - 1) * kMillion / all;
     if (n < 2) return {kMillion, 0};
-    const std::int64_t drift = 6 * kMillion / all;
-    return {std::min(std::max(phase, least), kMillion), std::max(drift, std::int64_t{gain_ppt} * gain_ppt / 4)};
+    const std::int64_t drift = 6 * 1000 * kMillion / all;
+    const std::int64_t least_drift = std::int64_t{gain_ppt} * gain_ppt * 250 * drift_gain;
+    return {std::min(std::max(phase, least), kMillion), std::min(std::max(drift, least_drift), 1000 * kMillion)};
 }
 
 constexpr std::uint32_t kMostSeen = 100'000;  // 4 / kMostSeen is below every gain
+constexpr std::uint16_t kManyPairs = 256;
+
+// The square root, rounded down.
+constexpr std::uint32_t root(std::uint64_t value) {
+    std::uint64_t result = 0;
+    for (std::uint64_t bit = std::uint64_t{1} << 31; bit != 0; bit >>= 1)
+        if ((result | bit) * (result | bit) <= value) result |= bit;
+    return static_cast<std::uint32_t>(result);
+}
 
 }  // namespace
+
+PhaseSettings for_bus_shift(const PhaseSettings& settings) {
+    PhaseSettings phase = settings;
+    phase.cycles_late = 1;
+    if (phase.most_step_ns == 0)
+        phase.most_step_ns = static_cast<std::uint32_t>(phase.cycle.count() * phase.most_drift_ppm / 1'000'000);
+    return phase;
+}
 
 void PhaseController::start(const PhaseSettings& settings) {
     *this = PhaseController{};
     settings_ = settings;
+    gain_ppt_ = settings.gain_ppt;
 }
 
 std::int32_t PhaseController::drift_ppb() const {
     const auto cycle_ns = settings_.cycle.count();
-    return cycle_ns <= 0 ? 0 : static_cast<std::int32_t>(drift_ps_ * 1'000'000 / cycle_ns);
+    return cycle_ns <= 0
+               ? 0
+               : static_cast<std::int32_t>(drift_fs_ / cycle_ns * 1000 + drift_fs_ % cycle_ns * 1000 / cycle_ns);
+}
+
+std::uint32_t PhaseController::jitter_ns() const { return root(jitter_ / kManyPairs); }
+
+// The difference of two errors in succession shows the jitter of both: phase and drift change little between them. The
+// mean of the squares is a plain mean first, then one that forgets. The controller itself lets the
+// jitter J (root of the mean of the squares) move the phase by J times the root of 7/8 of the gain: a second-order
+// controller with a phase gain a and a drift gain b passes a/2 + b/2a of the mean of the squares, and b is 3/4 a².
+void PhaseController::measure_jitter(std::int64_t error_ns) {
+    constexpr std::uint64_t kMostDifference = 1'000'000;  // its square and its sums have room in 64 bits
+    const std::uint64_t difference = std::min(magnitude(error_ns - last_ns_), kMostDifference);
+    const bool pair = has_last_;
+    has_last_ = true;
+    last_ns_ = error_ns;
+    if (!pair) return;
+    if (pairs_ < kManyPairs) ++pairs_;
+    const std::uint64_t square = difference * difference / 2;
+    jitter_ = jitter_ - jitter_ / pairs_ + square * kManyPairs / pairs_;
+    constexpr std::uint16_t kEnough = 32;
+    if (pairs_ < kEnough) return;
+    const std::uint64_t noise = std::min<std::uint64_t>(settings_.noise_ns, kMostDifference);
+    const std::uint64_t mean = std::max<std::uint64_t>(jitter_ / kManyPairs, 1);
+    gain_ppt_ = static_cast<std::uint16_t>(std::clamp<std::uint64_t>(noise * noise * 1143 / mean, 1, 250));
 }
 
 // The first errors show phase and drift, so none of them can be an outlier.
@@ -51,7 +94,7 @@ bool PhaseController::is_outlier(std::int64_t error_ns) {
     if (++outliers_ < kMostOutliers) return true;
     outliers_ = 0;
     seen_ = 0;  // learns the phase again; the drift that was learned is the best guess
-    pending_ps_ = 0;
+    moved_fs_ = {};
     return false;
 }
 
@@ -73,11 +116,11 @@ void PhaseController::watch(std::int64_t error_ns, Time now) {
 }
 
 // Learns the drift, as far as a chip can follow it.
-void PhaseController::learn_drift(std::int64_t change_ps) {
-    const auto limit_ps = settings_.cycle.count() * std::int64_t{settings_.most_drift_ppm} / 1000;
-    const std::int64_t wanted = drift_ps_ + change_ps;
-    drift_ps_ = std::clamp(wanted, -limit_ps, limit_ps);
-    if (magnitude(drift_ps_) < static_cast<std::uint64_t>(limit_ps))
+void PhaseController::learn_drift(std::int64_t change_fs) {
+    const auto limit_fs = settings_.cycle.count() * std::int64_t{settings_.most_drift_ppm};
+    const std::int64_t wanted = drift_fs_ + change_fs;
+    drift_fs_ = std::clamp(wanted, -limit_fs, limit_fs);
+    if (magnitude(drift_fs_) < static_cast<std::uint64_t>(limit_fs))
         saturated_ = 0;
     else if (saturated_ < UINT8_MAX)
         ++saturated_;
@@ -90,36 +133,43 @@ void PhaseController::note(std::int64_t error_ns) {
     ++count_;
 }
 
-std::int64_t PhaseController::whole(std::int64_t correction_ps) {
+std::int64_t PhaseController::whole(std::int64_t correction_fs) {
+    constexpr std::int64_t kFsInNs = 1'000'000;
     if (settings_.most_step_ns != 0) {
-        const std::int64_t most_ps = std::int64_t{settings_.most_step_ns} * 1000;
-        correction_ps = std::clamp(correction_ps, -most_ps, most_ps);
+        const std::int64_t most_fs = std::int64_t{settings_.most_step_ns} * kFsInNs;
+        correction_fs = std::clamp(correction_fs, -most_fs, most_fs);
     }
     // Of the drift, each cycle brings as much as its correction takes away.
-    pending_ps_ = settings_.cycles_late == 0 ? 0 : correction_ps - drift_ps_;
-    fraction_ps_ += correction_ps;
-    const std::int64_t ns = fraction_ps_ / 1000;
-    fraction_ps_ -= ns * 1000;
+    std::shift_right(moved_fs_.begin(), moved_fs_.end(), 1);
+    moved_fs_.front() = correction_fs - drift_fs_;
+    fraction_fs_ += correction_fs;
+    const std::int64_t ns = fraction_fs_ / kFsInNs;
+    fraction_fs_ -= ns * kFsInNs;
     return ns;
 }
 
-std::int64_t PhaseController::update(std::int64_t error_ns, Time now) {
+std::int64_t PhaseController::update(std::int64_t error_ns, Time now, std::uint8_t late) {
     note(error_ns);
     const bool outlier = is_outlier(error_ns);
     watch(error_ns, now);
-    if (outlier) return whole(drift_ps_);
+    if (outlier) return coast();
+    if (settings_.automatic_gain) measure_jitter(error_ns);
     if (seen_ < kMostSeen) ++seen_;
-    const Gains gains = gains_after(seen_, settings_.gain_ppt);
-    const std::int64_t error_ps = error_ns * 1000 - pending_ps_;
-    const std::int64_t phase_ps = error_ps / 1000 * gains.phase_ppm / 1000;
-    if (settings_.most_step_ns != 0 && magnitude(phase_ps) > std::uint64_t{settings_.most_step_ns} * 1000) {
+    const Gains gains = gains_after(seen_, gain_ppt_, settings_.drift_gain);
+    std::int64_t error_ps = error_ns * 1000;
+    for (std::size_t n = 0; n < std::min<std::size_t>(late, moved_fs_.size()); ++n) error_ps -= moved_fs_[n] / 1000;
+    const std::int64_t phase_fs = error_ps * gains.phase_ppm / 1000;
+    if (settings_.most_step_ns != 0 && magnitude(phase_fs) > std::uint64_t{settings_.most_step_ns} * 1'000'000) {
         seen_ = 0;  // on the way to the phase; the error does not show the drift
-        return whole(phase_ps + drift_ps_);
+        return whole(phase_fs + drift_fs_);
     }
-    learn_drift(error_ps / 1000 * gains.drift_ppm / 1000);
-    return whole(phase_ps + drift_ps_);
+    learn_drift(error_ps / 1000 * gains.drift_ppb / 1000);
+    return whole(phase_fs + drift_fs_);
 }
 
-std::int64_t PhaseController::coast() { return whole(drift_ps_); }
+std::int64_t PhaseController::coast() {
+    has_last_ = false;
+    return whole(drift_fs_);
+}
 
 }  // namespace margay

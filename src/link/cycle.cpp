@@ -165,11 +165,12 @@ void copy_reading(const PreparedReading& reading, const std::byte* data) {
         reading.into->value = reading.into->value << 8 | std::to_integer<std::uint64_t>(data[n]);
 }
 
-// The datagram that carries the time of the reference clock (FRMW). When the reference clock is lost, all other slaves
-// take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time that the
-// reference will probably have. A reply that still has this value, and comes from fewer slaves than before, was not
-// read from the reference: then the next cycle carries the time of the standby. Without a standby no time is sent any
-// more, until the owner chooses another reference.
+// The datagram that carries the time of the reference clock (FRMW or ARMW). When the reference clock is lost, all other
+// slaves take what was sent, and zeros would make their control loops useless. So the datagram is sent with the time
+// that the reference will probably have. A reply that still has this value, and comes from fewer slaves than before,
+// was not read from the reference: then the next cycle carries the time of the standby, which has another position in
+// the ring now, so FRMW addresses it. Without a standby no time is sent any more, until the owner chooses another
+// reference.
 void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::byte* data) {
     RegisterReading& into = *reading.into;
     const RegisterReading before = into;
@@ -180,10 +181,9 @@ void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::b
     const bool doubtful = into.slaves < before.slaves || before.value == 0;
     if (doubtful && std::memcmp(&sent.bytes[at], data, reading.bytes) == 0) {
         const MutableBytes head = MutableBytes(sent.bytes).subspan(reading.offset);
-        if (reading.standby != 0 && load_le<std::uint16_t>(head, 2) != reading.standby)
-            store_le<std::uint16_t>(head, 2, reading.standby);
-        else
-            head[0] = static_cast<std::byte>(wire::Command::NOP);
+        const bool standby = reading.standby != 0 && load_le<std::uint16_t>(head, 2) != reading.standby;
+        head[0] = static_cast<std::byte>(standby ? wire::Command::FRMW : wire::Command::NOP);
+        if (standby) store_le<std::uint16_t>(head, 2, reading.standby);
         into.slaves = 0;
         into.value = before.value;
     }
@@ -224,7 +224,7 @@ void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
     }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
-        if (sent.bytes[r.offset] == static_cast<std::byte>(wire::Command::FRMW))
+        if (sent.bytes[r.offset] >= static_cast<std::byte>(wire::Command::ARMW))  // or FRMW
             take_time(sent, r, data);
         else
             copy_reading(r, data);

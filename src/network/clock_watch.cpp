@@ -144,7 +144,13 @@ void note_time_of_cycle(Network& network) {
         reference.al.state >= AlState::safeop || reference.al.state == wanted_state(network, reference);
     for (const ProcessGroup& group : network.process.groups) {
         if (!group.mapped || group.dc_reference != clocks.reference || !group.dc_time.came) continue;
-        const bool of_reference = time_source(group) == reference.station_address;
+        const TimeSource source = time_source(group);
+        const TimeSource wanted = time_source_of(group.slaves, reference, group.by_position);
+        const bool of_reference = source.command == wire::Command::ARMW || source == by_station(reference);
+        if (of_reference && source != wanted) {  // positions are not known while a slave is lost
+            (void)carry_time_of(network, &reference);
+            continue;
+        }
         if (group.dc_time.slaves != 0)
             clocks.note_time(group.dc_time.value, wide && of_reference, network.engine.link().last_cycle());
         if (group.dc_time.slaves != 0 && of_reference)

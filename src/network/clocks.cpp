@@ -235,7 +235,8 @@ Task<Result<>> send_time(Network& network) {
     std::array<std::byte, 8> time{};
     const Time now = network.engine.now();
     store_le<std::uint64_t>(time, 0, network.clocks.system_at_ns(now));  // taken by all if the reference is lost
-    Datagram carry(network.engine.link(), Command::FRMW, {reference.station_address, reg::kSystemTime.address},
+    const TimeSource source = time_source_of(network.slaves(), reference, network.clocks.settings.by_position);
+    Datagram carry(network.engine.link(), source.command, {source.address, reg::kSystemTime.address},
                    MutableBytes(time).first(wide ? 8U : 4U), Repeat::no);
     carry.send_alone();
     auto reply = co_await carry;

@@ -130,6 +130,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
         if (slave.image.group == number) slave.takes_part = exchanges(slave);
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference = *reference;
+    group.by_position = network.clocks.settings.by_position;
     const auto count = plan_datagrams(network.slaves(), number, wanted, group.layout, tables.scratch);
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());

@@ -171,7 +171,15 @@ Result<> check_reference(std::span<const Slave> slaves, std::uint16_t reference)
 
 }  // namespace
 
-ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted) {
+TimeSource by_station(const Slave& reference) { return {Command::FRMW, reference.station_address.value}; }
+
+TimeSource time_source_of(std::span<const Slave> slaves, const Slave& reference, bool by_position) {
+    const auto lost = [](const Slave& slave) { return slave.al.state == AlState::none; };
+    if (!by_position || reference.ring_position == 0 || std::ranges::any_of(slaves, lost)) return by_station(reference);
+    return {Command::ARMW, RingPosition{static_cast<std::uint16_t>(reference.ring_position - 1)}.on_wire()};
+}
+
+ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted, bool by_position) {
     ReadingPlans plans;
     const auto add = [&plans](const ReadingPlan& plan) { plans.at[plans.count++] = plan; };
     if (wanted.al_status)
@@ -182,8 +190,9 @@ ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfigurati
     if (wanted.dc_reference != 0) {
         // All other slaves would copy what was sent while the reference is lost: then the cycle carries no time.
         const Slave& reference = slaves[wanted.dc_reference - 1U];
-        add({reference.al.state == AlState::none ? Command::NOP : Command::FRMW,
-             {reference.station_address, wire::reg::kSystemTime.address},
+        const TimeSource source = time_source_of(slaves, reference, by_position);
+        add({reference.al.state == AlState::none ? Command::NOP : source.command,
+             {source.address, wire::reg::kSystemTime.address},
              reference.dl.dc_64bit ? wire::reg::kSystemTime.length : std::uint16_t{4},
              &Group::dc_time});
     }

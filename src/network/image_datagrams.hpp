@@ -53,7 +53,21 @@ struct ReadingPlans {
     std::size_t count = 0;
     [[nodiscard]] std::span<const ReadingPlan> all() const { return std::span(at).first(count); }
 };
-[[nodiscard]] ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted);
+
+// Command and address of the datagram that reads the time of a slave, and writes it to the slaves behind.
+struct TimeSource {
+    wire::Command command = wire::Command::NOP;
+    std::uint16_t address = 0;  // station address (FRMW), or negative position (ARMW)
+
+    friend constexpr bool operator==(const TimeSource&, const TimeSource&) = default;
+};
+[[nodiscard]] TimeSource by_station(const Slave& reference);
+// `by_position`: ClockSettings::by_position. While a slave is lost, the positions may be other ones: then the address
+// is the station address nevertheless.
+[[nodiscard]] TimeSource time_source_of(std::span<const Slave> slaves, const Slave& reference, bool by_position);
+
+[[nodiscard]] ReadingPlans plan_readings(std::span<const Slave> slaves, const GroupConfiguration& wanted,
+                                         bool by_position = false);
 
 // The contribution of one slave to the working counter of a datagram.
 [[nodiscard]] std::uint16_t working_counter_of(const SlaveFmmus& fmmus, const DatagramPlan& datagram);

@@ -199,7 +199,7 @@ Result<> prepare(ProcessTables& tables, ProcessGroup& group, std::size_t count, 
     const auto planned = tables.scratch.first(count);
     GroupConfiguration wanted = group.config;
     wanted.dc_reference = group.dc_reference;
-    const ReadingPlans readings = plan_readings(group.slaves, wanted);
+    const ReadingPlans readings = plan_readings(group.slaves, wanted, group.by_position);
     // A first frame that is completely reserved for others is not sent.
     const std::uint16_t first = planned.empty() || readings.count > 0 ? std::uint16_t{0} : planned.front().frame;
     const std::size_t end = planned.empty() ? readings.count > 0 : planned.back().frame + 1U;
@@ -235,13 +235,12 @@ void set_time_standby(ProcessGroup& group, StationAddress standby) {
         if (reading.into == &group.dc_time) reading.standby = standby.value;
 }
 
-StationAddress time_source(const ProcessGroup& group) {
+TimeSource time_source(const ProcessGroup& group) {
     for (const PreparedFrame& frame : group.prepared) {
         for (const PreparedReading& reading : frame.readings) {
             if (reading.into != &group.dc_time) continue;
             const Bytes head = Bytes(frame.bytes).subspan(reading.offset);
-            if (wire::DatagramLayout::command::load(head) == wire::Command::NOP) return {};
-            return {load_le<std::uint16_t>(head, 2)};
+            return {wire::DatagramLayout::command::load(head), load_le<std::uint16_t>(head, 2)};
         }
     }
     return {};
@@ -251,12 +250,14 @@ bool redirect_time(ProcessGroup& group, const Slave* reference, std::uint64_t ab
     if (group.overlap.sets > 1) return false;
     for (const PreparedFrame& frame : group.prepared)
         if (frame.slot != nullptr) return false;
+    const TimeSource source =
+        reference == nullptr ? TimeSource{} : time_source_of(group.slaves, *reference, group.by_position);
     for (PreparedFrame& frame : group.prepared) {
         for (const PreparedReading& reading : frame.readings) {
             if (reading.into != &group.dc_time) continue;
             const MutableBytes head = MutableBytes(frame.bytes).subspan(reading.offset);
-            wire::DatagramLayout::command::store(head, reference == nullptr ? wire::Command::NOP : wire::Command::FRMW);
-            if (reference != nullptr) store_le<std::uint16_t>(head, 2, reference->station_address.value);
+            wire::DatagramLayout::command::store(head, source.command);
+            if (reference != nullptr) store_le<std::uint16_t>(head, 2, source.address);
             store_le<std::uint32_t>(head, wire::kDatagramHeaderBytes, static_cast<std::uint32_t>(about_ns));
         }
     }

@@ -47,6 +47,7 @@ struct ProcessGroup : Group {
     bool under_way = false;         // a cycle was sent that is not received yet; unused where cycles overlap
     bool extras = false;            // copies from slave to slave, or a shared image
     bool mapping = false;           // config_map() is executing for this group
+    bool by_position = false;       // ClockSettings::by_position, as config_map() has found it
     bool was_mapped = false;        // since the last scan, or since run_cycle() began: now its data is missing
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
@@ -116,8 +117,8 @@ void give_inputs(ProcessGroup& group);
 // Sets the slave whose time the cycle carries by itself as soon as the reference is lost; 0: none. Not where cycles
 // overlap.
 void set_time_standby(ProcessGroup& group, StationAddress standby);
-// The station address of the slave whose time the cycle carries now; 0: it carries none.
-[[nodiscard]] StationAddress time_source(const ProcessGroup& group);
+// Command and address of the datagram with the time as it is sent now; command NOP: the cycle carries no time.
+[[nodiscard]] TimeSource time_source(const ProcessGroup& group);
 
 [[nodiscard]] Error nothing_sent(const ProcessGroup& group);
 

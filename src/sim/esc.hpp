@@ -52,6 +52,8 @@ class Esc final : public subdevice::EscAccess {
 
     // The Ethernet port of the firmware; nullptr if there is none.
     [[nodiscard]] EthernetPort* ethernet() { return firmware_ ? firmware_->ethernet() : nullptr; }
+    // The half of a bridge between two segments; nullptr if the device is none.
+    [[nodiscard]] BridgeHalf* bridge() { return firmware_ ? firmware_->bridge() : nullptr; }
     // An interrupt of the firmware that does not come from the ESC, for example from its Ethernet port.
     void interrupt(Time now);
 

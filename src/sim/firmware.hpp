@@ -10,6 +10,7 @@
 
 namespace margay::sim {
 
+class BridgeHalf;
 class EthernetPort;
 class ProcessDataFirmware;
 
@@ -41,6 +42,8 @@ class Firmware {
     [[nodiscard]] virtual ProcessDataFirmware* process_data() { return nullptr; }
     // The Ethernet port of a device with EoE; nullptr: the device has none.
     [[nodiscard]] virtual EthernetPort* ethernet() { return nullptr; }
+    // One half of a bridge between two segments; nullptr: the device is none.
+    [[nodiscard]] virtual BridgeHalf* bridge() { return nullptr; }
 };
 
 }  // namespace margay::sim

@@ -147,6 +147,28 @@ TEST_F(MasterClockTest, RunCycleFollowsTheReferenceClock) {
     EXPECT_EQ(told(all, "cycle out of sync"), 0) << joined(all);
 }
 
+// The reference clock has 32 bits and wraps every 4.29 s, which is no multiple of the cycle.
+TEST_F(MasterClockTest, ATimeThatWrapsMakesNoStep) {
+    for (const auto mode : {MasterClock::Mode::master_shift, MasterClock::Mode::bus_shift}) {
+        ClockBus other;
+        other.add({.drift_ppb = 50'000, .start_ns = 0xC000'0000, .unit = sim::DcUnit::bits32});
+        other.start();
+        ASSERT_TRUE(configdc(*other.ctx, kFewFrames).ok());
+        ASSERT_TRUE(config_map(*other.ctx, other.image).ok());
+        MasterClock clock({.mode = mode, .set_value = -100us, .phase = {.cycle = 1ms, .settle = 50ms}});
+        const CycleSettings settings{.period = 1ms, .clock = &clock};
+        int done = 0;
+        std::int64_t worst = 0;
+        const auto work = [&](const CycleInfo&) {
+            if (++done > 2000) worst = std::max(worst, std::abs(clock.error_ns()));
+            return done < 10'000;
+        };
+        ASSERT_TRUE(run_cycle(*other.ctx, settings, work).ok());
+        EXPECT_LE(worst, 1000) << static_cast<int>(mode);
+        EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    }
+}
+
 // The line of a cycle, with the columns of its head; the text is exact.
 TEST_F(MasterClockTest, TheLogHasOneLineForEachCycle) {
     bring_up(80'000);

@@ -12,7 +12,7 @@ namespace {
 using namespace std::chrono_literals;
 
 // A cycle that drifts by itself, whose phase the controller corrects.
-struct Plant {
+struct SteeredCycle {
     PhaseController controller;
     PhaseSettings settings;
     double phase_ns = 0;
@@ -48,7 +48,7 @@ TEST(PhaseError, IsTheShortestWay) {
 }
 
 TEST(PhaseControl, LearnsPhaseAndDriftFromAFewCycles) {
-    Plant plant;
+    SteeredCycle plant;
     plant.phase_ns = 300'000;
     plant.drift_ns = 100;  // 100 ppm
     plant.start();
@@ -63,7 +63,7 @@ TEST(PhaseControl, LearnsPhaseAndDriftFromAFewCycles) {
 
 // The manual's target: at 10 µs of jitter the phase stays within 1 µs (root of the mean of the squares).
 TEST(PhaseControl, AveragesTheJitterOfTheReadings) {
-    Plant plant;
+    SteeredCycle plant;
     plant.drift_ns = -40;
     plant.jitter_ns = 10'000;
     plant.settings.outlier_ns = 30'000;
@@ -78,8 +78,92 @@ TEST(PhaseControl, AveragesTheJitterOfTheReadings) {
     EXPECT_NEAR(plant.controller.drift_ppb(), -40'000, 20'000);
 }
 
+double rms_of(SteeredCycle& plant, int cycles) {
+    double squares = 0;
+    for (int n = 0; n < cycles; ++n) {
+        (void)plant.step();
+        squares += plant.phase_ns * plant.phase_ns;
+    }
+    return std::sqrt(squares / cycles);
+}
+
+// Whatever the jitter is, it moves the phase by about as much as the settings want, until the gain is at its bounds.
+TEST(PhaseControl, TheGainFollowsTheMeasuredJitter) {
+    std::uint16_t last = 1000;
+    for (const double jitter : {300.0, 1'000.0, 3'000.0, 10'000.0}) {
+        SteeredCycle plant;
+        plant.drift_ns = 30;
+        plant.jitter_ns = jitter;
+        plant.settings.outlier_ns = 100'000;
+        plant.settings.automatic_gain = true;
+        plant.settings.noise_ns = 200;
+        plant.start();
+        plant.run(5000);
+        const auto& controller = plant.controller;
+        const double expected = jitter / std::sqrt(3);  // of an even distribution
+        EXPECT_NEAR(controller.jitter_ns(), expected, expected / 5) << jitter;
+        EXPECT_LT(controller.gain_ppt(), last) << jitter;
+        last = controller.gain_ppt();
+        const double rms = rms_of(plant, 20'000);
+        EXPECT_LE(rms, 300) << jitter << " with a gain of " << last;
+        EXPECT_GE(rms, last == 250 ? 30 : 100) << jitter << " with a gain of " << last;
+    }
+    EXPECT_LE(last, 3);
+}
+
+// Little jitter gives a high gain, which follows a drift that changes much faster than the gain of the settings.
+TEST(PhaseControl, LittleJitterFollowsAChangingDriftFaster) {
+    std::array<double, 2> rms{};
+    for (const bool automatic : {false, true}) {
+        SteeredCycle plant;
+        plant.jitter_ns = 20;
+        plant.settings.automatic_gain = automatic;
+        plant.start();
+        plant.run(5000);
+        double squares = 0;
+        for (int n = 0; n < 20'000; ++n) {
+            plant.drift_ns = 5 * std::sin(n / 300.0);
+            (void)plant.step();
+            squares += plant.phase_ns * plant.phase_ns;
+        }
+        rms[automatic ? 1 : 0] = std::sqrt(squares / 20'000);
+    }
+    EXPECT_LT(rms[1], 30);
+    EXPECT_GT(rms[0], 10 * rms[1]);
+}
+
+// A gap in the readings, and outliers, are no jitter.
+TEST(PhaseControl, GapsAndOutliersAreNoJitter) {
+    SteeredCycle plant;
+    plant.drift_ns = 100;
+    plant.jitter_ns = 100;
+    plant.settings.automatic_gain = true;
+    plant.start();
+    plant.run(3000);
+    const auto before = plant.controller.jitter_ns();
+    for (int n = 0; n < 300; ++n) {
+        (void)plant.step(n % 3 == 0 ? 60'000 : 0);
+        if (n % 5 == 0) (void)plant.controller.coast();
+        plant.phase_ns += n % 5 == 0 ? plant.drift_ns - 100 : 0;
+    }
+    EXPECT_NEAR(plant.controller.jitter_ns(), before, before / 4.0 + 5);
+}
+
+// The drift gain is critically damped at 1; with a gain of 1 ppt the drift is still learned.
+TEST(PhaseControl, TheLowestGainLearnsTheDrift) {
+    SteeredCycle plant;
+    plant.settings.gain_ppt = 1;
+    plant.settings.drift_gain = 1;
+    plant.start();
+    plant.run(3000);
+    plant.drift_ns = 1;
+    plant.run(60'000);
+    EXPECT_LT(std::abs(plant.phase_ns), 3);
+    EXPECT_NEAR(plant.controller.drift_ppb(), 1000, 20);
+}
+
 TEST(PhaseControl, OfACorrectionThatComesOneCycleLate) {
-    Plant plant;
+    SteeredCycle plant;
     plant.settings.cycles_late = 1;
     plant.settings.most_step_ns = 600;
     plant.phase_ns = 5'000;
@@ -91,7 +175,7 @@ TEST(PhaseControl, OfACorrectionThatComesOneCycleLate) {
 }
 
 TEST(PhaseControl, OneWrongReadingCorrectsNothing) {
-    Plant plant;
+    SteeredCycle plant;
     plant.drift_ns = 20;
     plant.start();
     plant.run(1000);
@@ -103,7 +187,7 @@ TEST(PhaseControl, OneWrongReadingCorrectsNothing) {
 
 // A real step, for example a new reference: after eight readings the controller believes it.
 TEST(PhaseControl, AStepIsBelievedAfterSomeCycles) {
-    Plant plant;
+    SteeredCycle plant;
     plant.start();
     plant.run(1000);
     plant.phase_ns += 200'000;
@@ -114,7 +198,7 @@ TEST(PhaseControl, AStepIsBelievedAfterSomeCycles) {
 }
 
 TEST(PhaseControl, CyclesWithoutAReadingKeepTheDrift) {
-    Plant plant;
+    SteeredCycle plant;
     plant.drift_ns = 50;
     plant.start();
     plant.run(1000);
@@ -123,7 +207,7 @@ TEST(PhaseControl, CyclesWithoutAReadingKeepTheDrift) {
 }
 
 TEST(PhaseControl, TellsWhenItIsInSync) {
-    Plant plant;
+    SteeredCycle plant;
     EXPECT_EQ(plant.controller.state(), PhaseState::idle);
     plant.settings.settle = 100ms;
     plant.phase_ns = 10'000;
@@ -144,7 +228,7 @@ TEST(PhaseControl, TellsWhenItIsInSync) {
 }
 
 TEST(PhaseControl, TellsADriftThatNoChipCanFollow) {
-    Plant plant;
+    SteeredCycle plant;
     plant.drift_ns = 700;  // 700 ppm
     plant.start();
     plant.run(200);

@@ -7,12 +7,14 @@
 
 #include <gtest/gtest.h>
 #include <linux/capability.h>
+#include <poll.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 #include <thread>
 #include <vector>
 
@@ -270,6 +272,51 @@ TEST_F(PacketNicTest, OpensAgainAfterAFailure) {
         EXPECT_EQ(master.problem(), "");
     });
     expect_quiet(master, segment);
+}
+
+std::uint64_t realtime_ns() {
+    timespec now{};
+    ::clock_gettime(CLOCK_REALTIME, &now);
+    return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(now.tv_nsec);
+}
+
+// The time is the kernel's, between that before and that after the call. The error queue is empty after receive(), so
+// that waiting waits.
+TEST_F(PacketNicTest, NotesWhenItHasSentAFrame) {
+    auto frame = frame_of(80, chance);
+    const auto head = [&frame] { return std::span<const std::byte>(frame).first(SendClock::kHeadBytes); };
+    ASSERT_EQ(master.send(frame), SendStatus::sent);
+    EXPECT_FALSE(master.send_time_ns(head())) << "not asked for";
+    const auto stamping = master.stamp_frames(PacketNic::Stamps::software);
+    ASSERT_TRUE(stamping.ok()) << master.problem();
+    for (unsigned n = 0; n < 40; ++n) {
+        frame[17] = static_cast<std::byte>(n);
+        const std::uint64_t before = realtime_ns();
+        ASSERT_EQ(master.send(frame), SendStatus::sent);
+        const std::uint64_t after = realtime_ns();
+        std::vector<std::byte> buffer(2048);
+        EXPECT_EQ(master.receive(buffer), 0U);
+        pollfd wait{master.wait_handle(), POLLIN, 0};
+        EXPECT_EQ(::poll(&wait, 1, 0), 0) << wait.revents;
+        const auto sent = master.send_time_ns(head());
+        ASSERT_TRUE(sent) << n;
+        EXPECT_GE(*sent, before);
+        EXPECT_LE(*sent, after);
+    }
+    ASSERT_TRUE(master.stamp_frames(PacketNic::Stamps::off).ok());
+    ASSERT_EQ(master.send(frame), SendStatus::sent);
+    EXPECT_FALSE(master.send_time_ns(head()));
+}
+
+TEST_F(PacketNicTest, SaysWhenTheDriverHasNoTimeStamps) {
+    const auto stamping = master.stamp_frames(PacketNic::Stamps::hardware);
+    EXPECT_EQ(stamping.error().code, Errc::nic);
+    EXPECT_EQ(std::string(master.problem()), "interface " + std::string(Cable::kMaster) +
+                                                 ": its driver has no hardware time stamps of sent frames (Operation "
+                                                 "not supported)");
+    expect_quiet(master, segment);
+    master.close();
+    EXPECT_FALSE(master.stamp_frames(PacketNic::Stamps::software).ok());
 }
 
 }  // namespace

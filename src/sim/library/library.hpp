@@ -21,6 +21,7 @@ extern const Blueprint kOddDevice;
 extern const Blueprint kVoeDevice;
 extern const Blueprint kAoeGateway;
 extern const Blueprint kEoeGateway;
+extern const Blueprint kDcBridge;
 
 // Creates the SII image of a device, with the current PDO assignment of `dictionary`.
 [[nodiscard]] std::vector<std::byte> sii_of(const Blueprint& blueprint, const subdevice::ObjectDictionary& dictionary);

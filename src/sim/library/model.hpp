@@ -18,6 +18,8 @@
 
 namespace margay::sim {
 
+class BridgeHalf;
+
 // The objects that a model uses from one start of the firmware to the next.
 struct Surroundings {
     subdevice::EscAccess* esc = nullptr;
@@ -56,6 +58,8 @@ class Model : public subdevice::Application {
     [[nodiscard]] virtual subdevice::EoeServer* eoe() { return nullptr; }
     // The Ethernet port of a device with EoE.
     [[nodiscard]] virtual EthernetPort* ethernet() { return nullptr; }
+    // One half of a bridge between two segments.
+    [[nodiscard]] virtual BridgeHalf* bridge() { return nullptr; }
     // Returns true when the firmware must restart (called after each step). The restart takes restart_time().
     [[nodiscard]] virtual bool wants_restart() { return false; }
     [[nodiscard]] virtual Duration restart_time() const { return std::chrono::milliseconds(200); }

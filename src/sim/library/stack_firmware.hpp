@@ -27,6 +27,7 @@ class StackFirmware final : public ProcessDataFirmware {
     [[nodiscard]] Bytes outputs() override;
     void poke() override;
     [[nodiscard]] EthernetPort* ethernet() override { return model_->ethernet(); }
+    [[nodiscard]] BridgeHalf* bridge() override { return model_->bridge(); }
 
     [[nodiscard]] Model& model() { return *model_; }
     [[nodiscard]] subdevice::ObjectDictionary& dictionary() { return dictionary_; }

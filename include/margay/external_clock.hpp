@@ -1,0 +1,86 @@
+// Two segments, one clock ("DCX", external synchronisation): the reference clock of this segment follows the clock of
+// another segment, by a bridge device that is a slave in both. The bridge notes the time of both clocks at the same
+// moment, and shows both in its inputs (object 0x10F4, ETG.1020 "External synchronization"). The master of the other
+// segment needs nothing of this; it may be another library.
+//
+// The bridge is the reference clock of this segment, so it must be the first slave with a clock: a bridge whose clock
+// follows another slave shows each correction late and in part. In the other segment it may be any slave with a clock
+// that is synchronised.
+//
+//     ExternalClock clock(2, {.cycle = {.set_value = -500us, .phase = {.cycle = 1ms}}});   // slave 2 is the bridge
+//     const auto entries = clock.entries();
+//     ctx.group(0).config.entries = entries;                  // before config_map()
+//     …
+//     run_cycle(ctx, {.period = 1ms, .clock = &clock}, work);
+#pragma once
+
+#include <margay/entry.hpp>
+#include <margay/master_clock.hpp>
+
+#include <array>
+
+namespace margay {
+
+struct ExternalClockSettings {
+    // How the cycle of this segment follows the reference clock of this segment: master_shift, or off. The modes that
+    // steer the reference clock are not possible here (PhaseState::mode_wrong).
+    MasterClockSettings cycle{};
+    // The controller of the reference clock against the other segment. Its `cycle` is set to that of the member above.
+    PhaseSettings phase{};
+    // The system time of this segment minus that of the other segment, when both are in sync: within `grid`. So both
+    // segments have SYNC signals at the same time, or by `offset` later.
+    Duration offset{0};
+    Duration grid{0};  // a multiple of the SYNC cycles of both segments; zero: the cycle
+};
+
+class ExternalClock : public CycleClock {
+  public:
+    using Settings = ExternalClockSettings;
+
+    // `bridge`: the slave with object 0x10F4.
+    ExternalClock(std::uint16_t bridge, const Settings& settings);
+    // The entries of this object's memory are in the list of the group.
+    ExternalClock(const ExternalClock&) = delete;
+    ExternalClock& operator=(const ExternalClock&) = delete;
+
+    // What config_map() has to find in the inputs of the bridge: for GroupConfiguration::entries, alone or among the
+    // entries of the application.
+    [[nodiscard]] std::array<EntryHandle*, 4> entries() { return {&internal_, &external_, &updated_, &not_connected_}; }
+
+    // As MasterClock::update(). While the bridge shows no new time stamps (the other half is not connected, the slave
+    // does not take part), the reference clock keeps the rate that it has learned.
+    [[nodiscard]] Duration update(Context& ctx, Duration lateness);
+    void restart();
+
+    // Of the reference clock against the other segment. `idle` until the first time stamp. EventKind::master_in_sync
+    // and master_out_of_sync are reported for the cycle.
+    [[nodiscard]] PhaseState state() const { return fault_ == PhaseState::idle ? reference_.state() : fault_; }
+    // Positive when this segment is ahead.
+    [[nodiscard]] std::int64_t error_ns() const { return reference_.error_ns(); }
+    // Time stamps have come with the last cycles.
+    [[nodiscard]] bool connected() const { return silent_ < kSilent; }
+    // The system time of this segment minus that of the other segment, as the bridge has noted both last.
+    [[nodiscard]] std::int64_t difference_ns() const { return difference_ns_; }
+    [[nodiscard]] const PhaseController& reference() const { return reference_; }
+    // The cycle against the reference clock of this segment.
+    [[nodiscard]] const MasterClock& cycle() const { return cycle_; }
+
+  private:
+    static constexpr std::uint8_t kSilent = 16;  // cycles without a new time stamp
+    [[nodiscard]] bool take_stamps();
+    [[nodiscard]] std::uint8_t not_visible() const;
+
+    Settings settings_;
+    MasterClock cycle_;
+    PhaseController reference_;
+    Input<std::uint64_t> internal_;
+    Input<std::uint64_t> external_;
+    Input<bool> updated_;
+    Input<bool> not_connected_;
+    std::int64_t difference_ns_ = 0;
+    std::uint8_t silent_ = kSilent;
+    bool toggle_ = false;
+    PhaseState fault_ = PhaseState::idle;
+};
+
+}  // namespace margay

@@ -1,0 +1,83 @@
+// The reference clock follows the clock of another segment.
+#include "api/master.hpp"
+#include "api/reference_clock.hpp"
+
+#include <margay/external_clock.hpp>
+#include <margay/margay.hpp>
+
+namespace margay {
+namespace {
+
+constexpr std::uint16_t kExternalSynchronization = 0x10F4;
+
+}  // namespace
+
+ExternalClock::ExternalClock(std::uint16_t bridge, const Settings& settings)
+    : CycleClock([](CycleClock& self, Context& ctx, Duration lateness) {
+          return static_cast<ExternalClock&>(self).update(ctx, lateness);
+      }),
+      settings_(settings),
+      cycle_(settings.cycle),
+      internal_(bridge, kExternalSynchronization, 0x11),
+      external_(bridge, kExternalSynchronization, 0x12),
+      updated_(bridge, kExternalSynchronization, 0x0F),
+      not_connected_(bridge, kExternalSynchronization, 0x10) {
+    settings_.phase.cycle = settings_.cycle.phase.cycle;
+    if (settings_.grid <= Duration{0}) settings_.grid = settings_.phase.cycle;
+    restart();
+}
+
+void ExternalClock::restart() {
+    const auto mode = settings_.cycle.mode;
+    const bool follows = mode == MasterClock::Mode::off || mode == MasterClock::Mode::master_shift;
+    fault_ = follows ? PhaseState::idle : PhaseState::mode_wrong;
+    cycle_.restart();
+    reference_.start(for_bus_shift(settings_.phase));
+    silent_ = kSilent;
+}
+
+// True when the bridge has noted both times again.
+bool ExternalClock::take_stamps() {
+    const bool updated = updated_.read();
+    const bool fresh = !not_connected_.read() && updated != toggle_ && internal_.read() != 0;
+    toggle_ = updated;
+    if (!fresh) {
+        if (silent_ < kSilent) ++silent_;
+        return false;
+    }
+    silent_ = 0;
+    difference_ns_ = static_cast<std::int64_t>(internal_.read() - external_.read());
+    return true;
+}
+
+// How many corrections the time stamps do not show: a correction takes effect when the cycle after it passes.
+std::uint8_t ExternalClock::not_visible() const {
+    const auto age = static_cast<std::int64_t>(cycle_.record().bus_time_ns - internal_.read());
+    const std::int64_t cycle = std::max<std::int64_t>(settings_.phase.cycle.count(), 1);
+    if (age < 0 || age > cycle * PhaseSettings::kMostLate) return 1;
+    return static_cast<std::uint8_t>((age + cycle - 1) / cycle);
+}
+
+Duration ExternalClock::update(Context& ctx, Duration lateness) {
+    if (fault_ == PhaseState::mode_wrong) return Duration{0};
+    const Duration earlier = cycle_.update(ctx, lateness);
+    Master* master = master_of(ctx);
+    if (master == nullptr || !internal_.mapped()) return earlier;
+    Network& network = master->network;
+    const bool is_reference = network.clocks.reference == internal_.address().slave;
+    fault_ = is_reference ? PhaseState::idle : PhaseState::not_reference;
+    if (!is_reference) return earlier;
+    const Time now = network.engine.link().last_cycle();
+    std::int64_t correction = 0;
+    if (inputs_fresh(ctx, internal_.address().slave) && take_stamps()) {
+        const auto grid = static_cast<std::uint64_t>(settings_.grid.count());
+        const std::uint64_t ahead = internal_.read() % grid + (grid - external_.read() % grid);
+        correction = reference_.update(phase_error_ns(ahead, grid, settings_.offset.count()), now, not_visible());
+    } else {
+        correction = reference_.coast();
+    }
+    shift_reference(network, correction);
+    return earlier;
+}
+
+}  // namespace margay

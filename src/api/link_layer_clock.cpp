@@ -1,0 +1,91 @@
+// The reference clock and the master's cycle follow the clock of the NIC.
+#include "api/master.hpp"
+#include "api/reference_clock.hpp"
+
+#include <margay/link_layer_clock.hpp>
+
+namespace margay {
+
+LinkLayerClock::LinkLayerClock(SendClock& nic, const Settings& settings)
+    : CycleClock([](CycleClock& self, Context& ctx, Duration lateness) {
+          return static_cast<LinkLayerClock&>(self).update(ctx, lateness);
+      }),
+      nic_(nic),
+      settings_(settings) {
+    restart();
+}
+
+void LinkLayerClock::restart() {
+    PhaseSettings cycle = settings_.phase;
+    cycle.outlier_ns = 0;
+    cycle_.start(cycle);
+    reference_.start(for_bus_shift(settings_.phase));
+    record_ = {.set_value_ns = settings_.set_value.count(), .cycle_ns = settings_.phase.cycle.count()};
+    const Duration magnitude = settings_.set_value < Duration{0} ? -settings_.set_value : settings_.set_value;
+    wrong_ = magnitude >= settings_.phase.cycle;
+    is_pending_ = was_in_sync_ = false;
+    pending_ = {};
+    without_stamp_ = 0;
+}
+
+// Compares one reading with its time stamp, if the NIC has it.
+std::optional<Duration> LinkLayerClock::take(Context& ctx, const Reading& reading) {
+    const auto sent_ns = nic_.send_time_ns(reading.head);
+    if (!sent_ns) return std::nullopt;
+    Network& network = master_of(ctx)->network;
+    const auto cycle = static_cast<std::uint64_t>(settings_.phase.cycle.count());
+    const std::int64_t set_value = settings_.set_value.count();
+    const std::int64_t error =
+        phase_error_ns(reading.bus_time_ns % cycle + (cycle - *sent_ns % cycle), cycle, set_value);
+    const std::int64_t correction = reference_.update(error, reading.at);
+    shift_reference(network, correction);
+    record_.at = reading.at;
+    record_.bus_time_ns = reading.bus_time_ns;
+    record_.bus_time_off_ns = reading.bus_time_ns % cycle;
+    record_.error_ns = error;
+    record_.filtered_ns += (error - record_.filtered_ns) / 16;
+    record_.drift_ppb = reference_.drift_ppb();
+    record_.state = reference_.state();
+    record_.adjust_ns = correction;
+    record_.adjusted_ns += correction;
+    if (network.clocks.reference != 0)
+        record_.start_time_ns = network.clocks.entries[network.clocks.reference - 1U].sync_start_ns;
+    const std::uint64_t due_ns = *sent_ns - static_cast<std::uint64_t>(reading.lateness.count());
+    return Duration(cycle_.update(phase_error_ns(due_ns, cycle, 0), reading.at));
+}
+
+Duration LinkLayerClock::update(Context& ctx, Duration lateness) {
+    Master* master = master_of(ctx);
+    if (wrong_ || master == nullptr || settings_.group >= master->network.process.groups.size()) return Duration{0};
+    Network& network = master->network;
+    const ProcessGroup& group = network.process.groups[settings_.group];
+    record_.clocks_in_sync = network.clocks.all_in_sync;
+    record_.difference_ns = network.clocks.greatest_ns;
+    std::optional<Duration> earlier;
+    if (is_pending_) {
+        earlier = take(ctx, pending_);
+        if (!earlier) ++without_stamp_;
+    }
+    is_pending_ = false;
+    const bool single = !group.prepared.empty() && group.overlap.sets <= 1;
+    if (single && group.dc_time.came && group.dc_time.slaves != 0) {
+        const Time at = network.engine.link().last_cycle();
+        const std::uint64_t time = whole_bus_time(network, group, at, pending_.bus_time_ns, pending_.at);
+        pending_ = {.bus_time_ns = time, .at = at, .lateness = lateness};
+        std::copy_n(group.prepared.front().bytes.begin(), pending_.head.size(), pending_.head.begin());
+        const auto now = take(ctx, pending_);
+        is_pending_ = !now;
+        if (now) earlier = now;
+    }
+    record_.read = earlier.has_value();
+    const bool in_sync = state() == PhaseState::in_sync;
+    if (in_sync != was_in_sync_)
+        network.report({.kind = in_sync ? EventKind::master_in_sync : EventKind::master_out_of_sync,
+                        .actual = static_cast<std::uint32_t>(record_.error_ns)});
+    was_in_sync_ = in_sync;
+    if (earlier) return *earlier;
+    shift_reference(network, reference_.coast());
+    return Duration(cycle_.coast());
+}
+
+}  // namespace margay

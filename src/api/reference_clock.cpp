@@ -1,0 +1,42 @@
+#include "api/reference_clock.hpp"
+
+#include "network/network.hpp"
+
+namespace margay {
+namespace {
+
+Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t value) {
+    const Slave& reference = network.slave(network.clocks.reference);
+    const bool wide = network.clocks.of(reference).kind == ClockKind::bits64;
+    std::array<std::byte, 8> bytes{};
+    store_le<std::uint64_t>(bytes, 0, value);
+    Datagram write(network.engine.link(), wire::Command::FPWR, {reference.station_address, r.address},
+                   Bytes(bytes).first(wide ? 8U : 4U), Repeat::no);
+    auto reply = co_await write;
+    (void)reply;
+    co_return Result<>();
+}
+
+}  // namespace
+
+void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
+    if (network.clocks.reference != 0) (void)network.settling.start(write_reference(network, r, value));
+}
+
+void shift_reference(Network& network, std::int64_t correction_ns) {
+    if (network.clocks.reference == 0 || correction_ns == 0) return;
+    ClockEntry& reference = network.clocks.entries[network.clocks.reference - 1U];
+    reference.offset_ns -= static_cast<std::uint64_t>(correction_ns);
+    send_to_reference(network, wire::reg::kSystemTimeOffset, reference.offset_ns);
+}
+
+std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last, Time last_at) {
+    const std::uint64_t seen = group.dc_time.value;
+    const std::uint16_t source = group.dc_reference;
+    if (source == 0 || source > network.count || network.slave(source).dl.dc_64bit) return seen;
+    const std::uint64_t about =
+        last == 0 ? network.clocks.system_at_ns(at) : last + static_cast<std::uint64_t>((at - last_at).count());
+    return extend_time_ns(static_cast<std::uint32_t>(seen), about);
+}
+
+}  // namespace margay

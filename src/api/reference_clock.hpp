@@ -1,0 +1,20 @@
+// Writes to the reference clock beside the cycle, for the clocks that steer it.
+#pragma once
+
+#include "network/clocks.hpp"
+
+namespace margay {
+
+// Writes a register of the reference clock: all 8 octets, or 4 where the clock has 32 bits. A value that is lost is
+// followed by the next one.
+void send_to_reference(Network& network, wire::Register r, std::uint64_t value);
+
+// Moves the system time of the reference clock back by `correction_ns` (register 0x0920).
+void shift_reference(Network& network, std::int64_t correction_ns);
+
+// The time of the reference clock that the cycle of the group has brought, sent at `at`: all 64 bits, also where the
+// clock has 32 and wraps. `last` is the one before, at `last_at`; 0: none.
+[[nodiscard]] std::uint64_t whole_bus_time(Network& network, const ProcessGroup& group, Time at, std::uint64_t last,
+                                           Time last_at);
+
+}  // namespace margay

@@ -1,0 +1,166 @@
+// The clocks driven by the time of the application.
+#include "clock/clock_bus.hpp"
+
+#include <margay/application_time.hpp>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint64_t kYear2026_ns = 820'000'000'000'000'000;  // since 2000
+
+struct ApplicationTimeTest : testing::Test, ClockBus {
+    std::unique_ptr<ApplicationTime> time;
+
+    std::uint64_t mine() { return kYear2026_ns + static_cast<std::uint64_t>(osal.now().time_since_epoch().count()); }
+    // The cycle of no group carries the time.
+    void bring_up(sim::DcUnit unit = sim::DcUnit::bits64) {
+        add({.drift_ppb = 70'000, .start_ns = 5, .unit = unit});
+        add({.drift_ppb = -30'000});
+        add({.drift_ppb = 20'000, .start_ns = 0x1'2345'6789});
+        start();
+        time = std::make_unique<ApplicationTime>(*ctx);
+        EXPECT_EQ(time->sync_reference_clock().error().code, Errc::wrong_state) << "no set() yet";
+        time->set(mine(), osal.now());
+        ClockSettings settings = kFewFrames;
+        settings.system_time_at_zero = time->at_zero();
+        settings.group = 1;  // is not mapped
+        ASSERT_TRUE(configdc(*ctx, settings).ok());
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+    }
+    template <class Work>
+    void run_cycles(int count, Work work) {
+        for (int n = 0; n < count; ++n) {
+            osal.advance(1ms);
+            (void)receive_processdata(*ctx, 0us);
+            (void)poll(*ctx, osal.now());
+            time->set(mine(), osal.now());
+            work();
+            (void)poll(*ctx, osal.now());
+            ASSERT_TRUE(send_processdata(*ctx).ok());
+        }
+        (void)receive_processdata(*ctx, reply_timeout);
+        (void)poll(*ctx, osal.now());
+    }
+    std::uint64_t shown(std::uint32_t slave) { return segment.slave(slave).clock().copy(osal.now()); }
+};
+
+TEST_F(ApplicationTimeTest, IsTheTimeOfTheReferenceClock) {
+    bring_up();
+    EXPECT_EQ(ctx->group(0).dc_time.slaves, 0);
+    EXPECT_NEAR(static_cast<double>(shown(0) - mine()), 0, 200'000) << "from configdc() on";
+    run_cycles(5000, [this] {
+        (void)time->sync_reference_clock();
+        (void)time->sync_slave_clocks();
+        (void)time->queue_sync_monitor();
+    });
+    const std::uint64_t begun = shown(0) - mine();
+    run_cycles(5000, [this] {
+        const auto begun_sync = time->sync_reference_clock();
+        ASSERT_TRUE(begun_sync.ok()) << words(begun_sync.error());
+        EXPECT_TRUE(time->sync_slave_clocks().ok());
+        EXPECT_TRUE(time->queue_sync_monitor().ok());
+    });
+    // The reference drifts by 70 ppm on its own: 350 µs in 5 s.
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(shown(0) - mine() - begun)), 0, 200);
+    EXPECT_LE(greatest_error_ns(3), 200);
+    const auto wide = time->reference_clock_time64();
+    ASSERT_TRUE(wide.ok()) << words(wide.error());
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(*wide - mine())), 0, 2'500'000);
+    EXPECT_EQ(*time->reference_clock_time(), static_cast<std::uint32_t>(*wide));
+    const auto most = time->process_sync_monitor();
+    ASSERT_TRUE(most.ok()) << words(most.error());
+    EXPECT_LE(*most, 400U);
+    const ClockStatus status = clock_status(*ctx, osal.now());
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(status.system_time_ns - mine())), 0, 200'000);
+}
+
+TEST_F(ApplicationTimeTest, WithoutItTheReferenceClockDrifts) {
+    bring_up();
+    const std::uint64_t begun = shown(0) - mine();
+    run_cycles(2000, [this] { (void)time->sync_slave_clocks(); });
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(shown(0) - mine() - begun)), 140'000, 1'000) << "70 ppm";
+    EXPECT_LE(greatest_error_ns(3), 200) << "and the other clocks follow it";
+}
+
+// The time to synchronise to is that of a third clock, which runs 50 ppm slower than the application's.
+TEST_F(ApplicationTimeTest, OrAnyTimeThatIsGiven) {
+    bring_up();
+    const auto third = [this, begin = mine()] { return mine() - (mine() - begin) / 20'000; };
+    const auto follow = [&] {
+        EXPECT_TRUE(time->sync_reference_clock_to(third()).ok());
+        EXPECT_TRUE(time->sync_slave_clocks().ok());
+    };
+    run_cycles(5000, follow);
+    const std::uint64_t begun = shown(0) - third();
+    run_cycles(5000, follow);
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(shown(0) - third() - begun)), 0, 500);
+    EXPECT_LE(greatest_error_ns(3), 200);
+}
+
+TEST_F(ApplicationTimeTest, Of32BitsHasItsUpperHalfFromTheMaster) {
+    bring_up(sim::DcUnit::bits32);
+    run_cycles(6000, [this] { EXPECT_TRUE(time->sync_slave_clocks().ok()); });  // wraps
+    const auto wide = time->reference_clock_time64();
+    ASSERT_TRUE(wide.ok());
+    EXPECT_NEAR(static_cast<double>(static_cast<std::int64_t>(*wide - mine())), 0, 3'000'000);
+}
+
+// A result that is not there says why; nothing keeps an old one.
+TEST_F(ApplicationTimeTest, ErrorsAreSaid) {
+    add_line(2);
+    start();
+    time = std::make_unique<ApplicationTime>(*ctx);
+    EXPECT_EQ(time->process_sync_monitor().error().code, Errc::wrong_state) << "nothing was sent";
+    EXPECT_EQ(time->sync_slave_clocks().error().code, Errc::no_clock) << "configdc() was not called";
+    EXPECT_EQ(words(time->sync_slave_clocks().error()), "synchronising the clocks: no clock that runs");
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    ASSERT_TRUE(time->sync_slave_clocks().ok());
+    EXPECT_EQ(time->sync_slave_clocks().error().code, Errc::busy);
+    EXPECT_EQ(time->reference_clock_time().error().code, Errc::wrong_state) << "on its way";
+    ASSERT_TRUE(time->queue_sync_monitor().ok());
+    for (int n = 0; n < 3; ++n) {
+        (void)poll(*ctx, osal.now());
+        osal.advance(1ms);
+    }
+    EXPECT_TRUE(time->reference_clock_time().ok());
+    EXPECT_TRUE(time->process_sync_monitor().ok());
+    segment.set_noise({.lost = 1.0, .seed = 1});
+    ASSERT_TRUE(time->sync_slave_clocks().ok());
+    for (int n = 0; n < 300; ++n) {
+        (void)poll(*ctx, osal.now());
+        osal.advance(1ms);
+    }
+    EXPECT_EQ(time->reference_clock_time().error().code, Errc::no_frame);
+}
+
+// The slave with the reference clock is switched off, and the frame comes back from the others: their clocks go on, and
+// the time is not taken for that of the reference clock.
+TEST_F(ApplicationTimeTest, AReferenceThatIsLostIsSaid) {
+    auto root = clocked({.unit = sim::DcUnit::none});
+    root.chip.ports = sim::junction().ports;
+    segment.add(std::move(root).assemble());
+    segment.add(clocked({.drift_ppb = 20'000}).assemble());
+    segment.add(clocked({.drift_ppb = -20'000, .start_ns = 5}).assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    ASSERT_TRUE(segment.connect({0, 3}, {1, 0}, kCable));
+    ASSERT_TRUE(segment.connect({0, 1}, {2, 0}, kCable));
+    start();
+    ASSERT_EQ(*configdc(*ctx, kFewFrames), 2);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    time = std::make_unique<ApplicationTime>(*ctx);
+    run_cycles(500, [this] { EXPECT_TRUE(time->sync_slave_clocks().ok()); });
+    ASSERT_TRUE(time->reference_clock_time().ok());
+    power(1, false);
+    const std::uint64_t before = segment.slave(2).clock().copy(osal.now());
+    const Time begin = osal.now();
+    run_cycles(500, [this] { EXPECT_TRUE(time->sync_slave_clocks().ok()); });
+    EXPECT_EQ(words(time->reference_clock_time().error()),
+              "slave 2: synchronising the clocks: an expected slave is missing");
+    EXPECT_NEAR(static_cast<double>(segment.slave(2).clock().copy(osal.now()) - before),
+                static_cast<double>((osal.now() - begin).count()), 50'000);
+}
+
+}  // namespace
+}  // namespace margay

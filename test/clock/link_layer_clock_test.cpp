@@ -1,0 +1,163 @@
+// The clock of the NIC as the reference of the bus.
+#include "clock/clock_bus.hpp"
+
+#include <margay/link_layer_clock.hpp>
+
+#include <cmath>
+#include <random>
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(SendTimesTest, FindsTheNewestFrameByItsHead) {
+    SendTimes times;
+    std::array<std::byte, 64> frame{};
+    const auto head = Bytes(frame).first(SendClock::kHeadBytes);
+    EXPECT_FALSE(times.find(head));
+    times.add(frame, 100);
+    frame[14] = std::byte{5};  // the length changes with the datagrams that travel in the frame
+    EXPECT_EQ(times.find(head), 100U);
+    times.add(frame, 200);
+    EXPECT_EQ(times.find(head), 200U);
+    frame[17] = std::byte{9};  // the index
+    EXPECT_FALSE(times.find(head));
+    times.add(Bytes(frame).first(10), 300);
+    EXPECT_FALSE(times.find(head));
+    EXPECT_FALSE(times.find(head.first(10)));
+    for (unsigned n = 0; n < SendTimes::kMost; ++n) {
+        frame[17] = static_cast<std::byte>(100 + n);
+        times.add(frame, n);
+    }
+    frame[17] = std::byte{100};
+    EXPECT_EQ(times.find(head), 0U);
+    times.add(frame, 1000);
+    frame[17] = std::byte{101};
+    EXPECT_EQ(times.find(head), 1U);
+}
+
+// A NIC whose clock runs 60 ppm faster than that of the host; two slaves that drift. The time between the wake-up and
+// the wire is not known to the host.
+struct LinkLayerClockTest : testing::Test, ClockBus {
+    std::mt19937 random{3};
+    Time due{};
+    std::int64_t hidden_ns = 30'000;
+    double squares = 0;
+    double most = 0;
+    int counted = 0;
+
+    void bring_up(bool stamps = true) {
+        add({.drift_ppb = -80'000, .start_ns = 99});
+        add({.drift_ppb = 40'000});
+        segment.power_up(osal.now());
+        nic = std::make_unique<SimulatedNic>(
+            segment, osal,
+            SimulatedNic::Options{
+                .time_stamps = stamps, .clock_drift_ppb = 60'000, .clock_start_ns = 0x1234'5678'9ABC});
+        ctx = std::make_unique<HostContext>(limits);
+        ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+        ASSERT_TRUE(config_init(*ctx).ok());
+        ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+        ASSERT_TRUE(config_map(*ctx, image).ok());
+        due = osal.now() + 10ms;
+    }
+    // The system time minus the time of the NIC, within a cycle.
+    double phase() {
+        const Time now = osal.now();
+        const std::uint64_t away = segment.slave(0).clock().copy(now) % 1'000'000 + 1'000'000;
+        return static_cast<double>(phase_error_ns(away - nic->clock_ns(now) % 1'000'000, 1'000'000, 0));
+    }
+    void run_cycles(LinkLayerClock& clock, int count, double wanted) {
+        std::uniform_int_distribution<std::int64_t> hidden(0, hidden_ns);
+        for (int n = 0; n < count; ++n) {
+            osal.wait(due + Duration{hidden(random)}, -1);
+            ASSERT_TRUE(send_processdata(*ctx).ok());
+            (void)receive_processdata(*ctx, reply_timeout);
+            const double error = phase() - wanted;
+            squares += error * error;
+            most = std::max(most, std::abs(error));
+            ++counted;
+            const Duration earlier = clock.update(*ctx, Duration{0});
+            (void)poll(*ctx, osal.now());
+            due += 1ms - earlier;
+        }
+    }
+    void forget() { squares = most = counted = 0; }
+};
+
+TEST_F(LinkLayerClockTest, TheBusFollowsTheClockOfTheNic) {
+    bring_up();
+    LinkLayerClock clock(*nic, {.set_value = -200us, .phase = {.cycle = 1ms, .settle = 100ms}});
+    EXPECT_EQ(clock.state(), PhaseState::idle);
+    run_cycles(clock, 4000, -200'000);
+    EXPECT_EQ(clock.state(), PhaseState::in_sync) << to_text(clock.state());
+    forget();
+    run_cycles(clock, 5000, -200'000);
+    // The reference sees a frame 140 ns of port after the NIC has sent it, and the way is not compensated.
+    EXPECT_LE(most, 700) << "30 µs of jitter that the host does not know move nothing";
+    EXPECT_LE(greatest_error_ns(2), 200) << "140 ns between both references in each cycle";
+    EXPECT_NEAR(clock.cycle().drift_ppb(), 60'000, 10'000) << "the cycle is faster, as the NIC is";
+    EXPECT_EQ(clock.without_stamp(), 0U);
+    // When a frame leaves, the NIC shows a whole millisecond, up to the jitter.
+    const auto sent = static_cast<double>(phase_error_ns(nic->clock_ns(due), 1'000'000, 0));
+    EXPECT_NEAR(sent, -15'000, 8'000) << "in the mean of 0 to 30 µs";
+}
+
+// The same jitter without time stamps: the master takes it for an error of the clock.
+TEST_F(LinkLayerClockTest, WithoutItTheJitterOfTheHostMovesTheBus) {
+    bring_up();
+    MasterClock clock({.mode = MasterClock::Mode::bus_shift, .phase = {.cycle = 1ms, .outlier_ns = 50'000}});
+    std::int64_t seen = 0;
+    for (int n = 0; n < 5000; ++n) {
+        std::uniform_int_distribution<std::int64_t> hidden(0, hidden_ns);
+        osal.wait(due + Duration{hidden(random)}, -1);
+        ASSERT_TRUE(send_processdata(*ctx).ok());
+        (void)receive_processdata(*ctx, reply_timeout);
+        (void)clock.update(*ctx, Duration{0});
+        (void)poll(*ctx, osal.now());
+        if (n > 4000) seen = std::max(seen, std::abs(clock.error_ns()));
+        due += 1ms;
+    }
+    EXPECT_GE(seen, 10'000);
+}
+
+TEST_F(LinkLayerClockTest, LostFramesAndCyclesWithoutStampsKeepTheRate) {
+    bring_up();
+    LinkLayerClock clock(*nic, {.phase = {.cycle = 1ms}});
+    run_cycles(clock, 4000, 0);
+    segment.set_noise({.lost = 0.05, .seed = 5});
+    forget();
+    run_cycles(clock, 5000, 0);
+    EXPECT_LE(most, 3000);
+    EXPECT_NEAR(clock.reference().drift_ppb(), -140'000, 10'000);
+}
+
+TEST_F(LinkLayerClockTest, ANicWithoutStampsCorrectsNothingAndSaysSo) {
+    bring_up(false);
+    LinkLayerClock clock(*nic, {.phase = {.cycle = 1ms}});
+    run_cycles(clock, 100, 0);
+    EXPECT_EQ(clock.state(), PhaseState::idle);
+    EXPECT_GE(clock.without_stamp(), 95U);
+    EXPECT_FALSE(clock.record().read);
+    LinkLayerClock wrong(*nic, {.set_value = 1ms, .phase = {.cycle = 1ms}});
+    EXPECT_EQ(wrong.state(), PhaseState::set_value_wrong);
+    EXPECT_EQ(wrong.update(*ctx, 0us), Duration{0});
+}
+
+TEST_F(LinkLayerClockTest, RunCycleFollowsIt) {
+    bring_up();
+    LinkLayerClock clock(*nic, {.set_value = -300us, .phase = {.cycle = 1ms, .settle = 100ms}});
+    int done = 0;
+    double worst = 0;
+    const auto work = [&](const CycleInfo&) {
+        if (++done > 3000) worst = std::max(worst, std::abs(phase() + 300'000));
+        return done < 6000;
+    };
+    ASSERT_TRUE(run_cycle(*ctx, {.period = 1ms, .clock = &clock}, work).ok());
+    EXPECT_EQ(clock.state(), PhaseState::in_sync);
+    EXPECT_LE(worst, 700);
+}
+
+}  // namespace
+}  // namespace margay
