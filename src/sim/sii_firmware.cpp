@@ -108,15 +108,13 @@ bool SiiFirmware::outputs_missing() {
     esc_->read(reg::sync_manager(outputs.sync_manager).address, raw);
     const auto status = wire::SyncManagerLayout::status::load(raw);
     const auto sm = wire::load_sync_manager(raw);
-    if (sm.length_bytes == 1) {  // a watchdog trigger without a buffer: only the watchdog shows that outputs arrive
-        const bool watched = (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
-        const auto running =
-            subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address) & 1;
-        return watched && running == 0;
-    }
-    const bool off = sm.length_bytes == 0;
-    const bool written = (status & wire::sm_status::kLastBufferMask) != wire::sm_status::kLastBufferMask;
-    return !off && !written;
+    if (sm.length_bytes == 0) return false;
+    const bool watched = (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+    const auto running = subdevice::read_register<std::uint16_t>(*esc_, reg::kProcessDataWatchdogStatus.address) & 1;
+    // Outputs from before the watchdog expired do not count.
+    if (watched && running == 0) return true;
+    if (sm.length_bytes == 1) return false;  // a watchdog trigger without a buffer: only the watchdog shows outputs
+    return (status & wire::sm_status::kLastBufferMask) == wire::sm_status::kLastBufferMask;
 }
 
 void SiiFirmware::perform(Transition transition, Time) {

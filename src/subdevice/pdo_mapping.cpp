@@ -4,6 +4,7 @@
 #include "subdevice/bits.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace margay::subdevice {
 
@@ -11,6 +12,15 @@ namespace {
 
 constexpr bool is_output_pdo(std::uint16_t index) { return index >= 0x1600 && index < 0x1800; }
 constexpr bool is_input_pdo(std::uint16_t index) { return index >= 0x1A00 && index < 0x1C00; }
+
+// Dummy mapping (CiA 301, ETG.1000.6 "PDO Mapping"): an entry with the index of a basic data type, BOOLEAN (0x0001) to
+// UNSIGNED32 (0x0007), is a gap of the size of the type. Index 0 is a gap of any size.
+constexpr unsigned kLastDummy = 0x0007;
+constexpr bool is_gap(std::uint16_t index) { return index <= kLastDummy; }
+constexpr bool right_gap(MappingEntry entry) {
+    constexpr std::array<std::uint8_t, kLastDummy + 1> kBits{0, 1, 8, 16, 32, 8, 16, 32};
+    return entry.index == 0 || (entry.subindex == 0 && entry.bits == kBits[entry.index]);
+}
 
 std::size_t mapped_bits(const ObjectDictionary& dictionary, std::uint16_t pdo) {
     std::size_t bits = 0;
@@ -78,7 +88,7 @@ bool MappingReader::next() {
 }
 
 Abort check_mappable(ObjectDictionary& dictionary, MappingEntry entry, bool outputs) {
-    if (entry.index == 0) return Abort::none;
+    if (is_gap(entry.index)) return right_gap(entry) ? Abort::none : Abort::length_mismatch;
     const auto* const object = dictionary.find(entry.index);
     if (object == nullptr) return Abort::no_object;
     const auto* const found = object->entry(entry.subindex);
@@ -105,7 +115,7 @@ Abort PdoMapping::build(ObjectDictionary& dictionary, std::uint16_t assignment, 
         if (wrong != Abort::none) return wrong;
         if (count_ == memory_.size() || bits_ + entry.bits > max_bytes * 8) return Abort::exceeds_pdo;
         MappedEntry mapped{entry.index, entry.subindex, entry.bits};
-        if (entry.index != 0) {
+        if (!is_gap(entry.index)) {
             const auto& object = *dictionary.find(entry.index);
             mapped.entry = object.entry(entry.subindex);
             mapped.octets = memory_of(dictionary, object, *mapped.entry, entry.subindex).data();

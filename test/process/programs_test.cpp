@@ -76,7 +76,8 @@ TEST(Programs, NoticeOutputThatIsLost) {
          {"slaveinfo sim:demo", "slaveinfo sim:demo --json", "slaveinfo sim:demo --map",
           "slaveinfo sim:mixed200 --json", "simple_io sim:demo --cycles 10",
           "segment_monitor sim:demo --plain --cycles 10", "eepromtool sim:demo 1 dump", "eepromtool sim:demo 1 read",
-          "eepromtool sim:demo 1 alias", "segment_fidelity r.pcap demo", "sii_from_capture r.pcap images"}) {
+          "eepromtool sim:demo 1 alias", "subdevice_check sim:demo 1 --only eeprom", "segment_fidelity r.pcap demo",
+          "sii_from_capture r.pcap images"}) {
         const auto name = command.substr(0, command.find(' '));
         const auto full = folder.run(kBin + command + " >/dev/full");
         EXPECT_EQ(full.status, 3) << command << full.err;
@@ -101,7 +102,7 @@ TEST(Programs, TellUsageFromWhatTheSystemLacks) {
     for (const auto* usage :
          {"slaveinfo sim:demo more", "slaveinfo sim:demo --cstruct", "simple_io sim:demo --period 5",
           "simple_io sim:demo --cycles many", "simple_io sim:demo --cycles -3", "eepromtool sim:demo",
-          "eepromtool sim:demo dump", "virtual_segment eth0"}) {
+          "eepromtool sim:demo dump", "virtual_segment eth0", "subdevice_check sim:demo"}) {
         const auto ran = folder.run(kBin + usage);
         EXPECT_EQ(ran.status, 2) << usage << ran.err;
         EXPECT_NE(ran.err, "") << usage;
@@ -109,8 +110,9 @@ TEST(Programs, TellUsageFromWhatTheSystemLacks) {
     for (const auto* system :
          {"slaveinfo no-such-if", "slaveinfo sim:nothing.toml", "slaveinfo pcap:nothing", "simple_io no-such-if",
           "segment_monitor no-such-if", "eepromtool no-such-if 1 dump", "eepromtool file:nothing dump",
-          "virtual_segment no-such-if demo", "segment_fidelity nothing demo", "sii_from_capture nothing x",
-          "slaveinfo sim:demo --record no/such/folder", "slaveinfo sim:demo --record /dev/full"}) {
+          "virtual_segment no-such-if demo", "subdevice_check no-such-if 1", "segment_fidelity nothing demo",
+          "sii_from_capture nothing x", "slaveinfo sim:demo --record no/such/folder",
+          "slaveinfo sim:demo --record /dev/full"}) {
         const auto ran = folder.run(kBin + system);
         EXPECT_EQ(ran.status, 3) << system << ran.err;
         EXPECT_NE(ran.err, "") << system;

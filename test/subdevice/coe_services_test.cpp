@@ -318,6 +318,25 @@ TEST(PdoRules, ZeroFirstThenEntriesThenTheCount) {
     EXPECT_EQ(Values::out_a::load(bench.image), 9) << "not mapped any more";
 }
 
+TEST(PdoRules, ADataTypeIsADummyOfItsSize) {
+    using enum Abort;
+    Bench bench;
+    ASSERT_EQ(download(bench, 0x1600, 0, number(0, 1)).abort, none);
+    EXPECT_EQ(download(bench, 0x1600, 1, number(0x00050010, 4)).abort, length_mismatch) << "UNSIGNED8 has 8 bits";
+    EXPECT_EQ(download(bench, 0x1600, 1, number(0x00050108, 4)).abort, length_mismatch) << "it has no subindex 1";
+    EXPECT_EQ(download(bench, 0x1600, 1, number(0x00080020, 4)).abort, no_object) << "REAL32 is no dummy";
+    EXPECT_EQ(download(bench, 0x1600, 1, number(0x00050008, 4)).abort, none);
+    EXPECT_EQ(download(bench, 0x1600, 2, number(0x00060010, 4)).abort, none);
+    EXPECT_EQ(download(bench, 0x1600, 3, number(0x70000210, 4)).abort, none);
+    EXPECT_EQ(download(bench, 0x1600, 0, number(3, 1)).abort, none);
+    bench.esc.configure(2, {0x1200, 5, 0x64, 1});
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({0xFF, 0xFF, 0xFF, 0x34, 0x12})));
+    ASSERT_EQ(bench.request(8).state, AlState::op);
+    EXPECT_EQ(Values::out_b::load(bench.image), 0x1234);
+    EXPECT_EQ(Values::out_a::load(bench.image), 9) << "not mapped any more";
+}
+
 TEST(PdoRules, WhatCannotBeMappedIsRefusedWithItsReason) {
     using enum Abort;
     Bench bench;

@@ -1,0 +1,273 @@
+#include "subdevice_check/bench.hpp"
+
+#include "common/program.hpp"
+#include "common/slave_report.hpp"
+#include "wire/al_status_code.hpp"
+#include "wire/datagram.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay::samples::conformance {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kLook = 1ms;
+constexpr Duration kSettled = 20ms;  // a slave has answered a request that it refuses
+constexpr std::size_t kMostOctets = 1486;
+
+bool has_process_data(AlState state) { return state == AlState::safeop || state == AlState::op; }
+
+}  // namespace
+
+std::string state_text(AlState state) { return std::string(margay::to_text(state)); }
+
+std::string status_text(const AlStatus& status) {
+    std::string text = state_text(status.state);
+    if (status.error) text += " + ERROR";
+    if (status.error || status.code != 0)
+        text += fmt::format(", AL status code 0x{:04x} ({})", status.code, wire::al_status_text(status.code));
+    return text;
+}
+
+Bench::Bench(Context& ctx, Osal& osal, int nic_handle, std::uint16_t number)
+    : ctx_(ctx), osal_(osal), nic_handle_(nic_handle), number_(number) {
+    // A lost frame is an error of the line here, because a repeated access could have an effect twice.
+    ctx_.link_settings().sendings = 1;
+    find_areas();
+}
+
+const Slave& Bench::slave() const { return ctx_.slave(number_); }
+
+bool Bench::has(std::uint16_t protocol) const {
+    return slave().mailbox.present() && (slave().mailbox.protocols & protocol) != 0;
+}
+
+void Bench::begin(CheckResult& result, std::string_view clause) {
+    result_ = &result;
+    clause_ = clause;
+}
+
+void Bench::add(Severity severity, std::string text, std::string_view clause) {
+    if (severity == Severity::error) result_->outcome = Outcome::failed;
+    result_->findings.push_back({severity, std::move(text), std::string(clause.empty() ? clause_ : clause)});
+}
+
+// ------------------------------------------------------------------ registers
+
+void Bench::check_line(const Error& error) const {
+    if (stop_asked()) throw NotJudged{"the program was stopped"};
+    if (error.code != Errc::working_counter) throw LineFault{sentence(error)};
+}
+
+bool Bench::try_read(std::uint16_t address, MutableBytes into) {
+    const auto read = read_register(ctx_, number_, address, into);
+    if (!read) check_line(read.error());
+    return read.ok();
+}
+
+bool Bench::try_write(std::uint16_t address, Bytes data) {
+    const auto written = write_register(ctx_, number_, address, data);
+    if (!written) check_line(written.error());
+    return written.ok();
+}
+
+void Bench::read_octets(std::uint16_t address, MutableBytes into) {
+    if (!try_read(address, into)) skip(fmt::format("the slave does not answer at register 0x{:04x}", address));
+}
+
+void Bench::write_octets(std::uint16_t address, Bytes data) {
+    if (!try_write(address, data)) skip(fmt::format("the slave does not accept register 0x{:04x}", address));
+}
+
+void Bench::write_sync_manager(unsigned n, const wire::SyncManager& setting) {
+    std::array<std::byte, reg::kSyncManagerStride> octets{};
+    wire::store_sync_manager(octets, setting);
+    // Start and length can be changed only while the SyncManager is off.
+    write<std::uint8_t>(static_cast<std::uint16_t>(reg::sync_manager(n).address + 6), 0);
+    write_octets(reg::sync_manager(n).address, octets);
+}
+
+wire::SyncManager Bench::read_sync_manager(unsigned n) {
+    std::array<std::byte, reg::kSyncManagerStride> octets{};
+    read_octets(reg::sync_manager(n).address, octets);
+    return wire::load_sync_manager(octets);
+}
+
+std::uint8_t Bench::sync_manager_status(unsigned n) {
+    return read<std::uint8_t>(
+        static_cast<std::uint16_t>(reg::sync_manager(n).address + wire::SyncManagerLayout::status::offset));
+}
+
+void Bench::wait(Duration time) {
+    const Time until = osal_.now() + time;
+    while (osal_.now() < until) {
+        if (stop_asked()) throw NotJudged{"the program was stopped"};
+        const Time next = poll(ctx_, osal_.now());
+        osal_.wait(std::min(next, until), nic_handle_);
+    }
+}
+
+// ------------------------------------------------------------------ states
+
+AlStatus Bench::al_status() {
+    std::array<std::byte, 6> octets{};
+    read_octets(reg::kAlStatus.address, octets);
+    const auto word = load_le<std::uint16_t>(octets, 0);
+    return {static_cast<AlState>(word & wire::al::kStateMask), (word & wire::al::kErrorIndication) != 0,
+            load_le<std::uint16_t>(octets, 4)};
+}
+
+Duration Bench::patience(AlState to) {
+    switch (to) {
+        case AlState::preop:
+        case AlState::boot: return 3s;
+        case AlState::safeop:
+        case AlState::op: return 10s;
+        default: return 5s;
+    }
+}
+
+AlStatus Bench::go(AlState state, bool with_process_data) {
+    request(static_cast<unsigned>(state));
+    const bool cyclic = with_process_data && has_process_data(state);
+    const Time until = now() + patience(state);
+    for (;;) {
+        if (cyclic) (void)exchange();
+        const auto status = al_status();
+        if (status.state == state || status.error || now() >= until) return status;
+        wait(kLook);
+    }
+}
+
+AlStatus Bench::refused() {
+    auto status = al_status();
+    Time settled = now() + kSettled;
+    const Time until = now() + 500ms;
+    while (now() < settled && now() < until && !status.error) {
+        wait(kLook);
+        const auto next = al_status();
+        if (next != status) settled = now() + kSettled;
+        status = next;
+    }
+    return status;
+}
+
+void Bench::reset() {
+    request(static_cast<unsigned>(AlState::init) | (emulation() ? 0U : wire::al::kErrorAcknowledge));
+    const Time until = now() + patience(AlState::init);
+    auto status = al_status();
+    while ((status.state != AlState::init || status.error) && now() < until) {
+        wait(kLook);
+        status = al_status();
+    }
+    if (status.state != AlState::init || status.error)
+        skip(fmt::format("the slave does not go to INIT: it is in {}", status_text(status)));
+    const wire::SyncManager off{};
+    const unsigned managers = std::min<unsigned>(slave().dl.sync_managers, 8);
+    for (unsigned n = 0; n < managers; ++n) write_sync_manager(n, off);
+    std::array<std::byte, 1> octet{};
+    (void)try_write(reg::kSyncActivation.address, octet);
+    write<std::uint16_t>(reg::kWatchdogDivider.address, 0x09C2);
+    write<std::uint16_t>(reg::kProcessDataWatchdogTime.address, 1000);
+    give_eeprom(false);
+}
+
+void Bench::enter(AlState state) {
+    reset();
+    if (state == AlState::init) return;
+    const auto step = [this](AlState to) {
+        const auto status = go(to);
+        if (status.state != to || status.error)
+            skip(fmt::format("the slave does not go to {}: it is in {}", state_text(to), status_text(status)));
+    };
+    configure_mailboxes(state == AlState::boot);
+    give_eeprom(true);
+    step(state == AlState::boot ? AlState::boot : AlState::preop);
+    if (mailbox_started_) mailbox_started_();
+    if (state == AlState::preop || state == AlState::boot) return;
+    configure_process_data();
+    step(AlState::safeop);
+    if (state == AlState::op) step(AlState::op);
+}
+
+void Bench::configure_mailboxes(bool boot) {
+    const auto& s = slave();
+    const auto& box = boot ? s.boot_mailbox : s.mailbox;
+    if (!box.present()) return;
+    const auto control = [&](unsigned n, SmType type, std::uint8_t otherwise) {
+        return n < s.sm_count && s.sync_managers[n].type == type ? s.sync_managers[n].control : otherwise;
+    };
+    write_sync_manager(0, {box.out_start, box.out_bytes, control(0, SmType::mailbox_out, 0x26), 1});
+    write_sync_manager(1, {box.in_start, box.in_bytes, control(1, SmType::mailbox_in, 0x22), 1});
+}
+
+void Bench::configure_process_data() {
+    if (find_lengths_) find_lengths_();
+    for (const auto& area : areas_) write_sync_manager(area.sync_manager, area.setting);
+}
+
+void Bench::give_eeprom(bool to_pdi) {
+    if (!to_pdi) write<std::uint8_t>(reg::kSiiConfig.address, wire::sii_config::kForceEcat);
+    write<std::uint8_t>(reg::kSiiConfig.address, to_pdi ? wire::sii_config::kOfferedToPdi : std::uint8_t{0});
+}
+
+// ------------------------------------------------------------------ process data
+
+void Bench::find_areas() {
+    const auto& s = slave();
+    for (std::uint8_t n = 0; n < s.sm_count; ++n) {
+        const auto& info = s.sync_managers[n];
+        if (info.type != SmType::outputs && info.type != SmType::inputs) continue;
+        const bool on = info.length_bytes != 0;
+        areas_.push_back({n,
+                          info.type == SmType::outputs,
+                          {info.start, info.length_bytes, info.control, on ? std::uint8_t{1} : std::uint8_t{0}}});
+    }
+}
+
+const ProcessArea* Bench::area(bool outputs) const {
+    for (const auto& area : areas_)
+        if (area.outputs == outputs && area.setting.length_bytes != 0) return &area;
+    return nullptr;
+}
+
+void Bench::set_area_length(std::uint8_t sync_manager, std::uint16_t bytes) {
+    for (auto& area : areas_) {
+        if (area.sync_manager != sync_manager) continue;
+        area.setting.length_bytes = bytes;
+        area.setting.activate = bytes != 0 ? 1 : 0;
+    }
+}
+
+bool Bench::exchange() {
+    std::array<std::byte, kMostOctets> octets{};
+    bool whole = true;
+    for (const auto& area : areas_) {
+        const auto bytes = std::min<std::size_t>(area.setting.length_bytes, octets.size());
+        if (bytes == 0) continue;
+        const auto data = MutableBytes(octets).first(bytes);
+        if (area.outputs) std::fill(data.begin(), data.end(), std::byte{0});
+        const bool done =
+            area.outputs ? try_write(area.setting.physical_start, data) : try_read(area.setting.physical_start, data);
+        whole = whole && done;
+    }
+    return whole;
+}
+
+bool Bench::run(Duration time, const std::function<bool()>& done, Duration period) {
+    const Time until = now() + time;
+    Time next = now();
+    while (now() < until) {
+        (void)exchange();
+        if (done && done()) return true;
+        next += period;
+        if (next > now()) wait(next - now());
+        if (next + 10 * period < now()) next = now();  // the program was not executed for a while
+    }
+    return false;
+}
+
+}  // namespace margay::samples::conformance

@@ -1,0 +1,142 @@
+// The bench of the conformance check: one slave, its registers and its states, without the help of the master. The
+// master finds the slave and reads its SII; then every octet that the slave receives comes from the checks.
+#pragma once
+
+#include "osal/osal.hpp"
+#include "subdevice_check/report.hpp"
+#include "wire/esc.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <margay/context.hpp>
+
+#include <fmt/format.h>
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace margay::samples::conformance {
+
+namespace reg = wire::reg;
+
+// Ends a check that cannot be judged: the slave does not do what the check needs. Another check reports the fault.
+struct NotJudged {
+    std::string reason{};
+};
+// A frame was lost. The check begins again once.
+struct LineFault {
+    std::string reason{};
+};
+
+// A SyncManager of process data, as a master configures it in PREOP.
+struct ProcessArea {
+    std::uint8_t sync_manager = 0;
+    bool outputs = false;
+    wire::SyncManager setting{};
+};
+
+class Bench {
+  public:
+    // config_init() has run for `ctx`. `nic_handle` is the handle that the osal waits for.
+    Bench(Context& ctx, Osal& osal, int nic_handle, std::uint16_t number);
+
+    [[nodiscard]] const Slave& slave() const;
+    [[nodiscard]] Context& context() { return ctx_; }
+    [[nodiscard]] std::uint16_t number() const { return number_; }
+    [[nodiscard]] bool has(std::uint16_t protocol) const;  // a bit of mailbox_protocol
+    [[nodiscard]] bool has_mailbox() const { return slave().mailbox.present(); }
+    // The AL status mirrors AL control (0x0141 bit 0): the slave has no state machine of its own.
+    [[nodiscard]] bool emulation() const { return slave().device_emulation; }
+
+    // --- What the running check says ---
+    void begin(CheckResult& result, std::string_view clause);
+    // The clause of the check, or another one for this finding.
+    void fail(std::string text, std::string_view clause = {}) { add(Severity::error, std::move(text), clause); }
+    void remark(std::string text, std::string_view clause = {}) { add(Severity::remark, std::move(text), clause); }
+    [[noreturn]] void skip(std::string reason) { throw NotJudged{std::move(reason)}; }
+
+    // --- Registers ---
+    // False: working counter 0, the slave has not executed the access.
+    [[nodiscard]] bool try_read(std::uint16_t address, MutableBytes into);
+    [[nodiscard]] bool try_write(std::uint16_t address, Bytes data);
+    void read_octets(std::uint16_t address, MutableBytes into);
+    void write_octets(std::uint16_t address, Bytes data);
+    template <class T>
+    [[nodiscard]] T read(std::uint16_t address) {
+        std::array<std::byte, sizeof(T)> octets{};
+        read_octets(address, octets);
+        return load_le<T>(octets);
+    }
+    template <class T>
+    void write(std::uint16_t address, T value) {
+        std::array<std::byte, sizeof(T)> octets{};
+        store_le<T>(octets, 0, value);
+        write_octets(address, octets);
+    }
+    void write_sync_manager(unsigned n, const wire::SyncManager& setting);
+    [[nodiscard]] wire::SyncManager read_sync_manager(unsigned n);
+    [[nodiscard]] std::uint8_t sync_manager_status(unsigned n);
+
+    // --- Time ---
+    [[nodiscard]] Time now() { return osal_.now(); }
+    void wait(Duration time);
+
+    // --- States ---
+    [[nodiscard]] AlStatus al_status();
+    void request(unsigned al_control) { write(reg::kAlControl.address, static_cast<std::uint16_t>(al_control)); }
+    // Requests a state and waits until the slave is there, or reports an error. Exchanges process data meanwhile when
+    // `with_process_data` is set. Returns the last AL status.
+    AlStatus go(AlState state, bool with_process_data = true);
+    // Waits until the status does not change any more: the end of the time in which a slave answers a request that it
+    // must refuse.
+    AlStatus refused();
+    // From any state to `state`, with the configuration of the SII and of the PDO objects. Throws NotJudged when the
+    // slave does not get there.
+    void enter(AlState state);
+    // To INIT with an acknowledge, and everything that a master configures cleared.
+    void reset();
+    // The same with the configuration for one step only; errors of the slave are returned, not thrown.
+    void configure_mailboxes(bool boot = false);
+    void configure_process_data();
+    // The EEPROM belongs to the PDI, or again to the master.
+    void give_eeprom(bool to_pdi);
+    // Longest time that a slave may take for a transition (ETG.2000, default of the ESI element Info/StateMachine).
+    [[nodiscard]] static Duration patience(AlState to);
+
+    // --- Process data ---
+    [[nodiscard]] const std::vector<ProcessArea>& areas() const { return areas_; }
+    [[nodiscard]] const ProcessArea* area(bool outputs) const;
+    // Writes zeros to all outputs and reads all inputs, as one cycle does. Returns false when an access had working
+    // counter 0.
+    bool exchange();
+    // Exchanges process data each `period` for `time`, or until `done` returns true. Returns whether it did.
+    bool run(Duration time, const std::function<bool()>& done = {}, Duration period = std::chrono::milliseconds(1));
+    // Replaces the length of an area when the objects of PDO assignment give another one than the SII.
+    void set_area_length(std::uint8_t sync_manager, std::uint16_t bytes);
+    // Called in PREOP before process data are configured: finds the lengths of the areas.
+    void on_preop(std::function<void()> find_lengths) { find_lengths_ = std::move(find_lengths); }
+    // Called after the slave has left INIT or BOOT: the mailboxes are new.
+    void on_mailbox_start(std::function<void()> restart) { mailbox_started_ = std::move(restart); }
+
+  private:
+    void add(Severity severity, std::string text, std::string_view clause);
+    void find_areas();
+    void check_line(const Error& error) const;
+
+    Context& ctx_;
+    Osal& osal_;
+    int nic_handle_;
+    std::uint16_t number_;
+    std::vector<ProcessArea> areas_;
+    std::function<void()> find_lengths_;
+    std::function<void()> mailbox_started_;
+    CheckResult* result_ = nullptr;
+    std::string_view clause_;
+};
+
+[[nodiscard]] std::string status_text(const AlStatus& status);
+[[nodiscard]] std::string state_text(AlState state);
+
+}  // namespace margay::samples::conformance

@@ -1,0 +1,72 @@
+// The checks of the conformance check: one table for each subject, one file for each table.
+#pragma once
+
+#include "subdevice_check/sdo_client.hpp"
+
+#include <span>
+
+namespace margay::samples::conformance {
+
+struct Options {
+    // Also writes the EEPROM: one word, the alias, with the value that it has.
+    bool write_eeprom = false;
+    // Only checks whose name begins with one of these, separated by commas; empty: all. The entries of the dictionary
+    // are read in any case where a check needs them.
+    std::string only{};
+};
+
+// Everything that a check needs. It lives for the whole run.
+struct Session {
+    Bench& bench;
+    MailBench& mail;
+    SdoClient& sdo;
+    const Options& options;
+    std::vector<std::byte> sii{};  // the content of the EEPROM up to its end mark
+    std::string sii_fault{};       // why it could not be read
+    bool lengths_known = false;    // find_process_data_lengths() has found them
+};
+
+struct Check {
+    std::string_view name;
+    std::string_view what;
+    std::string_view clause;  // of the findings that name none
+    void (*run)(Session&);
+};
+
+// In the order in which they are executed: a check may use what an earlier one has found.
+[[nodiscard]] std::span<const Check> eeprom_checks();
+[[nodiscard]] std::span<const Check> state_checks();
+[[nodiscard]] std::span<const Check> sync_manager_checks();
+[[nodiscard]] std::span<const Check> mailbox_checks();
+[[nodiscard]] std::span<const Check> information_checks();
+[[nodiscard]] std::span<const Check> sdo_checks();
+[[nodiscard]] std::span<const Check> segment_checks();
+[[nodiscard]] std::span<const Check> pdo_checks();
+[[nodiscard]] std::span<const Check> watchdog_checks();
+[[nodiscard]] std::span<const Check> clock_checks();
+[[nodiscard]] std::span<const Check> message_checks();  // the last: they judge all messages of the run
+
+// All tables in this order.
+[[nodiscard]] std::vector<Check> all_checks();
+
+// Finds the lengths of the process data in PREOP: by the objects of PDO assignment, or by the SII (pdos.cpp).
+void find_process_data_lengths(Session& session);
+// The PDOs that the SII assigns to a SyncManager, in their order, with their entries as mapping values.
+struct SiiPdo {
+    std::uint16_t index = 0;
+    std::vector<std::uint32_t> entries{};
+};
+[[nodiscard]] std::vector<SiiPdo> sii_pdos(const Session& session, std::uint8_t sync_manager);
+[[nodiscard]] std::size_t bits_of(const std::vector<SiiPdo>& pdos);
+
+// Scans the segment of `ctx`, which is initialised, and checks the slave with this number. `progress` is called with
+// the name of each check before it begins. Returns an error as a sentence when there is no such slave.
+struct Checked {
+    Report report{};
+    std::string error{};
+};
+[[nodiscard]] Checked check_device(Context& ctx, Osal& osal, int nic_handle, std::uint16_t position,
+                                   const Options& options = {},
+                                   const std::function<void(std::string_view)>& progress = {});
+
+}  // namespace margay::samples::conformance

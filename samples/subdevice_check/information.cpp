@@ -1,0 +1,295 @@
+// The object dictionary: what the SDO information service says, against the objects themselves and against the SII.
+#include "subdevice_check/check.hpp"
+
+#include <algorithm>
+#include <set>
+
+namespace margay::samples::conformance {
+namespace {
+
+using coe::InfoLayout;
+using coe::InfoOpcode;
+using coe::ListType;
+
+constexpr std::string_view kInformation = "ETG.1000.6, SDO Information";
+constexpr std::size_t kMostFindings = 5;  // of one kind, then they are counted
+
+// The data of a response from its service data on, of all fragments.
+struct InfoReply {
+    Abort abort = Abort::none;
+    std::string fault{};
+    std::vector<std::byte> data{};
+    [[nodiscard]] bool ok() const { return abort == Abort::none && fault.empty(); }
+};
+
+std::vector<std::byte> request(InfoOpcode opcode, std::size_t bytes) {
+    std::vector<std::byte> data(bytes);
+    coe::store_header(data, {0, coe::Service::sdo_information});
+    InfoLayout::opcode::store(data, static_cast<std::uint8_t>(opcode));
+    return data;
+}
+
+bool is_information(const Mail& mail) {
+    return mail.header.type == wire::MailboxType::error ||
+           (mail.header.type == wire::MailboxType::coe && mail.data.size() >= coe::kInfoHeaderBytes &&
+            coe::load_header(mail.data).service == coe::Service::sdo_information);
+}
+
+InfoReply ask(Session& session, Bytes message, InfoOpcode expected) {
+    InfoReply reply;
+    auto mail = session.mail.ask(wire::MailboxType::coe, message, is_information);
+    std::optional<unsigned> left;
+    for (;;) {
+        if (mail.header.type == wire::MailboxType::error) {
+            reply.fault = "a mailbox error, " + hex(mail.data);
+            return reply;
+        }
+        const auto opcode = InfoLayout::opcode::load(mail.data);
+        if (static_cast<InfoOpcode>(opcode & ~coe::kInfoIncomplete) == InfoOpcode::error) {
+            reply.abort =
+                mail.data.size() >= coe::kInfoErrorBytes ? InfoLayout::abort::load(mail.data) : Abort::general;
+            return reply;
+        }
+        if (static_cast<InfoOpcode>(opcode & ~coe::kInfoIncomplete) != expected) {
+            reply.fault = fmt::format("the opcode of the response is {}", opcode & ~coe::kInfoIncomplete);
+            return reply;
+        }
+        const unsigned fragments = InfoLayout::fragments_left::load(mail.data);
+        if (left && fragments + 1 != *left) reply.fault = fmt::format("{} fragments left after {}", fragments, *left);
+        if (((opcode & coe::kInfoIncomplete) != 0) != (fragments != 0))
+            reply.fault = fmt::format("{} fragments left, and the bit incomplete says something else", fragments);
+        left = fragments;
+        reply.data.insert(reply.data.end(), mail.data.begin() + coe::kInfoHeaderBytes, mail.data.end());
+        if (fragments == 0 || !reply.fault.empty()) return reply;
+        auto next = session.mail.take(MailBench::kResponse);
+        while (next && !is_information(*next)) {
+            session.mail.unasked(*next);
+            next = session.mail.take(MailBench::kResponse);
+        }
+        if (!next) {
+            reply.fault = fmt::format("{} fragments are missing", fragments);
+            return reply;
+        }
+        mail = *std::move(next);
+    }
+}
+
+InfoReply list(Session& session, ListType type) {
+    auto message = request(InfoOpcode::list_request, coe::kListRequestBytes);
+    InfoLayout::list_type::store(message, static_cast<std::uint16_t>(type));
+    return ask(session, message, InfoOpcode::list_response);
+}
+InfoReply object(Session& session, std::uint16_t index) {
+    auto message = request(InfoOpcode::object_request, coe::kObjectRequestBytes);
+    InfoLayout::index::store(message, index);
+    return ask(session, message, InfoOpcode::object_response);
+}
+InfoReply entry(Session& session, std::uint16_t index, std::uint8_t subindex) {
+    auto message = request(InfoOpcode::entry_request, coe::kEntryRequestBytes);
+    InfoLayout::index::store(message, index);
+    InfoLayout::entry_subindex::store(message, subindex);
+    return ask(session, message, InfoOpcode::entry_response);
+}
+
+std::vector<std::uint16_t> indices_of(const InfoReply& reply) {
+    std::vector<std::uint16_t> indices;
+    for (std::size_t at = 2; at + 2 <= reply.data.size(); at += 2)
+        indices.push_back(load_le<std::uint16_t>(reply.data, at));
+    return indices;
+}
+
+void enter(Session& session) {
+    session.sdo.needs_sdo();
+    if ((session.bench.slave().coe_details & coe_detail::kSdoInformation) == 0)
+        session.bench.skip("the SII does not announce SDO information");
+    session.bench.enter(AlState::preop);
+}
+
+void check_lists(Session& session) {
+    enter(session);
+    auto& bench = session.bench;
+    const auto lengths = list(session, ListType::lengths);
+    if (!lengths.ok() || lengths.data.size() < 12) {
+        bench.fail(fmt::format("the lengths of the lists cannot be read: {}, {} octets",
+                               reason_text(lengths.fault, lengths.abort), lengths.data.size()));
+        return;
+    }
+    std::set<std::uint16_t> all;
+    for (std::uint16_t type = 1; type <= coe::kLastListType; ++type) {
+        const auto reply = list(session, static_cast<ListType>(type));
+        const auto announced = load_le<std::uint16_t>(lengths.data, 2U * type);
+        if (!reply.ok()) {
+            bench.fail(fmt::format("list {} cannot be read: {}", type, reason_text(reply.fault, reply.abort)));
+            continue;
+        }
+        const auto indices = indices_of(reply);
+        if (indices.size() != announced)
+            bench.fail(fmt::format("list {} has {} objects, and the list of lengths says {}", type, indices.size(),
+                                   announced));
+        if (!std::ranges::is_sorted(indices)) bench.remark(fmt::format("list {} is not in ascending order", type));
+        if (type == 1) all.insert(indices.begin(), indices.end());
+        for (const auto index : indices)
+            if (all.count(index) == 0)
+                bench.fail(fmt::format("object 0x{:04x} of list {} is not in the list of all objects", index, type));
+    }
+    for (const std::uint16_t index : {std::uint16_t{0x1000}, std::uint16_t{0x1018}})
+        if (all.count(index) == 0)
+            bench.fail(fmt::format("the mandatory object 0x{:04x} is not in the list of all objects", index),
+                       "ETG.1000.6, Object Dictionary");
+}
+
+// One entry: what the service says and what an upload returns.
+struct EntryCheck {
+    Session& session;
+    std::size_t findings = 0;
+
+    void fail(std::string text) {
+        if (++findings <= kMostFindings) session.bench.fail(std::move(text));
+    }
+    void check(std::uint16_t index, std::uint8_t subindex, std::uint8_t code);
+    void compare(const DictionaryEntry& entry, bool list);
+};
+
+// The subindices of a list that is filled at run time (0x1003, 0x10F3) exist up to the count in subindex 0.
+bool beyond_count(Session& session, const DictionaryEntry& entry, Abort abort) {
+    if (entry.subindex == 0 || abort == Abort::none) return false;
+    const auto count = session.sdo.number(entry.index, 0);
+    return count && entry.subindex > *count;
+}
+
+void EntryCheck::check(std::uint16_t index, std::uint8_t subindex, std::uint8_t code) {
+    const auto reply = entry(session, index, subindex);
+    if (!reply.ok()) {
+        // The subindices of a record may have gaps.
+        const bool gap = reply.abort == Abort::no_subindex && subindex != 0 &&
+                         code != static_cast<std::uint8_t>(coe::ObjectCode::variable);
+        if (!gap)
+            fail(fmt::format("{}: no description, {}", object_text(index, subindex),
+                             reason_text(reply.fault, reply.abort)));
+        return;
+    }
+    if (reply.data.size() < coe::kEntryResponseBytes - coe::kInfoHeaderBytes) {
+        fail(fmt::format("{}: the description has {} octets", object_text(index, subindex), reply.data.size()));
+        return;
+    }
+    // The offsets of the layout count from the CoE header.
+    const auto word = [&](std::size_t at) { return load_le<std::uint16_t>(reply.data, at - coe::kInfoHeaderBytes); };
+    if (word(6) != index || std::to_integer<std::uint8_t>(reply.data[2]) != subindex)
+        fail(fmt::format("{}: the response describes 0x{:04x}", object_text(index, subindex), word(6)));
+    const DictionaryEntry described{index, subindex, static_cast<coe::DataType>(word(10)), word(12), word(14)};
+    session.sdo.entries.push_back(described);
+    compare(described, code != static_cast<std::uint8_t>(coe::ObjectCode::variable));
+}
+
+void EntryCheck::compare(const DictionaryEntry& entry, bool list) {
+    const auto name = object_text(entry.index, entry.subindex);
+    const auto up = session.sdo.upload(entry.index, entry.subindex);
+    if ((entry.access & coe::access::kReadPreop) == 0) {
+        if (up.ok()) fail(fmt::format("{} is not readable in PREOP by its description, and was read", name));
+        return;
+    }
+    if (list && beyond_count(session, entry, up.abort)) return;
+    if (!up.ok()) {
+        fail(fmt::format("{} is readable by its description, and an upload ended with {}", name,
+                         reason_text(up.fault, up.abort)));
+        return;
+    }
+    const bool text = entry.type == coe::DataType::visible_string || entry.type == coe::DataType::octet_string ||
+                      entry.type == coe::DataType::unicode_string || entry.type == coe::DataType::domain;
+    const std::size_t bytes = (entry.bits + 7U) / 8U;
+    if (!text && up.size_indicated && up.data.size() != bytes)
+        fail(fmt::format("{} has {} bits by its description, and an upload returned {} octets", name, entry.bits,
+                         up.data.size()));
+    if (up.segments != 0 && (!session.sdo.large || up.announced > 64)) session.sdo.large = entry;
+}
+
+void check_entries(Session& session) {
+    enter(session);
+    const auto reply = list(session, ListType::all);
+    if (!reply.ok()) session.bench.skip("the list of all objects cannot be read (information.lists)");
+    EntryCheck check{session};
+    session.sdo.entries.clear();
+    session.sdo.entries_complete = false;
+    for (const auto index : indices_of(reply)) {
+        const auto described = object(session, index);
+        if (!described.ok() || described.data.size() < coe::kObjectResponseBytes - coe::kInfoHeaderBytes) {
+            check.fail(
+                fmt::format("0x{:04x}: no description, {}", index, reason_text(described.fault, described.abort)));
+            continue;
+        }
+        const auto top = std::to_integer<unsigned>(described.data[4]);
+        const auto code = std::to_integer<std::uint8_t>(described.data[5]);
+        if (code == static_cast<std::uint8_t>(coe::ObjectCode::variable) && top != 0)
+            check.fail(fmt::format("0x{:04x} is a variable with {} subindices", index, top));
+        if (index < 0x1000) continue;  // definitions of types have no values
+        for (unsigned n = 0; n <= top; ++n) check.check(index, static_cast<std::uint8_t>(n), code);
+    }
+    session.sdo.entries_complete = true;
+    if (check.findings > kMostFindings)
+        session.bench.fail(
+            fmt::format("{} more entries do not agree with their descriptions", check.findings - kMostFindings));
+}
+
+void check_errors(Session& session) {
+    enter(session);
+    const auto absent = object(session, 0x5FFE);
+    if (absent.abort != Abort::no_object)
+        session.bench.fail(fmt::format("the description of object 0x5FFE, which does not exist: {}, expected {}",
+                                       reason_text(absent.fault, absent.abort), abort_text(Abort::no_object)));
+    const auto subindex = entry(session, 0x1018, 200);
+    if (subindex.abort != Abort::no_subindex && subindex.abort != Abort::no_object)
+        session.bench.fail(fmt::format("the description of 0x1018:c8, which does not exist: {}, expected {}",
+                                       reason_text(subindex.fault, subindex.abort), abort_text(Abort::no_subindex)));
+    if (list(session, static_cast<ListType>(0x7F)).ok())
+        session.bench.remark("list 127, which does not exist, is answered without an error");
+}
+
+// 0x1018 and 0x1000 against the SII: a master identifies the device by both.
+void check_identity(Session& session) {
+    session.sdo.needs_sdo();
+    auto& bench = session.bench;
+    bench.enter(AlState::preop);
+    const auto& identity = bench.slave().identity;
+    const struct {
+        std::uint8_t subindex;
+        std::string_view name;
+        std::uint32_t sii;
+    } kParts[] = {{1, "vendor", identity.vendor},
+                  {2, "product code", identity.product},
+                  {3, "revision", identity.revision},
+                  {4, "serial number", identity.serial}};
+    for (const auto& part : kParts) {
+        const auto up = session.sdo.upload(0x1018, part.subindex);
+        if (part.subindex > 1 && up.abort == Abort::no_subindex) continue;
+        if (!up.ok() || up.data.size() != 4) {
+            bench.fail(fmt::format("{} ({}) cannot be read: {}", object_text(0x1018, part.subindex), part.name,
+                                   reason_text(up.fault, up.abort)));
+            continue;
+        }
+        const auto value = load_le<std::uint32_t>(up.data, 0);
+        if (value == part.sii) continue;
+        const auto text =
+            fmt::format("the {} is 0x{:08x} in object 0x1018 and 0x{:08x} in the SII", part.name, value, part.sii);
+        if (part.subindex <= 2)
+            bench.fail(text);
+        else
+            bench.remark(text);
+    }
+    if (const auto type = session.sdo.upload(0x1000, 0); !type.ok() || type.data.size() != 4)
+        bench.fail(
+            fmt::format("the device type 0x1000 cannot be read as 32 bits: {}", reason_text(type.fault, type.abort)));
+}
+
+constexpr Check kChecks[] = {
+    {"information.identity", "objects 0x1000 and 0x1018 exist and agree with the SII", "ETG.1000.6, Object Dictionary",
+     check_identity},
+    {"information.lists", "the lists of objects agree with their lengths", kInformation, check_lists},
+    {"information.entries", "each entry is what its description says", kInformation, check_entries},
+    {"information.errors", "what does not exist is refused with its abort code", kInformation, check_errors},
+};
+
+}  // namespace
+
+std::span<const Check> information_checks() { return kChecks; }
+
+}  // namespace margay::samples::conformance

@@ -1,0 +1,65 @@
+// The last checks: they judge all messages that the slave has sent during the run.
+#include "subdevice_check/check.hpp"
+
+namespace margay::samples::conformance {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kSlowReply = 50ms;
+
+void fail_for(Session& session, Oddity oddity, std::string_view what) {
+    const auto& record = session.mail.record(oddity);
+    if (record.count != 0) session.bench.fail(fmt::format("{} {}, the first: {}", record.count, what, record.example));
+}
+
+void needs_mailbox(Session& session) {
+    if (!session.bench.has_mailbox()) session.bench.skip("the SII describes no mailbox");
+}
+
+void check_counters(Session& session) {
+    needs_mailbox(session);
+    fail_for(session, Oddity::counter_zero, "messages with the reserved counter 0");
+    fail_for(session, Oddity::counter_order, "messages whose counter does not follow that of the message before");
+}
+
+void check_lengths(Session& session) {
+    needs_mailbox(session);
+    fail_for(session, Oddity::too_long, "messages longer than the mailbox");
+    fail_for(session, Oddity::too_short, "messages shorter than the header of their protocol");
+}
+
+void check_unasked(Session& session) {
+    needs_mailbox(session);
+    fail_for(session, Oddity::unasked_reply, "replies that answer no request");
+    fail_for(session, Oddity::other_station, "messages with the address of another station");
+    fail_for(session, Oddity::protocol_unknown, "messages of a protocol that the SII does not announce");
+}
+
+void check_emergencies(Session& session) {
+    session.mail.needs_protocol(mailbox_protocol::kCoE, "CoE");
+    fail_for(session, Oddity::repeated_emergency, "emergencies sent again for the same cause");
+}
+
+void check_times(Session& session) {
+    session.mail.needs_mailbox();
+    if (session.mail.slowest_reply() > kSlowReply)
+        session.bench.remark(fmt::format("the slowest reply took {} ms", session.mail.slowest_reply() / 1ms));
+}
+
+constexpr Check kChecks[] = {
+    {"messages.counters", "the counter of the slave's messages runs from 1 to 7",
+     "ETG.1000.4, Mailbox (counter of the header)", check_counters},
+    {"messages.lengths", "the length of each message is that of its content", "ETG.1000.4, Mailbox (header)",
+     check_lengths},
+    {"messages.unasked", "the slave sends replies to requests, and events of its own protocols", "ETG.1000.4, Mailbox",
+     check_unasked},
+    {"messages.emergencies", "one emergency for each cause", "ETG.1000.6, Emergency", check_emergencies},
+    {"messages.times", "replies come soon", "ETG.2000, Mailbox/Timeout", check_times},
+};
+
+}  // namespace
+
+std::span<const Check> message_checks() { return kChecks; }
+
+}  // namespace margay::samples::conformance

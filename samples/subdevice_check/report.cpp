@@ -1,0 +1,85 @@
+#include "subdevice_check/report.hpp"
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+
+namespace margay::samples::conformance {
+namespace {
+
+std::size_t count_of(const Report& report, Outcome outcome) {
+    return static_cast<std::size_t>(
+        std::ranges::count_if(report.checks, [&](const CheckResult& check) { return check.outcome == outcome; }));
+}
+
+std::string check_text(const CheckResult& check) {
+    std::string text = fmt::format("{:<14} {:<26} {}\n", to_text(check.outcome), check.name, check.what);
+    if (!check.reason.empty()) text += fmt::format("               {}\n", check.reason);
+    for (const auto& finding : check.findings)
+        text += fmt::format("               {}: {}\n               {:{}}  ({})\n", to_text(finding.severity),
+                            finding.text, "", to_text(finding.severity).size(), finding.clause);
+    return text;
+}
+
+}  // namespace
+
+std::size_t Report::count(Severity severity) const {
+    std::size_t count = 0;
+    for (const auto& check : checks)
+        for (const auto& finding : check.findings) count += finding.severity == severity ? 1U : 0U;
+    return count;
+}
+
+std::string_view to_text(Severity severity) { return severity == Severity::error ? "error" : "remark"; }
+
+std::string_view to_text(Outcome outcome) {
+    switch (outcome) {
+        case Outcome::passed: return "passed";
+        case Outcome::failed: return "failed";
+        case Outcome::not_applicable: return "not applicable";
+    }
+    return "unknown";
+}
+
+std::string report_text(const Report& report, bool all) {
+    std::string text = fmt::format("slave {}: {}, vendor 0x{:08x}, product 0x{:08x}, revision 0x{:08x}\n\n",
+                                   report.position, report.device, report.vendor, report.product, report.revision);
+    bool any = false;
+    for (const auto& check : report.checks) {
+        if (!all && check.findings.empty()) continue;
+        text += check_text(check);
+        any = true;
+    }
+    if (any) text += "\n";
+    text += fmt::format("{} checks: {} passed, {} failed, {} not applicable; {} errors, {} remarks\n",
+                        report.checks.size(), count_of(report, Outcome::passed), count_of(report, Outcome::failed),
+                        count_of(report, Outcome::not_applicable), report.count(Severity::error),
+                        report.count(Severity::remark));
+    return text;
+}
+
+nlohmann::ordered_json report_json(const Report& report) {
+    nlohmann::ordered_json checks = nlohmann::ordered_json::array();
+    for (const auto& check : report.checks) {
+        nlohmann::ordered_json findings = nlohmann::ordered_json::array();
+        for (const auto& finding : check.findings)
+            findings.push_back(
+                {{"severity", to_text(finding.severity)}, {"text", finding.text}, {"clause", finding.clause}});
+        nlohmann::ordered_json one = {
+            {"name", check.name}, {"what", check.what}, {"outcome", to_text(check.outcome)}, {"findings", findings}};
+        if (!check.reason.empty()) one["reason"] = check.reason;
+        checks.push_back(std::move(one));
+    }
+    return {{"position", report.position},
+            {"device", report.device},
+            {"vendor", report.vendor},
+            {"product", report.product},
+            {"revision", report.revision},
+            {"conforms", report.conforms()},
+            {"errors", report.count(Severity::error)},
+            {"remarks", report.count(Severity::remark)},
+            {"checks", std::move(checks)}};
+}
+
+}  // namespace margay::samples::conformance

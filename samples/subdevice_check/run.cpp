@@ -1,0 +1,130 @@
+// Executes all checks on one slave.
+#include "common/program.hpp"
+#include "common/slave_eeprom.hpp"
+#include "common/slave_report.hpp"
+#include "subdevice_check/check.hpp"
+
+#include <margay/margay.hpp>
+
+#include <algorithm>
+
+namespace margay::samples::conformance {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int kTries = 2;
+
+void read_content(Session& session) {
+    SlaveEeprom eeprom(session.bench.context(), session.bench.number());
+    auto content = read_used_part(eeprom, no_progress());
+    session.sii = std::move(content.octets);
+    session.sii_fault = std::move(content.error);
+}
+
+CheckResult execute(Session& session, const Check& check) {
+    CheckResult result;
+    for (int n = 0; n < kTries; ++n) {
+        result = {.name = std::string(check.name), .what = std::string(check.what)};
+        session.bench.begin(result, check.clause);
+        try {
+            check.run(session);
+            return result;
+        } catch (const NotJudged& not_judged) {
+            result.reason = not_judged.reason;
+            if (result.outcome == Outcome::passed) result.outcome = Outcome::not_applicable;
+            return result;
+        } catch (const LineFault& fault) {
+            result.outcome = Outcome::not_applicable;
+            result.reason = "the line loses frames: " + fault.reason;
+        }
+    }
+    return result;
+}
+
+// These checks use the entries that information.entries reads.
+bool uses_entries(std::string_view name) {
+    return name.starts_with("sdo.") || name.starts_with("segments.") || name.starts_with("pdos.");
+}
+
+bool begins_with_one_of(std::string_view name, std::string_view list) {
+    while (!list.empty()) {
+        const auto end = std::min(list.find(','), list.size());
+        if (name.starts_with(list.substr(0, end))) return true;
+        list.remove_prefix(std::min(end + 1, list.size()));
+    }
+    return false;
+}
+
+std::vector<Check> chosen_checks(const Options& options) {
+    auto checks = all_checks();
+    if (options.only.empty()) return checks;
+    const bool entries = std::ranges::any_of(checks, [&](const Check& check) {
+        return uses_entries(check.name) && begins_with_one_of(check.name, options.only);
+    });
+    std::erase_if(checks, [&](const Check& check) {
+        return !begins_with_one_of(check.name, options.only) && !(entries && check.name == "information.entries");
+    });
+    return checks;
+}
+
+// Leaves the slave as config_init() does: in INIT, without SyncManagers, and the EEPROM with the master.
+void leave(Bench& bench) {
+    CheckResult ignored;
+    bench.begin(ignored, {});
+    try {
+        bench.reset();
+    } catch (const NotJudged&) {
+    } catch (const LineFault&) {
+    }
+}
+
+}  // namespace
+
+std::vector<Check> all_checks() {
+    std::vector<Check> all;
+    for (const auto& table :
+         {eeprom_checks(), state_checks(), sync_manager_checks(), mailbox_checks(), information_checks(), sdo_checks(),
+          segment_checks(), pdo_checks(), watchdog_checks(), clock_checks(), message_checks()})
+        all.insert(all.end(), table.begin(), table.end());
+    return all;
+}
+
+Checked check_device(Context& ctx, Osal& osal, int nic_handle, std::uint16_t position, const Options& options,
+                     const std::function<void(std::string_view)>& progress) {
+    const auto found = config_init(ctx);
+    if (!found && found.error().slave == 0) return {{}, sentence(found.error())};
+    const std::size_t count = ctx.slaves().size();
+    if (position < 1 || position > count)
+        return {{},
+                count == 1 ? "POSITION: there is 1 slave, the first is 1"
+                           : fmt::format("POSITION: there are slaves 1 to {}", count)};
+    // The checks report the errors of this slave themselves.
+    while (ctx.errors().take()) {
+    }
+    while (ctx.warnings().take()) {
+    }
+    if (chosen_checks(options).empty())
+        return {{}, fmt::format("no check has a name that begins with '{}'", options.only)};
+    Bench bench(ctx, osal, nic_handle, position);
+    MailBench mail(bench);
+    SdoClient sdo(mail);
+    Session session{bench, mail, sdo, options};
+    bench.on_mailbox_start([&mail] { mail.restarted(); });
+    bench.on_preop([&session] { find_process_data_lengths(session); });
+    read_content(session);
+
+    const auto& slave = bench.slave();
+    Report report{position, std::string(slave.name().empty() ? "a device without a name" : slave.name()),
+                  slave.identity.vendor, slave.identity.product, slave.identity.revision};
+    for (const auto& check : chosen_checks(options)) {
+        if (stop_asked()) break;
+        if (progress) progress(check.name);
+        report.checks.push_back(execute(session, check));
+    }
+    leave(bench);
+    if (stop_asked()) return {std::move(report), "stopped"};
+    return {std::move(report), {}};
+}
+
+}  // namespace margay::samples::conformance

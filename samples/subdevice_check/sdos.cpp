@@ -1,0 +1,191 @@
+// SDO requests that fit one message: forms of the responses, abort codes, complete access, writing.
+#include "subdevice_check/check.hpp"
+
+#include <algorithm>
+
+namespace margay::samples::conformance {
+namespace {
+
+using coe::SdoLayout;
+namespace sdo = coe::sdo;
+
+constexpr std::string_view kAborts = "ETG.1000.6, table SDO Abort Codes";
+constexpr std::string_view kUpload = "ETG.1000.6, SDO Upload Expedited";
+constexpr std::string_view kComplete = "ETG.1000.6, SDO Upload (complete access)";
+
+void enter(Session& session) {
+    session.sdo.needs_sdo();
+    session.bench.enter(AlState::preop);
+}
+
+void check_upload(Session& session) {
+    enter(session);
+    auto& bench = session.bench;
+    const auto reply = session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kUpload), 0x1000, 0));
+    if (!reply.ok()) {
+        session.sdo.set_dead("object 0x1000 cannot be read (sdo.upload)");
+        bench.fail(fmt::format("an upload of object 0x1000 ended with {}", abort_text(reply.abort)));
+        return;
+    }
+    const auto service = coe::load_header(reply.message).service;
+    if (service != coe::Service::sdo_response)
+        bench.fail(fmt::format("the CoE service of the response is {}, expected 3", static_cast<unsigned>(service)),
+                   "ETG.1000.6, CoE header");
+    if (sdo::specifier(reply.command) != coe::response::kUpload)
+        bench.fail(fmt::format("the response to an upload has the command 0x{:02x}", reply.command));
+    const bool expedited = (reply.command & sdo::kExpedited) != 0;
+    if ((reply.command & sdo::kSizeIndicated) == 0)
+        bench.fail(expedited ? "an expedited response does not indicate its size (bit 0 of the command)"
+                             : "a normal response does not indicate its size (bit 0 of the command)");
+    if (!expedited) bench.remark("a value of four octets is sent by normal transfer; expedited transfer exists for it");
+    const auto up = session.sdo.upload(0x1000, 0);
+    if (!up.fault.empty()) bench.fail(up.fault);
+    if (!up.expedited && up.announced != 0 && up.first_bytes == 0)
+        bench.remark("the first response carries no data; all of it comes in segments",
+                     "ETG.1000.6, SDO Upload Normal");
+}
+
+void expect_abort(Session& session, const std::string& what, const SdoReply& reply,
+                  std::initializer_list<Abort> codes) {
+    if (std::ranges::find(codes, reply.abort) != codes.end()) return;
+    session.bench.fail(fmt::format("{}: {}, expected {}", what, abort_text(reply.abort), abort_text(*codes.begin())));
+}
+
+void check_aborts(Session& session) {
+    enter(session);
+    const auto upload = sdo::command(coe::request::kUpload);
+    const auto download = [](unsigned unused) {
+        return sdo::command(coe::request::kDownload,
+                            sdo::kExpedited | sdo::kSizeIndicated | unused << sdo::kExpeditedUnusedShift);
+    };
+    auto& client = session.sdo;
+    expect_abort(session, "an upload of object 0x5FFE, which does not exist",
+                 client.ask(SdoClient::initiate(upload, 0x5FFE, 0)), {Abort::no_object});
+    expect_abort(session, "a download to object 0x5FFE, which does not exist",
+                 client.ask(SdoClient::initiate(download(0), 0x5FFE, 0)), {Abort::no_object});
+    expect_abort(session, "an upload of 0x1018:c8, which does not exist",
+                 client.ask(SdoClient::initiate(upload, 0x1018, 200)), {Abort::no_subindex});
+    expect_abort(session, "an upload of 0x1000:01, which does not exist",
+                 client.ask(SdoClient::initiate(upload, 0x1000, 1)), {Abort::no_subindex});
+    expect_abort(session, "a download to object 0x1000, which is read only",
+                 client.ask(SdoClient::initiate(download(0), 0x1000, 0)), {Abort::read_only});
+    for (const std::uint8_t specifier : {std::uint8_t{5}, std::uint8_t{6}, std::uint8_t{7}})
+        expect_abort(session, fmt::format("a request with the command specifier {}, which does not exist", specifier),
+                     client.ask(SdoClient::initiate(sdo::command(specifier), 0x1000, 0)), {Abort::unknown_command});
+}
+
+void check_write_only(Session& session) {
+    enter(session);
+    const auto found = std::ranges::find_if(session.sdo.entries, [](const DictionaryEntry& entry) {
+        return (entry.access & coe::access::kRead) == 0 && (entry.access & coe::access::kWrite) != 0;
+    });
+    if (found == session.sdo.entries.end()) session.bench.skip("the dictionary has no write-only entry");
+    expect_abort(
+        session, "an upload of the write-only entry " + object_text(found->index, found->subindex),
+        session.sdo.ask(SdoClient::initiate(sdo::command(coe::request::kUpload), found->index, found->subindex)),
+        {Abort::write_only});
+}
+
+// Entries that can be written back without an effect: configuration of the communication.
+std::optional<DictionaryEntry> writable(Session& session) {
+    for (const auto& entry : session.sdo.entries) {
+        const bool harmless = entry.index == 0x10F1 || (entry.index == 0x10F3 && entry.subindex == 5) ||
+                              entry.index == 0x1C32 || entry.index == 0x1C33 ||
+                              (entry.index >= 0x1C12 && entry.index <= 0x1C13);
+        const bool number = entry.bits == 8 || entry.bits == 16 || entry.bits == 32;
+        constexpr unsigned kBoth = coe::access::kReadPreop | coe::access::kWritePreop;
+        if (harmless && number && (entry.access & kBoth) == kBoth) return entry;
+    }
+    return std::nullopt;
+}
+
+void check_write(Session& session) {
+    enter(session);
+    auto& bench = session.bench;
+    const auto entry = writable(session);
+    if (!entry) bench.skip("the dictionary has no writable entry that the check may write back");
+    const auto name = object_text(entry->index, entry->subindex);
+    auto before = session.sdo.upload(entry->index, entry->subindex);
+    if (!before.ok()) bench.skip(name + " cannot be read");
+    before.data.resize(entry->bits / 8U);  // without an indicated size there may be more octets
+    if (const auto abort = session.sdo.download(entry->index, entry->subindex, before.data); abort != Abort::none)
+        bench.fail(fmt::format("{} is writable by its description; its own value was refused with {}", name,
+                               abort_text(abort)),
+                   "ETG.1000.6, SDO Download");
+    // A wrong length must be refused and must not change the value.
+    std::vector<std::byte> longer = before.data;
+    longer.insert(longer.end(), 2, std::byte{0});
+    auto abort = session.sdo.download(entry->index, entry->subindex, longer);
+    if (abort != Abort::length_too_high && abort != Abort::length_mismatch)
+        bench.fail(fmt::format("two octets too many for {}: {}, expected {}", name, abort_text(abort),
+                               abort_text(Abort::length_too_high)));
+    if (before.data.size() > 1) {
+        abort = session.sdo.download(entry->index, entry->subindex, Bytes(before.data).first(1));
+        if (abort != Abort::length_too_low && abort != Abort::length_mismatch)
+            bench.fail(fmt::format("one octet for {}, which has {}: {}, expected {}", name, before.data.size(),
+                                   abort_text(abort), abort_text(Abort::length_too_low)));
+    }
+    if (const auto after = session.sdo.upload(entry->index, entry->subindex);
+        !after.ok() ||
+        !std::ranges::equal(Bytes(after.data).first(std::min(after.data.size(), before.data.size())), before.data))
+        bench.fail(fmt::format("a download that was refused has changed {}", name));
+}
+
+// The value of an object by its subindices, as complete access must return it: subindex 0 has 16 bits.
+std::optional<std::vector<std::byte>> by_subindices(Session& session, std::uint16_t index) {
+    const auto count = session.sdo.number(index, 0);
+    if (!count) return std::nullopt;
+    std::vector<std::byte> whole{static_cast<std::byte>(*count), std::byte{0}};
+    for (unsigned n = 1; n <= *count; ++n) {
+        const auto up = session.sdo.upload(index, static_cast<std::uint8_t>(n));
+        if (!up.ok()) return std::nullopt;
+        whole.insert(whole.end(), up.data.begin(), up.data.end());
+    }
+    return whole;
+}
+
+void check_complete(Session& session) {
+    enter(session);
+    auto& bench = session.bench;
+    const bool announced = (bench.slave().coe_details & coe_detail::kCompleteAccess) != 0;
+    const auto up = session.sdo.upload(0x1018, 0, true);
+    if (!announced) {
+        if (up.abort != Abort::unsupported_access && up.abort != Abort::complete_access_unsupported)
+            bench.remark(fmt::format("the SII does not announce complete access, and the slave answers {}",
+                                     up.abort == Abort::none ? "with a value" : abort_text(up.abort)));
+        return;
+    }
+    if (!up.ok()) {
+        bench.fail(fmt::format("the SII announces complete access, and 0x1018 ended with {}",
+                               reason_text(up.fault, up.abort)));
+        return;
+    }
+    const auto expected = by_subindices(session, 0x1018);
+    if (!expected) bench.skip("0x1018 cannot be read by its subindices (information.identity)");
+    if (up.data != *expected)
+        bench.fail(
+            fmt::format("0x1018 by complete access has {} octets ({}), its subindices with 16 bits for "
+                        "subindex 0 have {} ({})",
+                        up.data.size(), hex(up.data), expected->size(), hex(*expected)));
+    const auto rest = session.sdo.upload(0x1018, 1, true);
+    if (!rest.ok() || !std::ranges::equal(rest.data, Bytes(*expected).subspan(2)))
+        bench.fail(fmt::format("0x1018 by complete access from subindex 1 on: {}",
+                               rest.ok() ? std::string("another value") : reason_text(rest.fault, rest.abort)));
+    if (session.sdo.upload(0x1018, 2, true).ok()) bench.fail("complete access from subindex 2 on is not refused");
+    if (session.sdo.upload(0x5FFE, 0, true).abort != Abort::no_object)
+        bench.fail("complete access to object 0x5FFE, which does not exist, is not refused with 0x06020000");
+}
+
+constexpr Check kChecks[] = {
+    {"sdo.upload", "the response to an upload has the form of the standard", kUpload, check_upload},
+    {"sdo.aborts", "wrong requests end with the abort code of the standard", kAborts, check_aborts},
+    {"sdo.write_only", "a write-only entry cannot be read", kAborts, check_write_only},
+    {"sdo.write", "a value of the right length can be written, one of a wrong length cannot", kAborts, check_write},
+    {"sdo.complete_access", "complete access returns the subindices one after the other", kComplete, check_complete},
+};
+
+}  // namespace
+
+std::span<const Check> sdo_checks() { return kChecks; }
+
+}  // namespace margay::samples::conformance

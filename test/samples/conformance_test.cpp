@@ -1,0 +1,432 @@
+// The checks of subdevice_check: devices that keep the rules pass them, and each broken rule is found by name.
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "sim/devices.hpp"
+#include "sim/library/quirks.hpp"
+#include "subdevice/esc_access.hpp"
+#include "subdevice_check/check.hpp"
+#include "wire/coe.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+namespace margay::samples::conformance {
+namespace {
+
+Checked check_it(sim::Device device, const Options& options = {}) {
+    sim::Segment segment;
+    VirtualOsal osal;
+    segment.add(std::move(device).assemble());
+    EXPECT_TRUE(segment.connect_master({0, 0}));
+    segment.power_up(osal.now());
+    SimulatedNic nic(segment, osal);
+    HostContext ctx{Limits{.slaves = 4}};
+    EXPECT_TRUE(init(ctx, nic, osal).ok());
+    return check_device(ctx, osal, nic.wait_handle(), 1, options);
+}
+
+const CheckResult* find(const Report& report, std::string_view name) {
+    const auto found = std::ranges::find_if(report.checks, [&](const CheckResult& c) { return c.name == name; });
+    return found == report.checks.end() ? nullptr : &*found;
+}
+
+bool has(const Report& report, std::string_view name, Severity severity) {
+    const auto* const check = find(report, name);
+    return check != nullptr &&
+           std::ranges::any_of(check->findings, [&](const Finding& f) { return f.severity == severity; });
+}
+
+TEST(SubdeviceCheck, EveryDeviceOfTheLibraryKeepsTheRules) {
+    std::size_t judged = 0;
+    for (const auto name : sim::device_names()) {
+        const auto checked = check_it(sim::make_device(name).value(), {.write_eeprom = true});
+        EXPECT_EQ(checked.error, "") << name;
+        EXPECT_TRUE(checked.report.conforms()) << name << "\n" << report_text(checked.report, false);
+        EXPECT_EQ(checked.report.checks.size(), all_checks().size()) << name;
+        for (const auto& check : checked.report.checks) judged += check.outcome == Outcome::passed ? 1U : 0U;
+        if (name != "odd_device") continue;
+        // This device lets nearly everything be tried.
+        std::set<std::string> left;
+        for (const auto& check : checked.report.checks)
+            if (check.outcome != Outcome::passed) left.insert(check.name);
+        EXPECT_EQ(left, (std::set<std::string>{"sdo.write_only", "states.device_id"}));
+    }
+    EXPECT_GT(judged, 700U);
+}
+
+// The check that finds a quirk, and as what. No check: the quirk breaks no rule, and the reason says why.
+struct QuirkRow {
+    std::string_view quirk;
+    std::string_view check;
+    Severity severity = Severity::error;
+    std::string_view no_rule = {};
+};
+
+constexpr auto kRemark = Severity::remark;
+constexpr QuirkRow kQuirks[] = {
+    {"sii_blank", "eeprom.content"},
+    {"sii_bad_checksum", "eeprom.content"},
+    {"sii_no_mailbox_sizes", "eeprom.content"},
+    {"sii_no_pdos", "eeprom.process_data", kRemark},
+    {"sii_null_strings", "eeprom.strings"},
+    {"sii_endless", "eeprom.content"},
+    {"sii_no_watchdog_trigger", "watchdog.enabled", kRemark},
+    {"sii_sync_managers_off", "eeprom.process_data", kRemark},
+    {"sii_4_bytes", "", {}, "an ESC reads 4 or 8 octets, 0x0502 bit 6 says which"},
+    {"sii_slow", "eeprom.read", kRemark},
+    {"sii_busy_until_stored", "", {}, "an ESC may be busy until a word is stored"},
+    {"sii_nacks", "", {}, "an EEPROM may be busy after power-up; the scan has waited for it"},
+    {"no_lrw", "eeprom.chip"},
+    {"clock_32_bits", "", {}, "0x0008 bit 3 says how wide the clock is"},
+    {"receive_times_only", "clock.registers"},
+    {"no_clock", "clock.registers"},
+    {"slow_firmware", "", {}, "5 ms are less than every time of the standard"},
+    {"ignores_acknowledge", "states.acknowledge"},
+    {"needs_eeprom", "states.eeprom_kept", kRemark},
+    {"strict_sync_managers", "sm.control_bits", kRemark},
+    {"slow_state_changes", "states.up", kRemark},
+    {"refuses_op_once", "states.up"},
+    {"no_cycle1", "clock.cycle1", kRemark},
+    {"old_mail", "mailbox.empty"},
+    {"counter_zero", "messages.counters"},
+    {"replies_twice", "mailbox.one_reply"},
+    {"emergency_first", "messages.emergencies"},
+    {"ethernet_first", "messages.unasked"},
+    {"mail_for_others", "messages.unasked"},
+    {"mailbox_full", "mailbox.taken", kRemark},
+    {"slow_replies", "messages.times", kRemark},
+    {"never_replies", "mailbox.answers"},
+    {"error_replies", "mailbox.answers"},
+    {"overlong_replies", "messages.lengths"},
+    {"empty_replies", "messages.lengths"},
+    {"short_replies", "messages.lengths"},
+    {"foreign_replies", "messages.unasked"},
+    {"empty_repeats", "mailbox.repeat"},
+    {"refuses_complete_access", "sdo.complete_access"},
+    {"unpadded_complete_access", "sdo.complete_access"},
+    {"no_size_indicated", "sdo.upload"},
+    {"never_expedited", "sdo.upload", kRemark},
+    {"segments_only", "sdo.upload", kRemark},
+    {"small_segments", "sdo.upload", kRemark},
+    {"empty_segments", "messages.lengths"},
+    {"aborts_midway", "segments.upload"},
+    {"toggle_stuck", "segments.upload"},
+    {"no_assignment", "pdos.objects"},
+    {"few_mapping_entries", "pdos.mapping", kRemark},
+    {"coe_disagrees", "pdos.sii"},
+    {"other_pdos", "", {}, "one device alone is consistent"},
+    {"sii_mailbox_1487", "eeprom.content"},
+    {"sii_mailbox_large", "eeprom.content"},
+    {"sii_mailbox_in_large", "eeprom.content"},
+};
+
+// The checks of one row: those of messages need messages.
+std::string only(std::string_view check) {
+    std::string names(check);
+    if (check.starts_with("messages.")) names += ",mailbox.answers,mailbox.one_reply,segments.upload";
+    return names;
+}
+
+TEST(SubdeviceCheck, EachQuirkOfTheLibraryIsFoundByName) {
+    std::set<std::string_view> listed;
+    for (const auto& row : kQuirks) {
+        listed.insert(row.quirk);
+        // The slow object of the odd device is slower than slow replies.
+        auto device = sim::make_device(row.quirk == "slow_replies" ? "digital_io_16" : "odd_device").value();
+        ASSERT_TRUE(add_quirk(device, row.quirk)) << row.quirk;
+        const auto checked = check_it(std::move(device), {.only = only(row.check)});
+        EXPECT_EQ(checked.error, "") << row.quirk;
+        if (row.check.empty()) {
+            EXPECT_NE(row.no_rule, "") << row.quirk;
+            EXPECT_TRUE(checked.report.conforms()) << row.quirk << "\n" << report_text(checked.report, false);
+        } else {
+            EXPECT_TRUE(has(checked.report, row.check, row.severity)) << row.quirk << " by " << row.check << "\n"
+                                                                      << report_text(checked.report, true);
+        }
+    }
+    for (const auto& quirk : sim::quirks()) EXPECT_TRUE(listed.contains(quirk.name)) << quirk.name;
+}
+
+// --- Faults of one device, made between its firmware and its ESC ---
+
+using Octets = std::vector<std::byte>;
+
+struct Fault {
+    std::string_view check;  // finds it, as an error
+    std::string_view what;
+    // Change what the firmware writes, or what it reads; return false to drop a write.
+    bool (*write)(std::uint16_t address, Octets& data) = nullptr;
+    void (*read)(std::uint16_t address, MutableBytes data) = nullptr;
+};
+
+class FaultyPdi final : public subdevice::EscAccess {
+  public:
+    FaultyPdi(subdevice::EscAccess& esc, const Fault& fault) : esc_(esc), fault_(fault) {}
+    void read(std::uint16_t address, MutableBytes into) noexcept override {
+        esc_.read(address, into);
+        if (fault_.read != nullptr) fault_.read(address, into);
+    }
+    void write(std::uint16_t address, Bytes data) noexcept override {
+        Octets octets(data.begin(), data.end());
+        if (fault_.write == nullptr || fault_.write(address, octets)) esc_.write(address, octets);
+    }
+    Time now() noexcept override { return esc_.now(); }
+
+  private:
+    subdevice::EscAccess& esc_;
+    const Fault& fault_;
+};
+
+class FaultyFirmware final : public sim::Firmware {
+  public:
+    FaultyFirmware(std::unique_ptr<sim::Firmware> inner, const Fault& fault)
+        : inner_(std::move(inner)), fault_(fault) {}
+    void start(subdevice::EscAccess& esc, Time now) override {
+        pdi_ = std::make_unique<FaultyPdi>(esc, fault_);
+        inner_->start(*pdi_, now);
+    }
+    Time step(Time now) override { return inner_->step(now); }
+
+  private:
+    std::unique_ptr<sim::Firmware> inner_;
+    const Fault& fault_;
+    std::unique_ptr<FaultyPdi> pdi_;
+};
+
+// In a write of the AL status code, one code instead of another.
+template <std::uint16_t From, std::uint16_t To>
+bool replace_code(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatusCode.address && load_le<std::uint16_t>(data, 0) == From)
+        store_le<std::uint16_t>(data, 0, To);
+    return true;
+}
+// The error indication is never set.
+bool no_error_bit(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address) data[0] &= ~std::byte{wire::al::kErrorIndication};
+    return true;
+}
+// A write into the send mailbox of the odd device.
+bool is_mail(std::uint16_t address, const Octets& data) { return address == 0x1400 && data.size() > 8; }
+bool is_service(std::uint16_t address, const Octets& data, coe::Service service) {
+    return is_mail(address, data) && data.size() >= 14 && (std::to_integer<unsigned>(data[5]) & 0x0F) == 3 &&
+           coe::load_header(Bytes(data).subspan(6)).service == service;
+}
+template <std::uint32_t From, std::uint32_t To>
+bool replace_abort(std::uint16_t address, Octets& data) {
+    if (is_mail(address, data))
+        for (std::size_t at = 6; at + 4 <= data.size(); ++at)
+            if (load_le<std::uint32_t>(data, at) == From) store_le<std::uint32_t>(data, at, To);
+    return true;
+}
+bool replace_error_detail(std::uint16_t address, Octets& data) {
+    if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) & 0x0F) == 0) data[8] = std::byte{0x77};
+    return true;
+}
+// An SDO information response of one opcode.
+bool is_information(std::uint16_t address, const Octets& data, coe::InfoOpcode opcode) {
+    return is_service(address, data, coe::Service::sdo_information) &&
+           (std::to_integer<unsigned>(data[8]) & 0x7F) == static_cast<unsigned>(opcode);
+}
+// The first SDO response of an upload of this object.
+bool is_upload(std::uint16_t address, const Octets& data, std::uint16_t index, std::uint8_t subindex) {
+    return is_service(address, data, coe::Service::sdo_response) && data.size() >= 16 &&
+           (std::to_integer<unsigned>(data[8]) >> 5) == coe::response::kUpload &&
+           load_le<std::uint16_t>(data, 9) == index && std::to_integer<unsigned>(data[11]) == subindex;
+}
+// What the firmware reads at one address.
+template <std::uint16_t Address, unsigned Set, unsigned Cleared = 0>
+void read_bits(std::uint16_t address, MutableBytes data) {
+    if (address <= Address && Address < address + data.size()) {
+        auto& octet = data[Address - address];
+        octet = (octet | std::byte{Set}) & ~std::byte{Cleared};
+    }
+}
+// The firmware always reads a SyncManager as it should be.
+template <unsigned N, std::uint16_t Start, std::uint16_t Length, std::uint8_t Control>
+void read_right_sync_manager(std::uint16_t address, MutableBytes data) {
+    if (address != reg::sync_manager(N).address || data.size() < 8) return;
+    wire::store_sync_manager(data, {Start, Length, Control, 1});
+}
+
+// After an error in PREOP, a request for INIT with an acknowledge looks like one for PREOP without.
+bool error_in_preop = false;
+bool note_error(std::uint16_t address, Octets& data) {
+    if (address == reg::kAlStatus.address) error_in_preop = data[0] == std::byte{0x12};
+    return true;
+}
+void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
+    if (error_in_preop && address == reg::kAlControl.address && data[0] == std::byte{0x11}) data[0] = std::byte{0x02};
+}
+
+constexpr Fault kFaults[] = {
+    {"states.up", "OP has a code",
+     [](std::uint16_t address, Octets& data) {
+         if (address == reg::kAlStatusCode.address) data[0] |= std::byte{1};
+         return true;
+     }},
+    {"states.up", "SAFEOP is never reached",
+     [](std::uint16_t address, Octets& data) {
+         if (address == reg::kAlStatus.address && data[0] == std::byte{4}) data[0] = std::byte{2};
+         return true;
+     }},
+    {"states.down", "SAFEOP is shown as OP",
+     [](std::uint16_t address, Octets& data) {
+         static bool op = false;
+         if (address != reg::kAlStatus.address) return true;
+         const bool down = op && data[0] == std::byte{4};
+         op = data[0] == std::byte{8};
+         return !down;
+     }},
+    {"states.same", "a request for the same state is an error",
+     [](std::uint16_t address, Octets& data) {
+         static std::byte last{};
+         if (address != reg::kAlStatus.address) return true;
+         if (data[0] == last && last == std::byte{2}) data[0] |= std::byte{0x10};
+         last = data[0];
+         return true;
+     }},
+    {"states.skipped", "another code", replace_code<0x0011, 0x0001>},
+    {"states.skipped", "no error indication", no_error_bit},
+    {"states.unknown", "another code", replace_code<0x0012, 0x0011>},
+    {"states.boot", "another code", replace_code<0x0013, 0x0001>},
+    {"states.acknowledge", "the code stays",
+     [](std::uint16_t address, Octets& data) {
+         return address != reg::kAlStatusCode.address || load_le<std::uint16_t>(data, 0) != 0;
+     }},
+    {"states.error_stays", "every request acknowledges", nullptr, read_bits<0x0120, 0x10>},
+    {"states.init_clears", "an error stays in PREOP", note_error, read_no_init_after_error},
+    {"sm.mailbox_settings", "another code", replace_code<0x0016, 0x0001>},
+    {"sm.mailbox_settings", "SyncManager 0 is not checked", nullptr, read_right_sync_manager<0, 0x1000, 128, 0x26>},
+    {"sm.mailbox_overlap", "SyncManager 1 is not checked", nullptr, read_right_sync_manager<1, 0x1400, 128, 0x22>},
+    {"sm.process_settings", "another code for outputs", replace_code<0x001D, 0x0001>},
+    {"sm.process_settings", "SyncManager 3 is not checked", nullptr, read_right_sync_manager<3, 0x1A00, 8, 0x20>},
+    {"sm.mailbox_off", "SyncManager 0 always looks switched on", nullptr, read_bits<0x0806, 1>},
+    {"sm.process_data_off", "SyncManager 2 always looks switched on", nullptr, read_bits<0x0816, 1>},
+    {"mailbox.duplicate", "each message looks new", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static unsigned count = 0;
+         if (address == 0x1000 && data.size() >= 6)
+             data[5] = (data[5] & std::byte{0x8F}) | static_cast<std::byte>((++count % 7 + 1) << 4);
+     }},
+    {"mailbox.repeat", "a repeat is never acknowledged",
+     [](std::uint16_t address, Octets& data) {
+         if (address == 0x080F) data[0] &= ~std::byte{wire::sm_pdi_control::kRepeatAcknowledge};
+         return true;
+     }},
+    {"mailbox.type", "another detail", replace_error_detail},
+    {"mailbox.length", "another detail", replace_error_detail},
+    {"messages.counters", "the counter runs from 1 to 6",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && (std::to_integer<unsigned>(data[5]) >> 4) == 7) data[5] &= std::byte{0x1F};
+         return true;
+     }},
+    {"information.identity", "another product code",
+     [](std::uint16_t address, Octets& data) {
+         if (is_upload(address, data, 0x1018, 2)) data[12] ^= std::byte{1};
+         return true;
+     }},
+    {"information.lists", "a wrong length",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::list_response) && data[12] == std::byte{0})
+             data[14] ^= std::byte{1};
+         return true;
+     }},
+    {"information.entries", "another number of bits",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1000)
+             data[18] ^= std::byte{8};
+         return true;
+     }},
+    {"information.errors", "another abort code", replace_abort<0x06020000, 0x08000000>},
+    {"sdo.aborts", "another abort code", replace_abort<0x06010002, 0x08000000>},
+    {"sdo.aborts", "another abort code for a subindex", replace_abort<0x06090011, 0x08000000>},
+    {"sdo.write", "wrong lengths have another abort code", replace_abort<0x06070012, 0x08000000>},
+    {"segments.toggle", "another abort code", replace_abort<0x05030000, 0x08000000>},
+    {"segments.without_begin", "another abort code", replace_abort<0x05040001, 0x08000000>},
+    {"pdos.mapped", "an entry is not mappable",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x7000)
+             data[20] &= ~std::byte{0x40};
+         return true;
+     }},
+    {"watchdog.expires", "another code", replace_code<0x001B, 0x001A>},
+    {"watchdog.expires", "the expired watchdog is not seen", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         read_bits<0x0220, 0, 0x40>(address, data);
+         read_bits<0x0440, 1>(address, data);
+     }},
+    {"process_data.outputs", "outputs always look written", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         read_bits<0x0440, 1>(address, data);
+         read_bits<0x0221, 0x04>(address, data);
+         read_bits<0x0220, 0, 0x40>(address, data);
+     }},
+    {"clock.sync0", "SYNC0 is not supported", nullptr,
+     [](std::uint16_t address, MutableBytes data) { read_bits<0x0981, 0x01, 0x02>(address, data); }},
+    {"clock.cycle_zero", "the cycle time is not checked", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == 0x09A0 && load_le<std::uint32_t>(data, 0) == 0) store_le<std::uint32_t>(data, 0, 1'000'000'000);
+         read_bits<0x0220, 0x04>(address, data);
+     }},
+};
+
+TEST(SubdeviceCheck, FaultsBetweenFirmwareAndEscAreFoundByName) {
+    for (const auto& fault : kFaults) {
+        auto device = sim::make_device("odd_device").value();
+        device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), fault);
+        const auto checked = check_it(std::move(device), {.only = only(fault.check)});
+        EXPECT_TRUE(has(checked.report, fault.check, Severity::error)) << fault.check << ": " << fault.what << "\n"
+                                                                       << report_text(checked.report, true);
+    }
+}
+
+TEST(SubdeviceCheck, JsonHasEachCheckAndFindingWithItsClause) {
+    auto device = sim::make_device("odd_device").value();
+    ASSERT_TRUE(add_quirk(device, "empty_repeats"));
+    const auto json = report_json(check_it(std::move(device), {.only = "mailbox."}).report);
+    EXPECT_EQ(json["position"], 1);
+    EXPECT_EQ(json["conforms"], false);
+    EXPECT_EQ(json["errors"], 1);
+    for (const auto& check : json["checks"]) {
+        const bool repeat = check["name"] == "mailbox.repeat";
+        EXPECT_EQ(check["outcome"], repeat ? "failed" : "passed") << check;
+        if (!repeat) continue;
+        EXPECT_EQ(check["findings"][0]["severity"], "error");
+        EXPECT_EQ(check["findings"][0]["clause"], "ETG.1000.4, Mailbox (repeat of a lost message)");
+    }
+}
+
+TEST(SubdeviceCheck, NamesOfChecksAreUniqueAndHaveClauses) {
+    std::set<std::string_view> names;
+    for (const auto& check : all_checks()) {
+        EXPECT_TRUE(names.insert(check.name).second) << check.name;
+        EXPECT_TRUE(check.clause.starts_with("ETG.")) << check.name;
+    }
+}
+
+TEST(SubdeviceCheck, APositionThatDoesNotExistIsAnError) {
+    sim::Segment segment;
+    VirtualOsal osal;
+    segment.add(sim::make_device("coupler").value().assemble());
+    ASSERT_TRUE(segment.connect_master({0, 0}));
+    segment.power_up(osal.now());
+    SimulatedNic nic(segment, osal);
+    HostContext ctx{Limits{.slaves = 4}};
+    ASSERT_TRUE(init(ctx, nic, osal).ok());
+    EXPECT_EQ(check_device(ctx, osal, -1, 2).error, "POSITION: there is 1 slave, the first is 1");
+    EXPECT_EQ(check_device(ctx, osal, -1, 1, {.only = "nothing"}).error,
+              "no check has a name that begins with 'nothing'");
+}
+
+}  // namespace
+}  // namespace margay::samples::conformance
