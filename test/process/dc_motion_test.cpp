@@ -34,6 +34,13 @@ TEST(DcMotion, MovesTheDrivesOfASimulatedSegmentSynchronously) {
     EXPECT_EQ(plotted.status, 0) << plotted.err;
     const auto svg = folder.run("head -c 300 motion.svg; grep -c '<path' motion.svg");
     EXPECT_TRUE(contains(svg.out, "<svg")) << svg.out;
+    // A device is written to and stays a device; a picture that cannot be stored is an error.
+    const auto full =
+        folder.run(kBin + "dc_plot motion.csv --svg /dev/full; echo $?; test -c /dev/full && echo device");
+    EXPECT_EQ(full.out, "3\ndevice\n") << full.err;
+    EXPECT_TRUE(contains(full.err, "/dev/full could not be written: No space left on device")) << full.err;
+    const auto pipe = folder.run(kBin + "dc_plot motion.csv --svg /dev/stdout | grep -c '</svg>'");
+    EXPECT_EQ(pipe.out, "1\n") << pipe.err;
 }
 
 TEST(DcMotion, SaysWhenThereIsNoDrive) {
