@@ -34,7 +34,7 @@ static Error check(Network& network, const StateRequest& request) {
     if (refused.code == Errc::none) refused = check_state(network, request.slave, request.wanted, Step::request_state);
     if (refused.code != Errc::none) return refused;
     // Here, so that the request does not end a hook that executes at the slave before it is refused.
-    return supervised_refusal(network, network.slave(request.slave), request.wanted);
+    return contradiction(network, network.slave(request.slave), request.wanted);
 }
 static Error check(Network& network, const WriteStateRequest& request) {
     return check_state(network, request.slave, request.wanted, Step::request_state);

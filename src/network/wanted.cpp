@@ -174,10 +174,10 @@ Error refusal(const Network& network, const Slave& slave, AlState state) {
     const bool up = state >= AlState::safeop && state >= slave.al.state;
     const Error failed = up ? start_up_refusal(network, slave) : Error{};
     if (failed.code != Errc::none) return failed;
-    return supervised_refusal(network, slave, state);
+    return contradiction(network, slave, state);
 }
 
-Error supervised_refusal(const Network& network, const Slave& slave, AlState state) {
+Error contradiction(const Network& network, const Slave& slave, AlState state) {
     if (!network.supervised || is_being_mapped(network, slave) || state == goal(network, slave)) return {};
     Error error = fault(slave, Errc::supervised, Step::request_state);
     error.actual = static_cast<std::uint32_t>(state);

@@ -58,7 +58,7 @@ void update_held(Network& network);
 // target_refusal(), that of start_up_refusal(), supervised.
 [[nodiscard]] Error refusal(const Network& network, const Slave& slave, AlState state);
 // The part of it that does not depend on the present state: the supervision keeps the slave in another state.
-[[nodiscard]] Error supervised_refusal(const Network& network, const Slave& slave, AlState state);
+[[nodiscard]] Error contradiction(const Network& network, const Slave& slave, AlState state);
 
 // The states that can be the target of a slave.
 [[nodiscard]] inline bool can_be_target(AlState state) {
