@@ -32,7 +32,8 @@ struct ExpectedSlave {
     std::uint16_t number = 0;
     std::optional<std::uint16_t> alias{};      // ESC register 0x0012, loaded from the SII
     std::optional<std::uint16_t> device_id{};  // explicit device id (ETG.1020), mostly set by a switch on the device
-    // The identity.
+    // The identity. Only the members that are set are compared. A slave that comes back with another revision than
+    // before is accepted if `revision` is not set, and needs config_map() (Errc::remapping_needed).
     std::optional<std::uint32_t> vendor{};
     std::optional<std::uint32_t> product{};
     std::optional<std::uint32_t> revision{};
@@ -50,7 +51,7 @@ struct ExpectedSlave {
     // working counters include it. While a group that was connected starts up, they do not.
     std::uint8_t hot_connect = 0;
     // Is copied to slave(n).config before the slave leaves INIT. nullptr: the library asks the slave. The caller's
-    // memory.
+    // memory, which must live as long as the list.
     const SlaveConfiguration* config = nullptr;
 };
 

@@ -40,7 +40,9 @@ struct LineErrors {
 // each slave, finds the slaves that have changed and reports them by events. Then it acknowledges errors, assigns
 // addresses again to slaves that have lost their power, repeats the whole start-up of these slaves, and brings them to
 // `target`. It works on all such slaves at the same time while the process data of the others continues. If another
-// slave is in the place of a lost one, it is reported and not started up.
+// slave is in the place of a lost one, it is reported and not started up. Before a slave is started again, its identity
+// is compared with the known one. Without the alias or the device id of an expected slave, a slave that has lost its
+// station address is found by its place: between the slaves before and behind it in the ring.
 //
 // When the number of slaves has changed, the supervision scans the ring and updates slave(n).ring_position, parent and
 // ports. Expected slaves that were missing are started up when they appear: SII, mailboxes, start-up commands, hooks,
