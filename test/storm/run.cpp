@@ -23,7 +23,7 @@ void write_all(int to, const std::string& text) {
     }
 }
 
-void on_crash(int number) {
+[[maybe_unused]] void on_crash(int number) {
     std::array<void*, 40> frames{};
     const int count = backtrace(frames.data(), static_cast<int>(frames.size()));
     backtrace_symbols_fd(frames.data(), count, STDERR_FILENO);
