@@ -87,14 +87,24 @@ Verdict choose_by_place(Network& network, std::size_t n) {
         if (network.ring[at - 1U].slave == 0) return {};
     const Slave* const before = last_before(network, n, of_the_line);
     const Slave* const behind = first_behind(network, n, of_the_line);
+    const RingPlace& place = network.ring[n];
+    const std::uint16_t parent = place.parent == 0 ? std::uint16_t{0} : network.ring[place.parent - 1U].slave;
     Verdict verdict;
+    bool sure = false;
     for (Slave& slave : network.slaves()) {
         if (!is_lost(network, slave) || !of_the_line(slave) || (before != nullptr && slave.number < before->number) ||
             (behind != nullptr && slave.number > behind->number))
             continue;
-        if (fits(slave, network.guest)) return {&slave, nullptr};
         if (verdict.instead_of == nullptr) verdict.instead_of = &slave;
+        if (!fits(slave, network.guest)) continue;
+        // Of equal slaves, the one that was at this port, or the one with this serial number.
+        if (slave.parent == parent && slave.parent_port == place.parent_port) return {&slave, nullptr};
+        const bool serial =
+            network.guest.identity.serial != 0 && slave.identity.serial == network.guest.identity.serial;
+        if (verdict.slave == nullptr || (serial && !sure)) verdict.slave = &slave;
+        sure |= serial;
     }
+    if (verdict.slave != nullptr) verdict.instead_of = nullptr;
     return verdict;
 }
 
@@ -106,7 +116,8 @@ Verdict identify_newcomer(Network& network, std::uint16_t n) {
     if (const std::uint8_t group = group_above(network, static_cast<std::uint16_t>(n + 1)); group != 0) {
         const auto in_group = [&](const Slave& s) { return group_of(s) == group; };
         const auto member = [&](const Slave& s) { return group_of(s) == group && !anywhere(network, s); };
-        return choose_member(network, last_before(network, n, in_group), member);
+        const Verdict verdict = choose_member(network, last_before(network, n, in_group), member);
+        if (verdict.slave != nullptr || verdict.instead_of != nullptr) return verdict;
     }
     Verdict verdict = choose_by_place(network, n);
     // An optional slave that has never been present is not reported as replaced by another slave.

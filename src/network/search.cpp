@@ -291,7 +291,8 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
         if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
-        const bool fell = slave.al.state != AlState::init && seen && seen->state == AlState::init;
+        const bool fell = slave.al.state != AlState::init && seen && seen->state == AlState::init &&
+                          awaited_state(network, slave) != AlState::init;
         network.marks(slave).unproved |= slave.seen && (slave.al.state == AlState::none || fell);
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
@@ -358,7 +359,9 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         mapped = same && *same;
     }
     auto same = co_await prove(network, slave);
-    if (!same) co_return Nothing{};  // the search identifies another slave; otherwise the next look repeats the check
+    // The search identifies another slave. Where the SII cannot be read, the FMMUs have to suffice; without them the
+    // next look repeats the check.
+    if (!same && (same.error().code == Errc::other_slave || !mapped)) co_return Nothing{};
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;

@@ -21,6 +21,7 @@ struct SlaveMarks {
     // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
     std::uint32_t joined_after = 0;
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
+    bool failure_reported = false;   // the failure of these attempts
     bool in_use : 1 = false;         // see SlaveToken
     bool pdos_compared : 1 = false;  // differences between the sources of its PDOs have been reported
     bool missing_reported : 1 = false;  // reported as missing while its hot connect group is present

@@ -60,7 +60,10 @@ bool may_look_at(Network& network, const Slave& slave) {
 void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
     drop_work(network, slave);
     std::uint8_t& attempts = network.marks(slave).attempts;
-    if (attempts == 1) {
+    bool& reported = network.marks(slave).failure_reported;
+    if (attempts == 0) {
+        reported = false;
+    } else if (!reported) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = now};
         event.error = {.code = Errc::other_state, .step = Step::request_state, .slave = slave.number};
         event.error.expected = static_cast<std::uint32_t>(goal(network, slave));
@@ -68,8 +71,9 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
         event.error.detail = now.code;
         network.report(event);
         network.note(slave, event.error);
+        reported = true;
     }
-    if (attempts < 2) ++attempts;
+    attempts = std::max<std::uint8_t>(attempts, 1);
 }
 
 // Reads the state of one slave.
@@ -93,13 +97,13 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
         if (network.is_reserved()) co_return Nothing{};
         co_return co_await required(readmit_slave(network, slave, *seen));
     }
+    if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
+    note_state(network, slave, *seen);
     if (network.marks(slave).unproved && slave.seen) {
         const SlaveToken token(network.marks(slave));
         auto same = co_await prove(network, slave);
-        if (!same) co_return Nothing{};
+        if (same.error().code == Errc::other_slave) co_return Nothing{};
     }
-    if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
-    note_state(network, slave, *seen);
     if (!network.is_reserved()) settle_request(network, slave);
     co_return Nothing{};
 }
@@ -159,7 +163,8 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
     if (!does_not_answer(done.error())) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
         event.error = done.error();
-        if (network.marks(slave).attempts == 0) {
+        if (network.marks(slave).attempts == 0 || !network.marks(slave).failure_reported) {
+            network.marks(slave).failure_reported = true;
             network.report(event);
             network.note(slave, done.error());
         }

@@ -259,6 +259,7 @@ void end_work(Network& network, SlaveWork& work) {
     work.sequence.end();
     network.note(slave, error);
     if (network.supervised && attempts == 0) {
+        network.marks(slave).failure_reported = true;
         Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
         event.error = error;
         network.report(event);

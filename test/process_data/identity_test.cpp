@@ -168,6 +168,47 @@ TEST_F(Identities, ADeviceOfTheSameKindInAnotherPlaceIsNotTheLostSlave) {
     expect_exchanged(2, twin);
 }
 
+// Two equal slaves at two ports of a junction lose their power. The second one is back first.
+TEST_F(Identities, EqualSlavesAtTwoPortsAreKnownByTheirPorts) {
+    const auto left = make({.product = 0x400});
+    const auto right = make({.product = 0x400});
+    for (const auto device : {left, right}) segment.set_power(device, true, osal.now());
+    ASSERT_TRUE(segment.connect({line[2], 2}, {right, 0}));
+    ASSERT_TRUE(segment.connect({line[2], 1}, {left, 0}));
+    wanted.push_back({.number = 4, .product = 0x400});
+    wanted.push_back({.number = 5, .product = 0x400});
+    EXPECT_EQ(bring_up(wanted), std::vector<std::string>());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    const auto fourth = ctx->slave(4).parent_port == 1 ? left : right;
+    const auto fifth = fourth == left ? right : left;
+    for (const auto device : {fourth, fifth}) power(device, false);
+    cycles(500);
+    power(fifth, true);
+    cycles(1'000);
+    power(fourth, true);
+    EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
+    expect_exchanged(4, fourth);
+    expect_exchanged(5, fifth);
+}
+
+// A program of its own way: all to INIT, back to PREOP, objects that it writes there, and the mapping.
+TEST_F(Identities, ASlaveThatTheApplicationHasTakenToInitIsNotStartedAgainByTheMapping) {
+    for (const AlState to : {AlState::init, AlState::preop}) {
+        ASSERT_TRUE(writestate(*ctx, 0, to).ok());
+        ASSERT_EQ(statecheck(*ctx, 0, to, 1s)->state, to);
+    }
+    int fell = 0;
+    struct Count {
+        static void call(const Event&, void* user) { ++*static_cast<int*>(user); }
+    };
+    ctx->events().callback = Count::call;
+    ctx->events().user = &fell;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(fell, 0) << joined(events());
+}
+
 // A mapping that is cut leaves no slave in the exchange that it has not configured.
 TEST_F(Identities, AMappingThatIsCutLeavesNoFreshInputsOfSlavesThatAreNotThere) {
     int cuts = 0;
