@@ -290,7 +290,8 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.image.group != number) co_return Nothing{};
     const bool unfinished = is_unfinished(network, slave);
-    const bool ready = is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init;
+    const bool ready =
+        is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init && !network.marks(slave).unproved;
     if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !ready ||
         wanted_state(network, slave) < AlState::safeop)
         co_return co_await required(leave_out(network, slave));
