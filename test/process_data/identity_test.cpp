@@ -25,6 +25,7 @@ struct Identities : testing::Test, Plant {
 
     void SetUp() override { build(); }
     void build() {
+        wanted.reserve(8);  // the context uses the list until the next one: it must not move
         for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));
         tool = make({.product = 0x200, .alias = 7});
         twin = make({.product = 0x101, .alias = 8});
