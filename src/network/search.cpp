@@ -137,11 +137,16 @@ Task<Result<>> miss_absent(Network& network) {
 
 // ------------------------------------------------------------------ result of the identification
 
-// A device of another revision, for example with new firmware: it is read again, and may have other PDOs.
-void revise(Network& network, Slave& slave) {
-    network.marks(slave).pdos_written = true;
+// Deletes what was read from the slave: its SII and its registers are read again.
+void read_again(Slave& slave) {
     slave.seen = false;
     slave.dl = {.fmmus = 16, .sync_managers = 16};
+}
+
+// A device of another revision, for example with new firmware, may have other PDOs.
+void revise(Network& network, Slave& slave) {
+    network.marks(slave).pdos_written = true;
+    read_again(slave);
 }
 
 // Whether the slave differs from the known one in its revision alone, and expect() does not name another revision.
@@ -174,11 +179,9 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     network.marks(slave).missing_reported = false;
     network.marks(slave).settled = AlState::none;
     // The held slave is gone: delete what was read from it.
-    const bool other_is_gone = slave.other && is_the_wanted_one(slave, network.guest);
-    if (other_is_gone) slave.other = slave.held = false;
-    if (other_is_gone) {
-        slave.seen = false;
-        slave.dl = {.fmmus = 16, .sync_managers = 16};
+    if (slave.other && is_the_wanted_one(slave, network.guest)) {
+        slave.other = slave.held = false;
+        read_again(slave);
     }
     if (slave.seen && !slave.held && slave.identity.revision != network.guest.identity.revision) revise(network, slave);
     slave.identity = network.guest.identity;
@@ -314,8 +317,7 @@ void note_lost(Network& network, Slave& slave) {
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     if (slave.al.state != AlState::none && network.marks(slave).unproved && !network.marks(slave).in_use) {
-        auto same = co_await prove(network, slave);  // without a supervision, the reading has readmitted it
-        (void)same;
+        co_await completion(prove(network, slave));  // without a supervision, the reading has readmitted it
         co_return Nothing{};
     }
     if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
@@ -346,8 +348,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     leave_exchange(network, slave);
     if (!network.supervised) network.note(slave, same.error());  // the search of a supervision reports it
     co_await required(unmap(network.station(slave)));
-    auto renamed = co_await rename(network, slave.station_address, 0);
-    (void)renamed;  // the search identifies it, or finds it at this address again
+    co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
     co_return same;
 }
 

@@ -69,8 +69,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
         co_return process ? Result<>(missing_error(network, slave)) : Result<>();
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
-    auto seen = co_await read_anew(network, slave);
-    (void)seen;  // the request itself says whether the slave answers
+    co_await completion(read_anew(network, slave));  // the request itself says whether the slave answers
     if (process && state >= slave.al.state) {
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
@@ -138,8 +137,8 @@ Task<Result<AlStatus>> read_states(Network& network) {
 Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state) {
     if (slave != 0) {
         Slave& one = network.slave(slave);
-        auto seen = co_await read_anew(network, one);  // nothing may have read the state for long
-        (void)seen;                                    // the request itself says whether the slave answers
+        // Nothing may have read the state for long. The request itself says whether the slave answers.
+        co_await completion(read_anew(network, one));
         const Error refused = refusal(network, one, state);
         if (refused.code != Errc::none) co_return refused;
         co_return co_await required(write_state(network, one, state));
