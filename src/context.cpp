@@ -132,7 +132,7 @@ const Slave& Context::slave(std::size_t number) {
     return master_->network.slave(number);
 }
 
-Group& Context::group(std::size_t number) {
+const Group& Context::group(std::size_t number) {
     if (master_ == nullptr || number >= master_->network.process.groups.size()) return no_group_;
     return master_->network.process.groups[number];
 }

@@ -63,7 +63,7 @@ class Context {
 
     // The group of process data `number`; the first group is 0. For a number without a group returns a group that is
     // never mapped.
-    [[nodiscard]] Group& group(std::size_t number);
+    [[nodiscard]] const Group& group(std::size_t number);
 
     // Before init(), the next four return empty objects with zero counters: call them again after init(). Only a
     // callback in events() that was set before init() is kept.

@@ -103,9 +103,10 @@ struct EoeFrame {
 // the same share. When a message is lost on the wire, the mailbox repeats it; a frame of which a fragment is missing
 // all the same is dropped, and only that frame.
 //
-// A port outlives the loss of its slave: while the mailbox of the slave is closed, its frames are dropped. After a scan
-// the port belongs to the slave that has the number. The request ends only by cancel(). Errors: invalid_argument (too
-// little memory, a mailbox of less than 42 octets), unsupported (no EoE), wrong_state, unknown_slave.
+// A port outlives the loss of its slave: while the mailbox of the slave is closed, and in BOOT, its frames are dropped.
+// After a scan the port belongs to the slave that has the number; the frames are dropped while that slave has no EoE.
+// The request ends only by cancel(). Errors: invalid_argument (too little memory, a mailbox of less than 42 octets),
+// unsupported (no EoE), busy (another port of the slave is busy), wrong_state, unknown_slave.
 //
 // Threads: poll() works in the thread of the owner. One thread may call send(), and one receive() and
 // take_sending_time(); both may be any threads, also those of the cycle. No call waits.

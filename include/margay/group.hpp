@@ -33,10 +33,11 @@ struct RegisterReading {
     std::uint64_t value = 0;
 };
 
-// One group: its configuration, and its state after config_map(). For the thread that owns the context.
+// One group: its configuration, and its state after config_map(). A context returns a const Group: the application
+// reads the facts and writes `config` alone. For the thread that owns the context.
 struct Group {
     // The layout of the image; set it before config_map().
-    GroupConfiguration config;
+    mutable GroupConfiguration config;
 
     // The results of config_map(). Empty before it.
     bool mapped = false;

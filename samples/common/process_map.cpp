@@ -154,7 +154,7 @@ std::string length_text(std::uint32_t bits) {
 std::string what(const MapEntry& e) {
     if (e.pdo == 0) return "(not described)";
     if (e.index == 0) return "(gap)";
-    std::string text = fmt::format("{:#06x}:{:02x}", e.index, e.subindex);
+    std::string text = fmt::format("{:#06x}:{}", e.index, e.subindex);
     if (!e.pdo_name.empty()) text += " " + e.pdo_name;
     if (!e.name.empty()) text += (e.pdo_name.empty() ? " " : " / ") + e.name;
     return text;

@@ -72,7 +72,7 @@ class StructWriter {
         return candidate;
     }
     std::string remark(const MapEntry& e) {
-        return comment(fmt::format("slave {} {} {:#06x}:{:02x} at {}.{}", e.slave, ctx_.slave(e.slave).name(), e.index,
+        return comment(fmt::format("slave {} {} {:#06x}:{} at {}.{}", e.slave, ctx_.slave(e.slave).name(), e.index,
                                    e.subindex, e.offset_bits / 8, e.offset_bits % 8));
     }
     void skip_to(std::uint32_t bit) {

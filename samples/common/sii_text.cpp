@@ -241,7 +241,7 @@ class Text {
                 if (e->index == 0)
                     line("    gap        {:>3} bits", e->bit_length);
                 else
-                    line("    0x{:04x}:{:02x}  {:>3} bits  {:<5}  {}", e->index, e->subindex, e->bit_length,
+                    line("    0x{:04x}:{:<3}{:>4} bits  {:<5}  {}", e->index, e->subindex, e->bit_length,
                          data_type_text(e->data_type), name(e->name));
             }
         }

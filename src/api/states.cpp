@@ -5,6 +5,7 @@
 #include "api/operation.hpp"
 #include "network/members.hpp"
 #include "network/recovery.hpp"
+#include "network/search.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -46,37 +47,16 @@ static Error check(Network& network, const ReadStateRequest&) {
     return network.count == 0 ? Error{.code = Errc::wrong_state, .step = Step::read_state} : Error{};
 }
 
-// Reports the change of a slave when a request ends, also when it is cut.
-class ReportChange {
-  public:
-    ReportChange(Network& network, Slave& slave, const AlStatus& before)
-        : network_(network), slave_(slave), before_(before) {}
-    ReportChange(const ReportChange&) = delete;
-    ReportChange& operator=(const ReportChange&) = delete;
-    ~ReportChange() {
-        if (network_.supervised)
-            note_change(network_, slave_, before_);
-        else if (slave_.al.state == AlState::none)
-            leave_exchange(network_, slave_);
-    }
-
-  private:
-    Network& network_;
-    Slave& slave_;
-    AlStatus before_;
-};
-
 static Task<Result<>> run(Network& network, StateRequest& request) {
     Slave& slave = network.slave(request.slave);
-    const AlStatus before = slave.al;
     // The supervision readmits a lost slave before others may change its state.
-    if (network.supervised && before.state == AlState::none)
+    if (network.supervised && slave.al.state == AlState::none)
         co_return Error{.code = Errc::missing_slave, .step = Step::request_state, .slave = slave.number};
-    auto seen = co_await read_al_status(network.station(slave));
-    update_al_status(slave.al, seen);
-    const ReportChange report(network, slave, before);
-    Result<AlStatus> changed = seen;
-    if (seen) changed = co_await change_state(network, slave, request.wanted, end_of(request));
+    auto seen = co_await read_anew(network, slave);
+    if (!seen) co_return seen.error();
+    co_await required(prove_before_request(network, slave, request.wanted));
+    const ChangeReport report(network, slave);
+    auto changed = co_await change_state(network, slave, request.wanted, end_of(request));
     co_return changed ? Result<>() : Result<>(changed.error());
 }
 

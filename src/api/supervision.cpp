@@ -71,13 +71,20 @@ static Error absence(Network& network, std::uint16_t number) {
 
 static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
+    Slave* const wanted = request.slave == 0 ? nullptr : &network.slave(request.slave);
+    if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};  // of an earlier search
     co_await required(read_states(network));
     const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
-    co_await required(for_each_slave(network, readmit));
-    if (request.slave != 0 && network.slave(request.slave).al.state != AlState::none) co_return Nothing{};
+    Error refused;
+    co_await required(for_each_slave(network, readmit, &refused));
+    if (wanted != nullptr && wanted->al.state != AlState::none) {
+        if (!network.marks(*wanted).unproved) co_return Nothing{};
+        co_return co_await required(readmit_if_there(network, *wanted));  // its SII could not be read
+    }
     const auto found = co_await required(find_lost(network));
     request.found = found;
-    if (request.slave == 0) co_return Nothing{};
+    if (wanted == nullptr && found == 0 && refused.code != Errc::none) co_return refused;
+    if (wanted == nullptr) co_return Nothing{};
     const Error absent = absence(network, request.slave);
     co_return absent.code == Errc::none ? Result<>() : Result<>(absent);
 }

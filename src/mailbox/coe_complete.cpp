@@ -30,6 +30,12 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
     return error;
 }
 
+// The accesses that together are one transfer: the mailbox was opened again since the first one.
+bool is_cut(const MailboxChannel& channel, std::uint32_t epoch) { return channel.epoch() != epoch; }
+Error cut_error(MailboxChannel& channel, const SdoObject& object, Step step) {
+    return misfit(channel, object, step, Errc::mailbox_closed, 0, 0);
+}
+
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {
     std::array<std::byte, 4> count{};  // some slaves send more octets than the standard's one
     co_await required(sdo_upload_once(channel, {.index = index}, count, patience));
@@ -51,12 +57,15 @@ Task<Result<std::size_t>> value_bytes(MailboxChannel& channel, SdoObject object,
 Task<Result<>> write_values(MailboxChannel& channel, SdoObject object, Bytes value, unsigned count,
                             const MailPatience& patience) {
     std::size_t at = 0;
+    const std::uint32_t epoch = channel.epoch();
     for (unsigned n = 1; n <= count && at < value.size(); ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
+        if (is_cut(channel, epoch)) co_return cut_error(channel, one, Step::sdo_download);
         const auto bytes = co_await required(value_bytes(channel, one, value.size() - at, patience));
         if (bytes > value.size() - at)
             co_return misfit(channel, one, Step::sdo_download, Errc::wrong_size, bytes, value.size() - at);
         if (bytes == 0) continue;
+        if (is_cut(channel, epoch)) co_return cut_error(channel, one, Step::sdo_download);
         co_await required(sdo_download_once(channel, one, value.subspan(at, bytes), patience));
         at += bytes;
     }
@@ -77,12 +86,14 @@ Task<Result<>> write_count(MailboxChannel& channel, std::uint16_t index, std::ui
 
 Task<Result<std::size_t>> sdo_upload_singly(MailboxChannel& channel, SdoObject object, MutableBytes into,
                                             const MailPatience& patience) {
+    const std::uint32_t epoch = channel.epoch();
     const auto count = co_await required(read_count(channel, object.index, patience));
     std::size_t at = object.subindex == 0 ? kCountBytes : 0;
     if (at > into.size()) co_return misfit(channel, object, Step::sdo_upload, Errc::capacity, at, into.size());
     if (at != 0) store_le<std::uint16_t>(into, 0, count);
     for (unsigned n = 1; n <= count; ++n) {
         const SdoObject one{.index = object.index, .subindex = static_cast<std::uint8_t>(n)};
+        if (is_cut(channel, epoch)) co_return cut_error(channel, one, Step::sdo_upload);
         auto read = co_await sdo_upload_once(channel, one, into.subspan(at), patience);
         if (read) at += *read;
         if (read || is(read.error(), coe::Abort::no_subindex)) continue;
@@ -97,13 +108,16 @@ Task<Result<>> sdo_download_singly(MailboxChannel& channel, SdoObject object, By
     const bool with_count = object.subindex == 0;
     if (with_count && value.size() < kCountBytes)
         co_return misfit(channel, object, Step::sdo_download, Errc::wrong_size, kCountBytes, value.size());
+    const std::uint32_t epoch = channel.epoch();
     unsigned count = 255;
     if (with_count) count = std::to_integer<std::uint8_t>(value[0]);
     if (with_count && element_bytes(object.index) != 0) {
         co_await required(write_count(channel, object.index, 0, patience));
     }
+    if (is_cut(channel, epoch)) co_return cut_error(channel, object, Step::sdo_download);
     auto written = co_await write_values(channel, object, value.subspan(with_count ? kCountBytes : 0), count, patience);
     if (!written || !with_count) co_return written;
+    if (is_cut(channel, epoch)) co_return cut_error(channel, object, Step::sdo_download);
     co_return co_await required(write_count(channel, object.index, static_cast<std::uint8_t>(count), patience));
 }
 

@@ -4,6 +4,7 @@
 #include "mailbox/mailboxes.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace margay {
 
@@ -60,13 +61,32 @@ class RelayLooks final : public EoeRelayWatch {
 
 }  // namespace
 
+namespace {
+
+// Not in BOOT, and not when a scan has found another slave.
+bool carries_frames(const MailboxChannel& channel) {
+    const Slave& slave = channel.slave();
+    return channel.is_open() && slave.al.state != AlState::boot &&
+           (slave.mailbox.protocols & mailbox_protocol::kEoE) != 0;
+}
+
+}  // namespace
+
 Task<Result<>> eoe_relay(MailboxChannel& channel, EoePort& port) {
+    const std::uint16_t number = port.slave;
+    if (channel.mailboxes().is_heard(number, MailboxType::eoe)) {
+        Error other{.code = Errc::busy, .step = Step::eoe_frames, .slave = number};
+        other.detail = static_cast<std::uint32_t>(Operation::eoe_port);
+        co_return other;
+    }
     RelayLooks looks(channel, port);
-    EoeRelay relay(channel.station().number, port, looks);
+    EoeRelay relay(number, port, looks);
     channel.mailboxes().listen(relay);
     Engine& engine = channel.engine();
+    std::uint32_t epoch = channel.epoch();
     for (;;) {
-        if (!channel.is_open()) {
+        if (std::exchange(epoch, channel.epoch()) != channel.epoch()) relay.begin_again();
+        if (!carries_frames(channel)) {
             relay.drop_all();
             co_await engine.sleep_for(kClosedLook);
             continue;

@@ -124,6 +124,12 @@ void EoeRelay::end_frame(EoePort::Count outcome) {
 
 void EoeRelay::drop_all() {
     while (has_fragment()) sent(false);
+    begin_again();
+}
+
+void EoeRelay::begin_again() {
+    offset_ = 0;
+    fragment_ = 0;
     for (Assembly& assembly : assemblies_)
         if (assembly.busy()) {
             assembly.drop();
@@ -141,21 +147,24 @@ bool EoeRelay::take(const UnaskedMail& mail) {
         return true;
     }
     if (header.type != eoe::Type::fragment) return false;
-    take_fragment(header, data);
-    watch_.arrived(!header.last);
+    watch_.arrived(take_fragment(header, data));
     return true;
 }
 
-void EoeRelay::take_fragment(const eoe::Header& header, Bytes data) {
+bool EoeRelay::take_fragment(const eoe::Header& header, Bytes data) {
     Assembly* const place = place_for(header);
-    if (place == nullptr) return drop(header, EoePort::kIncomplete);
+    if (place == nullptr) {
+        drop(header, EoePort::kIncomplete);
+        return false;
+    }
     switch (place->add(header, data)) {
-        case Assembly::Took::more: break;
+        case Assembly::Took::more: return true;
         case Assembly::Took::whole: deliver(header.port, *place); break;
         case Assembly::Took::out_of_order: drop(header, EoePort::kIncomplete); break;
         case Assembly::Took::malformed: drop(header, EoePort::kMalformed); break;
         case Assembly::Took::too_long: drop(header, EoePort::kTooLong); break;
     }
+    return false;
 }
 
 // The frame that the fragment continues. For the first fragment of a frame: the frame with the same number, which gets

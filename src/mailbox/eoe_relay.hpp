@@ -15,7 +15,7 @@ class EoeRelayWatch {
   public:
     // A fragment is sent now.
     virtual void composing() = 0;
-    // A fragment has arrived. `more`: it is not the last one of its frame.
+    // A fragment has arrived. `more`: it belongs to a frame that is not complete.
     virtual void arrived(bool more) = 0;
 
   protected:
@@ -33,7 +33,10 @@ class EoeRelay final : public MailListener, public MailClient {
     Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
     // The fragment was sent. False: the slave has not taken it, and the rest of its frame is not sent.
     void sent(bool taken);
-    // Drops the frames of both directions that are not complete, and those that wait for the slave.
+    // The mailbox was opened again: drops the frames from the slave that are not complete, and sends the frame that is
+    // being sent from its beginning.
+    void begin_again();
+    // Also drops the frames that wait for the slave.
     void drop_all();
 
     // From the slave.
@@ -44,7 +47,8 @@ class EoeRelay final : public MailListener, public MailClient {
 
     [[nodiscard]] Assembly* place_for(const wire::eoe::Header& header);
     [[nodiscard]] std::size_t oldest() const;
-    void take_fragment(const wire::eoe::Header& header, Bytes data);
+    // Returns whether more fragments of the frame are expected.
+    [[nodiscard]] bool take_fragment(const wire::eoe::Header& header, Bytes data);
     void drop(const wire::eoe::Header& header, EoePort::Count why);
     void deliver(std::uint8_t port, const Assembly& whole);
     void end_frame(EoePort::Count outcome);

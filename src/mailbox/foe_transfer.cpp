@@ -10,8 +10,8 @@ using foe::Opcode;
 
 namespace {
 
-constexpr std::uint32_t kNarrow = 0xFFFF;     // the numbers of a slave that counts with 16 bits
-constexpr std::uint32_t kRemembered = 8;      // replies to so many earlier messages are ignored
+constexpr std::uint32_t kNarrow = 0xFFFF;  // the numbers of a slave that counts with 16 bits
+constexpr std::uint32_t kRemembered = 8;   // replies to so many earlier messages are ignored
 constexpr std::string_view kEnded = "canceled";
 
 // The distance from a number in a reply to the expected number.

@@ -74,6 +74,13 @@ void Mailboxes::unlisten(MailListener& listener) {
     listener.unlink();
 }
 
+bool Mailboxes::is_heard(std::uint16_t slave, MailboxType type) {
+    for (List<MailListener>* const list : {&listeners_, &new_listeners_})
+        for (MailListener* one = list->front(); one != nullptr; one = list->after(*one))
+            if (one->type_ == type && one->only_slave == slave) return true;
+    return false;
+}
+
 // A listener may remove any listener while it is asked. One that it adds gets later mail only: otherwise listeners that
 // move to the end of the list would be asked without end.
 bool Mailboxes::offer(const UnaskedMail& mail) {

@@ -36,6 +36,8 @@ class Mailboxes {
     // Mail that no exchange takes is offered to the listeners of its slave and type, in the order of listen().
     void listen(MailListener& listener);
     void unlisten(MailListener& listener);
+    // Whether a listener for this slave alone takes mail of the type.
+    [[nodiscard]] bool is_heard(std::uint16_t slave, MailboxType type);
     [[nodiscard]] bool hears(const MailListener& listener) const { return listener.mailboxes_ == this; }
     // False: no listener takes the mail.
     [[nodiscard]] bool offer(const UnaskedMail& mail);

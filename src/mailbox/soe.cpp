@@ -103,6 +103,7 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const Mail
     std::array<std::byte, 2> octets{};
     store_le<std::uint16_t>(octets, 0, soe_command::kSet | soe_command::kEnable);
     target.elements = soe_element::kValue;
+    const std::uint32_t epoch = channel.epoch();
     CommandGuard guard(channel, target);
     guard.set = true;
     auto set = co_await soe_write(channel, target, octets, patience);
@@ -114,6 +115,9 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const Mail
     state.elements = soe_element::kDataState;
     std::uint16_t seen = 0;
     for (Duration pause = std::chrono::milliseconds(1);; pause = std::min(2 * pause, kLongestPause)) {
+        // The slave has started again and does not execute the command any more.
+        if (channel.epoch() != epoch)
+            co_return complete({.code = Errc::mailbox_closed}, channel, target, Step::soe_command);
         auto read = co_await soe_read(channel, state, octets, patience);
         if (!read) co_return complete(read.error(), channel, target, Step::soe_command);
         seen = load_le<std::uint16_t>(octets);

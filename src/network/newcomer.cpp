@@ -16,12 +16,12 @@ namespace reg = wire::reg;
 namespace sii = wire::sii;
 
 // The guest is the slave that was seen in this place, or the wanted one where that was another one. The other one may
-// come back too: then it is this slave again, and held as before.
+// come back too, also with another alias or another revision: then it is this slave again, and held or tolerated as
+// before.
 bool fits(const Slave& slave, const Slave& guest) {
     const bool same_kind =
         slave.identity.vendor == guest.identity.vendor && slave.identity.product == guest.identity.product;
-    const bool same = same_kind && slave.identity.revision == guest.identity.revision;
-    if (slave.seen && slave.other && same && slave.alias == guest.alias) return true;
+    if (slave.seen && slave.other && same_kind) return true;
     if (slave.seen && !slave.other && !same_kind) return false;
     return is_the_wanted_one(slave, guest);
 }
@@ -238,7 +238,7 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
         return true;
     };
     const Identity& known = slave.identity;
-    if (known == Identity{}) return {};  // its SII could not be understood
+    if (known == Identity{}) return {};
     const bool any = differs(IdentityField::vendor, known.vendor, there.vendor) ||
                      differs(IdentityField::product, known.product, there.product) ||
                      differs(IdentityField::serial, known.serial, there.serial) ||
@@ -249,6 +249,7 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
 
 Task<Result<>> compare_identity(Network& network, Slave& slave) {
     const Station station = network.station(slave);
+    if (slave.identity == Identity{}) co_return Nothing{};  // its SII could not be understood
     const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));
     const auto identity = co_await required(read_identity(station));
     co_return identity_difference(slave, identity, alias);

@@ -168,6 +168,7 @@ Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
 }
 
 void note_change(Network& network, Slave& slave, const AlStatus& before) {
+    if (!network.supervised && slave.al.state == AlState::none) return leave_exchange(network, slave);
     const AlStatus now = std::exchange(slave.al, before);
     if (now.state != AlState::none) return note_state(network, slave, now);
     if (before.state != AlState::none) note_lost(network, slave);

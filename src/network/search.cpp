@@ -49,10 +49,17 @@ Task<Result<>> read_place(Network& network, std::uint16_t n) {
     co_return Nothing{};
 }
 
+// Whether more than one slave has the station address.
+Task<Result<bool>> is_of_two(Station station) {
+    auto seen = co_await read<std::uint8_t>(station, reg::kType, Step::recover);
+    const bool two = seen.error().code == Errc::working_counter && seen.error().actual > 1;
+    co_return two;
+}
+
 // Two slaves with the station address of one slave of the table: a slave has come from another machine, where it had
 // that address. Nobody knows which of them is the right one, so both lose the address and their FMMUs, and the next
 // search identifies both. While a request uses the slave of the table, this search leaves them as they are. Returns
-// whether there are such slaves.
+// whether the ring must be read again.
 Task<Result<bool>> end_clashes(Network& network) {
     const std::size_t first = network.settings.first_station_address;
     const auto ring = network.seen_ring();
@@ -64,6 +71,9 @@ Task<Result<bool>> end_clashes(Network& network) {
             std::ranges::find(behind, address, &RingPlace::address) == behind.end())
             continue;
         Slave& slave = network.slave(address - first + 1);
+        const Station both{network.engine, {address}, 0};
+        const bool two = co_await required(is_of_two(both));
+        if (!two) co_return true;   // the ring has changed while it was read
         drop_work(network, slave);  // a hook of the supervision may last for any time
         if (network.marks(slave).in_use) {
             for (RingPlace& place : behind) place.unasked |= place.address == address;
@@ -72,7 +82,6 @@ Task<Result<bool>> end_clashes(Network& network) {
         any = true;
         const SlaveToken token(network.marks(slave));
         if (slave.al.state != AlState::none) note_lost(network, slave);
-        const Station both{network.engine, {address}, 0};
         co_await completion(unmap(both));  // neither of them may answer for the slave
         auto reset = co_await write<std::uint16_t>(both, reg::kStationAddress, 0, Step::recover);
         (void)reset;  // the working counter is 2
@@ -155,7 +164,7 @@ bool accept_revision(Network& network, Slave& slave, const Error& differs) {
         slave.held)
         return false;
     slave.identity.revision = differs.actual;
-    if (!is_the_wanted_one(slave, slave)) {
+    if (!slave.other && !is_the_wanted_one(slave, slave)) {
         slave.identity.revision = differs.expected;
         return false;
     }
@@ -189,13 +198,18 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     co_return Nothing{};
 }
 
+Error guest_error(const Network& network, const Slave& slave) {
+    Error error = slave.wanted != nullptr ? difference(network.guest, *slave.wanted) : Error{};
+    if (error.code == Errc::none) error = identity_difference(slave, network.guest.identity, network.guest.alias);
+    error.step = Step::recover;
+    error.slave = slave.number;
+    return error;
+}
+
 void report_other_slave(Network& network, Slave& slave) {
     const Identity& there = network.guest.identity;
     const Identity& wanted = slave.identity;
-    Error error = slave.wanted != nullptr ? difference(network.guest, *slave.wanted) : Error{};
-    if (error.code == Errc::none) error = identity_difference(slave, there, network.guest.alias);
-    error.step = Step::recover;
-    error.slave = slave.number;
+    const Error error = guest_error(network, slave);
     Event event{.kind = EventKind::other_slave, .slave = slave.number, .error = error};
     event.expected = slave.seen || slave.wanted == nullptr ? wanted.product : slave.wanted->product.value_or(0);
     event.actual = there.product;
@@ -230,6 +244,7 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_o
     const auto mark = static_cast<std::uint16_t>(at_once || again || known ? reported : reported - kSuspect);
     co_await required(rename(network, network.guest.station_address, mark));
     network.ring[n].address = mark;
+    if (known && instead_of != nullptr) instead_of->error = guest_error(network, *instead_of);
     if (!at_once && !again) co_return Nothing{};
     if (instead_of != nullptr)
         report_other_slave(network, *instead_of);
@@ -317,8 +332,8 @@ void note_lost(Network& network, Slave& slave) {
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     if (slave.al.state != AlState::none && network.marks(slave).unproved && !network.marks(slave).in_use) {
-        co_await completion(prove(network, slave));  // without a supervision, the reading has readmitted it
-        co_return Nothing{};
+        const SlaveToken token(network.marks(slave));
+        co_return co_await required(prove(network, slave));  // without a supervision, the reading has readmitted it
     }
     if (slave.al.state != AlState::none || !slave.seen) co_return Nothing{};
     auto seen = co_await read_al_status(network.station(slave));
@@ -350,6 +365,13 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     co_await required(unmap(network.station(slave)));
     co_await completion(rename(network, slave.station_address, 0));  // or the search finds it at this address again
     co_return same;
+}
+
+Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted) {
+    const AlState now = slave.al.state;
+    const bool due = network.marks(slave).unproved && slave.seen && now != AlState::none && now != AlState::boot;
+    if (!due || wanted == AlState::init) co_return Nothing{};
+    co_return co_await required(prove(network, slave));
 }
 
 Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {

@@ -41,6 +41,10 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
 // those of reading the SII.
 [[nodiscard]] Task<Result<>> prove(Network& network, Slave& slave);
 
+// The same before a request of the application changes the state of the slave, where the identity is not certain. A
+// slave in BOOT is not asked, because its firmware may use the EEPROM.
+[[nodiscard]] Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted);
+
 // A lost slave, whose token is free, answers at its station address: checks whether it is the same slave. If so it is
 // reported as found, and takes part in the cycle again if it has kept its FMMUs; see prove().
 [[nodiscard]] Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now);

@@ -70,6 +70,7 @@ Task<Result<>> write_state_of_all(Network& network, Slave& slave, AlState state)
     if (process && slave.held) co_return held_error(slave, Step::request_state);
     if (network.supervised && slave.target != AlState::none) co_return Nothing{};  // set_target() has its own target
     co_await completion(read_anew(network, slave));  // the request itself says whether the slave answers
+    co_await required(prove_before_request(network, slave, state));
     if (process && state >= slave.al.state) {
         const Error failed = start_up_refusal(network, slave);
         if (failed.code != Errc::none) co_return failed;
@@ -139,6 +140,7 @@ Task<Result<>> write_states(Network& network, std::uint16_t slave, AlState state
         Slave& one = network.slave(slave);
         // Nothing may have read the state for long. The request itself says whether the slave answers.
         co_await completion(read_anew(network, one));
+        co_await required(prove_before_request(network, one, state));
         const Error refused = refusal(network, one, state);
         if (refused.code != Errc::none) co_return refused;
         co_return co_await required(write_state(network, one, state));

@@ -99,7 +99,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
-    if (network.marks(slave).unproved && slave.seen) {
+    if (network.marks(slave).unproved && slave.seen && seen->state != AlState::boot) {  // firmware may use the EEPROM
         const SlaveToken token(network.marks(slave));
         auto same = co_await prove(network, slave);
         if (same.error().code == Errc::other_slave) co_return Nothing{};

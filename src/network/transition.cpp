@@ -226,6 +226,8 @@ Error unfinished_error(const Network& network, const Slave& slave) {
 Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next) {
     const bool pending = is_settling(network, slave);
     const bool on_its_way = awaited_state(network, slave) != slave.al.state;
+    const Row* row = row_of(network.marks(slave).requested);
+    if (row != nullptr && slave.al.state == row->to) mailbox_starts(network, slave, row->transition);
     const Transition requested = std::exchange(network.marks(slave).requested, Transition::none);
     if (next != Transition::none && !goes_up(next)) co_return Nothing{};
     if (on_its_way) mark_unfinished(network, slave, requested);  // what follows cannot be executed in that state

@@ -41,11 +41,13 @@ std::string_view to_text(Errc code) {
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";
-        case Errc::no_place: return "the slave has process data, but no place in the image is reserved for it";
+        case Errc::no_place:
+            return "the slave has process data, but no place in the image is reserved for it: call "
+                   "config_map() again";
         case Errc::remapping_needed:
             return "its SyncManagers or PDOs have changed since config_map(): call config_map() again";
         case Errc::scan_needed: return "expect() was called after config_init(): call config_init() again";
-        case Errc::unknown_group: return "there is no such group, or nothing is mapped in it";
+        case Errc::unknown_group: return "there is no such group, or nothing is mapped in it: call config_map()";
         case Errc::image_too_large: return "the process image is larger than the buffer";
         case Errc::fmmu_shortage: return "the slave has too few FMMUs";
         case Errc::sm_shortage: return "the slave has no such SyncManager";

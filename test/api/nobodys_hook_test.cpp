@@ -402,7 +402,8 @@ TEST_F(NobodysHook, AfterAFailedHookOfIpTheErrorIsThePlace) {
     slow.fails = false;
     EXPECT_EQ(
         words(reach(ctx, AlState::op, 10s).error()),
-        "slave 2: mapping process data: the slave has process data, but no place in the image is reserved for it");
+        "slave 2: mapping process data: the slave has process data, but no place in the image is reserved for it: call "
+        "config_map() again");
     EXPECT_TRUE(config_map(ctx, image)) << wrong();
     EXPECT_TRUE(reach(ctx, AlState::op, 10s)) << wrong();
 }

@@ -35,7 +35,7 @@ using namespace margay;
 // A far end that returns every frame at once, with the expected working counter.
 class EchoNic final : public Nic {
   public:
-    Group* group = nullptr;
+    const Group* group = nullptr;
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         frame_[count_++ % frame_.size()] = frame;
@@ -81,7 +81,7 @@ class Entries {
     // The only PDO of these slaves has one entry for all octets. Therefore the handles are bound here, in the same way
     // as config_map() binds them.
     [[nodiscard]] bool find(Context& ctx) {
-        Group& group = ctx.group(0);
+        const Group& group = ctx.group(0);
         for (std::size_t n = 0; n < kCount; ++n) {
             const Slave& slave = ctx.slave(n / 8 + 1);
             const EntryPlace place{
@@ -124,7 +124,7 @@ class Entries {
 int child(const std::string& work, std::uint32_t slaves, std::uint32_t out, std::uint32_t in, unsigned cycles) {
     static Bench bench;
     if (!bench.start(slaves, out, in)) return 1;
-    Group& group = bench.ctx->group(0);
+    const Group& group = bench.ctx->group(0);
     alignas(8) static std::array<std::byte, 1514> sent{};
     static std::array<std::byte, 1514> got{};
     const std::size_t allocated = allocations;

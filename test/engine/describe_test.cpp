@@ -64,7 +64,7 @@ TEST(Describe, NamesNoObjectWhenTheRequestAsAWholeFailed) {
               "exist)")
         << "an object that was asked for";
     EXPECT_EQ(sentence({.code = Errc::unknown_group, .step = Step::map_process_data}),
-              "mapping process data of group 0: there is no such group, or nothing is mapped in it");
+              "mapping process data of group 0: there is no such group, or nothing is mapped in it: call config_map()");
 }
 
 TEST(Describe, SaysThatANicCouldNotBeOpened) {

@@ -67,6 +67,47 @@ TEST(EoeGateway, APortOutlivesTheLossOfItsSlave) {
     EXPECT_EQ(received(one.port), std::vector<Mail>{ethernet_frame(60, 5)});
 }
 
+TEST(EoeGateway, ASlaveHasOnePort) {
+    Gateway one;
+    EoePortMemory<2, 2> memory{};
+    EoePort second{memory};
+    second.slave = 1;
+    ASSERT_TRUE(submit(*one.bus.ctx, second).ok());
+    one.bus.idle(5ms);
+    EXPECT_FALSE(second.busy());
+    EXPECT_EQ(one.bus.words(second.error()),
+              "slave 1: EoE frames: already in progress (an exchange of Ethernet frames is busy)");
+    one.port.cancel();
+    ASSERT_TRUE(submit(*one.bus.ctx, second).ok());
+    one.bus.idle(5ms);
+    EXPECT_TRUE(second.busy());
+}
+
+TEST(EoeGateway, ASlaveWithoutEoeThatAScanPutsInItsPlaceGetsNoFrames) {
+    MailboxBus bus;
+    for (const char* const device : {"digital_io_16", "eoe_gateway", "encoder"})
+        bus.add_device(sim::make_device(device).value());
+    bus.start();
+    EoePortMemory<4, 4> memory{};
+    EoePort port{memory};
+    port.slave = 2;
+    ASSERT_TRUE(submit(*bus.ctx, port).ok());
+    ASSERT_TRUE(port.send(ethernet_frame(60, 1)));
+    bus.idle(20ms);
+    EXPECT_EQ(port.statistics().sent, 1U);
+    bus.segment.disconnect({0, 0});
+    bus.segment.disconnect({0, 1});
+    ASSERT_TRUE(bus.segment.connect_master({1, 0}));
+    bus.segment.reconsider();
+    const auto found = config_init(*bus.ctx);
+    ASSERT_TRUE(found.ok()) << bus.words(found.error());
+    ASSERT_EQ(bus.ctx->slave(2).mailbox.protocols & mailbox_protocol::kEoE, 0U);
+    ASSERT_TRUE(port.send(ethernet_frame(60, 2)));
+    bus.idle(50ms);
+    EXPECT_EQ(port.statistics().sent, 1U);
+    EXPECT_EQ(port.statistics().not_sent, 1U);
+}
+
 TEST(EoeGateway, FramesOfAllSizesGoThereAndBack) {
     Gateway one;
     one.host->echo = true;

@@ -322,9 +322,11 @@ TEST_F(BusTest, WrongCallsAreRefused) {
     bus.add(8, 8);
     bus.start({.slaves = 4, .groups = 2, .process_frames = 1});
     EXPECT_EQ(words(send_processdata(ctx(), 1).error()),
-              "exchanging process data of group 1: there is no such group, or nothing is mapped in it");
+              "exchanging process data of group 1: there is no such group, or nothing is mapped in it: call "
+              "config_map()");
     EXPECT_EQ(words(receive_processdata(ctx(), 1ms, 2).error()),
-              "exchanging process data of group 2: there is no such group, or nothing is mapped in it");
+              "exchanging process data of group 2: there is no such group, or nothing is mapped in it: call "
+              "config_map()");
     EXPECT_EQ(config_map(ctx(), image, 2).error().code, Errc::unknown_group);
     EXPECT_EQ(config_map(ctx(), std::span(image).first(1)).error().code, Errc::image_too_large);
     EXPECT_EQ(writestate(ctx(), 2, AlState::op).error().code, Errc::unknown_slave);

@@ -53,7 +53,7 @@ class EntryTest : public testing::Test {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(4096);
 
-    Group& group() { return bus.ctx->group(0); }
+    const Group& group() { return bus.ctx->group(0); }
     Result<std::size_t> map(std::span<EntryHandle* const> entries) {
         group().config.entries = entries;
         return config_map(*bus.ctx, image);

@@ -167,7 +167,7 @@ TEST_F(HotConnectTest, WithoutAPlaceInTheImageItStaysInPreop) {
     cycles(1500);
     EXPECT_EQ(*cycle(), 9U);
     EXPECT_EQ(errors(), (Words{"slave 4: mapping process data: the slave has process data, but no place in the image "
-                               "is reserved for it"}));
+                               "is reserved for it: call config_map() again"}));
     const auto story = events();
     EXPECT_EQ(told(story, "slave 4: recovered"), 0) << "it is not where it was wanted";
     EXPECT_EQ(told(story, "recovery failed: slave 4: mapping process data: the slave has process data, but no place"),

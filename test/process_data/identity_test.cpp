@@ -82,6 +82,19 @@ constexpr std::pair<const char*, First> kFirst[] = {
          EXPECT_EQ(set_target(*t.ctx, 2, AlState::safeop).error().slave, 2);
          (void)set_target(*t.ctx, 2, AlState::none);
      }},
+    {"write the state of one",
+     [](Identities& t) {
+         EXPECT_EQ(writestate(*t.ctx, 2, AlState::preop).error().code, Errc::other_slave);
+         EXPECT_FALSE(writestate(*t.ctx, 2, AlState::safeop).ok());
+     }},
+    {"request the state",
+     [](Identities& t) {
+         StateRequest request;
+         request.slave = 2;
+         request.wanted = AlState::preop;
+         ASSERT_TRUE(submit(*t.ctx, request).ok());
+         EXPECT_EQ(wait(*t.ctx, request).error().code, Errc::other_slave);
+     }},
     {"write the state", [](Identities& t) {
          (void)writestate(*t.ctx, 0, AlState::preop);
          (void)statecheck(*t.ctx, 0, AlState::preop, 100ms);
@@ -103,6 +116,7 @@ TEST(IdentitiesUnsupervised, AnotherDeviceAtTheAddressOfASlaveGetsNothing) {
             one.put_in(one.tool);
             one.cycles(300);
             first(one);
+            EXPECT_EQ(one.segment.slave(one.tool).peek(0x0130, 1)[0], std::byte{1}) << "it is not started";
             const auto reached = reach(*one.ctx, AlState::op, 2s);
             EXPECT_EQ(reached.error().slave, 2) << in_words(reached.error());
             one.expect_no_outputs(one.tool);
@@ -167,6 +181,58 @@ TEST_F(Identities, ADeviceOfTheSameKindInAnotherPlaceIsNotTheLostSlave) {
     put_in(twin);
     EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
     expect_exchanged(2, twin);
+}
+
+// The application drives whatever is in place 2. Its device is exchanged for one with another alias.
+TEST_F(Identities, AToleratedSlaveMayBeExchangedToo) {
+    for (ExpectedSlave& one : wanted) one.tolerate = true;
+    wanted[1].product = 0x1FF;
+    EXPECT_EQ(bring_up(wanted).size(), 1U) << "another slave than expected";
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    take_out_slave_2();
+    cycles(500);
+    segment.set_power(twin, true, osal.now());
+    put_in(twin);
+    EXPECT_TRUE(until([&] { return all_right(*ctx); })) << joined(events());
+    expect_exchanged(2, twin);
+}
+
+// A slave is put in before the others while a search reads the ring, one place in a frame. The search must not take a
+// slave that it sees twice for two slaves with one address.
+TEST(IdentitiesInTheRing, ASlaveThatIsSeenTwiceKeepsItsAddress) {
+    struct One : Identities {
+        void TestBody() override {}
+    } one;
+    one.limits.tasks = 1;
+    one.build();
+    const auto front = one.make({.product = 0x500});
+    one.segment.set_power(front, true, one.osal.now());
+    int unstable = 0;
+    for (int step = 0; step < 100; ++step) {
+        one.osal.advance(50ms);  // no cycle runs, which the search would wait for
+        RecoverRequest search;
+        ASSERT_TRUE(submit(*one.ctx, search).ok());
+        for (int n = 0; search.busy() && n < 2'000; ++n) {
+            if (n == 5 * step) {
+                one.segment.disconnect({one.line[0], 0});
+                ASSERT_TRUE(one.segment.connect_master({front, 0}));
+                ASSERT_TRUE(one.segment.connect({front, 1}, {one.line[0], 0}));
+            }
+            (void)poll(*one.ctx, one.osal.now());
+            one.osal.advance(1us);
+        }
+        unstable += search.error().code == Errc::unstable ? 1 : 0;
+        for (std::uint16_t n = 0; n < 3; ++n)
+            EXPECT_EQ(one.segment.slave(one.line[n]).peek(0x0010, 1)[0], static_cast<std::byte>(n + 1)) << step;
+        one.segment.disconnect({one.line[0], 0});
+        one.segment.disconnect({front, 0});
+        ASSERT_TRUE(one.segment.connect_master({one.line[0], 0}));
+        one.segment.reconsider();
+        one.cycles(3);
+    }
+    EXPECT_GT(unstable, 0);
 }
 
 // Two equal slaves at two ports of a junction lose their power. The second one is back first.

@@ -217,7 +217,7 @@ class OverlappedBus : public testing::Test {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(8192);
     HostContext& ctx() { return *bus.ctx; }
-    Group& group() { return ctx().group(0); }
+    const Group& group() { return ctx().group(0); }
     void map(std::uint8_t cycles) {
         group().config.cycles_in_flight = cycles;
         group().config.al_status = true;

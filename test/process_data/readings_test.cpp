@@ -20,7 +20,7 @@ class ReadingsTest : public testing::Test {
     Bus bus;
     std::vector<std::byte> image = std::vector<std::byte>(8192);
     HostContext& ctx() { return *bus.ctx; }
-    Group& group() { return ctx().group(0); }
+    const Group& group() { return ctx().group(0); }
     // Three slaves with a clock; both readings are enabled.
     void start() {
         for (int i = 0; i < 3; ++i) bus.add(16, 16);

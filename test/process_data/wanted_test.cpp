@@ -171,7 +171,8 @@ TEST_F(Wanted, AGroupThatDoesNotExistIsSaidWhenMapping) {
     ctx->slave(2).config.group = 200;
     const auto mapped = config_map(*ctx, image);
     EXPECT_EQ(words(mapped.error()),
-              "slave 2: mapping process data of group 200: there is no such group, or nothing is mapped in it");
+              "slave 2: mapping process data of group 200: there is no such group, or nothing is mapped in it: call "
+              "config_map()");
     EXPECT_EQ(ctx->slave(1).al.state, AlState::safeop);
     EXPECT_EQ(ctx->slave(3).al.state, AlState::safeop);
     EXPECT_EQ(drive(), (std::vector{0xA5U, 0U, 0xA5U}));
@@ -273,6 +274,27 @@ TEST_F(Wanted, MissingSlavesAreToleratedOnRequest) {
     EXPECT_TRUE(all_right(*ctx)) << words(what_is_wrong(*ctx));
     ASSERT_TRUE(tolerate(*ctx, {}));
     EXPECT_EQ(cycle().error().slave, 4);
+}
+
+// A slave that was held during the mapping has no place in the image.
+TEST_F(Wanted, AHeldSlaveWithoutAPlaceStaysInPreopWhenItIsToleratedLater) {
+    const ExpectedSlave expected[] = {{.number = 1}, {.number = 2, .product = 0x1FF}, {.number = 3}};
+    EXPECT_EQ(scan(expected).error().slave, 2);
+    (void)config_map(*ctx, image);
+    (void)drive();
+    cycles(50);
+    (void)events();
+    ASSERT_TRUE(tolerate(*ctx, {.other_slaves = true}));
+    cycles(2000);
+    EXPECT_EQ(events(), (Words{"slave 2: INIT to PREOP",
+                               "recovery failed: slave 2: mapping process data: the slave has process data, but no "
+                               "place in the image is reserved for it: call config_map() again"}));
+    EXPECT_EQ(ctx->slave(2).al.state, AlState::preop);
+    EXPECT_EQ(what_is_wrong(*ctx).code, Errc::no_place);
+    cycles(1000);
+    EXPECT_EQ(events(), Words()) << "it is tried once";
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    ASSERT_TRUE(until([&] { return in_op(2); })) << joined(events());
 }
 
 // No request brings a held slave to a higher state.

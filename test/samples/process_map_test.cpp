@@ -115,7 +115,7 @@ TEST_F(ProcessMapTest, NamesComeFromTheSii) {
     ASSERT_TRUE(config_map(ctx, image).ok());
     const auto map = read_process_map(ctx);
     const auto text = map_text(ctx, map);
-    EXPECT_NE(text.find("         0.3  1 bit       SM0  0x7030:01 Channel 4 / Value\n"), std::string::npos) << text;
+    EXPECT_NE(text.find("         0.3  1 bit       SM0  0x7030:1 Channel 4 / Value\n"), std::string::npos) << text;
     const auto json = map_json(ctx, map);
     EXPECT_EQ(json["output_bytes"], 5);
     EXPECT_EQ(json["entries"][3]["index"], 0x7030);

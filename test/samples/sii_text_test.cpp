@@ -57,7 +57,7 @@ TEST(SiiText, ShowsWhatIsInAnImage) {
              "  FMMU 1  mailbox status\n",
              "  SM 1  0x1400     2 octets  control 0x20  inputs  enabled op-only\n",
              "  PDO 0x1a00  SM 3  mandatory  \"Inputs\" (2)\n",
-             "    0x6000:01    8 bits  USINT  \"Level\" (3)\n",
+             "    0x6000:1     8 bits  USINT  \"Level\" (3)\n",
              "    gap          8 bits\n",
              "  PDO 0x1a01  not assigned  none\n",
              "  mode \"DC\" (4)\n",
