@@ -1,12 +1,12 @@
-// Features that a context uses without a call of the application: the slaves make it use them. init(ctx, nic, osal)
-// gives a context all of them. A program for a small system gives it those that its slaves need, and the linker leaves
-// out the others:
+// Parts of the library that a context uses because its slaves need them, without a call of the application.
+// init(ctx, nic, osal) gives a context all of these parts. A program for a small system gives a context only the parts
+// that its slaves need; the linker leaves out the others:
 //
 //     init(ctx, nic, osal, {});                            // none of them
 //     init(ctx, nic, osal, {.soe = &margay::kSoeFeature});
 //
-// All other parts of the library are linked when the program calls a function, or has a request or a list, that needs
-// them.
+// Every other part of the library is linked only when the program calls a function of that part, or contains a request
+// or a list of that part.
 #pragma once
 
 namespace margay {

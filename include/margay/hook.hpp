@@ -10,7 +10,8 @@
 // of the request that waits for a hook ends it: the error then has the step application_hook and names the slave. A
 // hook that no request waits for (the supervision executes it, or it follows a state that writestate() has requested)
 // may take any time while no request needs its slave, and 10 s otherwise; it ends when its slave is lost or leaves its
-// state. A hook that is ended goes no further than its current co_await; its local objects are destroyed.
+// state. When the library ends a hook, the hook does not continue after its current co_await; its local objects are
+// destroyed.
 //
 //     margay::Result<> set_group(margay::HookedSlave slave, void*) { … }
 //     margay::Task<> choose_mode(margay::HookedSlave slave, void*) {
@@ -20,8 +21,9 @@
 //     }
 //     ctx.slave(1).hooks.preop_to_safeop = choose_mode;
 //
-// A hook that says the SyncManagers of its slave (SlaveConfiguration::add()) sets sm_count to 0 before: when the slave
-// comes back, the configuration still has what the hook said the last time.
+// A hook that adds SyncManagers to the configuration of its slave (SlaveConfiguration::add()) must first set
+// SlaveConfiguration::sm_count to 0: when the slave comes back, the configuration still contains the SyncManagers that
+// the hook added at the last start-up.
 //
 // poll() calls hooks of both forms, at the first start-up and when a slave comes back. An exception that leaves a hook
 // ends the program.
