@@ -23,6 +23,7 @@ class SiiFirmware final : public ProcessDataFirmware, private subdevice::EsmClie
     void set_device_id(std::uint16_t id) { device_.device_id = id; }
 
   private:
+    [[nodiscard]] std::uint16_t device_id() override { return device_.device_id; }
     [[nodiscard]] subdevice::ProcessDataSizes process_data_sizes() override;
     [[nodiscard]] subdevice::Verdict before(subdevice::Transition transition, Time now) override;
     void dropped(subdevice::Transition) override {}

@@ -18,6 +18,10 @@ class Application {
     // The description of the device. It must not change while the device exists.
     [[nodiscard]] virtual const DeviceDescription& description() const = 0;
 
+    // The device id that the master asks for (ETG.1020 "Explicit Device Identification"); 0: not supported. A device
+    // with a rotary switch returns the position of the switch, and sets DeviceDescription::device_id_switch.
+    [[nodiscard]] virtual std::uint16_t device_id() { return description().device_id; }
+
     // --- State changes: see EsmClient ---
     [[nodiscard]] virtual Verdict before(Transition transition, Time now) {
         (void)transition, (void)now;
@@ -53,6 +57,16 @@ class Application {
     virtual bool pack_inputs(MutableBytes raw) {
         (void)raw;
         return false;
+    }
+
+    // --- Times ---
+    // The time now, for the times that objects 0x1C32 and 0x1C33 measure; `now` is the time of the event that is being
+    // served. Default: no clock, nothing is measured. Called with the lock of EscAccess held.
+    [[nodiscard]] virtual Time clock(Time now) { return now; }
+    // The value of object 0x10F8, and the time to use for DiagnosisMessage::time_stamp_ns. Default: the time of step()
+    // and of the handlers. A device with distributed clocks may return its system time.
+    [[nodiscard]] virtual std::uint64_t timestamp_ns(Time now) {
+        return static_cast<std::uint64_t>(now.time_since_epoch().count());
     }
 
     // --- Data for the hooks of objects 0x1003; 0x10F3; 0x1010, 0x1011 and 0x10F0. nullptr: the device does not have

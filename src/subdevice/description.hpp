@@ -71,8 +71,9 @@ struct DeviceDescription {
     std::uint32_t product_code = 0;
     std::uint32_t revision = 0;
     std::uint32_t serial = 0;
-    std::uint16_t device_id = 0;  // explicit device identification (AL control bit 5); 0: not supported
-    std::string_view name{};      // full name, for display
+    std::uint16_t device_id = 0;    // explicit device identification (AL control bit 5); 0: not supported
+    bool device_id_switch = false;  // the device has a switch for its device id: see Application::device_id()
+    std::string_view name{};        // full name, for display
     std::string_view order_code{};
     std::string_view group{};
     MailboxProtocols protocols{};
@@ -91,6 +92,9 @@ struct DeviceDescription {
     // DC: the device leaves OP after this many consecutive frame periods without new outputs; 0: no limit. Object
     // 0x10F1 has priority. ProcessData::syncs_per_frame() returns how many SYNC0 signals are one frame period.
     unsigned sync_error_limit = 4;
+    // step() asks to be called again after this time at the latest, so that its access to the ESC restarts the PDI
+    // watchdog (registers 0x0410 and 0x0441) while nothing happens. Zero: the device does not use the PDI watchdog.
+    Duration pdi_watchdog{};
     std::int16_t ebus_current_ma = 0;
     std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII
     bool complete_access = true;

@@ -1,6 +1,7 @@
 #include "subdevice/device.hpp"
 
 #include "subdevice/esc_registers.hpp"
+#include "subdevice/modules.hpp"
 
 #include <algorithm>
 
@@ -35,6 +36,8 @@ Time Device::step(Time now) {
     if (const auto fault = serve_process_data(now, events); fault != AlStatusCode::none)
         esm_.fall_back(AlState::safeop, fault, now);
     next = std::min(next, esm_.step(now, 0));
+    if (const auto feed = application_.description().pdi_watchdog; feed != Duration::zero())
+        next = std::min(next, now + feed);
     const Guard guard(esc_);
     update_mask();
     return std::min({next, process_data_.serve_deadline(), process_data_.watch_deadline()});
@@ -120,6 +123,10 @@ Verdict Device::before(Transition transition, Time now) {
             return Verdict::refuse(missing);
         }
         wait_for_outputs(kNever);
+    }
+    if (transition == Transition{AlState::preop, AlState::safeop}) {
+        const auto modules = check_modules(process_data_.dictionary());
+        if (modules != AlStatusCode::none) return Verdict::refuse(modules);
     }
     return application_.before(transition, now);
 }

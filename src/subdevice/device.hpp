@@ -72,6 +72,7 @@ class Device final : private EsmClient {
     [[nodiscard]] AlState state() const { return esm_.state(); }
 
   private:
+    std::uint16_t device_id() override { return application_.device_id(); }
     ProcessDataSizes process_data_sizes() override { return process_data_.sizes(); }
     Verdict before(Transition transition, Time now) override;
     void dropped(Transition transition) override;

@@ -42,7 +42,7 @@ constexpr int rank(AlState state) {
 void Esm::init() {
     drop_pending();
     status_ = {AlState::init, false, 0};
-    identification_ = false;
+    device_id_ = 0;
     disable_sync_managers({AlState::op, AlState::init});
     write_status();
 }
@@ -60,7 +60,7 @@ Time Esm::step(Time now, std::uint32_t events) {
 void Esm::control(std::uint16_t al_control, Time now) {
     const auto to = static_cast<AlState>(al_control & al::kStateMask);
     const bool acknowledge = (al_control & al::kErrorAcknowledge) != 0;
-    identification_ = (al_control & al::kDeviceIdentification) != 0 && device_.device_id != 0;
+    device_id_ = (al_control & al::kDeviceIdentification) != 0 ? client_.device_id() : std::uint16_t{0};
     if (pending_ && to == transition_.to) return;  // this transition is already pending
     drop_pending();
     if (acknowledge) {
@@ -194,8 +194,8 @@ void Esm::set_enabled(std::uint8_t sync_manager, bool enabled) {
 
 // The code is written first: a master that reads the error bit must also read the code that belongs to it.
 void Esm::write_status() {
-    const bool identify = identification_ && !status_.error;
-    const auto code = identify ? device_.device_id : status_.code;
+    const bool identify = device_id_ != 0 && !status_.error;
+    const auto code = identify ? device_id_ : status_.code;
     write_register(esc_, reg::kAlStatusCode.address, code);
     const auto word = static_cast<unsigned>(status_.state) | (status_.error ? al::kErrorIndication : 0u) |
                       (identify ? al::kDeviceIdentification : 0u);

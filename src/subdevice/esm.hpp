@@ -51,6 +51,9 @@ struct ProcessDataSizes {
 // The parts of the device that the state machine calls. All calls come from Esm::step() and Esm::fall_back().
 class EsmClient {
   public:
+    // The explicit device identification; 0: not supported. Called when the master asks for it.
+    [[nodiscard]] virtual std::uint16_t device_id() = 0;
+
     // Called during the checks of PREOP→SAFEOP.
     [[nodiscard]] virtual ProcessDataSizes process_data_sizes() = 0;
 
@@ -119,7 +122,7 @@ class Esm {
     Transition transition_{};  // the pending transition
     Time again_ = kNever;      // time of the next question to the client
     bool pending_ = false;
-    bool identification_ = false;  // AL control requests the explicit device ID
+    std::uint16_t device_id_ = 0;  // the answer to the request for the explicit device ID; 0: no request
 };
 
 }  // namespace margay::subdevice

@@ -3,8 +3,11 @@
 #include "subdevice/esc_registers.hpp"
 #include "subdevice/esm_checks.hpp"
 #include "subdevice/sync_objects.hpp"
+#include "subdevice/timestamp.hpp"
 
 #include <algorithm>
+#include <limits>
+#include <utility>
 
 namespace margay::subdevice {
 
@@ -107,6 +110,11 @@ void ProcessData::find_sync_objects() {
     };
     missed_object_ = memory(kOutputSyncParameters, sync_subindex::kMissedFrames, 2);
     sync_error_object_ = memory(kOutputSyncParameters, sync_subindex::kSyncError, 1);
+    measure_object_ = memory(kOutputSyncParameters, sync_subindex::kGetCycleTime, 2);
+    output_time_object_ = memory(kOutputSyncParameters, sync_subindex::kCalcAndCopy, 4);
+    input_time_object_ = memory(kInputSyncParameters, sync_subindex::kCalcAndCopy, 4);
+    exceeded_object_ = memory(kOutputSyncParameters, sync_subindex::kCycleExceeded, 2);
+    timestamp_object_ = memory(kTimestamp, 0, 8);
     if (!sync_error_object_.empty()) sync_error_object_[0] = std::byte{0};
 }
 
@@ -203,12 +211,34 @@ void ProcessData::stop() {
 
 void ProcessData::process(unsigned parts, Time now) {
     if (!running_) return;
+    begin_measurement();
     if ((parts & part::kOutputs) != 0 && has_outputs()) take_outputs(now);
+    Time used = now;
     if ((parts & part::kApplication) != 0) {
         application_.cycle(now, outputs_valid_);
         arm(now);
+        if (measuring_) used = application_.clock(now);
+        measured(output_time_object_, used - now);
     }
-    if ((parts & part::kInputs) != 0 && sizes_.inputs_bytes != 0) give_inputs();
+    if ((parts & part::kInputs) == 0 || sizes_.inputs_bytes == 0) return;
+    give_inputs(now);
+    if (measuring_) measured(input_time_object_, application_.clock(now) - used);
+}
+
+// The master begins a measurement by a write to 0x1C32:08. The times of the measurement before are deleted.
+void ProcessData::begin_measurement() {
+    const bool wanted = !measure_object_.empty() && (std::to_integer<unsigned>(measure_object_[0]) & 1) != 0;
+    if (std::exchange(measuring_, wanted) || !wanted) return;
+    for (const MutableBytes object : {output_time_object_, input_time_object_})
+        std::fill(object.begin(), object.end(), std::byte{0});
+}
+
+// Keeps the longest time.
+void ProcessData::measured(MutableBytes object, Duration time) {
+    if (!measuring_ || object.empty()) return;
+    const auto most = std::numeric_limits<std::uint32_t>::max();
+    const auto ns = static_cast<std::uint32_t>(std::clamp<std::int64_t>(time.count(), 0, most));
+    if (ns > load_le<std::uint32_t>(object)) store_le(object, 0, ns);
 }
 
 // Whether the cyclic data of the master do not drive the application: there are no outputs, or none have arrived yet,
@@ -242,11 +272,12 @@ void ProcessData::take_outputs(Time now) {
     if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw);
 }
 
-void ProcessData::give_inputs() {
+void ProcessData::give_inputs(Time now) {
     const auto& area = application_.description().inputs;
     if (!area.three_buffers && (sm_status_of(esc_, area.sync_manager) & wire::sm_status::kMailboxFull) != 0)
         return;  // one buffer, and the master has not read the last inputs
     const auto raw = inputs_.first(sizes_.inputs_bytes);
+    if (!timestamp_object_.empty()) store_le(timestamp_object_, 0, application_.timestamp_ns(now));
     if (!application_.pack_inputs(raw) && input_mapped_) input_map_.pack(raw);
     esc_.write(area.start, raw);
 }
@@ -306,6 +337,10 @@ void ProcessData::acknowledge(wire::Register status) { (void)read_register<std::
 void ProcessData::serve_sync(Time now) {
     count_sync(now);
     process(part::kApplication | part::kInputs, now);
+    const bool exceeded = sync_cycle_ns_ != 0 && (application_.clock(now) - now).count() > sync_cycle_ns_;
+    if (!exceeded || exceeded_object_.empty()) return;
+    const auto count = load_le<std::uint16_t>(exceeded_object_);
+    store_le(exceeded_object_, 0, static_cast<std::uint16_t>(count + 1));
 }
 
 void ProcessData::sync0(Time now) {

@@ -85,6 +85,7 @@ class ProcessData {
     // no events. Locked.
     [[nodiscard]] Time serve_deadline() const { return running_ ? std::min(next_cycle_, next_poll_) : kNever; }
 
+    [[nodiscard]] const ObjectDictionary& dictionary() const { return dictionary_; }
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }
     [[nodiscard]] bool has_outputs() const { return sizes_.outputs_bytes != 0; }
@@ -101,7 +102,9 @@ class ProcessData {
     void find_sync_objects();
     void show_missed_frames();
     void take_outputs(Time now);
-    void give_inputs();
+    void give_inputs(Time now);
+    void begin_measurement();
+    void measured(MutableBytes object, Duration time);
     void forget_old_outputs(Time now);
     void forget_outputs(Time now);
     void acknowledge(wire::Register status);
@@ -157,8 +160,14 @@ class ProcessData {
     Time next_cycle_ = kNever;  // the application is called without an event
     Time next_poll_ = kNever;   // used when SM2 does not raise events
     Time next_watch_ = kNever;
-    MutableBytes missed_object_;      // memory of 0x1C32:0B; empty: the object does not exist
-    MutableBytes sync_error_object_;  // memory of 0x1C32:20
+    MutableBytes missed_object_;       // memory of 0x1C32:0B; empty: the object does not exist
+    MutableBytes sync_error_object_;   // memory of 0x1C32:20
+    MutableBytes measure_object_;      // memory of 0x1C32:08
+    MutableBytes output_time_object_;  // memory of 0x1C32:06
+    MutableBytes input_time_object_;   // memory of 0x1C33:06
+    MutableBytes exceeded_object_;     // memory of 0x1C32:0C
+    MutableBytes timestamp_object_;    // memory of 0x10F8
+    bool measuring_ = false;
     Counters counters_;
 };
 

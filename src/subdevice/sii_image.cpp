@@ -158,8 +158,9 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
     d.general.ds402_channels = device.drive_axes;
     d.general.ebus_current_ma = device.ebus_current_ma;
     d.general.physical_ports = board.physical_ports;
-    d.general.flags = static_cast<std::uint8_t>((device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
-                                                (device.device_id != 0 ? sii::general_flag::kIdentAlStatus : 0));
+    d.general.flags = static_cast<std::uint8_t>(
+        (device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
+        (device.device_id != 0 || device.device_id_switch ? sii::general_flag::kIdentAlStatus : 0));
 
     std::array<FmmuUse, 4> fmmus{};
     std::size_t fmmu_count = 0;

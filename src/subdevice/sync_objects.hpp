@@ -25,12 +25,17 @@ namespace sync_subindex {
 // 0: no limit. It is taken over at PREOP→SAFEOP.
 inline constexpr std::uint8_t kErrorLimit = 2;
 // 0x1C32 and 0x1C33.
-inline constexpr std::uint8_t kType = 1;             // 0 free run, 1 SM event, 2 DC SYNC0
-inline constexpr std::uint8_t kCycle = 2;            // cycle time of the master in ns; 0: unknown
-inline constexpr std::uint8_t kSupported = 4;        // bit 0 free run, bit 1 SM event, bits 2 and 3 DC (01: SYNC0)
-inline constexpr std::uint8_t kMinCycle = 5;         // in ns
-inline constexpr std::uint8_t kMissedFrames = 0x0B;  // frame periods without new outputs
-inline constexpr std::uint8_t kSyncError = 0x20;     // the device left OP because of such periods
+inline constexpr std::uint8_t kType = 1;       // 0 free run, 1 SM event, 2 DC SYNC0
+inline constexpr std::uint8_t kCycle = 2;      // cycle time of the master in ns; 0: unknown
+inline constexpr std::uint8_t kSupported = 4;  // bit 0 free run, bit 1 SM event, bits 2 and 3 DC (01: SYNC0)
+inline constexpr std::uint8_t kMinCycle = 5;   // in ns
+// The longest measured time in ns. 0x1C32: from the event of an update until the application has used the outputs.
+// 0x1C33: from there until the inputs are in the SyncManager. 0: not measured (Application::clock()).
+inline constexpr std::uint8_t kCalcAndCopy = 6;
+inline constexpr std::uint8_t kGetCycleTime = 8;      // bit 0: measure; a write of 1 begins a new measurement
+inline constexpr std::uint8_t kMissedFrames = 0x0B;   // frame periods without new outputs
+inline constexpr std::uint8_t kCycleExceeded = 0x0C;  // updates that took longer than the SYNC0 cycle
+inline constexpr std::uint8_t kSyncError = 0x20;      // the device left OP because of such periods
 }  // namespace sync_subindex
 
 // Values in the image from `Offset` on.
@@ -43,7 +48,11 @@ struct SyncValues {
     using sync_error = Field<std::uint8_t, Offset + 10>;
     using input_type = Field<std::uint16_t, Offset + 11>;
     using input_cycle = Field<std::uint32_t, Offset + 13>;
-    static constexpr std::size_t bytes = 17;
+    using output_calc_and_copy = Field<std::uint32_t, Offset + 17>;
+    using get_cycle_time = Field<std::uint16_t, Offset + 21>;
+    using cycle_exceeded = Field<std::uint16_t, Offset + 23>;
+    using input_calc_and_copy = Field<std::uint32_t, Offset + 25>;
+    static constexpr std::size_t bytes = 29;
 };
 
 namespace sync_entry {
@@ -64,7 +73,7 @@ template <std::size_t Offset>
 }
 
 template <std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 7> sync_output_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 10> sync_output_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
     using namespace sync_subindex;
     return {entry_count(kSyncError),
@@ -72,19 +81,24 @@ template <std::size_t Offset>
             value<typename V::output_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
             constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
             constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
+            value<typename V::output_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
+            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(0, 1),
             value<typename V::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
+            value<typename V::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
             flag<typename V::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
 }
 
 template <std::size_t Offset>
-[[nodiscard]] constexpr std::array<Entry, 5> sync_input_entries(const DeviceDescription& d) {
+[[nodiscard]] constexpr std::array<Entry, 7> sync_input_entries(const DeviceDescription& d) {
     using V = SyncValues<Offset>;
     using namespace sync_subindex;
-    return {entry_count(kMinCycle),
+    return {entry_count(kGetCycleTime),
             value<typename V::input_type>(kType, "Synchronization type", od::kReadWritePreop, 1),
             value<typename V::input_cycle>(kCycle, "Cycle time", od::kReadWritePreop),
             constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
-            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d))};
+            constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
+            value<typename V::input_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
+            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(0, 1)};
 }
 
 }  // namespace margay::subdevice

@@ -5,8 +5,10 @@
 #include "subdevice/coe_server.hpp"
 #include "subdevice/device.hpp"
 #include "subdevice/diagnosis.hpp"
+#include "subdevice/modules.hpp"
 #include "subdevice/stored_values.hpp"
 #include "subdevice/sync_objects.hpp"
+#include "subdevice/timestamp.hpp"
 
 #include "mail_hand.hpp"
 
@@ -44,7 +46,9 @@ struct Values {
     static constexpr std::size_t label = 115;  // 20 octets
     static constexpr std::size_t block = 135;  // 300 octets
     static constexpr std::size_t sync = 435;
-    static constexpr std::size_t bytes = sync + SyncValues<sync>::bytes;
+    using time = Field<std::uint64_t, sync + SyncValues<sync>::bytes>;
+    using modules = ModuleValues<3, time::end>;
+    static constexpr std::size_t bytes = time::end + modules::bytes;
 };
 
 class BenchApplication;
@@ -124,6 +128,10 @@ inline constexpr Entry kInputs[] = {entry_count(2), value<Values::in_a>(1, "In a
 inline constexpr auto kSyncError = sync_error_entries<Values::sync>(kDevice);
 inline constexpr auto kOutputSync = sync_output_entries<Values::sync>(kDevice);
 inline constexpr auto kInputSync = sync_input_entries<Values::sync>(kDevice);
+inline constexpr auto kTime = timestamp_entry<Values::time>();
+inline constexpr auto kModuleProfileEntries = module_profile_entries(3, 0x10);
+inline constexpr auto kExpectedModules = configured_module_entries<Values::modules>();
+inline constexpr auto kFoundModules = detected_module_entries<Values::modules>();
 inline constexpr Entry kOutputs[] = {entry_count(4),
                                      value<Values::out_a>(1, "Out a", od::kReadWrite | od::kRxMappable, 9),
                                      value<Values::out_b>(2, "Out b", od::kReadWrite | od::kRxMappable),
@@ -141,6 +149,7 @@ inline constexpr Object kObjects[] = {
     record(0x10F0, "Backup parameter handling", kBackupEntries, &kBackupHooks),
     record(0x10F1, "Sync error setting", kSyncError),
     record(0x10F3, "Diagnosis history", kDiagnosis, &kDiagnosisHooks),
+    variable(0x10F8, "Timestamp", kTime, &kTimestampHooks),
     record(0x1600, "RxPDO", kRx, &kPdoMappingHooks, DataType::pdo_mapping),
     record(0x1601, "RxPDO fixed", kRxFixed, nullptr, DataType::pdo_mapping),
     record(0x1A00, "TxPDO", kTx, &kPdoMappingHooks, DataType::pdo_mapping),
@@ -160,6 +169,9 @@ inline constexpr Object kObjects[] = {
     variable(0x2008, "Vast", kVast, &kVastHooks),
     record(0x6000, "Inputs", kInputs),
     record(0x7000, "Outputs", kOutputs),
+    record(0xF000, "Modular device profile", kModuleProfileEntries),
+    array(0xF030, "Configured modules", kExpectedModules),
+    array(0xF050, "Detected modules", kFoundModules),
 };
 #ifndef __SANITIZE_ADDRESS__  // GCC 12 with sanitizers does not accept this address in a constant expression
 static_assert(well_formed(kObjects, Values::bytes));
@@ -174,11 +186,18 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
         return transition_hook ? transition_hook(t, now) : Verdict::go();
     }
     void cycle(Time, bool outputs_valid) override {
+        spent = work;
         ++cycles;
         last_valid = outputs_valid;
     }
     void safe_outputs(Time) override { ++safe; }
     void sync1(Time) override { ++syncs1; }
+    bool pack_inputs(MutableBytes) override {
+        spent += copying;
+        return false;
+    }
+    [[nodiscard]] Time clock(Time now) override { return now + spent; }
+    [[nodiscard]] std::uint64_t timestamp_ns(Time now) override { return Application::timestamp_ns(now) + 1'000; }
     [[nodiscard]] StoredValues* stored_values() override { return stored; }
 
     DeviceDescription description_value = table::kDevice;
@@ -187,6 +206,9 @@ class BenchApplication final : public ReportingApplication<3, 4, 3> {
     std::vector<std::byte> vast = std::vector<std::byte>(70'000, std::byte{0x5A});
     std::size_t vast_bytes = 70'000;
     StoredValues* stored = nullptr;
+    Duration work{};     // the time that the cyclic function takes,
+    Duration copying{};  // and that of a copy of the inputs
+    Duration spent{};
     unsigned writes = 0;
     unsigned cycles = 0;
     unsigned safe = 0;

@@ -68,12 +68,12 @@ TEST(SdoInformation, AllFiveListsAndTheirLengths) {
     for (const auto& object : table::kObjects) all.push_back(object.index);
     EXPECT_EQ(indices(ask(bench, info_request(1, 1))), all);
     EXPECT_EQ(indices(ask(bench, info_request(1, 2))), (std::vector<int>{0x7000}));
-    EXPECT_EQ(indices(ask(bench, info_request(1, 3))), (std::vector<int>{0x10F3, 0x6000}));
+    EXPECT_EQ(indices(ask(bench, info_request(1, 3))), (std::vector<int>{0x10F3, 0x10F8, 0x6000}));
     EXPECT_EQ(indices(ask(bench, info_request(1, 4))), (std::vector<int>{0x2000, 0x2002}));
     EXPECT_EQ(indices(ask(bench, info_request(1, 5))), (std::vector<int>{0x2000}));
     const auto lengths = ask(bench, info_request(1, 0));
     EXPECT_EQ(lengths.opcode, 2);
-    EXPECT_EQ(lengths.data, raw({0, 0, static_cast<int>(all.size()), 0, 1, 0, 2, 0, 2, 0, 1, 0}));
+    EXPECT_EQ(lengths.data, raw({0, 0, static_cast<int>(all.size()), 0, 1, 0, 3, 0, 2, 0, 1, 0}));
 }
 
 TEST(SdoInformation, FragmentsForEveryMailbox) {

@@ -33,6 +33,7 @@ constexpr DeviceDescription kDevice{
 
 class Client final : public EsmClient {
   public:
+    std::uint16_t device_id() override { return id; }
     ProcessDataSizes process_data_sizes() override { return sizes; }
     Verdict before(Transition t, Time now) override {
         log += name(t, '?');
@@ -47,6 +48,7 @@ class Client final : public EsmClient {
         return std::string{letter(t.from), letter(t.to), sign, ' '};
     }
     ProcessDataSizes sizes{6, 8};
+    std::uint16_t id = 0;
     std::string log;
     std::function<Verdict(Transition, Time)> answer;
 };
@@ -363,16 +365,17 @@ TEST_F(EsmTest, RepeatBitsOfTheMailboxSurviveLocking) {
 }
 
 TEST_F(EsmTest, ExplicitDeviceIdentification) {
-    auto with_id = kDevice;
-    with_id.device_id = 0x1234;
-    start(with_id);
-    (void)request(0x21);
-    EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x21);
-    EXPECT_EQ(esc.get<std::uint16_t>(0x0134), 0x1234);
-    (void)request(0x01);
-    EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x01);
-    EXPECT_EQ(esc.get<std::uint16_t>(0x0134), 0);
-    start(kDevice);
+    for (const std::uint16_t position :
+         {std::uint16_t{0x1234}, std::uint16_t{7}}) {  // of a switch, which is read at each request
+        client.id = position;
+        (void)request(0x21);
+        EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x21);
+        EXPECT_EQ(esc.get<std::uint16_t>(0x0134), position);
+        (void)request(0x01);
+        EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x01);
+        EXPECT_EQ(esc.get<std::uint16_t>(0x0134), 0);
+    }
+    client.id = 0;
     (void)request(0x21);
     EXPECT_EQ(esc.get<std::uint16_t>(0x0130), 0x01) << "not offered, not answered";
 }

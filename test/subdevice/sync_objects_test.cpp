@@ -1,0 +1,85 @@
+// Objects 0x1C32 and 0x1C33 with their counters and measured times, and the timestamp object 0x10F8.
+#include "bench_device.hpp"
+
+namespace margay::subdevice {
+namespace {
+
+using namespace testing;
+
+class MeasuredTimes : public ::testing::Test {
+  protected:
+    std::uint64_t read(int index, int subindex) {
+        const auto got = upload(bench, index, subindex);
+        EXPECT_EQ(got.abort, Abort::none) << std::hex << index << ":" << subindex;
+        return got.number();
+    }
+    void begin_measurement(int value) { ASSERT_EQ(download(bench, 0x1C32, 8, raw({value, 0})).abort, Abort::none); }
+    void update(Duration work, Duration copying) {
+        bench.application.work = work;
+        bench.application.copying = copying;
+        ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 3, 0})));
+        (void)bench.step();
+    }
+    Bench bench;
+};
+
+TEST_F(MeasuredTimes, TheLongestTimesOfAMeasurementAreKept) {
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    update(9us, 3us);
+    EXPECT_EQ(read(0x1C32, 6), 0U) << "nobody has asked for a measurement";
+    begin_measurement(1);
+    update(20us, 4us);
+    update(15us, 6us);
+    EXPECT_EQ(read(0x1C32, 6), 20'000U);
+    EXPECT_EQ(read(0x1C33, 6), 6'000U);
+    EXPECT_EQ(read(0x1C33, 8), 1U) << "one command for both";
+    begin_measurement(0);
+    update(90us, 90us);
+    EXPECT_EQ(read(0x1C32, 6), 20'000U) << "the result stays when the measurement is over";
+    begin_measurement(1);
+    update(2us, 1us);
+    EXPECT_EQ(read(0x1C32, 6), 2'000U) << "a new measurement begins at zero";
+    EXPECT_EQ(read(0x1C33, 6), 1'000U);
+    EXPECT_EQ(download(bench, 0x1C32, 8, raw({2, 0})).abort, Abort::value_too_high);
+    EXPECT_EQ(download(bench, 0x1C32, 6, raw({0, 0, 0, 0})).abort, Abort::read_only);
+}
+
+TEST_F(MeasuredTimes, UpdatesThatTakeLongerThanTheSyncCycleAreCounted) {
+    bench.esc.ecat_set<std::uint32_t>(0x09A0, 1'000'000);
+    bench.esc.ecat_set<std::uint8_t>(0x0981, 3);
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    for (const Duration work : {900'000ns, 1'000'001ns, 5'000'000ns}) {
+        bench.application.work = work;
+        bench.esc.time += 1ms;
+        bench.esc.raise(wire::al_event::kDcSync0);
+        (void)bench.step();
+    }
+    EXPECT_EQ(read(0x1C32, 0x0C), 2U);
+}
+
+TEST_F(MeasuredTimes, TheTimestampIsTheTimeOfTheDevice) {
+    bench.esc.time = Time{} + 5s;
+    EXPECT_EQ(read(0x10F8, 0), 5'000'001'000U);
+    // Mapped, it is the time of the copy of the inputs.
+    ASSERT_EQ(download(bench, 0x1A00, 0, raw({0})).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 1, raw({0x40, 0x00, 0xF8, 0x10})).abort, Abort::none);
+    ASSERT_EQ(download(bench, 0x1A00, 0, raw({1})).abort, Abort::none);
+    bench.esc.configure(3, {0x1300, 8, 0x20, 1});
+    ASSERT_EQ(bench.request(4).state, AlState::safeop);
+    bench.esc.time += 7ns;
+    ASSERT_TRUE(bench.esc.ecat_write(0x1200, raw({1, 2, 3, 0})));
+    (void)bench.step();
+    std::vector<std::byte> inputs(8);
+    ASSERT_TRUE(bench.esc.ecat_read(0x1300, inputs));
+    EXPECT_EQ(load_le<std::uint64_t>(inputs), 5'000'001'007U);
+}
+
+// The steps come often enough for the PDI watchdog, although nothing happens.
+TEST_F(MeasuredTimes, StepsFeedThePdiWatchdog) {
+    EXPECT_EQ(bench.step(), kNever);
+    bench.application.description_value.pdi_watchdog = 20ms;
+    EXPECT_EQ(bench.step(), bench.esc.time + 20ms);
+}
+
+}  // namespace
+}  // namespace margay::subdevice
