@@ -5,9 +5,8 @@
 // On a PC it is compiled only to check it. There it ends at once, because no chip answers.
 #include "common/lan9252_spi.hpp"
 
-#include "subdevice/coe_server.hpp"
-#include "subdevice/device.hpp"
 #include "subdevice/foe_server.hpp"
+#include "subdevice/standard_device.hpp"
 
 namespace board {
 
@@ -54,55 +53,33 @@ struct Values {
     static constexpr std::size_t bytes = dimming::end;
 };
 
-constexpr Entry kType[] = {constant<std::uint32_t>(0, "Device type", 0x00000191)};
-constexpr Entry kName[] = {text(0, "Device name", kDevice.name)};
-constexpr auto kIdentity = identity_entries(kDevice);
-constexpr auto kSyncManagers = sync_manager_type_entries(kDevice);
 constexpr auto kErrors = kErrorHistoryEntries<4>;
-// Each PDO ends with a gap of one octet: a SyncManager of one octet is only a watchdog trigger, without buffers and
-// events (ESC data sheets, register 0x0802).
-constexpr Entry kRxPdo[] = {entry_count(2), mapped(1, 0x7000, 0, 8), mapped(2, 0, 0, 8)};
-constexpr Entry kTxPdo[] = {entry_count(2), mapped(1, 0x6000, 0, 8), mapped(2, 0, 0, 8)};
-constexpr Entry kRxAssignment[] = {entry_count(1), assigned(1, 0x1600)};
-constexpr Entry kTxAssignment[] = {entry_count(1), assigned(1, 0x1A00)};
 constexpr Entry kDimming[] = {value<Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(0, 1000)};
 constexpr Entry kSwitches[] = {value<Values::switches>(0, "Switches", od::kRead | od::kTxMappable)};
 constexpr Entry kLamps[] = {value<Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 
+// The objects of the device itself. StandardDevice adds those of every device, and the PDOs.
 constexpr Object kObjects[] = {
-    variable(0x1000, "Device type", kType),
     array(0x1003, "Pre-defined error field", kErrors, &kErrorHistoryHooks),
-    variable(0x1008, "Device name", kName),
-    record(0x1018, "Identity", kIdentity, nullptr, DataType::identity),
-    record(0x1600, "Lamps", kRxPdo, nullptr, DataType::pdo_mapping),
-    record(0x1A00, "Switches", kTxPdo, nullptr, DataType::pdo_mapping),
-    array(0x1C00, "Sync manager types", kSyncManagers),
-    array(0x1C12, "RxPDO assignment", kRxAssignment),
-    array(0x1C13, "TxPDO assignment", kTxAssignment),
     variable(0x2000, "Dimming", kDimming),
     variable(0x6000, "Switches", kSwitches),
     variable(0x7000, "Lamps", kLamps),
 };
-#ifndef __SANITIZE_ADDRESS__  // GCC 12 with sanitizers does not accept this address in a constant expression
-static_assert(well_formed(kObjects, Values::bytes));
-#endif
+using Stack = StandardDevice<kDevice, kObjects, Values::bytes, 1, 0x00000191>;
 
 // ------------------------------------------------------------------ behaviour of the device
 
 // Memory for the messages and values. All other objects hold state only. The test embedded/footprint measures the
 // footprint.
 struct Buffers {
-    MailboxMemory<512, 3> mailbox;
-    std::array<std::byte, 256> staging{};
-    std::array<std::byte, Values::bytes> values{};
-    ProcessDataMemory<2, 2, 2> process_data;
+    Stack::Memory stack;
     std::array<EmergencyMessage, 4> emergencies{};
     std::array<std::byte, 4 * 4> error_history{};
 };
 
 class Lamps final : public Application {
   public:
-    Lamps(Buffers& buffers) : values_(buffers.values), emergencies_(buffers.emergencies, buffers.error_history) {}
+    Lamps(Buffers& buffers) : values_(buffers.stack.values), emergencies_(buffers.emergencies, buffers.error_history) {}
     const DeviceDescription& description() const override { return kDevice; }
     Emergencies* emergencies() override { return &emergencies_; }
     void cycle(Time, bool) override {
@@ -148,19 +125,14 @@ Spi spi;
 samples::Lan9252 esc(spi);
 Lamps lamps(buffers);
 Firmware firmware;
-ObjectDictionary dictionary(kObjects, buffers.values, &lamps);
-CoeServer coe(dictionary, buffers.staging, kDevice.complete_access, lamps.emergencies());
 FoeServer foe(firmware);
-const MailboxProtocol kProtocols[] = {{wire::MailboxType::coe, &coe}, {wire::MailboxType::foe, &foe, true}};
-Mailbox mailbox(esc, buffers.mailbox, kProtocols);
-ProcessData process_data(esc, lamps, dictionary, buffers.process_data);
-Device device(esc, lamps, process_data, &mailbox);
+Stack stack(esc, lamps, buffers.stack, {{{wire::MailboxType::foe, &foe, true}}});
 
 }  // namespace
 
 int main() {
     if (!esc.begin()) return 1;
-    device.start(esc.now());
-    while (!esc.failed()) (void)device.step(esc.now());
+    stack.device.start(esc.now());
+    while (!esc.failed()) (void)stack.device.step(esc.now());
     return 2;
 }

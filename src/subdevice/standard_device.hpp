@@ -1,0 +1,212 @@
+// A whole device out of tables: the author writes the description, the values, and the objects of the device itself.
+// The objects of every device, the memory and the wiring follow from them.
+//
+//     constexpr DeviceDescription kDevice{…};
+//     struct Values { using lamps = Field<std::uint16_t, 0>; static constexpr std::size_t bytes = lamps::end; };
+//     constexpr Entry kLamps[] = {value<Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+//     constexpr Object kObjects[] = {variable(0x7000, "Lamps", kLamps)};
+//     using Stack = StandardDevice<kDevice, kObjects, Values::bytes>;
+//
+//     class Lamps final : public Application { … };
+//     Stack::Memory memory;
+//     Lamps lamps(memory.values);
+//     Stack stack(esc, lamps, memory);                     // esc: the EscAccess of the board
+//     stack.device.start(now);
+//     for (;;) sleep_until(stack.device.step(now));
+#pragma once
+
+#include "subdevice/coe_server.hpp"
+#include "subdevice/device.hpp"
+
+#include <algorithm>
+
+namespace margay::subdevice {
+
+namespace standard {
+
+// Calls `visit(object, entry, subindex)` for each subindex that may be mapped in this direction.
+template <class Visit>
+constexpr void for_each_mappable(std::span<const Object> objects, std::uint16_t access, Visit visit) {
+    for (const Object& object : objects)
+        for (const Entry& entry : object.entries)
+            if ((entry.access & access) != 0)
+                for (unsigned n = 0; n < entry.count; ++n) visit(object, entry, entry.subindex + n);
+}
+
+struct Mapped {
+    std::size_t entries = 0;  // gaps included
+    std::size_t bits = 0;
+};
+
+// A SyncManager of one octet is only a watchdog trigger, without buffers and events (ESC data sheets, register 0x0802):
+// then a gap follows.
+constexpr std::size_t kLeastBits = 16;
+
+constexpr Mapped count_mapped(std::span<const Object> objects, std::uint16_t access) {
+    Mapped all;
+    for_each_mappable(objects, access, [&](const Object&, const Entry& entry, unsigned) {
+        ++all.entries;
+        all.bits += entry.bits;
+    });
+    if (all.bits != 0 && all.bits < kLeastBits) ++all.entries;
+    return all;
+}
+
+// The entries of a PDO with all values that may be mapped in this direction, in the order of the objects.
+template <std::size_t N>
+constexpr std::array<Entry, N + 1> mapping_entries(std::span<const Object> objects, std::uint16_t access) {
+    std::array<Entry, N + 1> entries{};
+    entries[0] = entry_count(static_cast<std::uint8_t>(N));
+    std::uint8_t n = 0;
+    std::size_t bits = 0;
+    for_each_mappable(objects, access, [&](const Object& object, const Entry& entry, unsigned subindex) {
+        bits += entry.bits;
+        ++n;
+        entries[n] =
+            mapped(n, object.index, static_cast<std::uint8_t>(subindex), static_cast<std::uint8_t>(entry.bits));
+    });
+    if (n < N) entries[N] = mapped(static_cast<std::uint8_t>(N), 0, 0, static_cast<std::uint8_t>(kLeastBits - bits));
+    return entries;
+}
+
+constexpr std::uint16_t largest(const MailboxPair& pair) {
+    const auto of = [](const MailboxArea& area) { return std::max(area.size_bytes, area.max_bytes); };
+    return std::max(of(pair.receive), of(pair.send));
+}
+
+}  // namespace standard
+
+// The objects of every device, out of its description, and one fixed PDO in each direction that has all values that may
+// be mapped. An object of the author with the same index replaces that of this list.
+template <const DeviceDescription& Description, const auto& Own, std::uint32_t Type = 0>
+class StandardObjects {
+    static constexpr std::span<const Object> kOwn{Own};
+    static constexpr auto kRx = standard::count_mapped(kOwn, od::kRxMappable);
+    static constexpr auto kTx = standard::count_mapped(kOwn, od::kTxMappable);
+    static constexpr bool replaced(std::uint16_t index) {
+        return std::ranges::any_of(kOwn, [index](const Object& object) { return object.index == index; });
+    }
+    // A PDO of the author has limits that this list does not know.
+    static_assert(replaced(0x1600) || kRx.bits <= std::size_t{8} * Description.outputs.max_bytes);
+    static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes);
+
+    static constexpr Entry kType[] = {constant<std::uint32_t>(0, "Device type", Type)};
+    static constexpr Entry kName[] = {text(0, "Device name", Description.name)};
+    static constexpr auto kIdentity = identity_entries(Description);
+    static constexpr auto kRxEntries = standard::mapping_entries<kRx.entries>(kOwn, od::kRxMappable);
+    static constexpr auto kTxEntries = standard::mapping_entries<kTx.entries>(kOwn, od::kTxMappable);
+    static constexpr auto kSyncManagers = sync_manager_type_entries(Description);
+    static constexpr Entry kRxAssigned[] = {entry_count(1), assigned(1, 0x1600)};
+    static constexpr Entry kTxAssigned[] = {entry_count(1), assigned(1, 0x1A00)};
+    static constexpr Object kAll[] = {
+        variable(0x1000, "Device type", kType),
+        variable(0x1008, "Device name", kName),
+        record(0x1018, "Identity", kIdentity, nullptr, DataType::identity),
+        record(0x1600, "Outputs", kRxEntries, nullptr, DataType::pdo_mapping),
+        record(0x1A00, "Inputs", kTxEntries, nullptr, DataType::pdo_mapping),
+        array(0x1C00, "Sync manager types", kSyncManagers),
+        array(0x1C12, "RxPDO assignment", kRxAssigned),
+        array(0x1C13, "TxPDO assignment", kTxAssigned),
+    };
+
+    static constexpr bool is_there(const Object& object) {
+        const bool of_outputs = object.index == 0x1600 || object.index == 0x1C12;
+        const bool of_inputs = object.index == 0x1A00 || object.index == 0x1C13;
+        return !replaced(object.index) && (!of_outputs || Description.outputs.present()) &&
+               (!of_inputs || Description.inputs.present());
+    }
+    static constexpr std::size_t count() {
+        return kOwn.size() + static_cast<std::size_t>(std::ranges::count_if(kAll, is_there));
+    }
+    static constexpr auto merge() {
+        std::array<Object, count()> merged{};
+        auto to = std::ranges::copy_if(kAll, merged.begin(), is_there).out;
+        std::ranges::copy(kOwn, to);
+        std::ranges::sort(merged, {}, &Object::index);
+        return merged;
+    }
+
+  public:
+    static constexpr auto kObjects = merge();
+    static constexpr std::size_t kMostMapped = std::max({kRx.entries, kTx.entries, std::size_t{1}});
+};
+
+// A device with CoE. `ValueBytes`: the image of the values. `More`: other mailbox protocols besides CoE. An author
+// whose PDOs can be changed by the master says by `MostMapped` how many entries may be mapped in one direction.
+template <const DeviceDescription& Description, const auto& Own, std::size_t ValueBytes, std::size_t More = 0,
+          std::uint32_t Type = 0, std::size_t MostMapped = StandardObjects<Description, Own, Type>::kMostMapped>
+class StandardDevice {
+  public:
+    using Objects = StandardObjects<Description, Own, Type>;
+    static constexpr std::size_t kMailboxBytes =
+        std::max(standard::largest(Description.mailbox), standard::largest(Description.boot_mailbox));
+
+    // The memory for messages and values; all other members of the device hold state only.
+    struct Memory {
+        MailboxMemory<kMailboxBytes, 3> mailbox;
+        std::array<std::byte, 256> staging{};
+        std::array<std::byte, ValueBytes> values{};
+        ProcessDataMemory<Description.outputs.max_bytes, Description.inputs.max_bytes, MostMapped> process_data;
+    };
+
+    // All arguments must outlive the device.
+    StandardDevice(EscAccess& esc, Application& application, Memory& memory,
+                   const std::array<MailboxProtocol, More>& more = {}, RunMode mode = RunMode::polling)
+        : dictionary(Objects::kObjects, memory.values, &application),
+          coe_(dictionary, memory.staging, Description.complete_access, application.emergencies()),
+          mailbox_(esc, memory.mailbox, protocols_),
+          process_data(esc, application, dictionary, memory.process_data),
+          device(esc, application, process_data, &mailbox_, nullptr, mode) {
+        protocols_[0] = {wire::MailboxType::coe, &coe_};
+        std::ranges::copy(more, protocols_.begin() + 1);
+    }
+    StandardDevice(const StandardDevice&) = delete;
+    StandardDevice& operator=(const StandardDevice&) = delete;
+
+    ObjectDictionary dictionary;
+
+  private:
+    CoeServer coe_;
+    std::array<MailboxProtocol, 1 + More> protocols_{};
+    Mailbox mailbox_;
+
+  public:
+    ProcessData process_data;
+    Device device;
+};
+
+// Hooks of objects that are functions of the author's application:
+//
+//     class Lamps final : public Application {
+//         HookAnswer check_dimming(const ObjectAccess& access, Bytes data);
+//         void dimmed(const ObjectAccess& access);
+//     };
+//     constexpr ObjectHooks kDimmingHooks{.before_write = before_write_by<&Lamps::check_dimming>,
+//                                         .after_write = after_write_by<&Lamps::dimmed>};
+//
+// The application of the dictionary must be of this class.
+namespace standard {
+template <class App, class Result, class... Args>
+App* application_of(const ObjectAccess& access, Result (App::*)(Args...)) {
+    return static_cast<App*>(access.application);
+}
+}  // namespace standard
+
+template <auto Function>
+HookAnswer before_read_by(const ObjectAccess& access) {
+    return (standard::application_of(access, Function)->*Function)(access);
+}
+template <auto Function>
+HookAnswer before_write_by(const ObjectAccess& access, Bytes data) {
+    return (standard::application_of(access, Function)->*Function)(access, data);
+}
+template <auto Function>
+void after_write_by(const ObjectAccess& access) {
+    (standard::application_of(access, Function)->*Function)(access);
+}
+template <auto Function>
+MutableBytes memory_by(const ObjectAccess& access) {
+    return (standard::application_of(access, Function)->*Function)(access);
+}
+
+}  // namespace margay::subdevice

@@ -1,0 +1,138 @@
+// A device whose objects, memory and wiring follow from its description: the device of ten lines in the README.
+#include "subdevice/standard_device.hpp"
+
+#include "mail_hand.hpp"
+#include "subdevice/sii_image.hpp"
+#include "wire/sii_check.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay::subdevice {
+namespace {
+
+using namespace testing;
+
+constexpr DeviceDescription kLampsDevice{
+    .vendor_id = 0x4D47,
+    .product_code = 0x77,
+    .name = "Lamps",
+    .protocols = {.coe = true},
+    .mailbox = {{.start = 0x1000, .size_bytes = 128}, {.start = 0x1100, .size_bytes = 128, .max_bytes = 200}},
+    .outputs = {.sync_manager = 2, .start = 0x1400, .max_bytes = 4},
+    .inputs = {.sync_manager = 3, .start = 0x1480, .max_bytes = 8}};
+struct LampValues {
+    using lamps = Field<std::uint8_t, 0>;
+    using dimming = Field<std::uint16_t, lamps::end>;
+    using currents = Field<std::uint16_t, dimming::end>;  // three
+    static constexpr std::size_t bytes = currents::end + 4;
+};
+
+class LampsApplication final : public Application {
+  public:
+    explicit LampsApplication(MutableBytes values) : values_(values) {}
+    const DeviceDescription& description() const override { return kLampsDevice; }
+    void cycle(Time, bool) override { shown = LampValues::lamps::load(values_); }
+    HookAnswer check_dimming(const ObjectAccess&, Bytes data) {
+        return load_le<std::uint16_t>(data) % 10 == 0 ? Abort::none : Abort::value_range;
+    }
+    void dimmed(const ObjectAccess&) { ++changes; }
+    unsigned shown = 0;
+    unsigned changes = 0;
+
+  private:
+    MutableBytes values_;
+};
+
+constexpr ObjectHooks kDimmingHooks{.before_write = before_write_by<&LampsApplication::check_dimming>,
+                                    .after_write = after_write_by<&LampsApplication::dimmed>};
+constexpr Entry kLamps[] = {value<LampValues::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
+constexpr Entry kDimming[] = {value<LampValues::dimming>(0, "Dimming", od::kReadWrite, 100)};
+constexpr Entry kCurrents[] = {entry_count(3),
+                               value<LampValues::currents>(1, "Current", od::kRead | od::kTxMappable).times(3)};
+constexpr Entry kOwnName[] = {text(0, "Device name", "Lamps of ours")};
+constexpr Object kLampObjects[] = {variable(0x1008, "Device name", kOwnName),
+                                   variable(0x2000, "Dimming", kDimming, &kDimmingHooks),
+                                   array(0x6000, "Currents", kCurrents), variable(0x7000, "Lamps", kLamps)};
+using LampStack = StandardDevice<kLampsDevice, kLampObjects, LampValues::bytes>;
+
+struct LampBench {
+    PlainEsc esc;
+    LampStack::Memory memory;
+    LampsApplication application{memory.values};
+    LampStack stack{esc, application, memory};
+    MailHand hand{esc};
+
+    LampBench() {
+        stack.device.start(esc.time);
+        hand.configure(128);
+        esc.configure(2, {0x1400, 2, 0x64, 1});
+        esc.configure(3, {0x1480, 6, 0x20, 1});
+    }
+    AlStatus request(std::uint16_t control) {
+        esc.al_control(control);
+        (void)stack.device.step(esc.time);
+        return esc.al_status();
+    }
+    // The eight octets of an expedited SDO answer.
+    std::vector<std::byte> sdo(const std::vector<std::byte>& body) {
+        std::vector<std::byte> data = raw({0x00, 0x20});
+        data.insert(data.end(), body.begin(), body.end());
+        EXPECT_TRUE(hand.put(hand.message(wire::MailboxType::coe, data)));
+        for (int n = 0; n < 4; ++n) (void)stack.device.step(esc.time);
+        auto answer = hand.fetch();
+        if (answer.size() < 16) return {};
+        return {answer.begin() + 8, answer.begin() + 16};
+    }
+};
+
+TEST(StandardDevice, HasTheObjectsOfEveryDeviceAndThoseOfItsAuthor) {
+    std::vector<int> indices;
+    for (const Object& object : LampStack::Objects::kObjects) indices.push_back(object.index);
+    EXPECT_EQ(indices,
+              (std::vector{0x1000, 0x1008, 0x1018, 0x1600, 0x1A00, 0x1C00, 0x1C12, 0x1C13, 0x2000, 0x6000, 0x7000}));
+    EXPECT_TRUE(well_formed(LampStack::Objects::kObjects, LampValues::bytes));
+    LampBench bench;
+    EXPECT_EQ(bench.stack.dictionary.find(0x1008)->entries[0].text, "Lamps of ours") << "the author's object";
+    EXPECT_EQ(bench.stack.dictionary.number(0x1018, 2), 0x77U);
+    EXPECT_EQ(bench.stack.dictionary.number(0x1600, 0), 2U) << "a gap follows one octet";
+    EXPECT_EQ(bench.stack.dictionary.number(0x1600, 1), 0x70000008U);
+    EXPECT_EQ(bench.stack.dictionary.number(0x1600, 2), 8U);
+    EXPECT_EQ(bench.stack.dictionary.number(0x1A00, 3), 0x60000310U);
+}
+
+TEST(StandardDevice, GoesToOpAndExchanges) {
+    LampBench bench;
+    ASSERT_EQ(bench.request(2), (AlStatus{AlState::preop, false, 0}));
+    ASSERT_EQ(bench.request(4), (AlStatus{AlState::safeop, false, 0}));
+    ASSERT_TRUE(bench.esc.ecat_write(0x1400, raw({0x5A, 0})));
+    ASSERT_EQ(bench.request(8), (AlStatus{AlState::op, false, 0}));
+    LampValues::currents::store(bench.memory.values, 0x1234);
+    ASSERT_TRUE(bench.esc.ecat_write(0x1400, raw({0xA5, 0})));
+    (void)bench.stack.device.step(bench.esc.time);
+    EXPECT_EQ(bench.application.shown, 0xA5U);
+    std::vector<std::byte> inputs(6);
+    ASSERT_TRUE(bench.esc.ecat_read(0x1480, inputs));
+    EXPECT_EQ(load_le<std::uint16_t>(inputs), 0x1234U);
+}
+
+TEST(StandardDevice, HooksAreFunctionsOfTheApplication) {
+    LampBench bench;
+    (void)bench.request(2);
+    EXPECT_EQ(bench.sdo(raw({0x2B, 0x00, 0x20, 0, 50, 0, 0, 0}))[0], std::byte{0x60});
+    EXPECT_EQ(bench.application.changes, 1U);
+    EXPECT_EQ(bench.sdo(raw({0x2B, 0x00, 0x20, 0, 51, 0, 0, 0}))[0], std::byte{0x80});
+    EXPECT_EQ(bench.application.changes, 1U);
+    EXPECT_EQ(bench.sdo(raw({0x40, 0x00, 0x20, 0, 0, 0, 0, 0})), raw({0x4B, 0x00, 0x20, 0, 50, 0, 0, 0}));
+}
+
+TEST(StandardDevice, ItsSiiFollowsFromTheSameTables) {
+    LampBench bench;
+    SiiWorkspace<4, 16> workspace;
+    std::vector<std::byte> image(1024);
+    const auto written = write_sii(kLampsDevice, {}, bench.stack.dictionary, workspace, image);
+    ASSERT_TRUE(written.ok()) << to_text(written.fault);
+    EXPECT_EQ(wire::sii::load_fixed_part(image).value.identity.product, 0x77U);
+}
+
+}  // namespace
+}  // namespace margay::subdevice
