@@ -69,16 +69,13 @@ Error cycle_trouble(const ProcessGroup& group) {
     return right ? Error{} : error;
 }
 
-// For how long what was read last, or exchanged last, is believed while other cycles go on.
-constexpr Duration kBelieved = std::chrono::seconds(1);
-
 // The application exchanges other groups, and not this one.
 bool is_left_out(ProcessGroup& group, Time now) {
     const std::uint32_t sent =
         group.overlap.sets > 1 ? group.overlap.sent.load(std::memory_order_relaxed) : group.cycles_sent;
     const bool goes_on = std::exchange(group.cycles_seen, sent) != sent || group.seen_at == Time{};
     if (goes_on) group.seen_at = now;
-    return later(group.seen_at, kBelieved) < now;
+    return later(group.seen_at, Network::kBelieved) < now;
 }
 
 Error cycles_trouble(Network& network) {
@@ -173,7 +170,7 @@ class OverrunNews {
 // The owner exchanges process data but does not call poll(), so that its requests do not progress.
 bool is_starved(Master& master) {
     const bool requests = master.queue.waiting != nullptr || master.queue.running != nullptr;
-    return requests && later(master.polled, kBelieved) < master.network.engine.link().last_cycle();
+    return requests && later(master.polled, Network::kBelieved) < master.network.engine.link().last_cycle();
 }
 
 // Why reach() or run_cycle() is refused: the codes of check_waiting_owner(), or the work function of run_cycle() called
@@ -310,7 +307,7 @@ Error what_is_wrong(Context& ctx) {
     if (is_starved(*master_of(ctx))) return {.code = Errc::not_polled, .step = Step::exchange_process_data};
     for (const Slave& slave : network.slaves())
         if (const Error error = state_error(network, slave); error.code != Errc::none) return error;
-    if (!network.supervised && later(network.states_read, kBelieved) < network.engine.link().last_cycle())
+    if (!network.supervised && later(network.states_read, Network::kBelieved) < network.engine.link().last_cycle())
         return {.code = Errc::not_supervised, .step = Step::read_state};
     return cycles_trouble(network);
 }

@@ -95,12 +95,14 @@ struct Network {
     bool supervised = false;
     const SuperviseRequest* supervision = nullptr;  // while `supervised`
     AlState target_read = AlState::none;            // its target when the supervision has read it last
-    Time states_read = Time::min();                 // when the states of all slaves were read last
-    bool supervision_ended = false;                 // not reported yet: the next poll() does
-    Error supervision_error;                        // why it has ended
-    bool segment_in_use = false;                    // a request that needs the whole segment is executing
-    bool segment_wanted = false;                    // such a request waits
-    bool group_is_back = false;                     // the head of a hot connect group: its members should come with it
+    // For how long what was read last, or exchanged last, is believed.
+    static constexpr Duration kBelieved = std::chrono::seconds(1);
+    Time states_read = Time::min();       // when the states of all slaves were read last
+    bool supervision_ended = false;       // not reported yet: the next poll() does
+    Error supervision_error;              // why it has ended
+    bool segment_in_use = false;          // a request that needs the whole segment is executing
+    bool segment_wanted = false;          // such a request waits
+    bool group_is_back = false;           // the head of a hot connect group: its members should come with it
     bool supervision_turn = false;        // such a request has ended: the supervision works before the next one begins
     std::uint16_t slave_of_cut_hook = 0;  // a sequence was destroyed while it waited for the hook of this slave
     List<SlaveWork> works;                // at most one for each slave

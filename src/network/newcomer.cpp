@@ -42,6 +42,8 @@ Task<Result<Identity>> read_identity(Station station) {
     auto offered = co_await sii_assign(station, true);
     if (!read) co_return read.error();
     if (!offered) co_return offered.error();
+    // A blank EEPROM contains no identity: neither does the known slave with a blank EEPROM.
+    if (sii::is_blank(octets)) co_return Identity{};
     co_return sii::load_identity(octets);
 }
 
@@ -238,7 +240,6 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
         return true;
     };
     const Identity& known = slave.identity;
-    if (known == Identity{}) return {};
     const bool any = differs(IdentityField::vendor, known.vendor, there.vendor) ||
                      differs(IdentityField::product, known.product, there.product) ||
                      differs(IdentityField::serial, known.serial, there.serial) ||
@@ -249,7 +250,6 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
 
 Task<Result<>> compare_identity(Network& network, Slave& slave) {
     const Station station = network.station(slave);
-    if (slave.identity == Identity{}) co_return Nothing{};  // its SII could not be understood
     const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));
     const auto identity = co_await required(read_identity(station));
     co_return identity_difference(slave, identity, alias);

@@ -342,6 +342,9 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 }
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
+    // Nobody has looked for so long that the device may have been exchanged for another one in the same state.
+    const bool stale = !network.supervised && later(network.states_read, Network::kBelieved) < network.engine.now();
+    network.marks(slave).unproved |= stale && slave.seen;
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;
     if (!network.supervised) {

@@ -34,8 +34,8 @@ struct SlaveMarks {
     bool leave_boot : 1 = false;
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
-    // It, or all slaves, did not answer for a while: another slave may have its station address now. Its identity is
-    // compared before anything else is done with it.
+    // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
+    // now. Its identity is compared before anything else is done with it.
     bool unproved : 1 = false;
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };

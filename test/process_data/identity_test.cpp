@@ -20,13 +20,15 @@ struct Identities : testing::Test, Plant {
     std::vector<std::uint32_t> line;
     std::uint32_t tool = 0;
     std::uint32_t twin = 0;
+    bool nameless = false;  // slave 2
     std::vector<ExpectedSlave> wanted{
         {.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}, {.number = 3, .product = 0x102}};
 
     void SetUp() override { build(); }
     void build() {
         wanted.reserve(8);  // the context uses the list until the next one: it must not move
-        for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));
+        for (unsigned n = 0; n < 3; ++n)
+            line.push_back(n == 1 && nameless ? make_nameless() : make({.product = 0x100 + n}));
         tool = make({.product = 0x200, .alias = 7});
         twin = make({.product = 0x101, .alias = 8});
         ASSERT_TRUE(segment.connect_master({line[0], 0}));
@@ -35,6 +37,14 @@ struct Identities : testing::Test, Plant {
         EXPECT_EQ(bring_up(wanted), std::vector<std::string>());
         ASSERT_TRUE(config_map(*ctx, image).ok());
         ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+    }
+    // Vendor, product, revision and serial number in its SII are 0.
+    std::uint32_t make_nameless() {
+        auto image_of_sii = io_image(8, 8, {.product = 0});
+        std::fill_n(image_of_sii.begin() + 16, 16, std::byte{0});
+        auto made = sim::device_from_sii(image_of_sii);
+        made.chip = sim::junction();
+        return segment.add(std::move(made).assemble());
     }
     // As another master, or this one on another day, has left the device.
     void set(std::uint32_t device, std::uint16_t reg, std::uint16_t value) {
@@ -119,6 +129,77 @@ TEST(IdentitiesUnsupervised, AnotherDeviceAtTheAddressOfASlaveGetsNothing) {
             EXPECT_EQ(one.segment.slave(one.tool).peek(0x0130, 1)[0], std::byte{1}) << "it is not started";
             const auto reached = reach(*one.ctx, AlState::op, 2s);
             EXPECT_EQ(reached.error().slave, 2) << in_words(reached.error());
+            one.expect_no_outputs(one.tool);
+        }
+}
+
+// The SII of slave 2 has no vendor and no product. Another device is not that slave for that reason.
+TEST(IdentitiesUnsupervised, ASlaveWhoseSiiHasNoIdentityIsNotAnyDevice) {
+    for (const bool supervised : {true, false}) {
+        SCOPED_TRACE(supervised);
+        struct One : Identities {
+            void TestBody() override {}
+        } one;
+        one.nameless = true;
+        one.wanted[1].product.reset();
+        one.build();
+        if (supervised) {
+            ASSERT_TRUE(submit(*one.ctx, one.supervision).ok());
+            ASSERT_TRUE(reach(*one.ctx, AlState::op, 2s).ok());
+        }
+        one.take_out_slave_2();
+        one.cycles(500);
+        if (!supervised) (void)readstate(*one.ctx);
+        one.set(one.tool, 0x0010, 0x1002);
+        one.put_in(one.tool);
+        one.cycles(5);
+        if (!supervised) {
+            EXPECT_FALSE(recover_slave(*one.ctx, 2).ok());
+            EXPECT_FALSE(reach(*one.ctx, AlState::op, 2s).ok());
+        }
+        one.expect_no_outputs(one.tool);
+        // The slave itself comes back.
+        one.segment.disconnect({one.tool, 0});
+        one.segment.disconnect({one.tool, 1});
+        one.cycles(500);
+        one.put_in(one.line[1]);
+        if (!supervised) {
+            one.cycles(5);
+            (void)recover_slave(*one.ctx, 0);
+            (void)reconfigure_slave(*one.ctx, 2);
+            (void)reach(*one.ctx, AlState::op, 2s);
+        }
+        EXPECT_TRUE(one.until([&] { return one.in_op(2); })) << Plant::joined(one.events());
+    }
+}
+
+// Nobody looks while the device in place 2 is exchanged for one that is in the same state at the same address.
+TEST(IdentitiesUnsupervised, ADeviceThatIsExchangedWhileNobodyLooksIsNoticed) {
+    for (const AlState base : {AlState::init, AlState::preop})
+        for (const bool maps : {false, true}) {
+            SCOPED_TRACE(std::string(to_text(base)) + (maps ? ", mapped again" : ""));
+            struct One : Identities {
+                void TestBody() override {}
+            } one;
+            one.build();
+            ASSERT_TRUE(writestate(*one.ctx, 0, AlState::preop).ok());
+            ASSERT_TRUE(statecheck(*one.ctx, 0, AlState::preop, 1s).ok());
+            ASSERT_TRUE(writestate(*one.ctx, 0, base).ok());
+            ASSERT_TRUE(statecheck(*one.ctx, 0, base, 1s).ok());
+            one.tool = one.make({.product = 0x200, .emulation = true});
+            one.power(one.tool, true);
+            one.set(one.tool, 0x0120, static_cast<std::uint16_t>(base));
+            one.take_out_slave_2();
+            one.osal.advance(2s);
+            one.set(one.tool, 0x0010, 0x1002);
+            one.put_in(one.tool);
+            if (maps) {
+                EXPECT_EQ(config_map(*one.ctx, one.image).error().slave, 2);
+            } else {
+                EXPECT_EQ(
+                    writestate(*one.ctx, 0, base == AlState::init ? AlState::preop : AlState::safeop).error().slave, 2);
+            }
+            (void)reach(*one.ctx, AlState::op, 2s);
             one.expect_no_outputs(one.tool);
         }
 }
