@@ -50,6 +50,8 @@ enum class Errc : std::uint8_t {
     aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
     eoe_error,         // the slave refused an EoE request (detail: the result code)
     unsupported,       // the slave does not support it
+    // the identity of a slave that was away could not be read yet, so that it may be another one
+    identity_unread,
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)
     missing_slave,  // an expected slave is missing (subindex: IdentityField alias or device_id if it is identified by

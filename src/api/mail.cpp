@@ -12,8 +12,12 @@ Error check_mailbox(Network& network, Error where) {
     const Slave& slave = network.slave(where.slave);
     if (!slave.mailbox.present())
         where.code = Errc::unsupported;
-    else if (network.supervised && slave.al.state == AlState::none)
+    else if (slave.al.state == AlState::none)
         where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
+    else if (network.marks(slave).unproved && slave.al.state != AlState::boot)
+        where.code = Errc::identity_unread;  // another device may be there
+    else if (network.marks(slave).in_hook && slave.al.state == AlState::init)
+        where.code = Errc::wrong_state;  // a hook around INIT would wait in vain
     else if (!network.mailbox(slave).is_open())
         where.code = Errc::wrong_state;  // the slave never reached PREOP
     return where.code == Errc::none ? Error{} : where;

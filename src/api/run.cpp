@@ -71,8 +71,7 @@ Error cycle_trouble(const ProcessGroup& group) {
 
 // The application exchanges other groups, and not this one.
 bool is_left_out(ProcessGroup& group, Time now) {
-    const std::uint32_t sent =
-        group.overlap.sets > 1 ? group.overlap.sent.load(std::memory_order_relaxed) : group.cycles_sent;
+    const std::uint32_t sent = sent_cycles(group);
     const bool goes_on = std::exchange(group.cycles_seen, sent) != sent || group.seen_at == Time{};
     if (goes_on) group.seen_at = now;
     return later(group.seen_at, Network::kBelieved) < now;
@@ -80,6 +79,8 @@ bool is_left_out(ProcessGroup& group, Time now) {
 
 Error cycles_trouble(Network& network) {
     const Time now = network.engine.link().last_cycle();
+    // After a silence the slaves may be those of another machine, until the supervision has looked.
+    if (network.supervised && network.silent) return {.code = Errc::no_frame, .step = Step::exchange_process_data};
     for (ProcessGroup& group : network.process.groups) {
         if (!group.mapped) continue;
         Error error = cycle_trouble(group);

@@ -151,7 +151,7 @@ MailboxChannel::Action MailboxChannel::next_action() {
     const Time t = now();
     // When no exchange waits, a slave that does not answer is not looked at without end. A pending look is kept for
     // later.
-    const bool nobody_waits = queue_.empty() && awaiting_.empty() && farewell_bytes_ == 0;
+    const bool nobody_waits = queue_.empty() && awaiting_.empty();
     if (nobody_waits && silent_looks_ >= kMostSilentLooks) return Action::stop;
     if (repeat_ == Repeated::ready) return Action::ask_repeat;
     if (full_ && repeat_ == Repeated::no) return Action::fetch;
@@ -163,12 +163,10 @@ MailboxChannel::Action MailboxChannel::next_action() {
     if (stale_ == 0 && unsure_ == nullptr && repeat_ == Repeated::no && t >= send_at_ && pick_message())
         return Action::send;
     if (expecting()) return next_look();
-    return queue_.empty() && farewell_bytes_ == 0 ? Action::stop : Action::doze;
+    return queue_.empty() ? Action::stop : Action::doze;
 }
 
 bool MailboxChannel::pick_message() {
-    sending_farewell_ = farewell_bytes_ != 0;
-    if (sending_farewell_) return true;
     const Time t = now();
     const auto allowed = [&](const MailTurn& turn) {
         const auto& exchange = static_cast<const MailExchange&>(turn);
@@ -180,8 +178,7 @@ bool MailboxChannel::pick_message() {
 }
 
 bool MailboxChannel::expecting() const {
-    const bool held_up =
-        now() < send_at_ && (!queue_.empty() || farewell_bytes_ != 0);  // it may want to be rid of its own mail first
+    const bool held_up = now() < send_at_ && !queue_.empty();  // it may want to be rid of its own mail first
     return glance_ || held_up || !awaiting_.empty() || repeat_ != Repeated::no || now() < owed_until_;
 }
 
@@ -216,7 +213,7 @@ Time MailboxChannel::doze_until() const {
     };
     if (expecting()) until = look_at_;
     if (unsure_ != nullptr) also(resend_at_);
-    if (!queue_.empty() || farewell_bytes_ != 0) also(send_at_);
+    if (!queue_.empty()) also(send_at_);
     also(owed_until_);
     return until;
 }
@@ -236,19 +233,13 @@ bool MailboxChannel::compose(MutableBytes buffer) {
     const auto data = mailbox.subspan(wire::kMailboxHeaderBytes);
     std::fill(mailbox.begin(), mailbox.end(), std::byte{0});
     wire::MailboxHeader header;
-    if (sending_farewell_) {
-        header.length = farewell_bytes_;
-        header.type = farewell_type_;
-        std::copy_n(farewell_.begin(), std::min<std::size_t>(farewell_bytes_, data.size()), data.begin());
-    } else {
-        header.length = static_cast<std::uint16_t>(sending_->client_.compose(data));
-        header.type = sending_->type_;
-        header.priority = sending_->options_.patience.priority;
-        header.address = sending_->options_.address;
-        if (header.length == 0) {
-            finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = number_});
-            return false;
-        }
+    header.length = static_cast<std::uint16_t>(sending_->client_.compose(data));
+    header.type = sending_->type_;
+    header.priority = sending_->options_.patience.priority;
+    header.address = sending_->options_.address;
+    if (header.length == 0) {
+        finish(*sending_, {.code = Errc::unsupported, .step = Step::mailbox_send, .slave = number_});
+        return false;
     }
     trial_counter_ = resend_ ? out_counter_ : wire::next_mailbox_counter(out_counter_);
     header.counter = trial_counter_;
@@ -278,24 +269,7 @@ void MailboxChannel::message_refused(Errc why) {
     look_at_ = std::min(look_at_, now());
 }
 
-void MailboxChannel::final_message_sent(Reply reply) {
-    sending_farewell_ = false;
-    const bool taken = reply.ok() && reply.wkc == 1;
-    if (taken) {
-        out_counter_ = trial_counter_;
-        ++statistics_.sent;
-    }
-    const bool lost = reply.errc == Errc::no_frame;
-    if (lost) out_counter_ = trial_counter_;
-    if (taken || lost || now() >= farewell_until_) {
-        farewell_bytes_ = 0;
-    } else {
-        message_refused(Errc::mailbox_full);
-    }
-}
-
 void MailboxChannel::sent(Reply reply) {
-    if (sending_farewell_) return final_message_sent(reply);
     MailExchange* const exchange = std::exchange(sending_, nullptr);
     const bool again = std::exchange(resend_, false);
     if (reply.ok() && reply.wkc == 1) {
@@ -329,10 +303,9 @@ void MailboxChannel::looked_out(Reply reply, std::byte status) {
         last_failure_ = reply.ok() ? Errc::working_counter : reply.errc;
         resend_at_ = now() + mail_timing::kLongestPause;
     } else if (has(status, wire::sm_status::kMailboxFull)) {
-        MailExchange& arrived = *std::exchange(unsure_, nullptr);
-        last_failure_ = Errc::none;
-        ++statistics_.sent;
-        left(arrived);
+        // It may be the message before this one that the slave has not read yet.
+        unsure_until_ = now() + mail_timing::kResendAfter;
+        resend_at_ = now() + mail_timing::kLongestPause;
     } else if (now() >= unsure_until_) {
         resend_ = true;
     } else {

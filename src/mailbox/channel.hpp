@@ -39,6 +39,8 @@ inline constexpr Duration kResendAfter = std::chrono::milliseconds(20);
 inline constexpr Duration kRepeatPatience = std::chrono::milliseconds(100);
 // For the reply to an exchange that was given up.
 inline constexpr Duration kOwedPatience = std::chrono::milliseconds(100);
+// For the message that ends an operation early.
+inline constexpr Duration kFinalPatience = std::chrono::seconds(1);
 }  // namespace mail_timing
 
 class MailboxChannel {
@@ -58,8 +60,10 @@ class MailboxChannel {
     // Another number after each close().
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
 
-    // Sends the message when its turn comes, without an exchange: for the abort of a transfer that was given up. There
-    // is at most one at a time; while one waits, another one is ignored.
+    // Sends the message before all others, and repeats it for a second where frames are lost: it ends an operation in
+    // the slave that was given up. The channel keeps a copy of at most kFinalBytes octets. Without memory for the
+    // sequence the message is lost.
+    static constexpr std::size_t kFinalBytes = 16;
     void send_final_message(wire::MailboxType type, Bytes data);
 
     // Looks for mail until the mailbox is empty. A slave that does not answer gets 100 looks.
@@ -118,6 +122,12 @@ class MailboxChannel {
     }
 
     // channel_turns.cpp: exchanges and sessions
+    struct FinalMessage {
+        wire::MailboxType type{};
+        std::uint8_t bytes = 0;
+        std::array<std::byte, kFinalBytes> octets{};
+    };
+    Task<Result<>> deliver(FinalMessage message);
     void enqueue(MailExchange& exchange);
     void forget(MailExchange& exchange);
     void prolong(MailExchange& exchange);
@@ -144,7 +154,6 @@ class MailboxChannel {
     [[nodiscard]] bool compose(MutableBytes buffer);
     void sent(Reply reply);
     void left(MailExchange& exchange);
-    void final_message_sent(Reply reply);
     void message_refused(Errc why);
     void looked(Reply reply, Bytes octets);
     void looked_out(Reply reply, std::byte status);
@@ -169,14 +178,10 @@ class MailboxChannel {
     std::uint8_t status_bit_ = 0;
 
     // Sending.
-    bool sending_farewell_ = false;
     bool resend_ = false;
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
     Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
-    std::array<std::byte, 16> farewell_{};
-    std::uint8_t farewell_bytes_ = 0;
-    wire::MailboxType farewell_type_{};
 
     // Receiving.
     bool glance_ = false;
@@ -212,7 +217,6 @@ class MailboxChannel {
     Time resend_at_ = kNever;
     Time unsure_until_ = kNever;
     Time send_at_ = Time::min();  // not before this time: the mailbox was full
-    Time farewell_until_ = Time::min();
 
     // Receiving.
     Time look_at_ = Time::min();

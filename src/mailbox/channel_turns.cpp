@@ -187,23 +187,49 @@ void MailboxChannel::close() {
     busy_types_ = 0;
     stale_ = 0;
     sending_ = unsure_ = nullptr;
-    sending_farewell_ = resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
+    resend_ = glance_ = full_ = watched_by_mailboxes_ = repeated_ = false;
     resend_at_ = lost_at_ = kNever;
     send_at_ = look_at_ = owed_until_ = fetched_at_ = real_look_at_ = Time::min();
-    farewell_bytes_ = 0;
     owed_key_ = 0;
     repeat_ = Repeated::no;
     last_failure_ = Errc::none;
 }
 
+namespace {
+
+class FinalClient final : public MailClient {
+  public:
+    explicit FinalClient(Bytes message) : message_(message) {}
+    std::size_t compose(MutableBytes data) override {
+        if (data.size() < message_.size()) return 0;
+        std::ranges::copy(message_, data.begin());
+        return message_.size();
+    }
+    Taken accept(const wire::MailboxMessage&) override { return Taken::no; }
+
+  private:
+    Bytes message_;
+};
+
+}  // namespace
+
+Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
+    FinalClient client(Bytes(message.octets).first(message.bytes));
+    MailExchange exchange(*this, message.type, client,
+                          {.patience = {.give_up = later(now(), mail_timing::kFinalPatience)}, .reply = false});
+    constexpr MailPriority kBeforeAll = 3;
+    exchange.priority = kBeforeAll;
+    const Error failed = co_await exchange;
+    if (failed.code != Errc::none && failed.code != Errc::mailbox_closed) co_return failed;
+    co_return Nothing{};
+}
+
 void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
-    if (!open_ || farewell_bytes_ != 0 || data.size() > farewell_.size()) return;
-    std::copy(data.begin(), data.end(), farewell_.begin());
-    farewell_bytes_ = static_cast<std::uint8_t>(data.size());
-    farewell_type_ = type;
-    farewell_until_ = now() + mail_timing::kOwedPatience;
-    ensure_pump();
-    kick();
+    FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
+    if (!open_ || data.size() > message.octets.size()) return;
+    std::ranges::copy(data, message.octets.begin());
+    const TaskReference task = deliver(message);
+    if (task) (void)mailboxes_->tasks_.start(task);
 }
 
 void MailboxChannel::glance() {

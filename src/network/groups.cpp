@@ -4,6 +4,7 @@
 #include "network/entries.hpp"
 #include "network/hooks.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
 #include "network/recovery.hpp"
@@ -135,6 +136,7 @@ Result<> lay_out_group(Network& network, std::uint8_t number, MutableBytes image
     if (!count) return count.error();
     const auto prepared = prepare(tables, group, *count, network.engine.link());
     if (prepared) group.was_mapped = true;
+    if (group.overlap.sets > 1) network.overlapping.store(true, std::memory_order_release);
     if (prepared) begin_counting(network, group);
     // Until its configuration has ended: the mapping may be cut.
     for (Slave& slave : network.slaves())
@@ -219,9 +221,9 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
         if (!known) faults.note(network, slave, known.error());
         if (!known) co_return Nothing{};
     }
-    const bool due = unread || network.marks(slave).unproved || network.marks(slave).held_back ||
-                     slave.al.state == AlState::init || has_late_commands(network, slave) ||
-                     is_unfinished(network, slave);
+    const bool due = unread || network.marks(slave).unproved || network.marks(slave).from_boot ||
+                     network.marks(slave).held_back || slave.al.state == AlState::init ||
+                     has_late_commands(network, slave) || is_unfinished(network, slave);
     if (slave.config.group != number || slave.held || !due || !is_there_to_map(slave) ||
         wanted_state(network, slave) == AlState::init)
         co_return Nothing{};
@@ -250,7 +252,7 @@ Task<Result<>> discover(Network& network, Slave& slave, std::uint8_t number, Fir
         slave.config.source = ConfigurationSource::none;
     }
     if (slave.held || !is_there_to_map(slave) || !slave.seen) {
-        const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
+        const bool nobodys = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
         slave.unplaced = !nobodys && !keep_place(slave);
         // The slave is asked when it comes: perhaps it has no process data.
         slave.pdos_failed = slave.unplaced && !slave.held;
@@ -287,14 +289,35 @@ Task<Result<>> leave_out(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+// The slave has left PREOP by itself since its start-up.
+Error fallen(const Slave& slave) {
+    Error error{.code = Errc::other_state, .step = Step::map_process_data, .slave = slave.number};
+    error.expected = static_cast<std::uint32_t>(AlState::safeop);
+    error.actual = static_cast<std::uint32_t>(slave.al.state);
+    return error;
+}
+
 Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
     if (slave.image.group != number) co_return Nothing{};
+    // A hook of any slave may have taken long.
+    if (is_there_to_map(slave)) {
+        co_await completion(read_anew(network, slave));
+        if (is_there_to_map(slave)) {
+            auto same = co_await prove(network, slave);
+            network.marks(slave).unproved |= !same.ok();
+            if (!same) faults.note(network, slave, same.error());
+        }
+    }
     const bool unfinished = is_unfinished(network, slave);
     const bool ready =
         is_there_to_map(slave) && slave.seen && slave.al.state != AlState::init && !network.marks(slave).unproved;
     if (slave.held || slave.hook_failed || slave.pdos_failed || unfinished || !ready ||
-        wanted_state(network, slave) < AlState::safeop)
+        wanted_state(network, slave) < AlState::safeop) {
+        const bool fell =
+            slave.al.state == AlState::init && slave.seen && !slave.held && slave.error.code == Errc::none;
+        if (fell && wanted_state(network, slave) >= AlState::safeop) faults.note(network, slave, fallen(slave));
         co_return co_await required(leave_out(network, slave));
+    }
     auto done = co_await configure_process_data(network, slave, network.process.groups[number].layout, false);
     if (done) {
         set_takes_part(network, slave, exchanges(slave));
@@ -317,7 +340,11 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
         }
         if (slave.config.group != number) continue;
         faults.keep(held_error(slave, Step::identify));
-        if (slave.al.state == AlState::none) faults.keep(missing_error(network, slave));
+        const Error missing = slave.al.state == AlState::none ? missing_error(network, slave) : Error{};
+        if (missing.code != Errc::none && slave.seen)
+            faults.note(network, slave, missing);  // it was there when the segment was scanned
+        else
+            faults.keep(missing);
         if (slave.al.state == AlState::boot) faults.keep(state_error(network, slave));
         Error hook = slave.error;
         hook.slave = slave.number;

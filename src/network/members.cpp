@@ -28,6 +28,8 @@ void settle(ProcessGroup& group) {
     const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
     if (group.special != special) group.special = special;
     for (PreparedFrame& frame : group.prepared) frame.settle();
+    group.settling = true;
+    group.settled_after = sent_cycles(group);
 }
 
 namespace {

@@ -18,6 +18,7 @@
 #include <margay/supervision.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <span>
 
 namespace margay {
@@ -91,7 +92,9 @@ struct Network {
     std::uint32_t scans = 0;       // number of scans started: older requests detect that the table has changed
     Clocks clocks;
     Tolerance tolerance;
-    AlState target = AlState::op;  // of all slaves without their own target
+    AlState target = AlState::op;          // of all slaves without their own target
+    bool silent = false;                   // for the supervision: no frame comes back
+    std::atomic<bool> overlapping{false};  // a group has cycles that another thread may send
     bool supervised = false;
     const SuperviseRequest* supervision = nullptr;  // while `supervised`
     AlState target_read = AlState::none;            // its target when the supervision has read it last

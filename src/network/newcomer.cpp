@@ -22,7 +22,7 @@ bool fits(const Slave& slave, const Slave& guest) {
     const bool same_kind =
         slave.identity.vendor == guest.identity.vendor && slave.identity.product == guest.identity.product;
     if (slave.seen && slave.other && same_kind) return true;
-    if (slave.seen && !slave.other && !same_kind) return false;
+    if (is_known(slave) && !slave.other && !same_kind) return false;
     return is_the_wanted_one(slave, guest);
 }
 
@@ -82,6 +82,20 @@ Verdict choose_member(Network& network, const Slave* after, Holds holds) {
     return verdict;
 }
 
+// The guest fits `slave` by its kind alone, and is exactly what is expected of another lost slave.
+bool is_wanted_elsewhere(Network& network, const Slave& slave) {
+    const bool itself = slave.identity == network.guest.identity && slave.alias == network.guest.alias;
+    if (itself || is_the_wanted_one(slave, network.guest)) return false;
+    return std::ranges::any_of(network.slaves(), [&](const Slave& other) {
+        return &other != &slave && other.wanted != nullptr && is_lost(network, other) &&
+               is_the_wanted_one(other, network.guest);
+    });
+}
+
+// 0: the device has no such number.
+bool agrees(std::uint32_t known, std::uint32_t seen) { return known != 0 && known == seen; }
+bool contradicts(std::uint32_t known, std::uint32_t seen) { return known != 0 && seen != 0 && known != seen; }
+
 // A slave of the line is known by its place: behind the slave before it and before the slave behind it, and not below a
 // slave that is not known.
 Verdict choose_by_place(Network& network, std::size_t n) {
@@ -91,6 +105,7 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     const Slave* const behind = first_behind(network, n, of_the_line);
     const RingPlace& place = network.ring[n];
     const std::uint16_t parent = place.parent == 0 ? std::uint16_t{0} : network.ring[place.parent - 1U].slave;
+    const bool stranger = network.stranger_mark != 0 && place.address == network.stranger_mark;
     Verdict verdict;
     bool sure = false;
     for (Slave& slave : network.slaves()) {
@@ -98,13 +113,17 @@ Verdict choose_by_place(Network& network, std::size_t n) {
             (behind != nullptr && slave.number > behind->number))
             continue;
         if (verdict.instead_of == nullptr) verdict.instead_of = &slave;
-        if (!fits(slave, network.guest)) continue;
-        // Of equal slaves, the one that was at this port, or the one with this serial number.
+        if (!fits(slave, network.guest) || contradicts(slave.alias, network.guest.alias) ||
+            (slave.other && is_wanted_elsewhere(network, slave)))
+            continue;
+        // Of equal slaves, the one that was at this port, or the one with this serial number or alias.
         if (slave.parent == parent && slave.parent_port == place.parent_port) return {&slave, nullptr};
-        const bool serial =
-            network.guest.identity.serial != 0 && slave.identity.serial == network.guest.identity.serial;
-        if (verdict.slave == nullptr || (serial && !sure)) verdict.slave = &slave;
-        sure |= serial;
+        const bool same =
+            agrees(slave.identity.serial, network.guest.identity.serial) || agrees(slave.alias, network.guest.alias);
+        // An equal device that was there beside the slave, and was reported as a stranger, is not the lost slave.
+        if (!same && stranger) continue;
+        if (verdict.slave == nullptr || (same && !sure)) verdict.slave = &slave;
+        sure |= same;
     }
     if (verdict.slave != nullptr) verdict.instead_of = nullptr;
     return verdict;
@@ -197,6 +216,7 @@ Task<Result<>> read_newcomer(Network& network) {
     const Station station = network.station(guest);
     const auto al = co_await required(read_al_status(station));
     co_await required(unmap(station));
+    co_await required(write<std::uint8_t>(station, reg::kAliasEnable, 0, Step::recover));
     const bool by_id = std::ranges::any_of(network.slaves(), [&](const Slave& s) {
         return is_lost(network, s) && s.wanted != nullptr && s.wanted->device_id;
     });
@@ -249,6 +269,7 @@ Error identity_difference(const Slave& slave, const Identity& there, std::uint16
 }
 
 Task<Result<>> compare_identity(Network& network, Slave& slave) {
+    if (!is_known(slave)) co_return Nothing{};
     const Station station = network.station(slave);
     const auto alias = co_await required(read<std::uint16_t>(station, reg::kStationAlias, Step::recover));
     const auto identity = co_await required(read_identity(station));

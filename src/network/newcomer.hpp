@@ -34,6 +34,9 @@ namespace margay {
 // its device id.
 [[nodiscard]] Task<Result<>> read_newcomer(Network& network);
 
+// Whether the identity of the slave is known: the slave was read. One of another revision is to be read again.
+[[nodiscard]] inline bool is_known(const Slave& slave) { return slave.seen || slave.identity != Identity{}; }
+
 // The result of the identification: the newcomer is `slave`; or it is none of them, but at the place of `instead_of`.
 struct Verdict {
     Slave* slave = nullptr;

@@ -1,6 +1,7 @@
 #include "network/preop.hpp"
 
 #include "network/mailbox_setup.hpp"
+#include "network/search.hpp"
 #include "network/startup.hpp"
 #include "network/transition.hpp"
 #include "station/al_state.hpp"
@@ -28,6 +29,8 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     if (state) {
         slave.al = *state;
         open_mailbox(network, slave, slave.mailbox);
+        // Its new firmware is there now, and its identity with it.
+        co_await required(prove_before_request(network, slave, AlState::preop));
         co_await required(around_transition(network, slave, which, Moment::after));
         co_return Nothing{};
     }

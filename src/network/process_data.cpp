@@ -276,10 +276,19 @@ Error nothing_sent(const ProcessGroup& group) {
     return cycle_error(group.mapped ? Errc::no_cycle : Errc::unknown_group, group.number);
 }
 
+std::uint32_t sent_cycles(const ProcessGroup& group) {
+    return group.overlap.sets > 1 ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
+}
+
+bool is_joining(const ProcessGroup& group, const Slave& slave) {
+    SlaveMarks& marks = group.marks[slave.number - 1U];
+    // The numbers of cycles wrap: once the slave has joined, they are not compared any more.
+    if (marks.joining) marks.joining = static_cast<std::int32_t>(group.cycle_received - marks.joined_after) <= 0;
+    return marks.joining;
+}
+
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
-    if (!slave.takes_part || group.cycle_received == 0 || group.mapping) return false;
-    if (static_cast<std::int32_t>(group.cycle_received - group.marks[slave.number - 1U].joined_after) <= 0)
-        return false;
+    if (!slave.takes_part || !group.mapped || group.mapping || is_joining(group, slave)) return false;
     const bool has_inputs = slave.image.inputs.bits > 0;
     const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;
     const std::uint64_t end = part.offset_bits + std::uint64_t{part.bits};
@@ -297,9 +306,8 @@ bool is_fresh(const ProcessGroup& group, const Slave& slave) {
 
 void note_joining(const ProcessGroup& group, const Slave& slave) {
     if (!group.mapped) return;  // config_map() has failed: there are no cycles
-    const bool overlapping = group.overlap.sets > 1;
-    group.marks[slave.number - 1U].joined_after =
-        overlapping ? group.overlap.sent.load(std::memory_order_acquire) : group.cycles_sent;
+    group.marks[slave.number - 1U].joining = true;
+    group.marks[slave.number - 1U].joined_after = sent_cycles(group);
 }
 
 void settle_lost_inputs(ProcessGroup& group) {

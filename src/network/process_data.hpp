@@ -40,7 +40,8 @@ struct ProcessGroup : Group {
     CyclePace pace;
     Time seen_at{};  // when what_is_wrong() saw `cycles_seen` cycles for the first time
     std::uint32_t cycles_seen = 0;
-    std::uint16_t dc_reference = 0;  // the slave whose time the cycle carries, as config_map() has found it
+    std::uint32_t settled_after = 0;  // see `settling`
+    std::uint16_t dc_reference = 0;   // the slave whose time the cycle carries, as config_map() has found it
     std::uint8_t number = 0;
     // Not mapped, not complete, with overlapping cycles or with extras: the fast path of the cycle cannot be used.
     bool special = true;
@@ -51,6 +52,7 @@ struct ProcessGroup : Group {
     bool was_mapped = false;        // since the last scan, or since run_cycle() began: now its data is missing
     bool complete = false;          // mapped completely, and the working counters contain every wanted slave
     bool short_reported = false;    // the supervision has reported a working counter that fell short
+    bool settling = false;          // the counters have changed, and no cycle behind `settled_after` was received
     bool unexpected = false;        // for the supervision: a cycle was not usable, or a slave is back
     std::uint8_t next_place = 0;    // where the logical addresses of the next mapping begin: see next_start()
     std::uint16_t cycles_lost = 0;  // consecutive cycles with frames that did not come back
@@ -126,7 +128,10 @@ void set_time_standby(ProcessGroup& group, StationAddress standby);
 // was received. `slave` belongs to `group`.
 [[nodiscard]] bool is_fresh(const ProcessGroup& group, const Slave& slave);
 // Call it when the slave takes part from the next sent cycle on.
+[[nodiscard]] std::uint32_t sent_cycles(const ProcessGroup& group);
 void note_joining(const ProcessGroup& group, const Slave& slave);
+// Whether no cycle was received since the slave takes part. Call it at least once in 2^31 cycles.
+[[nodiscard]] bool is_joining(const ProcessGroup& group, const Slave& slave);
 // Sets the inputs of slaves that do not take part, according to GroupConfiguration::lost_inputs.
 void settle_lost_inputs(ProcessGroup& group);
 

@@ -153,6 +153,8 @@ bool is_configured(const Slave& slave) {
 
 Task<Result<>> read_missing_slave(Network& network, Slave& slave) {
     slave.error = {};
+    // A device of another revision is read again; one of another product is another slave.
+    if (!slave.other) co_await required(prove(network, slave));
     co_await required(sii_assign(network.station(slave), false));
     auto surveyed = co_await survey(network, slave);
     auto offered = co_await sii_assign(network.station(slave), true);
@@ -180,6 +182,7 @@ ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
     network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
+    network.marks(slave).from_boot |= now.state == AlState::boot;
     slave.al = now;
 }
 
@@ -210,6 +213,7 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
     const auto seen = co_await required(read_al_status(network.station(slave)));
     note_state(network, slave, seen);
     if (stays_in_boot(network, slave)) co_return Nothing{};
+    co_await required(prove_before_request(network, slave, AlState::none));
     const AlState to = goal(network, slave);
     const bool process = slave.al.state == AlState::safeop || slave.al.state == AlState::op;
     const bool to_be_asked = is_to_be_asked(network, slave);

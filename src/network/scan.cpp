@@ -57,7 +57,8 @@ Task<Result<bool>> wait_for_init(Network& network) {
     }
 }
 
-// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI.
+// Clears the configuration of an earlier master: FMMUs, SyncManagers, SYNC signals, the EEPROM assigned to the PDI, and
+// the use of the alias as a second station address, which may be the station address of another slave.
 Task<Result<>> clear_slaves(Network& network) {
     static constexpr std::array kForce{std::byte{wire::sii_config::kForceEcat}};
     Link& link = network.engine.link();
@@ -67,8 +68,9 @@ Task<Result<>> clear_slaves(Network& network) {
     Datagram sync(link, Command::BWR, broadcast(reg::kSyncActivation), zeros(reg::kSyncActivation.length));
     Datagram force(link, Command::BWR, broadcast(reg::kSiiConfig), Bytes(kForce));
     Datagram assign(link, Command::BWR, broadcast(reg::kSiiConfig), zeros(reg::kSiiConfig.length));
-    co_await together(fmmus, sms, sync, force, assign);
-    for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign})
+    Datagram alias(link, Command::BWR, broadcast(reg::kAliasEnable), zeros(reg::kAliasEnable.length));
+    co_await together(fmmus, sms, sync, force, assign, alias);
+    for (const Datagram* datagram : {&fmmus, &sms, &sync, &force, &assign, &alias})
         if (!datagram->reply().ok()) co_return segment_error(datagram->reply().errc, Step::reset_slaves);
     co_return Nothing{};
 }

@@ -238,9 +238,9 @@ Task<Result<>> mark_stranger(Network& network, std::uint16_t n, Slave* instead_o
     constexpr std::uint16_t kSuspect = 0x0100;  // below the mark of reported slaves
     const std::uint16_t reported = network.stranger_mark;
     const std::uint16_t before = network.ring[n].address;
-    const bool at_once = reported == 0;
-    const bool again = !at_once && before == reported - kSuspect;
-    const bool known = !at_once && before == reported;
+    const bool known = reported != 0 && before == reported;
+    const bool at_once = !network.supervised && !known;  // the application asks once
+    const bool again = reported != 0 && before == reported - kSuspect;
     const auto mark = static_cast<std::uint16_t>(at_once || again || known ? reported : reported - kSuspect);
     co_await required(rename(network, network.guest.station_address, mark));
     network.ring[n].address = mark;
@@ -309,9 +309,8 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
 void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
     if (!network.supervised) {
         if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
-        const bool fell = slave.al.state != AlState::init && seen && seen->state == AlState::init &&
-                          awaited_state(network, slave) != AlState::init;
-        network.marks(slave).unproved |= slave.seen && (slave.al.state == AlState::none || fell);
+        const bool by_itself = seen && seen->state != slave.al.state && !is_requested(network, slave, seen->state);
+        network.marks(slave).unproved |= is_known(slave) && (slave.al.state == AlState::none || by_itself);
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);
@@ -331,7 +330,8 @@ void note_lost(Network& network, Slave& slave) {
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
-    if (slave.al.state != AlState::none && network.marks(slave).unproved && !network.marks(slave).in_use) {
+    const bool boot = slave.al.state == AlState::boot;  // its firmware may use the EEPROM
+    if (slave.al.state != AlState::none && !boot && network.marks(slave).unproved && !network.marks(slave).in_use) {
         const SlaveToken token(network.marks(slave));
         co_return co_await required(prove(network, slave));  // without a supervision, the reading has readmitted it
     }
@@ -344,7 +344,7 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
     // Nobody has looked for so long that the device may have been exchanged for another one in the same state.
     const bool stale = !network.supervised && later(network.states_read, Network::kBelieved) < network.engine.now();
-    network.marks(slave).unproved |= stale && slave.seen;
+    network.marks(slave).unproved |= stale && is_known(slave);
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;
     if (!network.supervised) {
@@ -360,6 +360,8 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     auto same = co_await compare_identity(network, slave);
     if (accept_revision(network, slave, same.error())) same = Nothing{};
     network.marks(slave).unproved &= !same.ok();
+    if (slave.al.state >= AlState::preop && slave.al.state != AlState::boot)
+        network.marks(slave).from_boot &= !same.ok();
     if (same.error().code != Errc::other_slave) co_return same;
     if (network.supervised && slave.al.state != AlState::none) note_lost(network, slave);
     slave.al = {};
@@ -372,7 +374,8 @@ Task<Result<>> prove(Network& network, Slave& slave) {
 
 Task<Result<>> prove_before_request(Network& network, Slave& slave, AlState wanted) {
     const AlState now = slave.al.state;
-    const bool due = network.marks(slave).unproved && slave.seen && now != AlState::none && now != AlState::boot;
+    const SlaveMarks& marks = network.marks(slave);
+    const bool due = (marks.unproved || marks.from_boot) && now != AlState::none && now != AlState::boot;
     if (!due || wanted == AlState::init) co_return Nothing{};
     co_return co_await required(prove(network, slave));
 }
@@ -384,10 +387,16 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         auto same = co_await has_fmmus(network, slave, network.process.groups[slave.image.group].layout);
         mapped = same && *same;
     }
-    auto same = co_await prove(network, slave);
-    // The search identifies another slave. Where the SII cannot be read, the FMMUs have to suffice; without them the
-    // next look repeats the check.
-    if (!same && (same.error().code == Errc::other_slave || !mapped)) co_return Nothing{};
+    // A slave in BOOT is asked when it leaves BOOT: its firmware may use the EEPROM.
+    network.marks(slave).unproved = true;
+    if (now.state != AlState::boot) {
+        auto same = co_await prove(network, slave);
+        // The search identifies another slave. Where the SII cannot be read, the next look repeats the check.
+        if (!same) {
+            if (same.error().code != slave.error.code) network.note(slave, same.error());
+            co_return Nothing{};
+        }
+    }
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
     network.marks(slave).attempts = 0;

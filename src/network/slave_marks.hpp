@@ -19,6 +19,7 @@ struct SlaveMarks {
     // The state to which the supervision brought the slave last without an error.
     AlState settled = AlState::none;
     // The number of the last cycle that was sent before the slave took part. Only inputs of later cycles are fresh.
+    // See `joining`.
     std::uint32_t joined_after = 0;
     std::uint8_t attempts = 0;       // failed attempts of the supervision since the slave was last in its target state
     bool failure_reported = false;   // the failure of these attempts
@@ -37,6 +38,8 @@ struct SlaveMarks {
     // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
     // now. Its identity is compared before anything else is done with it.
     bool unproved : 1 = false;
+    bool joining : 1 = false;    // no cycle behind joined_after was received yet
+    bool from_boot : 1 = false;  // it was in BOOT, and may have other firmware: compared again in PREOP
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 

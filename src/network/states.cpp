@@ -31,6 +31,7 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
         co_await required(network.boot->prepare(network, slave, state, kNever));
+        co_await required(prove_before_request(network, slave, state));
     }
     const AlState awaited = awaited_state(network, slave);
     const Transition which = transition(awaited, state);

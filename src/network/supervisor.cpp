@@ -7,6 +7,7 @@
 #include "network/members.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
+#include "network/settings.hpp"
 #include "network/transition.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -27,7 +28,6 @@ struct Watch {
     BroadcastState last{};
     std::uint16_t reported_count = 0;  // number of answering slaves, as last reported
     unsigned looks = 0;                // consecutive looks that have not explained a short working counter
-    bool silent = false;               // no frame comes back
     std::uint64_t heard = 0;           // frames received,
     std::uint64_t lost_before = 0;     // and lost, when a frame was received last
     std::uint32_t walked = 0;          // slaves in the ring when it was last read by a search
@@ -78,9 +78,12 @@ void end_start_up(Network& network, Slave& slave, const AlStatus& now) {
 
 // Reads the state of one slave.
 Task<Result<>> look_at(Network& network, Slave& slave) {
-    if (!may_look_at(network, slave) || is_being_mapped(network, slave) ||
-        (slave.al.state == AlState::none && !slave.seen))
+    if (!may_look_at(network, slave) || (slave.al.state == AlState::none && !slave.seen)) co_return Nothing{};
+    if (is_being_mapped(network, slave)) {  // the mapping reads its state; here only that it was away
+        auto there = co_await read_al_status(network.station(slave));
+        network.marks(slave).unproved |= does_not_answer(there.error());
         co_return Nothing{};
+    }
     const bool was_there = slave.al.state != AlState::none;
     auto seen = co_await read_al_status(network.station(slave));
     // In use: the reading may be older than a change.
@@ -99,7 +102,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
-    if (network.marks(slave).unproved && slave.seen && seen->state != AlState::boot) {  // firmware may use the EEPROM
+    if (network.marks(slave).unproved && seen->state != AlState::boot) {  // firmware may use the EEPROM
         const SlaveToken token(network.marks(slave));
         auto same = co_await prove(network, slave);
         if (same.error().code == Errc::other_slave) co_return Nothing{};
@@ -228,7 +231,8 @@ bool report_working_counters(Watch& watch) {
             came &= d.came;
         }
         unexpected |= std::exchange(group.unexpected, false) && group.cycles_lost == 0;
-        if (!came || right != group.short_reported) continue;
+        if (group.settling) group.settling = static_cast<std::int32_t>(group.cycle_received - group.settled_after) <= 0;
+        if (!came || group.settling || right != group.short_reported) continue;
         group.short_reported = !right;
         watch.network.report({.kind = right ? EventKind::right_again : EventKind::fell_short,
                               .group = group.number,
@@ -252,9 +256,9 @@ std::uint64_t count_lost_frames(Watch& watch) {
 }
 
 void report_silent_segment(Watch& watch) {
-    if (count_lost_frames(watch) < kSilentFrames || watch.silent) return;
+    if (count_lost_frames(watch) < kSilentFrames || watch.network.silent) return;
     watch.network.report({.kind = EventKind::lost});
-    watch.silent = true;
+    watch.network.silent = true;
 }
 
 // The target of the slave has become lower: a hook of the way up does not hold the slave in its state.
@@ -271,8 +275,11 @@ void start_helpers(Watch& watch, Crew& crew) {
     const std::size_t first = watch.next_helped;
     for (Slave& slave : slaves) {
         // The slave is there, and its data is missing in the image.
-        if (slave.unplaced && slave.al.state == AlState::preop) watch.network.marks(slave).awaited = true;
+        const bool asked = watch.network.marks(slave).attempts > 0 || !is_to_be_asked(watch.network, slave);
+        const bool missed = (slave.unplaced && asked) || !is_highest(slave.config.highest);
+        if (missed && slave.al.state == AlState::preop) watch.network.marks(slave).awaited = true;
         update_counted(watch.network, slave);
+        if (is_mapped(watch.network, slave)) (void)is_joining(watch.network.process.groups[slave.image.group], slave);
         end_work_upwards(watch.network, slave);
     }
     if (watch.network.is_reserved()) return;
@@ -320,13 +327,13 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     auto roll = co_await read_all_states(network);
     if (!roll) {
         report_silent_segment(watch);
-        if (turn && watch.silent) network.supervision_turn = false;
+        if (turn && watch.network.silent) network.supervision_turn = false;
         if (roll.error().code == Errc::capacity) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
         co_return Nothing{};
     }
     (void)count_lost_frames(watch);
     network.states_read = network.engine.now();
-    if (std::exchange(watch.silent, false)) {
+    if (std::exchange(watch.network.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};
         for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;  // perhaps another machine
@@ -378,6 +385,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
     watch.reported_count = answering(network);
     watch.walked = network.ring_count;
+    network.silent = false;
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {
@@ -392,7 +400,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     for (;;) {
         co_await required(round(watch, crew));
         const Time now = network.engine.now();
-        if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.silent) {
+        if (wanted.line_interval > Duration{0} && now >= watch.lines_at && !watch.network.silent) {
             watch.lines_at = later(now, wanted.line_interval);
             (void)crew.start(read_all_line_errors(network, wanted.line_errors));
         }

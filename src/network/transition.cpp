@@ -3,6 +3,8 @@
 #include "network/boot.hpp"
 #include "network/hooks.hpp"
 #include "network/mailbox_setup.hpp"
+#include "network/search.hpp"
+#include "network/settings.hpp"
 #include "network/startup.hpp"
 #include "network/wanted.hpp"
 #include "station/al_state.hpp"
@@ -164,6 +166,7 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     if (crosses_boot(network, slave, state)) {
         if (network.boot == nullptr) co_return boot_refusal(network, slave);
         co_await required(network.boot->prepare(network, slave, state, until));
+        co_await required(prove_before_request(network, slave, state));
     }
     const AlState from = slave.al.state;
     const Transition which = transition(from, state);
@@ -187,6 +190,10 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     slave.al = *changed;
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
+    // After BOOT its new firmware is there now, and its identity with it.
+    if (network.marks(slave).from_boot && state == AlState::preop) {
+        co_await required(prove_before_request(network, slave, state));
+    }
     if (concerns(slave, which, Moment::after)) {
         co_await required(around_transition(network, slave, which, Moment::after));
     } else {
@@ -238,6 +245,11 @@ Task<Result<>> finish_requested(Network& network, Slave& slave, Transition next)
 AlState awaited_state(const Network& network, const Slave& slave) {
     const Row* row = slave.al.error ? nullptr : row_of(network.marks(slave).requested);
     return row == nullptr || slave.al.state != row->from ? slave.al.state : row->to;  // it may have fallen since
+}
+
+bool is_requested(const Network& network, const Slave& slave, AlState state) {
+    const Row* row = row_of(network.marks(slave).requested);
+    return row != nullptr && row->to == state;
 }
 
 WorkLimit::WorkLimit(Network& network, std::uint16_t slave) : work_(find_work(network, network.slave(slave))) {
@@ -307,7 +319,9 @@ Duration al_timeout(const Slave& slave, AlState state) {
 
 AlState limited(const Slave& slave, AlState wanted) {
     const bool process = wanted == AlState::safeop || wanted == AlState::op;
-    return process && wanted > slave.config.highest ? slave.config.highest : wanted;
+    // config_map() and what_is_wrong() refuse another value than these three.
+    const AlState highest = is_highest(slave.config.highest) ? slave.config.highest : AlState::preop;
+    return process && wanted > highest ? highest : wanted;
 }
 
 }  // namespace margay

@@ -68,6 +68,9 @@ class WorkLimit {
 // The state of the slave when it has done what was requested last; slave.al has been read just now.
 [[nodiscard]] AlState awaited_state(const Network& network, const Slave& slave);
 
+// Whether writestate() has requested this state, and it is not confirmed yet.
+[[nodiscard]] bool is_requested(const Network& network, const Slave& slave, AlState state);
+
 // Ends the work on the slave, if there is any: the slave has left the state in which the work executes a hook.
 void drop_work(Network& network, const Slave& slave);
 

@@ -4,6 +4,7 @@
 #include "network/expectation.hpp"
 #include "network/image_layout.hpp"
 #include "network/members.hpp"
+#include "network/newcomer.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"
 
@@ -20,7 +21,7 @@ bool is_optional(const ExpectedSlave& wanted) {
 }
 
 bool may_be_missing(Network& network, const Slave& slave) {
-    if (slave.wanted == nullptr) return slave.config.optional || !slave.seen;
+    if (slave.wanted == nullptr) return slave.config.optional || !is_known(slave);
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
         return !head_is_there(network, slave.wanted->hot_connect);
@@ -120,13 +121,14 @@ bool is_to_be_asked(const Network& network, const Slave& slave) {
 }
 
 bool is_wanted_in_exchange(const Network& network, const Slave& slave) {
-    const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !slave.seen);
+    const bool nobody = (slave.held && slave.unexpected) || (slave.wanted == nullptr && !is_known(slave));
     const bool absent = slave.wanted != nullptr && !slave.seen && network.tolerance.missing_slaves;
     const bool awaited = slave.wanted != nullptr && slave.wanted->hot_connect != 0 && network.marks(slave).awaited &&
                          !is_optional(*slave.wanted) && head_is_there(network, slave.wanted->hot_connect);
     const bool leaving = slave.image.group != slave.config.group && is_being_mapped(network, slave);
+    const bool refused = !is_highest(slave.config.highest);
     return (!slave.config.optional || awaited) && !leaving && !nobody && !absent &&
-           wanted_state(network, slave) >= AlState::safeop;
+           (refused || wanted_state(network, slave) >= AlState::safeop);
 }
 
 Error state_error(Network& network, const Slave& slave) {
@@ -135,6 +137,8 @@ Error state_error(Network& network, const Slave& slave) {
     if (slave.al.state == AlState::none) return missing_error(network, slave);
     if (wanted == AlState::init || wanted == AlState::boot) return state_trouble(network, slave, wanted);
     if (slave.held) return held_error(slave, Step::identify);
+    if (network.marks(slave).unproved && slave.al.state != AlState::boot)
+        return start_up_error(slave, fault(slave, Errc::identity_unread, Step::identify));
     const bool process = wanted >= AlState::safeop;
     if (process && !is_mapped(network, slave)) {
         Error error = fault(slave, Errc::unknown_group, Step::map_process_data);

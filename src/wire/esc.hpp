@@ -39,6 +39,7 @@ inline constexpr Register kEscResetPdi{0x0041, 1};
 
 // Data link layer
 inline constexpr Register kDlControl{0x0100, 4};
+inline constexpr Register kAliasEnable{0x0103, 1};  // of DL control; bit 0: the alias is a second station address
 inline constexpr Register kPhysicalReadWriteOffset{0x0108, 2};
 inline constexpr Register kDlStatus{0x0110, 2};
 

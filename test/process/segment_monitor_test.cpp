@@ -60,7 +60,8 @@ TEST(SegmentMonitor, DrawsOnATerminalAndEndsByItself) {
         GTEST_SKIP() << "no script (bsdutils), or no pseudo-terminal for it";
     const auto ran = run("TERM=xterm script -qec '" + kBin + "/segment_monitor sim:demo --cycles 150' /dev/null");
     EXPECT_EQ(ran.status, 0) << ran.output;
-    EXPECT_TRUE(contains(ran.output, "5 in OP")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "sim:demo   5 slaves:  5 in ")) << ran.output;
+    EXPECT_TRUE(contains(ran.output, "slave 5: SAFEOP to OP")) << ran.output;
     EXPECT_TRUE(contains(ran.output, "8-channel digital output")) << ran.output;
 }
 

@@ -1,81 +1,11 @@
 // The identity of the slaves that answer: another machine, or another device, at the addresses of known slaves gets no
 // outputs, whoever finds it.
-#include "process_data/plant.hpp"
+#include "process_data/identities.hpp"
 
 #include <margay/hooked_slave.hpp>
 
 namespace margay {
 namespace {
-
-using namespace std::chrono_literals;
-
-std::string in_words(const Error& error) {
-    std::array<char, 400> buffer{};
-    return std::string(describe(error, buffer));
-}
-
-// A line of three slaves (products 0x100 to 0x102), and devices that are not connected: a tool of product 0x200, and a
-// device of the kind of slave 2.
-struct Identities : testing::Test, Plant {
-    std::vector<std::uint32_t> line;
-    std::uint32_t tool = 0;
-    std::uint32_t twin = 0;
-    bool nameless = false;  // slave 2
-    std::vector<ExpectedSlave> wanted{
-        {.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}, {.number = 3, .product = 0x102}};
-
-    void SetUp() override { build(); }
-    void build() {
-        wanted.reserve(8);  // the context uses the list until the next one: it must not move
-        for (unsigned n = 0; n < 3; ++n)
-            line.push_back(n == 1 && nameless ? make_nameless() : make({.product = 0x100 + n}));
-        tool = make({.product = 0x200, .alias = 7});
-        twin = make({.product = 0x101, .alias = 8});
-        ASSERT_TRUE(segment.connect_master({line[0], 0}));
-        ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
-        ASSERT_TRUE(segment.connect({line[1], 1}, {line[2], 0}));
-        EXPECT_EQ(bring_up(wanted), std::vector<std::string>());
-        ASSERT_TRUE(config_map(*ctx, image).ok());
-        ASSERT_TRUE(reach(*ctx, AlState::op, 5s).ok());
-    }
-    // Vendor, product, revision and serial number in its SII are 0.
-    std::uint32_t make_nameless() {
-        auto image_of_sii = io_image(8, 8, {.product = 0});
-        std::fill_n(image_of_sii.begin() + 16, 16, std::byte{0});
-        auto made = sim::device_from_sii(image_of_sii);
-        made.chip = sim::junction();
-        return segment.add(std::move(made).assemble());
-    }
-    // As another master, or this one on another day, has left the device.
-    void set(std::uint32_t device, std::uint16_t reg, std::uint16_t value) {
-        const std::array octets{static_cast<std::byte>(value & 0xFF), static_cast<std::byte>(value >> 8)};
-        (void)segment.slave(device).ecat_write(reg, octets, osal.now());
-        sim::FrameEnd end{};
-        end.at = osal.now();
-        segment.slave(device).frame_end(end);
-    }
-    void take_out_slave_2() {
-        segment.disconnect({line[1], 0});
-        segment.disconnect({line[1], 1});
-    }
-    void put_in(std::uint32_t device) {
-        ASSERT_TRUE(segment.connect({line[0], 1}, {device, 0}));
-        ASSERT_TRUE(segment.connect({device, 1}, {line[2], 0}));
-    }
-    void write_outputs() {
-        for (const Slave& slave : ctx->slaves())
-            std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0xA0 + slave.number));
-    }
-    void expect_no_outputs(std::uint32_t device) {
-        for (int n = 0; n < 1'500; ++n) {
-            write_outputs();
-            (void)cycle();
-            const auto outputs = program(device).outputs();
-            ASSERT_TRUE(outputs.empty() || outputs[0] == std::byte{0}) << n;
-        }
-        EXPECT_FALSE(all_right(*ctx));
-    }
-};
 
 // What a program without a supervision may call first.
 using First = void (*)(Identities& test);

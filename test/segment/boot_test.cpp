@@ -235,6 +235,7 @@ TEST_F(Boot, TheSupervisionBringsItThereAndBack) {
     EXPECT_EQ(state(), AlState::boot);
     EXPECT_TRUE(all_right(*bus.ctx)) << bus.words(what_is_wrong(*bus.ctx));
     // Beside the cycle of the other slave.
+    const auto old_revision = bus.ctx->slave(1).identity.revision;
     const auto firmware = Bootloader::make_image(3, 1, 8000);
     FoeWrite write;
     write.slave = 1;
@@ -250,6 +251,12 @@ TEST_F(Boot, TheSupervisionBringsItThereAndBack) {
     EXPECT_EQ(write.error().code, Errc::none) << bus.words(write.error());
     EXPECT_EQ(wrong, 0U);
     ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::op).ok());
+    run(3s);
+    // The new firmware has another revision, and may have other PDOs.
+    EXPECT_EQ(state(), AlState::preop);
+    EXPECT_EQ(what_is_wrong(*bus.ctx).code, Errc::remapping_needed);
+    EXPECT_NE(bus.ctx->slave(1).identity.revision, old_revision);
+    ASSERT_TRUE(config_map(*bus.ctx, image).ok());
     run(3s);
     EXPECT_EQ(state(), AlState::op);
     EXPECT_TRUE(all_right(*bus.ctx)) << bus.words(what_is_wrong(*bus.ctx));

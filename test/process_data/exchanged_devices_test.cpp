@@ -1,0 +1,308 @@
+// Devices that are exchanged while nobody looks, while a mapping executes, or for another revision; and what was found
+// beside them: the freshness of inputs after very many cycles, and slaves that fall during a mapping.
+#include "mailbox/mailbox_bus.hpp"
+#include "process_data/identities.hpp"
+#include "sim/library/library.hpp"
+
+#include <margay/hooked_slave.hpp>
+
+namespace margay {
+namespace {
+
+// Built by each test, because some tests need other settings.
+struct ExchangedDevices : Identities {
+    void SetUp() override {}
+};
+
+// The application takes all slaves down for a change of tools, and goes up again. Each call says success.
+struct TakenDown : ExchangedDevices, testing::WithParamInterface<AlState> {};
+TEST_P(TakenDown, AToolThatWasChangedWhileTheSlavesWereDownGetsNoOutputs) {
+    build();
+    const AlState down = GetParam();
+    ASSERT_TRUE(writestate(*ctx, 0, down).ok());
+    ASSERT_EQ(statecheck(*ctx, 0, down, 1s)->state, down);
+    take_out(line[1]);
+    osal.advance(1s);
+    set(tool, 0x0010, 0x1002);  // the tool was in this place yesterday, and has its own power supply
+    if (down == AlState::preop) set(tool, 0x0120, 2);
+    settle_devices();
+    ASSERT_EQ(state_of(tool), static_cast<int>(down));
+    put_in(tool);
+    osal.advance(1s);
+    bool refused = false;
+    const auto check = [&](const char*, const Error& error) {
+        if (error.code == Errc::none) return;
+        refused = true;
+    };
+    check("writestate PREOP", writestate(*ctx, 0, AlState::preop).error());
+    const auto preop = statecheck(*ctx, 0, AlState::preop, 1s);
+    check("statecheck PREOP", preop.error());
+    check("config_map", config_map(*ctx, image).error());
+    cycles(5);
+    check("writestate OP", writestate(*ctx, 0, AlState::op).error());
+    for (int n = 0; n < 200; ++n) (void)cycle();
+    const auto op = statecheck(*ctx, 0, AlState::op, 0s);
+    check("statecheck OP", op.error());
+    const auto wkc = cycle();
+    check("cycle", wkc.error());
+    EXPECT_TRUE(refused) << "every call says success";
+    EXPECT_FALSE(gets_outputs(tool)) << "another product than the expected one is driven";
+}
+INSTANTIATE_TEST_SUITE_P(States, TakenDown, testing::Values(AlState::init, AlState::preop));
+
+// Without a list: what the scan has found is what is wanted. A slave comes back with another revision; before it is
+// mapped again, a device of another product takes its place.
+TEST_F(ExchangedDevices, AfterAnotherRevisionAnotherProductIsStillAnotherSlave) {
+    listed = false;
+    build();
+    const auto revised = make_of_revision(0x101, 2);
+    take_out(line[1]);
+    cycles(10);
+    segment.set_power(revised, true, osal.now());
+    put_in(revised);
+    cycles(10);
+    ASSERT_TRUE(recover_slave(*ctx, 2).ok());
+    EXPECT_EQ(ctx->slave(2).identity.revision, 2U);
+    take_out(revised);
+    cycles(10);
+    segment.set_power(tool, true, osal.now());
+    put_in(tool);
+    cycles(10);
+    const auto again = recover_slave(*ctx, 2);
+    EXPECT_EQ(again.error().code, Errc::other_slave) << "product 0x200 is taken for slave 2, of product 0x101";
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_FALSE(mapped.ok());
+    (void)reach(*ctx, AlState::op, 2s);
+    EXPECT_FALSE(gets_outputs(tool));
+}
+// The same by the supervision.
+TEST_F(ExchangedDevices, AfterAnotherRevisionTheSupervisionKnowsAnotherProduct) {
+    listed = false;
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(10);
+    const auto revised = make_of_revision(0x101, 2);
+    take_out(line[1]);
+    cycles(500);
+    segment.set_power(revised, true, osal.now());
+    put_in(revised);
+    ASSERT_TRUE(until([&] { return ctx->slave(2).identity.revision == 2U; }));
+    take_out(revised);
+    cycles(500);
+    segment.set_power(tool, true, osal.now());
+    put_in(tool);
+    cycles(2000);
+    (void)config_map(*ctx, image);
+    cycles(2000);
+    EXPECT_FALSE(gets_outputs(tool));
+    EXPECT_FALSE(all_right(*ctx));
+}
+
+// 2^31 cycles after a slave has joined: 25 days at 1 ms, 2.5 days at 100 us.
+TEST_F(ExchangedDevices, InputsStayFreshAfterManyCycles) {
+    build();
+    cycles(5);
+    ASSERT_TRUE(inputs_fresh(*ctx, 2));
+    const_cast<Group&>(ctx->group(0)).cycles_sent += 0x7FFF'FFF0;  // the time passes
+    for (int n = 0; n < 40; ++n) {
+        ASSERT_TRUE(cycle().ok());
+        ASSERT_TRUE(inputs_fresh(*ctx, 2)) << "cycle " << ctx->group(0).cycle_received;
+    }
+}
+TEST_F(ExchangedDevices, InputsAreFreshInTheCycleOfTheWrap) {
+    build();
+    cycles(5);
+    ASSERT_TRUE(inputs_fresh(*ctx, 2));
+    // The slave joins late, so that only the wrap to 0 is tested.
+    for (auto n : {0x7000'0000U, 0x7000'0000U, 0x1FFF'FFF0U - 10U}) {
+        const_cast<Group&>(ctx->group(0)).cycles_sent += n;
+        (void)reconfigure_slave(*ctx, 2);
+        (void)writestate(*ctx, 2, AlState::op);
+        cycles(3);
+    }
+    for (int n = 0; n < 40; ++n) {
+        (void)cycle();
+        ASSERT_TRUE(inputs_fresh(*ctx, 2)) << "cycle " << ctx->group(0).cycle_received;
+    }
+}
+
+// A slave falls to INIT while config_map() executes, and a reading of the states sees it.
+TEST_F(ExchangedDevices, AMappingNamesASlaveThatHasFallenMeanwhile) {
+    build();
+    ASSERT_TRUE(writestate(*ctx, 0, AlState::preop).ok());
+    ASSERT_EQ(statecheck(*ctx, 0, AlState::preop, 1s)->state, AlState::preop);
+    ctx->slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void*) -> Task<> {
+        co_return co_await slave.sleep(100ms);
+    };
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(*ctx, map).ok());
+    for (int n = 0; n < 20; ++n) {
+        osal.advance(1ms);
+        (void)poll(*ctx, osal.now());
+    }
+    ASSERT_TRUE(map.busy());
+    set(line[1], 0x0120, 1);  // by itself: a reset of its program
+    for (int n = 0; n < 5; ++n) {
+        osal.advance(1ms);
+        segment.reconsider();
+        segment.advance(osal.now());
+        (void)poll(*ctx, osal.now());
+    }
+    ASSERT_EQ(state_of(line[1]), 1);
+    ReadStateRequest look;
+    ASSERT_TRUE(submit(*ctx, look).ok());
+    for (int n = 0; n < 2000 && map.busy(); ++n) {
+        osal.advance(1ms);
+        (void)poll(*ctx, osal.now());
+    }
+    ASSERT_FALSE(map.busy());
+    EXPECT_TRUE(map.error().code != Errc::none || state_of(line[1]) == 4) << "success, but slave 2 was left out";
+}
+
+// The cable goes to a second machine with the same program: same addresses, same FMMUs, other products. Its identity
+// cannot be read at the first attempt (an EEPROM that is busy; the same happens with a lost frame).
+TEST_F(ExchangedDevices, ASlaveThatCouldNotBeProvedIsNotBroughtToOp) {
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    std::vector<std::uint32_t> other;
+    for (unsigned n = 0; n < 3; ++n) other.push_back(make({.product = 0x300 + n}));
+    for (const auto d : other) segment.set_power(d, true, osal.now());
+    ASSERT_TRUE(segment.connect({other[0], 1}, {other[1], 0}));
+    ASSERT_TRUE(segment.connect({other[1], 1}, {other[2], 0}));
+    osal.advance(10ms);
+    for (unsigned n = 0; n < 3; ++n) {
+        auto& there = segment.slave(other[n]);
+        (void)there.ecat_write(0x0600, segment.slave(line[n]).peek(0x0600, 0x30), osal.now());
+        for (std::uint16_t sm = 0x0800; sm < 0x0820; sm += 8)
+            (void)there.ecat_write(sm, segment.slave(line[n]).peek(sm, 8), osal.now());
+        set(other[n], 0x0010, static_cast<std::uint16_t>(0x1001 + n));
+        for (const std::uint16_t state : {std::uint16_t{2}, std::uint16_t{4}}) {
+            set(other[n], 0x0120, state);
+            settle_devices();
+        }
+        there.sii().fail_next(1000);
+    }
+    (void)events();
+    segment.disconnect({line[0], 0});
+    cycles(1'000);
+    for (unsigned n = 0; n < 3; ++n) ASSERT_EQ(state_of(other[n]), 4) << n;
+    ASSERT_TRUE(segment.connect_master({other[0], 0}));
+    segment.disconnect({other[2], 1});  // the ports follow a change of cables
+    int op = 0;
+    bool outputs = false;
+    int said_right = 0;
+    for (int n = 0; n < 2'000; ++n) {
+        for (const Slave& slave : ctx->slaves())
+            std::ranges::fill(slave.image.outputs.bytes, static_cast<std::byte>(0xA0 + slave.number));
+        (void)cycle();
+        op += state_of(other[1]) == 8 ? 1 : 0;
+        outputs |= program(other[1]).outputs()[0] == std::byte{0xA2};
+        said_right += all_right(*ctx) ? 1 : 0;
+    }
+    EXPECT_EQ(op, 0) << "cycles in which product 0x301 was in OP in place of product 0x101";
+    EXPECT_EQ(said_right, 0) << "cycles in which all_right() was true";
+    EXPECT_FALSE(outputs) << "product 0x301 got the outputs of slave 2";
+}
+
+// The application has ended its supervision and brings slaves back by hand.
+TEST_F(ExchangedDevices, RecoverSaysOtherSlaveAlsoAfterASupervision) {
+    build();
+    for (const bool before : {false, true}) {
+        if (before) {
+            ASSERT_TRUE(submit(*ctx, supervision).ok());
+            cycles(100);
+            supervision.cancel();
+        }
+        take_out(line[1]);
+        cycles(10);
+        segment.set_power(tool, false, osal.now());
+        segment.set_power(tool, true, osal.now());
+        put_in(tool);
+        cycles(10);
+        EXPECT_EQ(recover_slave(*ctx, 2).error().code, Errc::other_slave) << "supervised before: " << before;
+        take_out(tool);
+        put_in(line[1]);
+        cycles(10);
+        EXPECT_TRUE(recover_slave(*ctx, 2).ok());
+        EXPECT_TRUE(reach(*ctx, AlState::op, 2s).ok());
+    }
+}
+
+// A slave in BOOT is not asked for its identity, because its firmware may use the EEPROM.
+TEST(ExchangedDevicesInBoot, RecoverDoesNotUseTheEepromOfASlaveInBoot) {
+    MailboxBus bus;
+    bus.add_device(sim::make_device("digital_io_16").value());
+    bus.add_device(sim::make_device("bootloader").value());
+    bus.start();
+    ASSERT_TRUE(writestate(*bus.ctx, 2, AlState::boot).ok());
+    ASSERT_EQ(statecheck(*bus.ctx, 2, AlState::boot, 2s)->state, AlState::boot);
+    bus.segment.disconnect({1, 0});
+    bus.osal.advance(10ms);
+    (void)readstate(*bus.ctx);
+    ASSERT_EQ(bus.ctx->slave(2).al.state, AlState::none);
+    ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
+    bus.osal.advance(10ms);
+    (void)readstate(*bus.ctx);
+    ASSERT_EQ(bus.ctx->slave(2).al.state, AlState::boot);
+    bus.segment.slave(1).sii().fail_next(100'000);  // shows who uses it
+    const auto done = recover_slave(*bus.ctx, 0);
+    EXPECT_NE(done.error().step, Step::read_sii) << "the EEPROM was taken from the firmware";
+}
+
+// While a mapping waits for the hook of slave 1, the tool of slave 2 is changed under the eyes of a supervision.
+TEST_F(ExchangedDevices, AToolThatWasChangedDuringAMappingGetsNoOutputs) {
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(reach(*ctx, AlState::preop, 2s).ok());
+    ASSERT_TRUE(supervision.busy());
+    ctx->slave(1).hooks.preop_to_safeop = [](HookedSlave slave, void*) -> Task<> {
+        co_return co_await slave.sleep(8s);
+    };
+    set(tool, 0x0010, 0x1002);
+    set(tool, 0x0120, 2);
+    settle_devices();
+    ASSERT_EQ(state_of(tool), 2);
+    (void)events();
+    MapRequest map;
+    map.image = image;
+    ASSERT_TRUE(submit(*ctx, map).ok());
+    const auto go = [&](int ms) {
+        for (int n = 0; n < ms; ++n) {
+            osal.advance(1ms);
+            (void)poll(*ctx, osal.now());
+        }
+    };
+    go(500);
+    take_out(line[1]);
+    go(3'000);
+    put_in(tool);
+    for (int n = 0; n < 20 && map.busy(); ++n) go(1'000);
+    ASSERT_FALSE(map.busy());
+    const auto reached = reach(*ctx, AlState::op, 20s);
+    EXPECT_FALSE(map.error().code == Errc::none && reached.ok()) << "all_right: " << all_right(*ctx);
+    EXPECT_FALSE(gets_outputs(tool));
+}
+
+// A device of the kind of slave 3 hangs at a free port and is reported as a stranger. Slave 3 is unplugged: the
+// stranger does not get its outputs. At the port of slave 3 it is a spare part.
+TEST_F(ExchangedDevices, AStrangerIsNotTakenForASlaveThatIsLostLater) {
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    const auto stranger = make({.product = 0x102});
+    segment.set_power(stranger, true, osal.now());
+    ASSERT_TRUE(segment.connect({line[1], 2}, {stranger, 0}));
+    cycles(2'000);
+    EXPECT_EQ(told(events(), "product 0x00000102"), 1);
+    take_out(line[2]);
+    EXPECT_FALSE(gets_outputs(stranger));
+    expect_no_outputs(stranger);
+    segment.disconnect({stranger, 0});
+    cycles(100);
+    ASSERT_TRUE(segment.connect({line[1], 1}, {stranger, 0}));
+    EXPECT_TRUE(until([&] { return in_op(3); })) << joined(events());
+}
+
+}  // namespace
+}  // namespace margay
