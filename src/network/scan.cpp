@@ -107,6 +107,8 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
         co_return error;
     }
     if (reply.wkc == 0) co_return segment_error(Errc::no_slaves, Step::count_slaves);
+    const Error cabling = network.redundancy == nullptr ? Error{} : network.redundancy->check();
+    if (cabling.code != Errc::none) co_return cabling;
     co_return reply.wkc;
 }
 
@@ -149,7 +151,7 @@ Task<Result<>> arrange(Network& network) {
         network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
-    const auto topology = find_topology(network.seen_ring());
+    const auto topology = find_topology(network.seen_ring(), network.ring_parts());
     if (!topology) network.note(topology.error());
     Result<bool> moved = false;
     if (!network.expected.empty()) moved = network.expectation->number(network);

@@ -331,6 +331,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         watch.last = {};
         for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;  // perhaps another machine
     }
+    if (network.redundancy != nullptr) network.redundancy->watch(network);
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;
