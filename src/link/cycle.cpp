@@ -101,16 +101,16 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
 
 // The part of commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave
 // is missing.
-bool Link::commit_short(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
+void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
+    frame.end = CycleEnd::odd;
     datagram.status->fresh = datagram.status->got == datagram.status->accepted;
-    if (!datagram.status->fresh) return false;
+    if (!datagram.status->fresh) return;
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     if (frame.apart || frame.regrouped)
         frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
-    return false;
 }
 
 void Link::mark_not_received(PreparedFrame& frame) {
@@ -207,9 +207,8 @@ bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
 
 // Commits the reply to all datagrams and readings of a frame.
 void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
-    bool right = !sent.degraded;
-    for (const PreparedDatagram& d : sent.datagrams)
-        right &= commit(sent, d, &frame[d.offset + wire::kDatagramHeaderBytes]);
+    sent.end = sent.degraded ? CycleEnd::odd : CycleEnd::right;
+    for (const PreparedDatagram& d : sent.datagrams) commit(sent, d, &frame[d.offset + wire::kDatagramHeaderBytes]);
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
         if (sent.bytes[r.offset] >= static_cast<std::byte>(wire::Command::ARMW))  // or FRMW
@@ -217,7 +216,6 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
         else
             copy_reading(r, data);
     }
-    sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 
 // A reply to a prepared frame is recognised by comparison with the frame that was sent, whose octets are kept.

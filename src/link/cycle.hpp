@@ -100,9 +100,9 @@ inline void copy(std::byte* to, Bytes from) {
 }
 
 // Commits the reply to one datagram of a frame, whose data is at `data`: the working counter, and the inputs when the
-// counter is right. Every reply reaches the image here: at once, or at the end of an overlapped cycle. Returns whether
-// every slave took part.
-[[gnu::always_inline]] inline bool Link::commit(const PreparedFrame& frame, const PreparedDatagram& d,
+// counter is right. Every reply reaches the image here: at once, or at the end of an overlapped cycle. `frame.end` was
+// `right`, and becomes `odd` when some slave did not take part.
+[[gnu::always_inline]] inline void Link::commit(PreparedFrame& frame, const PreparedDatagram& d,
                                                 const std::byte* data) {
     DatagramStatus& status = *d.status;
     status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
@@ -111,7 +111,6 @@ inline void copy(std::byte* to, Bytes from) {
     if (!status.fresh) [[unlikely]]
         return commit_short(frame, d, data);
     cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
-    return true;
 }
 
 // Commits the reply to a plain frame in `buffer_`. The caller has checked it with cycle::same().
@@ -119,8 +118,8 @@ inline void copy(std::byte* to, Bytes from) {
     frame.slot = nullptr;
     frames_.release(frame.own);
     ++statistics_.frames_received;
-    const std::byte* data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
-    frame.end = commit(frame, frame.datagrams[0], data) ? CycleEnd::right : CycleEnd::odd;
+    frame.end = CycleEnd::right;
+    commit(frame, frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,

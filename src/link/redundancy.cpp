@@ -190,10 +190,11 @@ unsigned Redundancy::sender_of(Bytes frame) const noexcept {
     return 2;
 }
 
-// The other copy is waited for, unless it is certain that it brings nothing.
+// Whether the copy of `nic` is waited for after the other copy has come. Not when the copies of this NIC do not come
+// back at all; but an idle copy has found the ring whole again.
 bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
     return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
-           !silent_[nic].load(kRelaxed);
+           (!silent_[nic].load(kRelaxed) || (pair.idle & bit(1 - nic)) != 0);
 }
 
 std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {

@@ -16,7 +16,6 @@
 
 #include <functional>
 #include <memory>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -30,16 +29,17 @@ class HookedNic final : public Nic {
   public:
     explicit HookedNic(Nic& nic) : nic_(nic) {}
     std::function<void()> before_send;
-    bool absent = false;  // accepts every frame, reports no link state, and no frame ever comes
+    bool tells_link = true;  // false: accepts every frame, and the link state is unknown
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (before_send) before_send();
-        return absent ? SendStatus::sent : nic_.send(frame);
+        const SendStatus status = nic_.send(frame);
+        return status == SendStatus::failed && !tells_link ? SendStatus::sent : status;
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return absent ? 0 : nic_.receive(into); }
-    LinkState link_state() noexcept override { return absent ? LinkState::unknown : nic_.link_state(); }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    LinkState link_state() noexcept override { return tells_link ? nic_.link_state() : LinkState::unknown; }
     MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return absent ? kNever : nic_.next_arrival(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
     Nic& nic_;
@@ -135,12 +135,10 @@ struct RingBus {
     }
     void cable(sim::PortRef end, bool intact) { segment.set_cable(end, intact); }
 
-    // nullptr: a device that other tests of the folder have added.
+    // nullptr: a device without process data of this kind.
     sim::ProcessDataFirmware* io(std::size_t number) {
-        auto& esc = segment.slave(static_cast<std::uint32_t>(number - 1));
-        return others.count(number) != 0 ? nullptr : static_cast<sim::ProcessDataFirmware*>(esc.firmware());
+        return segment.slave(static_cast<std::uint32_t>(number - 1)).firmware()->process_data();
     }
-    std::set<std::size_t> others;  // numbers of the slaves that are no IO devices
     // A cycle in which every device shows a new value. Returns the number of slaves whose inputs are not new, or whose
     // device has not got the new outputs; absent slaves count.
     unsigned cycle() {
@@ -164,6 +162,7 @@ struct RingBus {
         const auto sent = send_processdata(*ctx);
         wkc = sent ? receive_processdata(*ctx, 500us) : Result<std::uint32_t>(sent.error());
         (void)poll(*ctx, osal.now());
+        segment.advance(osal.now());
         unsigned stale = 0;
         for (std::size_t n = 1; n <= count; ++n) {
             auto* const device = io(n);
