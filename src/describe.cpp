@@ -438,7 +438,9 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
-            if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
+            if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
+                out << " (with two NICs the delays of the clocks cannot be measured yet)";
+            else if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
                 out << " (the request was not submitted: call submit())";
             else if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"

@@ -10,8 +10,8 @@
 // a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
 // redundancy. config_init() finds the topology of other branches only while the ring is whole.
 //
-// Clocks: while the ring is broken, the clocks behind the break are not steered: the reference clock does not reach
-// them. They take the time that the reference clock will probably have.
+// Not with two NICs yet: distributed clocks. configdc() fails with Errc::wrong_state (detail: Error::kRedundancy),
+// because the delays are measured with frames that return by the way they came.
 #pragma once
 
 #include <margay/context.hpp>

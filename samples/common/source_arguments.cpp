@@ -31,7 +31,8 @@ std::string ethernet_state(int socket, const char* name) {
 
 // Returns why `body` must not scan the segment; empty when it can.
 std::string scan_refusal(Source& source) {
-    const auto look = look_at_segment(source.nic(), source.osal());
+    const bool other_end = source.second() != nullptr && source.nic().link_state() == LinkState::down;
+    const auto look = look_at_segment(other_end ? *source.second() : source.nic(), source.osal());
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
     return fmt::format(
@@ -45,7 +46,7 @@ std::string scan_refusal(Source& source) {
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
     arguments.positional(
         "SOURCE", values.source,
-        "interface (eth0), simulated segment (sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
+        "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment (sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
         "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
         "this program made by --record)" +
             more);

@@ -208,7 +208,10 @@ bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
 // Commits the reply to all datagrams and readings of a frame.
 void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
     sent.end = sent.degraded ? CycleEnd::odd : CycleEnd::right;
-    for (const PreparedDatagram& d : sent.datagrams) commit(sent, d, &frame[d.offset + wire::kDatagramHeaderBytes]);
+    for (const PreparedDatagram& d : sent.datagrams) {
+        const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
+        if (!commit(d, data)) commit_short(sent, d, data);
+    }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
         if (sent.bytes[r.offset] >= static_cast<std::byte>(wire::Command::ARMW))  // or FRMW

@@ -99,18 +99,18 @@ inline void copy(std::byte* to, Bytes from) {
     return SendStatus::sent;
 }
 
-// Commits the reply to one datagram of a frame, whose data is at `data`: the working counter, and the inputs when the
-// counter is right. Every reply reaches the image here: at once, or at the end of an overlapped cycle. `frame.end` was
-// `right`, and becomes `odd` when some slave did not take part.
-[[gnu::always_inline]] inline void Link::commit(PreparedFrame& frame, const PreparedDatagram& d,
-                                                const std::byte* data) {
+// Commits the reply to one datagram, whose data is at `data`: the working counter, and the inputs when every slave took
+// part. Every reply reaches the image here: at once, or at the end of an overlapped cycle. False: some slave did not
+// take part; commit_short() handles a frame in which this is accepted.
+[[gnu::always_inline]] inline bool Link::commit(const PreparedDatagram& d, const std::byte* data) {
     DatagramStatus& status = *d.status;
     status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
     status.came = true;
     status.fresh = status.got == status.full;
     if (!status.fresh) [[unlikely]]
-        return commit_short(frame, d, data);
+        return false;
     cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
+    return true;
 }
 
 // Commits the reply to a plain frame in `buffer_`. The caller has checked it with cycle::same().
@@ -119,7 +119,8 @@ inline void copy(std::byte* to, Bytes from) {
     frames_.release(frame.own);
     ++statistics_.frames_received;
     frame.end = CycleEnd::right;
-    commit(frame, frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes]);
+    if (!commit(frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes])) [[unlikely]]
+        frame.end = CycleEnd::odd;
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,

@@ -125,7 +125,7 @@ class Link {
     void unpack(FrameSlot& slot);
     void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
     void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
-    static void commit(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data);
+    [[nodiscard]] static bool commit(const PreparedDatagram& datagram, const std::byte* data);
     static void commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data);
     void not_sent(PreparedFrame& frame, Time now);
     static void fill_plain(PreparedFrame& frame, std::uint8_t index);

@@ -1,6 +1,8 @@
 // The cycle in a ring with two NICs: whole, broken anywhere, and closed again.
 #include "redundancy/ring_bus.hpp"
 
+#include <margay/clocks.hpp>
+
 namespace margay {
 namespace {
 
@@ -244,6 +246,57 @@ TEST(Ring, FramesThatGetLostOnTop) {
     EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
     EXPECT_EQ(bus.stale_cycles(20), 0U);
     for (const Slave& slave : bus.ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::op);
+}
+
+// Overlapped cycles: every cycle is right and brings the inputs that were shown when it was sent.
+TEST(Ring, OverlappedCycles) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.ctx->group(0).config.cycles_in_flight = 2;
+    const auto mapped = config_map(*bus.ctx, bus.image);
+    ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+    const auto show = [&](unsigned value) {
+        for (std::size_t n = 1; n <= 8; ++n) {
+            bus.io(n)->inputs()[0] = static_cast<std::byte>(value);
+            bus.io(n)->poke();
+        }
+    };
+    show(0);
+    ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+    unsigned shown = 0;
+    unsigned wrong = 0;
+    const auto cycle = [&] {
+        bus.osal.advance(1ms);
+        show(++shown);
+        ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+        const auto wkc = receive_processdata(*bus.ctx, 500us);
+        (void)poll(*bus.ctx, bus.osal.now());
+        bool right = wkc.ok() && *wkc == bus.ctx->group(0).expected_wkc;
+        for (std::size_t n = 1; n <= 8; ++n)
+            right &= bus.ctx->slave(n).image.inputs.bytes[0] == static_cast<std::byte>(shown - 1);
+        wrong += right ? 0 : 1;
+    };
+    for (unsigned n = 0; n < 10; ++n) cycle();
+    ASSERT_EQ(wrong, 0U);
+    for (const auto& end : bus.ring_cables) {
+        bus.cable(end, false);
+        for (unsigned n = 0; n < 10; ++n) cycle();
+        bus.cable(end, true);
+        for (unsigned n = 0; n < 10; ++n) cycle();
+        EXPECT_EQ(wrong, 0U);
+    }
+    EXPECT_EQ(bus.status().breaks, bus.ring_cables.size());
+}
+
+TEST(Ring, DistributedClocksSayThatTheyAreNotThereYet) {
+    RingBus bus;
+    bus.build_line(3);
+    bus.start();
+    const auto done = configdc(*bus.ctx, {.cycle = 1ms});
+    ASSERT_FALSE(done.ok());
+    EXPECT_EQ(done.error().code, Errc::wrong_state);
+    EXPECT_NE(bus.words(done.error()).find("with two NICs"), std::string::npos) << bus.words(done.error());
 }
 
 }  // namespace
