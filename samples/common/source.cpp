@@ -48,8 +48,8 @@ class SourceOpener {
             source_->outermost_ =
                 &source_->trace_.emplace(*source_->outermost_, *source_->osal_, source_->standard_error_);
         if (options.trace && source_->second_outermost_ != nullptr)
-            source_->second_outermost_ = &source_->second_trace_.emplace(*source_->second_outermost_, *source_->osal_,
-                                                                         source_->standard_error_);
+            source_->second_outermost_ =
+                &source_->second_trace_.emplace(*source_->second_outermost_, *source_->osal_, source_->standard_error_);
         return OpenedSource(std::move(source_));
     }
 
@@ -94,8 +94,7 @@ class SourceOpener {
         if (!source_->simulated_->segment.master_link(1)) return {};
         auto& second = source_->second_simulated_nic_.emplace(
             source_->simulated_->segment, osal,
-            SimulatedNic::Options{
-                .round_trip = source_->simulated_->round_trip, .wire_time = true, .master_port = 1});
+            SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true, .master_port = 1});
         source_->simulated_nic_->set_other_end(&second);
         second.set_other_end(&*source_->simulated_nic_);
         source_->second_outermost_ = &second;

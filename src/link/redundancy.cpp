@@ -263,6 +263,7 @@ void Redundancy::note_late(const FramePair& pair, unsigned at, unsigned from, bo
 
 void Redundancy::set_ring(RingState state) noexcept {
     if (state == ring_) return;
+    ++changes_;
     if (ring_ == RingState::whole) ++breaks_;
     if (state == RingState::whole && ever_whole_) ++heals_;
     ever_whole_ |= state == RingState::whole;
@@ -314,13 +315,15 @@ bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) const n
 
 std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept {
     unsigned processed = pair.came & static_cast<unsigned>(~pair.idle);
+    // One copy has found the ring whole, and the other one broken: the ring has changed between them, and some slaves
+    // have processed both copies or none. A copy that has crossed is complete when the other one rests.
+    const bool changed = pair.came == (bit(0) | bit(1)) && (pair.crossed == bit(0) || pair.crossed == bit(1));
     const unsigned crossing = processed & pair.crossed;
-    // The ring has changed between the two copies: the one that has crossed has passed all slaves of the ring.
-    for (unsigned nic = 0; nic < 2; ++nic)
-        if (crossing == bit(nic) && rests_[1 - nic]) processed = bit(nic);
+    const bool complete = crossing != 0 && rests_[crossing == bit(0) ? 1 : 0];
+    if (changed && complete) processed = crossing;
     note_ring(pair, processed);
     if (processed == 0) return 0;
-    if (is_misplaced(pair, processed)) {
+    if ((changed && !complete) || is_misplaced(pair, processed)) {
         ++repeated_;
         return 0;
     }

@@ -74,6 +74,8 @@ class Redundancy final : public Nic, public Cables {
     }
     [[nodiscard]] bool counts_are_new() const noexcept;
     [[nodiscard]] bool ever_whole() const noexcept { return ever_whole_; }
+    // How often the state of the ring has changed.
+    [[nodiscard]] std::uint32_t changes() const noexcept { return changes_; }
 
   private:
     struct Counters {
@@ -132,6 +134,7 @@ class Redundancy final : public Nic, public Cables {
     CablingFault fault_ = CablingFault::none;
     bool ever_whole_ = false;
     bool ever_parted_ = false;  // a copy has passed the first slave behind a break
+    std::uint32_t changes_ = 0;
     std::uint32_t breaks_ = 0;
     std::uint32_t heals_ = 0;
     std::uint32_t merged_ = 0;

@@ -63,6 +63,8 @@ class RedundancyPart {
     [[nodiscard]] virtual Error check() const = 0;
     // At which end of the ring its places are, for find_topology().
     [[nodiscard]] virtual RingParts parts() const = 0;
+    // How often the ring was broken or closed.
+    [[nodiscard]] virtual std::uint32_t changes() const = 0;
 
   protected:
     ~RedundancyPart() = default;

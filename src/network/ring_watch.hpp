@@ -12,6 +12,7 @@ class RingWatch final : public RedundancyPart {
     void watch(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
+    [[nodiscard]] std::uint32_t changes() const override { return ring_.changes(); }
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
   private:

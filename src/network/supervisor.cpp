@@ -318,6 +318,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
     const bool turn = network.supervision_turn;
     auto roll = co_await read_all_states(network);
+    if (network.redundancy != nullptr) network.redundancy->watch(network);
     if (!roll) {
         report_silent_segment(watch);
         if (turn && watch.silent) network.supervision_turn = false;
@@ -331,7 +332,6 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         watch.last = {};
         for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;  // perhaps another machine
     }
-    if (network.redundancy != nullptr) network.redundancy->watch(network);
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);
     const bool changed = roll->count != watch.last.count || roll->al_status != watch.last.al_status;

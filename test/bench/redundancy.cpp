@@ -24,8 +24,8 @@ struct Stale {
     }
 };
 
-// Breaks and heals each cable of the ring of 20 slaves. `frame`: 0: between two cycles; 1: between the two copies of the
-// next frame.
+// Breaks and heals each cable of the ring of 20 slaves. `frame`: 0: between two cycles; 1: between the two copies of
+// the next frame.
 Stale walk(std::uint64_t frame) {
     RingBus bus;
     bus.build_tree();

@@ -26,7 +26,8 @@ TEST(RingBadInput, WithoutMemoryForTwoNics) {
     const auto done = bus.begin({.slaves = 32});
     ASSERT_FALSE(done.ok());
     EXPECT_EQ(done.error().code, Errc::capacity);
-    EXPECT_NE(bus.words(done.error()).find("Limits::redundancy is false"), std::string::npos) << bus.words(done.error());
+    EXPECT_NE(bus.words(done.error()).find("Limits::redundancy is false"), std::string::npos)
+        << bus.words(done.error());
     EXPECT_FALSE(bus.status().redundant);
     EXPECT_EQ(bus.begin({.slaves = 0, .redundancy = true}).error().code, Errc::invalid_argument);
 }
