@@ -41,7 +41,8 @@ Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const F
     void* at = memory.data() + memory.size() - needed;
     std::size_t space = needed;
     at = std::align(alignof(std::max_align_t), sizeof(TwoCables) + pairs * sizeof(FramePair), at, space);
-    auto* const first = reinterpret_cast<FramePair*>(static_cast<std::byte*>(at) + sizeof(TwoCables));
+    void* const behind = static_cast<std::byte*>(at) + sizeof(TwoCables);
+    auto* const first = static_cast<FramePair*>(behind);
     for (std::size_t n = 0; n < pairs; ++n) ::new (static_cast<void*>(first + n)) FramePair;
     auto* const cables = ::new (at) TwoCables(nic, second, std::span(first, own), std::span(first + own, pairs - own));
     const auto done = init_in(ctx, memory.first(memory.size() - needed), cables->ring, osal, features);

@@ -38,7 +38,8 @@ void LinuxOsal::wait(Time until, WaitHandles nics) noexcept {
         timeout.tv_sec = static_cast<time_t>(seconds.count());
         timeout.tv_nsec = static_cast<long>((left - seconds).count());
     }
-    if (::ppoll(fds, nics.second < 0 ? 2 : 3, until == kNever ? nullptr : &timeout, nullptr) <= 0) return;  // timeout, or a signal
+    if (::ppoll(fds, nics.second < 0 ? 2 : 3, until == kNever ? nullptr : &timeout, nullptr) <= 0)
+        return;  // timeout, or a signal
     if ((fds[0].revents & POLLIN) != 0) {
         std::uint64_t wakes = 0;
         // Another waiting thread may have read the counter already; then nothing is left to clear.

@@ -56,16 +56,18 @@ class SourceOpener {
   private:
     // One interface, or two with '+' between their names.
     std::string open_interface(const std::string& names) {
-        source_->osal_ = &source_->linux_osal_.emplace();
         const auto plus = names.find('+');
         const auto first = names.substr(0, plus);
+        const auto other = plus == std::string::npos ? std::string() : names.substr(plus + 1);
+        if (plus != std::string::npos && (first.empty() || other.empty()))
+            return "'" + names + "': the name of an interface is missing beside '+'";
+        if (other == first && plus != std::string::npos)
+            return "'" + names + "': both interfaces are the same, a ring needs two";
+        source_->osal_ = &source_->linux_osal_.emplace();
         auto& nic = source_->packet_.emplace();
         source_->outermost_ = &nic;
         if (!nic.open(first)) return std::string(nic.problem());
         if (plus == std::string::npos) return {};
-        const auto other = names.substr(plus + 1);
-        if (other.empty()) return "'" + names + "': the name of the second interface is missing behind '+'";
-        if (other == first) return "'" + names + "': both interfaces are the same, a ring needs two";
         auto& second = source_->second_packet_.emplace();
         source_->second_outermost_ = &second;
         return second.open(other) ? std::string() : std::string(second.problem());

@@ -44,12 +44,12 @@ std::string scan_refusal(Source& source) {
 }  // namespace
 
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
-    arguments.positional(
-        "SOURCE", values.source,
-        "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment (sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
-        "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
-        "this program made by --record)" +
-            more);
+    arguments.positional("SOURCE", values.source,
+                         "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment "
+                         "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
+                         "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
+                         "this program made by --record)" +
+                             more);
     arguments.option("--record", values.options.record, "write every frame sent and received to this file, as pcap");
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
     arguments.flag(

@@ -65,6 +65,9 @@ class RedundancyPart {
     [[nodiscard]] virtual RingParts parts() const = 0;
     // How often the ring was broken or closed.
     [[nodiscard]] virtual std::uint32_t changes() const = 0;
+    // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while
+    // the scan read them. Else they would not belong to one ring.
+    [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const = 0;
 
   protected:
     ~RedundancyPart() = default;

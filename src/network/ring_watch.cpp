@@ -1,5 +1,7 @@
 #include "network/ring_watch.hpp"
 
+#include "network/scan.hpp"
+
 #include <algorithm>
 #include <utility>
 
@@ -40,6 +42,12 @@ Event find_break(Network& network, std::size_t front, std::size_t behind) {
         event.slave = at->number;
     }
     return event;
+}
+
+Task<Result<>> read_dl_status(Network& network, Slave& slave) {
+    auto status = co_await read<std::uint16_t>(network.station(slave), wire::reg::kDlStatus, Step::topology);
+    if (status) slave.dl_status = *status;
+    co_return Nothing{};
 }
 
 void note_ends(Network& network, unsigned head, std::size_t front, bool whole) {
@@ -94,6 +102,16 @@ RingParts RingWatch::parts() const {
     const RedundancyStatus now = ring_.status();
     if (now.ring == RingState::unknown) return {};
     return {.two_nics = true, .whole = now.ring == RingState::whole, .front = now.cables[ring_.head()].slaves};
+}
+
+Task<Result<>> RingWatch::read_ports_again(Network& network, std::uint32_t changes) const {
+    for (unsigned tries = 3; tries > 0 && ring_.changes() != changes; --tries) {
+        changes = ring_.changes();
+        const auto again = [&network](Slave& s) { return read_dl_status(network, s); };
+        co_await required(for_each_slave(network, again));
+        co_await required(count_slaves(network));
+    }
+    co_return Nothing{};
 }
 
 }  // namespace margay

@@ -13,6 +13,7 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
     [[nodiscard]] std::uint32_t changes() const override { return ring_.changes(); }
+    [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const override;
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
   private:

@@ -162,25 +162,6 @@ Task<Result<>> arrange(Network& network) {
     co_return co_await required(for_each_slave(network, assign));
 }
 
-Task<Result<>> read_dl_status(Network& network, Slave& slave) {
-    auto status = co_await read<std::uint16_t>(network.station(slave), reg::kDlStatus, Step::topology);
-    if (status) slave.dl_status = *status;
-    co_return Nothing{};
-}
-
-// With two NICs: a cable has broken or healed while the slaves were read, so their ports do not belong to one ring.
-Task<Result<>> read_dl_status_again(Network& network, std::uint32_t changes) {
-    for (unsigned tries = 3; network.redundancy != nullptr && tries > 0; --tries) {
-        const std::uint32_t now = network.redundancy->changes();
-        if (now == changes) break;
-        changes = now;
-        const auto again = [&network](Slave& s) { return read_dl_status(network, s); };
-        co_await required(for_each_slave(network, again));
-        co_await required(count_slaves(network));
-    }
-    co_return Nothing{};
-}
-
 // The table is valid only after a complete scan: the destructor clears it otherwise.
 class Scanning {
   public:
@@ -236,7 +217,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     co_await required(broadcast_write(network, reg::kSiiConfig, wire::sii_config::kOfferedToPdi));
     const auto again = co_await required(count_slaves(network));
     if (again != count) co_return segment_error(Errc::unstable, Step::count_slaves, count, again);
-    co_await required(read_dl_status_again(network, changes));
+    if (network.redundancy != nullptr) co_await required(network.redundancy->read_ports_again(network, changes));
     co_await required(arrange(network));
     FirstFault faults;
     keep_unasked(network, faults);
