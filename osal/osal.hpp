@@ -3,11 +3,12 @@
 //
 // To port: derive from Osal and implement the first two functions; with several threads, implement the other four too.
 // now() must never go backwards and must count at a steady rate (not the wall clock). wait() returns at `until`, or
-// earlier when the NIC behind `nic_handle` has received a frame. It may also return earlier without any reason, because
+// earlier when a NIC behind the handles has received a frame. It may also return earlier without any reason, because
 // the caller always checks again. A port that cannot wait for a NIC may limit each wait to its tick.
 #pragma once
 
 #include <margay/time.hpp>
+#include <margay/wait_handles.hpp>
 
 #include <atomic>
 #include <cstdint>
@@ -19,9 +20,9 @@ class Osal {
     // Returns the current time. Callable from any thread.
     [[nodiscard]] virtual Time now() noexcept = 0;
 
-    // Waits until `until`, until the NIC receives a frame, or until wake(). `nic_handle` is the result of
-    // Nic::wait_handle().
-    virtual void wait(Time until, int nic_handle) noexcept = 0;
+    // Waits until `until`, until one of the NICs receives a frame, or until wake(). `nics` is the result of
+    // Nic::wait_handles(); a single handle converts to it.
+    virtual void wait(Time until, WaitHandles nics) noexcept = 0;
 
     // Ends a wait() of another thread. Leave it empty when there is only one thread.
     virtual void wake() noexcept {}

@@ -13,6 +13,7 @@
 
 #include <margay/mac_address.hpp>
 #include <margay/time.hpp>
+#include <margay/wait_handles.hpp>
 
 #include <array>
 #include <cstddef>
@@ -53,6 +54,8 @@ class Nic {
 
     // The handle that Osal::wait() of the same system needs to wait for a frame (a file descriptor on Linux), or -1.
     [[nodiscard]] virtual int wait_handle() const noexcept { return -1; }
+    // What Osal::wait() takes. Only a NIC that consists of two NICs has two handles.
+    [[nodiscard]] virtual WaitHandles wait_handles() const noexcept { return wait_handle(); }
 
     // For a NIC in virtual time: the arrival time of the next frame. Hardware returns kNever.
     [[nodiscard]] virtual Time next_arrival() const noexcept { return kNever; }

@@ -120,7 +120,7 @@ class Motion {
     }
 
     int run() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return report(ready.error());
+        if (const auto ready = source_.begin(ctx_); !ready) return report(ready.error());
         if (const auto found = config_init(ctx_); !found) return report(found.error());
         if (!find_axes()) return samples::fail("there is no CiA 402 drive with CoE");
         const auto reference = configdc(ctx_, {.cycle = period_});
@@ -294,7 +294,7 @@ class Motion {
     Duration period_;
     std::array<StartupCommand, 3> startup_{};
     SlaveSetup setup_{};
-    HostContext ctx_{Limits{.slaves = 256, .process_frames = 16}};
+    HostContext ctx_{source_.limits(Limits{.slaves = 256, .process_frames = 16})};
     std::array<std::byte, 32768> image_{};
     std::vector<std::unique_ptr<Axis>> axes_;
     std::vector<EntryHandle*> handles_;

@@ -152,8 +152,8 @@ int run_on_file(const Options& options) {
 }
 
 int run_on_slave(Source& source, const Options& options) {
-    HostContext ctx(Limits{.slaves = 2048});
-    const auto ready = init(ctx, source.nic(), source.osal());
+    HostContext ctx(source.limits(Limits{.slaves = 2048}));
+    const auto ready = source.begin(ctx);
     if (!ready) return print_error(sentence(ready.error()));
     const auto found = config_init(ctx);
     // Errors of single slaves are ignored: this program is used to repair slaves with a wrong EEPROM.

@@ -46,7 +46,7 @@ class Bridge {
     Bridge(Source& source, const Options& options) : source_(source), options_(options) {}
 
     int run() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return fail(sentence(ready.error()));
+        if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
         // Slaves that fail do not keep the others from their interfaces.
         if (const auto found = config_init(ctx_); !found) {
             if (ctx_.slaves().empty()) return fail(sentence(found.error()));
@@ -124,6 +124,7 @@ class Bridge {
     // Until a frame of the segment or of an interface arrives, whose port has room for it.
     bool wait(Time until) {
         files_.assign(1, {source_.nic().wait_handle(), POLLIN, 0});
+        if (Nic* const second = source_.second()) files_.push_back({second->wait_handle(), POLLIN, 0});
         for (const auto& line : lines_)
             if (line->port.can_send()) files_.push_back({line->tap.wait_handle(), POLLIN, 0});
         const Duration pause = std::clamp<Duration>(until - source_.osal().now(), 0ns, 100ms);
@@ -153,7 +154,7 @@ class Bridge {
 
     Source& source_;
     const Options& options_;
-    HostContext ctx_{Limits{.slaves = 1024}};
+    HostContext ctx_{source_.limits(Limits{.slaves = 1024})};
     std::vector<std::unique_ptr<Line>> lines_;
     std::vector<pollfd> files_;
     SuperviseRequest supervise_;

@@ -70,7 +70,7 @@ class Update {
     Source& source_;
     const Options& options_;
     std::uint16_t number_;
-    HostContext ctx_;
+    HostContext ctx_{source_.limits({})};
     ProgressLine line_;
     std::string what_;
     std::size_t total_ = 0;
@@ -147,13 +147,13 @@ Result<> Update::transfer(FoeRequest& request) {
     while (request.busy()) {
         if (stop_asked()) request.cancel();
         const Time next = poll(ctx_, osal.now());
-        if (request.busy()) osal.wait(std::min(next, osal.now() + 100ms), source_.nic().wait_handle());
+        if (request.busy()) osal.wait(std::min(next, osal.now() + 100ms), source_.wait_handles());
     }
     line_.clear();
     // The message that ends a transfer early is sent behind it.
     for (int n = 0; n < 20 && request.state() != RequestState::success; ++n) {
         const Time next = poll(ctx_, osal.now());
-        osal.wait(std::min(next, osal.now() + 1ms), source_.nic().wait_handle());
+        osal.wait(std::min(next, osal.now() + 1ms), source_.wait_handles());
     }
     return request.state() == RequestState::success ? Result<>() : Result<>(request.error());
 }
@@ -246,7 +246,7 @@ int Update::restart(const Known& before, const std::string& not_verified) {
         const Time until = osal.now() + 500ms;
         while (osal.now() < until) {
             const Time next = poll(ctx_, osal.now());
-            osal.wait(std::min(next, until), source_.nic().wait_handle());
+            osal.wait(std::min(next, until), source_.wait_handles());
         }
         error = scan();
         if (error.empty() && slave().al.state != AlState::preop)
@@ -268,7 +268,7 @@ int Update::restart(const Known& before, const std::string& not_verified) {
 }
 
 int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
-    if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return fail(sentence(ready.error()));
+    if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
     if (const auto error = scan(); !error.empty()) return fail(error);
     if (const auto reason = why_not(); !reason.empty()) return fail(reason);
     const Known before = look();

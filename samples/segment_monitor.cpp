@@ -80,7 +80,7 @@ class Monitor {
     Monitor(samples::Source& source, const Options& options) : source_(source), options_(options) {}
 
     Result<> bring_up() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return ready.error();
+        if (const auto ready = source_.begin(ctx_); !ready) return ready.error();
         // The monitor shows errors of single slaves and continues with the other slaves.
         if (const auto found = config_init(ctx_); !found && found.error().slave == 0) return found.error();
         if (const auto bytes = config_map(ctx_, image_); !bytes && !ctx_.group(0).mapped) return bytes.error();
@@ -178,7 +178,7 @@ class Monitor {
 
     samples::Source& source_;
     const Options& options_;
-    HostContext ctx_{Limits{.slaves = 1024, .process_frames = 64}};
+    HostContext ctx_{source_.limits(Limits{.slaves = 1024, .process_frames = 64})};
     std::array<std::byte, 65536> image_{};
     std::vector<LineErrors> line_errors_;
     SuperviseRequest supervise_;

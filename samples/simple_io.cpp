@@ -46,7 +46,7 @@ class SimpleIo {
 
     // Returns the exit code of the program.
     int run() {
-        if (const auto ready = init(ctx_, source_.nic(), source_.osal()); !ready) return report_failure(ready.error());
+        if (const auto ready = source_.begin(ctx_); !ready) return report_failure(ready.error());
         const auto found = config_init(ctx_);
         if (!found) return report_failure(found.error());
         const auto bytes = config_map(ctx_, image_);
@@ -173,7 +173,7 @@ class SimpleIo {
 
     samples::Source& source_;
     const Options& options_;
-    HostContext ctx_{Limits{.slaves = 1024, .process_frames = 64}};
+    HostContext ctx_{source_.limits(Limits{.slaves = 1024, .process_frames = 64})};
     std::array<std::byte, 65536> image_{};
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     Duration round_trip_{};

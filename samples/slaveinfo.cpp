@@ -70,8 +70,8 @@ int map_and_print(margay::Context& ctx, const Options& options) {
 
 int scan_and_print(margay::samples::Source& source, const Options& options) {
     using namespace margay::samples;
-    margay::HostContext ctx(margay::Limits{.slaves = 2048, .process_frames = 256});
-    const auto ready = margay::init(ctx, source.nic(), source.osal());
+    margay::HostContext ctx(source.limits(margay::Limits{.slaves = 2048, .process_frames = 256}));
+    const auto ready = source.begin(ctx);
     if (!ready) return fail(sentence(ready.error()));
     const auto found = margay::config_init(ctx);
     if (!found && found.error().slave == 0) return fail(sentence(found.error()));

@@ -23,12 +23,12 @@ struct Options {
 };
 
 int check(Source& source, const Options& options) {
-    margay::HostContext ctx(margay::Limits{.slaves = 2048});
-    const auto ready = margay::init(ctx, source.nic(), source.osal());
+    margay::HostContext ctx(source.limits(margay::Limits{.slaves = 2048}));
+    const auto ready = source.begin(ctx);
     if (!ready) return fail(sentence(ready.error()));
     ProgressLine line;
     const auto checked =
-        conformance::check_device(ctx, source.osal(), source.nic().wait_handle(), options.position, options.checks,
+        conformance::check_device(ctx, source.osal(), source.wait_handles(), options.position, options.checks,
                                   [&](std::string_view name) { line.show(std::string(name)); });
     line.clear();
     if (checked.report.checks.empty()) return fail(checked.error);

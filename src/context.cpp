@@ -1,4 +1,5 @@
 // The context: places the parts of a master in the caller's memory.
+#include "api/init.hpp"
 #include "api/master.hpp"
 #include "api/operation.hpp"
 #include "network/expectation.hpp"
@@ -16,7 +17,7 @@ constexpr bool is_size(std::size_t actual, std::size_t wide, std::size_t narrow)
     const std::size_t constant = sizeof(void*) == 8 ? wide : narrow;
     return actual <= constant && constant - actual < 64;
 }
-static_assert(is_size(sizeof(Master), 6384, 4520), "context_bytes(): kFixedBytes");
+static_assert(is_size(sizeof(Master), 6400, 4520), "context_bytes(): kFixedBytes");
 static_assert(is_size(sizeof(MailboxChannel), 392, 320), "context_bytes(): kMailboxBytes");
 static_assert(is_size(sizeof(FrameSlot), 40, 32), "context_bytes(): kFrameBytes");
 static_assert(is_size(sizeof(ClockEntry) + sizeof(DelayNode), 200, 200), "context_bytes(): kClockBytes");
@@ -167,12 +168,16 @@ void Context::close() {
 }
 
 Result<> init(Context& ctx, Nic& nic, Osal& osal, const Features& features) {
+    return init_in(ctx, ContextAccess::memory(ctx), nic, osal, features);
+}
+
+Result<> init_in(Context& ctx, std::span<std::byte> memory, Nic& nic, Osal& osal, const Features& features) {
     const Limits& limits = ctx.limits();
     if (const Error wrong = check_limits(limits); wrong.code != Errc::none) return wrong;
     if (ContextAccess::master(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
     const Error wrong = check_link_settings(ContextAccess::early_settings(ctx));
     if (wrong.code != Errc::none) return wrong;
-    Carver carver(ContextAccess::memory(ctx));
+    Carver carver(memory);
     void* place = carver.raw(sizeof(Master), alignof(Master));
     const SlaveTable table{carver.take<Slave>(limits.slaves), carver.take<SlaveMarks>(limits.slaves)};
     const auto frames = carver.take<FrameSlot>(limits.frames);

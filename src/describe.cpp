@@ -158,6 +158,7 @@ std::string_view pdo_list_text(PdoListFault why) {
 std::string_view capacity_text(const Error& e) {
     if (e.detail == Error::kTasks) return "Limits::tasks, or Limits::arena_bytes";
     if (e.detail == Error::kPlaces) return "places for requests of other threads";
+    if (e.detail == Error::kRedundancy) return "Limits::redundancy is false";
     switch (e.step) {
         case Step::count_slaves:
         case Step::identify:
@@ -241,6 +242,7 @@ std::string_view argument_text(Argument argument) {
         case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
         case Argument::aoe_time: return "a time of a notification must be 0 to 429 s";
         case Argument::sdo_stream: return "there is no source or sink, or the size has more than 32 bits";
+        case Argument::second_nic: return "the second NIC is the first one: a ring needs two";
         case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";
     }
     return {};
@@ -274,6 +276,12 @@ void write_configuration_cause(TextWriter& out, const Error& e) {
         case Errc::above_highest:
             out << " (" << to_text(static_cast<AlState>(e.actual)) << " is above "
                 << to_text(static_cast<AlState>(e.expected)) << ")";
+            break;
+        case Errc::cabling:
+            if (e.detail == static_cast<std::uint32_t>(CablingFault::same_port))
+                out << ": both hear the same frames, so they are connected to the same end of the segment";
+            else
+                out << ": another segment is connected to the second one";
             break;
         case Errc::supervised:
             out << " (wanted " << to_text(static_cast<AlState>(e.actual)) << ", the supervision keeps it in "
@@ -430,7 +438,9 @@ void write_cause(TextWriter& out, const Error& e) {
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
-            if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
+            if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
+                out << " (with two NICs the delays of the clocks cannot be measured yet)";
+            else if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
                 out << " (the request was not submitted: call submit())";
             else if (is_refused_call(e))
                 out << (e.step == Step::open_nic ? " (init() was called before)"

@@ -32,6 +32,19 @@ void write_difference(TextWriter& out, std::uint32_t difference) {
     out << (behind ? 0U - difference : difference) << (behind ? " ns behind" : " ns ahead");
 }
 
+// Example: "between slave 4 port 1 and slave 5"; the ends of the ring are the NICs.
+void write_break(TextWriter& out, const Event& e) {
+    out << "between ";
+    if (e.slave == 0)
+        out << "the first NIC";
+    else
+        out << "slave " << e.slave << " port " << unsigned{e.port};
+    if (e.other == 0)
+        out << " and the second NIC";
+    else
+        out << " and slave " << e.other;
+}
+
 void write_slave(TextWriter& out, const Event& e) { out << "slave " << e.slave << ": "; }
 
 }  // namespace
@@ -61,6 +74,12 @@ std::string_view to_text(EventKind kind) {
         case EventKind::master_in_sync: return "cycle in sync";
         case EventKind::master_out_of_sync: return "cycle out of sync";
         case EventKind::overrun: return "cycles left out";
+        case EventKind::ring_broken: return "redundancy broken";
+        case EventKind::ring_closed: return "redundancy restored";
+        case EventKind::second_cable_missing: return "second cable missing";
+        case EventKind::nics_on_same_port: return "both NICs on the same port";
+        case EventKind::second_segment: return "another segment at the second NIC";
+        case EventKind::cables_swapped: return "cables swapped";
     }
     return "unknown event";
 }
@@ -171,6 +190,23 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
         case EventKind::overrun:
             out << "the work of a cycle takes longer than its period: " << e.actual
                 << (e.actual == 1 ? " cycle" : " cycles") << " left out, " << e.expected << " since the cycle began";
+            break;
+        case EventKind::ring_broken:
+            out << "redundancy broken ";
+            write_break(out, e);
+            break;
+        case EventKind::ring_closed: out << "redundancy restored: the ring is whole again"; break;
+        case EventKind::second_cable_missing:
+            out << "no redundancy: the second NIC reaches no slave, its cable is not connected or broken";
+            break;
+        case EventKind::nics_on_same_port:
+            out << "no redundancy: both NICs hear the same frames, they are connected to the same end of the segment";
+            break;
+        case EventKind::second_segment:
+            out << "no redundancy: the second NIC is connected to the first slave of another segment";
+            break;
+        case EventKind::cables_swapped:
+            out << "the cables of the NICs are swapped: the second NIC is connected to the first slave";
             break;
     }
     return out.text();

@@ -31,7 +31,7 @@ Error negative_timeout(std::uint8_t group) {
     Time now = osal.now();
     const Time give_up = later(now, timeout);
     while (now < give_up) {
-        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
+        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handles());
         now = osal.now();
         if (engine.receive_cycle(group.prepared, now) != CycleEnd::missing) break;
     }
@@ -61,7 +61,7 @@ Error negative_timeout(std::uint8_t group) {
         const Time give_up = later(none ? start : std::max(from, sent_at(group)), timeout);
         if (all || (now >= give_up && !none)) return end_overlapped(group, engine.link(), now);
         if (now >= give_up) return refused(Errc::timeout, group.number);
-        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handle());
+        osal.wait(std::min(give_up, nic.next_arrival()), nic.wait_handles());
         now = osal.now();
     }
 }

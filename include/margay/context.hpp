@@ -25,7 +25,7 @@ struct Master;
     // Sizes of the parts of the library, for both sizes of pointers; context.cpp checks that they are not too small and
     // hardly too large.
     constexpr bool kWide = sizeof(void*) == 8;
-    constexpr std::size_t kFixedBytes = kWide ? 6384 : 4520;  // the engine, the queue of requests, one frame buffer
+    constexpr std::size_t kFixedBytes = kWide ? 6400 : 4520;  // the engine, the queue of requests, one frame buffer
     constexpr std::size_t kFrameBytes = kWide ? 40 : 32;      // a frame on the wire
     // The memory of the running sequences of one slave, and a mailbox of 1 KiB; half as much on a processor with
     // pointers of half the size.
@@ -37,6 +37,10 @@ struct Master;
     constexpr std::size_t kMarksBytes = 20;                          // what the library notes about a slave
     constexpr std::size_t kClockBytes = 200;      // the clock of a slave, and its place in the topology
     constexpr std::size_t kAlignmentBytes = 256;  // between the parts
+    constexpr std::size_t kCablesBytes = kWide ? 768 : 704;  // the merging of two cables
+    constexpr std::size_t kPairBytes = 3088;                 // a frame on both cables
+    const std::size_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
+    const std::size_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;
     const std::size_t clock = limits.clocks ? kClockBytes : 0;
     const std::size_t arena = limits.arena_bytes != 0 ? limits.arena_bytes : (tasks + 4) * kTaskBytes;
@@ -44,7 +48,7 @@ struct Master;
         clock + kRingBytes + kMarksBytes + sizeof(Slave) + kMailboxBytes + limits.emergencies * sizeof(Emergency);
     return kFixedBytes + limits.slaves * slave + limits.frames * kFrameBytes + limits.groups * kGroupBytes +
            limits.process_frames * kProcessFrameBytes + arena + arena / 64 + limits.guests * (kRingBytes + clock) +
-           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes;
+           2U * limits.errors * sizeof(Error) + limits.events * sizeof(Event) + kAlignmentBytes + cables;
 }
 
 // One master. Not copyable. One thread owns a context and makes all calls, unless a function says otherwise.

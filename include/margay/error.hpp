@@ -119,6 +119,7 @@ enum class Errc : std::uint8_t {
     no_clock,                // the slave has no clock that runs; slave 0: no slave has one
     clock_before_reference,  // a slave before the reference clock in the ring has a clock (expected: that slave)
     not_in_sync,  // a clock differs from the reference clock (expected: the limit, actual: the difference, ns)
+    cabling,      // the two NICs of init_redundant() are connected wrongly (detail: CablingFault)
     supervised,   // the supervision keeps the slave in another state, see set_target() (expected: that state, actual:
                   // the requested one)
 };
@@ -260,9 +261,11 @@ struct Error {
     // Detail of Errc::wrong_state from wait(): the request was not submitted.
     static constexpr std::uint32_t kNotSubmitted = 1;
     // Detail of Errc::capacity: kTasks: no memory for another operation (Limits::tasks, or Limits::arena_bytes);
-    // kPlaces: no place for another request of another thread. 0: the step determines which memory is full.
+    // kPlaces: no place for another request of another thread. kRedundancy: Limits::redundancy is false. 0: the step
+    // determines which memory is full.
     static constexpr std::uint32_t kTasks = 1;
     static constexpr std::uint32_t kPlaces = 2;
+    static constexpr std::uint32_t kRedundancy = 3;
 
     // The word address of an error of the steps read_sii, write_sii and parse_sii.
     [[nodiscard]] constexpr std::uint32_t word() const {
@@ -335,8 +338,12 @@ enum class Argument : std::uint8_t {
     sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
     sync_start,      // ClockSettings::start_time has returned a time that has passed
     aoe_time,        // a time of an AoeAddNotification
+    second_nic,      // the second NIC of init_redundant() is the first one
     sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
 };
+
+// Errc::cabling: what is wrong with the cables of two NICs.
+enum class CablingFault : std::uint8_t { none, same_port, second_segment };
 
 // Errc::other_slave: which property differs from the expected one.
 enum class IdentityField : std::uint8_t { product, vendor, revision, serial, alias, device_id };

@@ -45,8 +45,15 @@ enum class EventKind : std::uint8_t {
                  // the upper and the lower half of the system time of the edge)
     master_in_sync,      // MasterClock: the phase of the cycle is in sync (actual: the error in ns)
     master_out_of_sync,  // the phase has left the limit (actual: the error in ns)
-    overrun,  // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
-              // expected: since run_cycle() began)
+    overrun,      // the work of run_cycle() takes longer than a period (actual: periods left out since the last report,
+                  // expected: since run_cycle() began)
+    ring_broken,  // with two NICs: the ring is open between `slave` at `port` (0: the first NIC) and `other` (0: the
+                  // second NIC). All slaves that answered go on answering. Slaves between both are lost
+    ring_closed,  // the ring is whole again
+    second_cable_missing,  // the second NIC reaches no slave since init_redundant(): the ring was never closed
+    nics_on_same_port,     // both NICs hear the same frames: they are connected to the same end of the segment
+    second_segment,        // the second NIC is connected to the first slave of another segment
+    cables_swapped,        // the first NIC is connected to the end of the ring and the second one to its beginning
 };
 
 // One event. Unused members are 0.

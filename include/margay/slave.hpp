@@ -100,6 +100,9 @@ inline constexpr std::uint8_t kUploadAtStartup = 0x10;
 inline constexpr std::uint8_t kCompleteAccess = 0x20;
 }  // namespace coe_detail
 
+// The end of a ring with two NICs at which a slave hangs: whose frames reach it.
+enum class RingEnd : std::uint8_t { first_nic, second_nic };
+
 // How a slave reports its explicit device id, according to its SII.
 enum class DeviceIdSource : std::uint8_t { none, al_status, memory };
 
@@ -162,6 +165,7 @@ struct Slave {
     std::uint16_t parent = 0;  // number of the slave before this one; 0: the master
     std::uint8_t parent_port = 0;
     std::uint8_t entry_port = 0;
+    RingEnd ring = RingEnd::first_nic;  // always first_nic without redundancy, and while the ring is whole
     std::array<Port, 4> ports{};
 
     // From the SII. sync_managers and fmmu_use have the order of the SII; entries that do not fit the arrays are

@@ -2,7 +2,7 @@
 
 namespace margay {
 
-void BareOsal::wait(Time until, int) noexcept {
+void BareOsal::wait(Time until, WaitHandles) noexcept {
     const Time start = now();
     if (until <= start) return;
     const bool sleeps = board_.idle != nullptr && until - start > board_.tick;

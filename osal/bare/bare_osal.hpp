@@ -30,8 +30,8 @@ class BareOsal final : public Osal {
     // Not callable from an interrupt.
     [[nodiscard]] Time now() noexcept override { return counter_.extend(board_.counter()); }
 
-    // Returns after one interrupt at the latest. `nic_handle` has no meaning: the interrupt of the NIC calls wake().
-    void wait(Time until, int nic_handle) noexcept override;
+    // Returns after one interrupt at the latest. `nics` has no meaning: the interrupt of the NIC calls wake().
+    void wait(Time until, WaitHandles nics) noexcept override;
 
     // For interrupts.
     void wake() noexcept override { woken_.store(true, std::memory_order_release); }

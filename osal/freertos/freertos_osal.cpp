@@ -25,7 +25,7 @@ TickType_t FreertosOsal::ticks_until(Time until) noexcept {
     return static_cast<TickType_t>(std::clamp<std::int64_t>(left, 0, portMAX_DELAY - 1));
 }
 
-void FreertosOsal::wait(Time until, int) noexcept {
+void FreertosOsal::wait(Time until, WaitHandles) noexcept {
     if (until <= now()) return;
     (void)xSemaphoreTake(woken_, ticks_until(until));
 }

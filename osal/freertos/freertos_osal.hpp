@@ -25,8 +25,8 @@ class FreertosOsal final : public Osal {
     // Callable from any task, not from an interrupt.
     [[nodiscard]] Time now() noexcept override;
     // Waits in whole ticks and returns up to one tick early; when less than a tick is left, it returns at once.
-    // `nic_handle` has no meaning: the interrupt of the NIC calls wake_from_interrupt().
-    void wait(Time until, int nic_handle) noexcept override;
+    // `nics` has no meaning: the interrupt of the NIC calls wake_from_interrupt().
+    void wait(Time until, WaitHandles nics) noexcept override;
     // For tasks.
     void wake() noexcept override;
     // For interrupts with a priority that may call functions of FreeRTOS (configMAX_SYSCALL_INTERRUPT_PRIORITY).

@@ -23,13 +23,14 @@ LinuxOsal::~LinuxOsal() {
 
 Time LinuxOsal::now() noexcept { return monotonic_now(); }
 
-void LinuxOsal::wait(Time until, int nic_handle) noexcept {
+void LinuxOsal::wait(Time until, WaitHandles nics) noexcept {
     constexpr Duration kWithoutEvent = std::chrono::milliseconds(1);
     const Time start = now();
     if (until <= start) return;
     if (event_ < 0 && until - start > kWithoutEvent) until = start + kWithoutEvent;
 
-    pollfd fds[] = {{event_, POLLIN, 0}, {nic_handle, POLLIN, 0}};  // ppoll() ignores negative file descriptors
+    // ppoll() ignores negative file descriptors.
+    pollfd fds[] = {{event_, POLLIN, 0}, {nics.first, POLLIN, 0}, {nics.second, POLLIN, 0}};
     timespec timeout{};
     if (until != kNever) {
         const auto left = until - start;
@@ -37,7 +38,8 @@ void LinuxOsal::wait(Time until, int nic_handle) noexcept {
         timeout.tv_sec = static_cast<time_t>(seconds.count());
         timeout.tv_nsec = static_cast<long>((left - seconds).count());
     }
-    if (::ppoll(fds, 2, until == kNever ? nullptr : &timeout, nullptr) <= 0) return;  // timeout, or a signal
+    if (::ppoll(fds, nics.second < 0 ? 2 : 3, until == kNever ? nullptr : &timeout, nullptr) <= 0)
+        return;  // timeout, or a signal
     if ((fds[0].revents & POLLIN) != 0) {
         std::uint64_t wakes = 0;
         // Another waiting thread may have read the counter already; then nothing is left to clear.

@@ -27,18 +27,19 @@ bool set_up(int end) noexcept {
 }
 
 // Waits with pselect(). Returns true when `first` can be read.
-bool select_two(int first, int second, const timespec* limit) noexcept {
+bool select_any(int first, WaitHandles others, const timespec* limit) noexcept {
     fd_set set;
     FD_ZERO(&set);
-    if (first >= 0) FD_SET(first, &set);
-    if (second >= 0) FD_SET(second, &set);
-    return ::pselect(std::max(first, second) + 1, &set, nullptr, nullptr, limit, nullptr) > 0 && first >= 0 &&
-           FD_ISSET(first, &set);
+    for (const int one : {first, others.first, others.second})
+        if (one >= 0) FD_SET(one, &set);
+    return ::pselect(std::max({first, others.first, others.second}) + 1, &set, nullptr, nullptr, limit, nullptr) > 0 &&
+           first >= 0 && FD_ISSET(first, &set);
 }
 
-bool poll_two(int first, int second, int milliseconds) noexcept {
-    pollfd both[] = {{first, POLLIN, 0}, {second, POLLIN, 0}};  // poll() ignores negative file descriptors
-    return ::poll(both, 2, milliseconds) > 0 && (both[0].revents & POLLIN) != 0;
+bool poll_any(int first, WaitHandles others, int milliseconds) noexcept {
+    // poll() ignores negative file descriptors.
+    pollfd all[] = {{first, POLLIN, 0}, {others.first, POLLIN, 0}, {others.second, POLLIN, 0}};
+    return ::poll(all, 3, milliseconds) > 0 && (all[0].revents & POLLIN) != 0;
 }
 
 }  // namespace
@@ -71,7 +72,7 @@ Time PosixOsal::now() noexcept {
     return Time(std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec));
 }
 
-void PosixOsal::wait(Time until, int nic_handle) noexcept {
+void PosixOsal::wait(Time until, WaitHandles nics) noexcept {
     constexpr Duration kWithoutPipe = std::chrono::milliseconds(1);
     constexpr Duration kSlice = std::chrono::microseconds(100);
     const Time start = now();
@@ -79,13 +80,13 @@ void PosixOsal::wait(Time until, int nic_handle) noexcept {
     if (pipe_[0] < 0 && until - start > kWithoutPipe) until = start + kWithoutPipe;
 
     bool woken = false;
-    if (std::max(pipe_[0], nic_handle) < int{FD_SETSIZE}) {
+    if (std::max({pipe_[0], nics.first, nics.second}) < int{FD_SETSIZE}) {
         const auto left = timespec_of(until == kNever ? Duration{0} : until - start);
-        woken = select_two(pipe_[0], nic_handle, until == kNever ? nullptr : &left);
+        woken = select_any(pipe_[0], nics, until == kNever ? nullptr : &left);
     } else {
         const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - start).count();
-        woken = poll_two(pipe_[0], nic_handle,
-                         until == kNever ? -1 : static_cast<int>(std::min<std::int64_t>(left, INT_MAX)));
+        woken =
+            poll_any(pipe_[0], nics, until == kNever ? -1 : static_cast<int>(std::min<std::int64_t>(left, INT_MAX)));
         if (left == 0 && !woken) {
             const auto slice = timespec_of(std::min<Duration>(until - start, kSlice));
             (void)::nanosleep(&slice, nullptr);

@@ -19,10 +19,10 @@ class PosixOsal final : public Osal {
 
     // CLOCK_MONOTONIC.
     [[nodiscard]] Time now() noexcept override;
-    // `nic_handle` is a file descriptor that poll() accepts, or -1. One call of pselect(), none when `until` has
+    // `nics` are file descriptors that poll() accepts, or -1. One call of pselect(), none when `until` has
     // passed. A file descriptor that pselect() does not accept (FD_SETSIZE or more) is waited for with poll(), in whole
     // milliseconds, and in the last millisecond in slices of 100 µs, at the end of which a frame is noticed.
-    void wait(Time until, int nic_handle) noexcept override;
+    void wait(Time until, WaitHandles nics) noexcept override;
     // Callable from any thread and from a signal handler. When no thread is waiting, wake() ends the next wait().
     void wake() noexcept override;
     // Implemented with one mutex and one condition variable for all words.

@@ -14,7 +14,7 @@ class VirtualOsal final : public Osal {
 
     // No other thread can cause an event, so a wait sets the clock to `until`. Waiting for kNever would not end, so it
     // leaves the clock unchanged.
-    void wait(Time until, int) noexcept override {
+    void wait(Time until, WaitHandles) noexcept override {
         if (until > now_ && until != kNever) now_ = until;
     }
 

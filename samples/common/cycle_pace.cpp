@@ -68,7 +68,7 @@ void CyclePace::wait() {
     Time now = source_.osal().now();
     do {  // poll() runs at least once a cycle, so that a cycle without spare time does not stop the other work
         const Time wake = poll(ctx_, now);
-        if (now < until) source_.osal().wait(std::min(wake, until), source_.nic().wait_handle());
+        if (now < until) source_.osal().wait(std::min(wake, until), source_.wait_handles());
         now = source_.osal().now();
     } while (now < until);
     const auto tick = real ? runner_.wait() : virtual_.wake(source_.osal().now());

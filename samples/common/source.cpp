@@ -40,20 +40,37 @@ class SourceOpener {
             problem = open_recording(text.substr(kRecorded.size()), options.record);
         else
             problem = open_interface(text);
-        if (problem.empty() && !options.record.empty()) problem = record_to(options.record);
+        if (problem.empty() && !options.record.empty())
+            problem = source_->second_outermost_ != nullptr ? "--record: two NICs cannot be recorded yet"
+                                                            : record_to(options.record);
         if (!problem.empty()) return OpenedSource(problem);
         if (options.trace)
             source_->outermost_ =
                 &source_->trace_.emplace(*source_->outermost_, *source_->osal_, source_->standard_error_);
+        if (options.trace && source_->second_outermost_ != nullptr)
+            source_->second_outermost_ =
+                &source_->second_trace_.emplace(*source_->second_outermost_, *source_->osal_, source_->standard_error_);
         return OpenedSource(std::move(source_));
     }
 
   private:
-    std::string open_interface(const std::string& name) {
+    // One interface, or two with '+' between their names.
+    std::string open_interface(const std::string& names) {
+        const auto plus = names.find('+');
+        const auto first = names.substr(0, plus);
+        const auto other = plus == std::string::npos ? std::string() : names.substr(plus + 1);
+        if (plus != std::string::npos && (first.empty() || other.empty()))
+            return "'" + names + "': the name of an interface is missing beside '+'";
+        if (other == first && plus != std::string::npos)
+            return "'" + names + "': both interfaces are the same, a ring needs two";
         source_->osal_ = &source_->linux_osal_.emplace();
         auto& nic = source_->packet_.emplace();
         source_->outermost_ = &nic;
-        return nic.open(name) ? std::string() : std::string(nic.problem());
+        if (!nic.open(first)) return std::string(nic.problem());
+        if (plus == std::string::npos) return {};
+        auto& second = source_->second_packet_.emplace();
+        source_->second_outermost_ = &second;
+        return second.open(other) ? std::string() : std::string(second.problem());
     }
 
     std::string open_recording(const std::string& file, const std::string& record) {
@@ -76,6 +93,13 @@ class SourceOpener {
         source_->outermost_ = &source_->simulated_nic_.emplace(
             source_->simulated_->segment, osal,
             SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true});
+        if (!source_->simulated_->segment.master_link(1)) return {};
+        auto& second = source_->second_simulated_nic_.emplace(
+            source_->simulated_->segment, osal,
+            SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true, .master_port = 1});
+        source_->simulated_nic_->set_other_end(&second);
+        second.set_other_end(&*source_->simulated_nic_);
+        source_->second_outermost_ = &second;
         return {};
     }
 

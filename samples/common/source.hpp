@@ -1,9 +1,12 @@
 // SOURCE, the argument of all programs with a master, selects the segment.
 //
 //     eth0            a network interface
+//     eth0+eth1       two network interfaces at both ends of a ring
 //     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or SII
 //                     images in a line (sim:a.bin,b.bin)
 //     pcap:FILE       a recording
+//
+// A simulated segment whose description has a `ring` has two NICs. Two NICs cannot be recorded or replayed yet.
 //
 // Simulated segments and recordings use virtual time: they run as fast as the machine allows, and the output is the
 // same every time. A recording answers only what the recorded master asked. Thus a recording can be replayed when the
@@ -18,6 +21,9 @@
 #include "oshw/pcap/recorder.hpp"
 #include "oshw/pcap/replay.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
+
+#include <margay/margay.hpp>
+#include <margay/redundancy.hpp>
 
 #include <memory>
 #include <optional>
@@ -36,6 +42,22 @@ class Source {
   public:
     [[nodiscard]] Nic& nic() noexcept { return *outermost_; }
     [[nodiscard]] Osal& osal() noexcept { return *osal_; }
+    // The NIC at the other end of the ring; nullptr: there is one NIC.
+    [[nodiscard]] Nic* second() noexcept { return second_outermost_; }
+    // What Osal::wait() takes.
+    [[nodiscard]] WaitHandles wait_handles() const noexcept {
+        return {outermost_->wait_handle(), second_outermost_ == nullptr ? -1 : second_outermost_->wait_handle()};
+    }
+    // The limits of a context for this source.
+    [[nodiscard]] Limits limits(Limits wanted) const noexcept {
+        wanted.redundancy = second_outermost_ != nullptr;
+        return wanted;
+    }
+    // init() or init_redundant() with the NICs of this source.
+    [[nodiscard]] Result<> begin(Context& ctx) {
+        return second_outermost_ == nullptr ? init(ctx, *outermost_, *osal_)
+                                            : init_redundant(ctx, *outermost_, *second_outermost_, *osal_);
+    }
 
     // True when time moves only while the program waits.
     [[nodiscard]] bool virtual_time() const noexcept { return !linux_osal_; }
@@ -66,6 +88,10 @@ class Source {
     StandardError standard_error_;
     std::optional<TraceNic> trace_;
     Nic* outermost_ = nullptr;
+    std::optional<PacketNic> second_packet_;
+    std::optional<SimulatedNic> second_simulated_nic_;
+    std::optional<TraceNic> second_trace_;
+    Nic* second_outermost_ = nullptr;
     bool recording_lost_ = false;
 };
 

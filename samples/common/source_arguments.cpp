@@ -31,7 +31,8 @@ std::string ethernet_state(int socket, const char* name) {
 
 // Returns why `body` must not scan the segment; empty when it can.
 std::string scan_refusal(Source& source) {
-    const auto look = look_at_segment(source.nic(), source.osal());
+    const bool other_end = source.second() != nullptr && source.nic().link_state() == LinkState::down;
+    const auto look = look_at_segment(other_end ? *source.second() : source.nic(), source.osal());
     if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
     if (!look.running()) return {};
     return fmt::format(
@@ -43,12 +44,12 @@ std::string scan_refusal(Source& source) {
 }  // namespace
 
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
-    arguments.positional(
-        "SOURCE", values.source,
-        "interface (eth0), simulated segment (sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
-        "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
-        "this program made by --record)" +
-            more);
+    arguments.positional("SOURCE", values.source,
+                         "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment "
+                         "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
+                         "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
+                         "this program made by --record)" +
+                             more);
     arguments.option("--record", values.options.record, "write every frame sent and received to this file, as pcap");
     arguments.flag("--trace", values.options.trace, "print a line for every datagram to standard error");
     arguments.flag(

@@ -32,8 +32,8 @@ std::string status_text(const AlStatus& status) {
     return text;
 }
 
-Bench::Bench(Context& ctx, Osal& osal, int nic_handle, std::uint16_t number)
-    : ctx_(ctx), osal_(osal), nic_handle_(nic_handle), number_(number) {
+Bench::Bench(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number)
+    : ctx_(ctx), osal_(osal), nics_(nics), number_(number) {
     // A lost frame is an error of the line here, because a repeated access could have an effect twice.
     ctx_.link_settings().sendings = 1;
     find_areas();
@@ -106,7 +106,7 @@ void Bench::wait(Duration time) {
     while (osal_.now() < until) {
         if (stop_asked()) throw NotJudged{"the program was stopped"};
         const Time next = poll(ctx_, osal_.now());
-        osal_.wait(std::min(next, until), nic_handle_);
+        osal_.wait(std::min(next, until), nics_);
     }
 }
 

@@ -39,8 +39,8 @@ struct ProcessArea {
 
 class Bench {
   public:
-    // config_init() has run for `ctx`. `nic_handle` is the handle that the osal waits for.
-    Bench(Context& ctx, Osal& osal, int nic_handle, std::uint16_t number);
+    // config_init() has run for `ctx`. `nics` is what the osal waits for.
+    Bench(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t number);
 
     [[nodiscard]] const Slave& slave() const;
     [[nodiscard]] Context& context() { return ctx_; }
@@ -127,7 +127,7 @@ class Bench {
 
     Context& ctx_;
     Osal& osal_;
-    int nic_handle_;
+    WaitHandles nics_;
     std::uint16_t number_;
     std::vector<ProcessArea> areas_;
     std::function<void()> find_lengths_;

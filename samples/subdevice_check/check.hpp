@@ -65,7 +65,7 @@ struct Checked {
     Report report{};
     std::string error{};
 };
-[[nodiscard]] Checked check_device(Context& ctx, Osal& osal, int nic_handle, std::uint16_t position,
+[[nodiscard]] Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position,
                                    const Options& options = {},
                                    const std::function<void(std::string_view)>& progress = {});
 

@@ -90,7 +90,7 @@ std::vector<Check> all_checks() {
     return all;
 }
 
-Checked check_device(Context& ctx, Osal& osal, int nic_handle, std::uint16_t position, const Options& options,
+Checked check_device(Context& ctx, Osal& osal, WaitHandles nics, std::uint16_t position, const Options& options,
                      const std::function<void(std::string_view)>& progress) {
     const auto found = config_init(ctx);
     if (!found && found.error().slave == 0) return {{}, sentence(found.error())};
@@ -106,7 +106,7 @@ Checked check_device(Context& ctx, Osal& osal, int nic_handle, std::uint16_t pos
     }
     if (chosen_checks(options).empty())
         return {{}, fmt::format("no check has a name that begins with '{}'", options.only)};
-    Bench bench(ctx, osal, nic_handle, position);
+    Bench bench(ctx, osal, nics, position);
     MailBench mail(bench);
     SdoClient sdo(mail);
     Session session{bench, mail, sdo, options};

@@ -239,7 +239,7 @@ bool call_work(CycleWork work, Context& ctx, const CycleInfo& cycle, void* user)
 // Polls until `due`, at least once.
 void poll_until(Context& ctx, Time due) {
     Osal& osal = master_of(ctx)->osal;
-    const int handle = master_of(ctx)->network.engine.link().nic().wait_handle();
+    const WaitHandles handle = master_of(ctx)->network.engine.link().nic().wait_handles();
     Time now = osal.now();
     do {
         const Time wake = poll(ctx, now);

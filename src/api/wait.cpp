@@ -22,7 +22,7 @@ Error check_may_wait(const Master& master, Step step) {
 }
 
 void poll_until_over(Context& ctx, Master& master, Request& request) {
-    const int handle = master.network.engine.link().nic().wait_handle();
+    const WaitHandles handle = master.network.engine.link().nic().wait_handles();
     Osal& osal = master.osal;
     while (request.busy()) {
         if (!master.owned_by_caller()) {  // another thread has taken the context during this call: it ends the request

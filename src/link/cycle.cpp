@@ -96,11 +96,16 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     }
     if (!slot->datagrams.empty()) return;  // riders are awaited until their own deadline
     ++statistics_.lost;
-    frames_.close(*slot, true, now);
+    close_lost(*slot, now);
 }
 
-// Copies the inputs of a datagram in which some slave does not take part.
-void Link::copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* inputs) {
+// The part of commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave
+// is missing.
+void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
+    frame.end = CycleEnd::odd;
+    datagram.status->fresh = datagram.status->got == datagram.status->accepted;
+    if (!datagram.status->fresh) return;
+    const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     if (frame.apart || frame.regrouped)
         frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
@@ -149,13 +154,6 @@ void Link::not_sent(PreparedFrame& frame, Time now) {
 
 namespace {
 
-// Whether a datagram of the reply is the one that was sent. The position is not compared where slaves increment it.
-bool same_datagram(const std::byte* sent, const std::byte* reply) {
-    constexpr std::uint64_t kPositionBits = std::uint64_t{0xFFFF} << 16;
-    const std::uint64_t differs = (cycle::load(sent) ^ cycle::load(reply)) & cycle::kComparedBits;
-    return (wire::counts_position(static_cast<wire::Command>(sent[0])) ? differs & ~kPositionBits : differs) == 0;
-}
-
 void copy_reading(const PreparedReading& reading, const std::byte* data) {
     reading.into->came = true;
     reading.into->slaves = load_le<std::uint16_t>(Bytes(data + reading.bytes, 2));
@@ -201,26 +199,18 @@ bool Link::is_reply(FrameSlot& slot, Bytes frame) const {
     const auto head = [](Bytes b) { return b.subspan(wire::kEthernetHeaderBytes - 2, kTypeAndLengthBytes); };
     if (!std::ranges::equal(head(own), head(frame))) return false;
     for (const PreparedDatagram& d : sent.datagrams)
-        if (!same_datagram(&own[d.offset], &frame[d.offset])) return false;
+        if (!cycle::same_datagram(&own[d.offset], &frame[d.offset])) return false;
     for (const PreparedReading& r : sent.readings)
-        if (!same_datagram(&own[r.offset], &frame[r.offset])) return false;
+        if (!cycle::same_datagram(&own[r.offset], &frame[r.offset])) return false;
     return &slot == &sent.own || (frame.size() >= wire::kFramePrefixBytes + slot.length && matches(slot, frame));
 }
 
-void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
-    bool right = !sent.degraded;
-    for (PreparedDatagram& d : sent.datagrams) {
+// Commits the reply to all datagrams and readings of a frame.
+void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
+    sent.end = sent.degraded ? CycleEnd::odd : CycleEnd::right;
+    for (const PreparedDatagram& d : sent.datagrams) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
-        DatagramStatus& status = *d.status;
-        status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
-        status.came = true;
-        status.fresh = status.got == status.full || status.got == status.accepted;
-        if (status.got == status.full) {
-            cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
-        } else {
-            right = false;
-            if (status.fresh) copy_degraded_inputs(sent, d, data + d.input_at);
-        }
+        if (!commit(d, data)) commit_short(sent, d, data);
     }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];
@@ -229,7 +219,6 @@ void Link::read_datagrams(PreparedFrame& sent, Bytes frame) {
         else
             copy_reading(r, data);
     }
-    sent.end = right ? CycleEnd::right : CycleEnd::odd;
 }
 
 // A reply to a prepared frame is recognised by comparison with the frame that was sent, whose octets are kept.
@@ -240,9 +229,9 @@ bool Link::accept_prepared(Bytes frame, Time now, List<Waiter>& ready) {
     if (slot == nullptr || slot->prepared == nullptr || !is_reply(*slot, frame)) return false;
     PreparedFrame& sent = *slot->prepared;
     if (sent.overlapped)
-        store_reply(sent, frame);
+        keep(sent, frame);
     else
-        read_datagrams(sent, frame);
+        commit_frame(sent, frame);
     sent.slot = nullptr;
     ++statistics_.frames_received;
     if (slot != &sent.own) {

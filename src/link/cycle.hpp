@@ -21,6 +21,13 @@ inline std::uint64_t load(const std::byte* at) { return load_le<std::uint64_t>(B
     return ((load(a) ^ load(b)) & kComparedBits) == 0;
 }
 
+// Whether a datagram of the reply is the one that was sent. The position is not compared where slaves increment it.
+[[nodiscard]] inline bool same_datagram(const std::byte* sent, const std::byte* reply) {
+    constexpr std::uint64_t kPositionBits = std::uint64_t{0xFFFF} << 16;
+    const std::uint64_t differs = (load(sent) ^ load(reply)) & kComparedBits;
+    return (wire::counts_position(static_cast<wire::Command>(sent[0])) ? differs & ~kPositionBits : differs) == 0;
+}
+
 // Whether `reply` is the reply to the plain frame `sent`: an ESC has marked the source address (is_reply() handles
 // replies without the mark), the reply is not shorter than the frame sent, and EtherType, frame length and datagram
 // header are the same. The first comparison covers EtherType, frame length and the first half of the datagram header,
@@ -92,23 +99,28 @@ inline void copy(std::byte* to, Bytes from) {
     return SendStatus::sent;
 }
 
-// Reads the reply to a plain frame from `buffer_`. The caller has checked it with cycle::same().
-[[gnu::always_inline]] inline void Link::read_plain_reply(PreparedFrame& frame) {
-    const PreparedDatagram& d = frame.datagrams[0];
-    const std::byte* data = &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes];
+// Commits the reply to one datagram, whose data is at `data`: the working counter, and the inputs when every slave took
+// part. Every reply reaches the image here: at once, or at the end of an overlapped cycle. False: some slave did not
+// take part; commit_short() handles a frame in which this is accepted.
+[[gnu::always_inline]] inline bool Link::commit(const PreparedDatagram& d, const std::byte* data) {
     DatagramStatus& status = *d.status;
     status.got = load_le<std::uint16_t>(Bytes(data + d.bytes, 2));
     status.came = true;
+    status.fresh = status.got == status.full;
+    if (!status.fresh) [[unlikely]]
+        return false;
+    cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
+    return true;
+}
+
+// Commits the reply to a plain frame in `buffer_`. The caller has checked it with cycle::same().
+[[gnu::always_inline]] inline void Link::commit_plain(PreparedFrame& frame) {
     frame.slot = nullptr;
     frames_.release(frame.own);
     ++statistics_.frames_received;
-    status.fresh = status.got == status.full;
-    if (!status.fresh) [[unlikely]] {
-        frame.end = CycleEnd::odd;
-        return;
-    }
     frame.end = CycleEnd::right;
-    cycle::copy(d.input.data(), Bytes(data + d.input_at, d.input.size()));
+    if (!commit(frame.datagrams[0], &buffer_[wire::kFramePrefixBytes + wire::kDatagramHeaderBytes])) [[unlikely]]
+        frame.end = CycleEnd::odd;
 }
 
 [[gnu::always_inline]] inline CycleEnd Link::receive_cycle(std::span<PreparedFrame> frames, Time now,
@@ -120,7 +132,7 @@ inline void copy(std::byte* to, Bytes from) {
                 return CycleEnd::missing;
             const Bytes reply(buffer_.data(), length);
             if (frame.slot == &frame.own && frame.plain && cycle::same(frame, reply)) [[likely]]
-                read_plain_reply(frame);
+                commit_plain(frame);
             else
                 accept_frame(reply, now, ready);
         }

@@ -155,6 +155,11 @@ void Link::give_up(FrameSlot& slot, Time now, List<Waiter>& ready) {
     // Before the datagrams that were queued since: keeps the order of submission on the wire as far as possible.
     again.take_back(queue_);
     queue_.take_back(again);
+    close_lost(slot, now);
+}
+
+void Link::close_lost(FrameSlot& slot, Time now) {
+    if (cables_ != nullptr) cables_->give_up(slot.index);
     frames_.close(slot, true, now);
 }
 

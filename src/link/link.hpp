@@ -23,6 +23,18 @@ struct CyclePace : ListNode {
     std::size_t budget_bytes = 0;
 };
 
+// The merging of two cables (link/redundancy.hpp), as far as the link knows it.
+class Cables {
+  public:
+    // Nobody waits for the frame with this index any more.
+    virtual void give_up(std::uint8_t index) noexcept = 0;
+    // The indices are divided between two threads from now on, see FrameTable::split().
+    virtual void split() noexcept = 0;
+
+  protected:
+    ~Cables() = default;
+};
+
 class Link {
   public:
     // `nic` and the memory of `slots` outlive the link.
@@ -63,7 +75,12 @@ class Link {
 
     // Overlapped cycles, implemented in link/overlap.cpp. After this call the indices of frames are divided between the
     // thread that sends overlapped cycles and the owner's thread.
-    void allow_overlapping() { frames_.split(); }
+    void allow_overlapping() {
+        frames_.split();
+        if (cables_ != nullptr) cables_->split();
+    }
+    // The NIC consists of two NICs. Before the first frame.
+    void use(Cables& cables) { cables_ = &cables; }
     // Sends frames that the owner has finished with; called by the sending thread. A result other than `sent` is the
     // status of the last frame that could not be sent.
     [[nodiscard]] SendStatus send_overlapped(std::span<PreparedFrame> frames);
@@ -101,13 +118,15 @@ class Link {
     [[nodiscard]] static bool matches(FrameSlot& slot, Bytes frame);
     void complete(Datagram& datagram, Errc errc, List<Waiter>& ready);
     void give_up(FrameSlot& slot, Time now, List<Waiter>& ready);
+    // Closes the slot of a frame that is lost.
+    void close_lost(FrameSlot& slot, Time now);
     void pack(FrameSlot& slot, wire::FrameBuilder& builder);
     [[nodiscard]] bool send_one(FrameSlot& slot, Time now, std::size_t room = wire::kMaxFrameBytes);
     void unpack(FrameSlot& slot);
     void deliver(FrameSlot& slot, Bytes frame, Time now, List<Waiter>& ready);
     void deliver_riders(FrameSlot& slot, Bytes frame, List<Waiter>& ready);
-    static void copy_degraded_inputs(const PreparedFrame& frame, const PreparedDatagram& datagram,
-                                     const std::byte* inputs);
+    [[nodiscard]] static bool commit(const PreparedDatagram& datagram, const std::byte* data);
+    static void commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data);
     void not_sent(PreparedFrame& frame, Time now);
     static void fill_plain(PreparedFrame& frame, std::uint8_t index);
     static void fill(PreparedFrame& frame, std::uint8_t index);
@@ -119,13 +138,13 @@ class Link {
     [[nodiscard]] SendStatus send_with_riders(PreparedFrame& frame, Time now);
     [[nodiscard]] SendStatus send_prepared(PreparedFrame& frame, Time now);
     void send_riders(Time now);
-    void read_plain_reply(PreparedFrame& frame);
+    void commit_plain(PreparedFrame& frame);
     // Receives the remaining frames of a cycle after one that was not `right`.
     [[nodiscard]] CycleEnd receive_rest(std::span<PreparedFrame> frames, Time now, List<Waiter>& ready);
     [[nodiscard]] bool is_reply(FrameSlot& slot, Bytes frame) const;
-    static void read_datagrams(PreparedFrame& sent, Bytes frame);
+    static void commit_frame(PreparedFrame& sent, Bytes frame);
     [[nodiscard]] bool accept_prepared(Bytes frame, Time now, List<Waiter>& ready);
-    static void store_reply(PreparedFrame& sent, Bytes reply);
+    static void keep(PreparedFrame& sent, Bytes reply);
     void accept_frame(Bytes frame, Time now, List<Waiter>& ready);
     // Until this time the queue is left to the cycles.
     [[nodiscard]] Time cycles_until();
@@ -136,6 +155,7 @@ class Link {
     void note_sent(FrameSlot& slot);
 
     Nic& nic_;
+    Cables* cables_ = nullptr;
     FrameTable frames_;
     List<Datagram> queue_;
     LinkStatistics statistics_;

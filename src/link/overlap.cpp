@@ -48,14 +48,15 @@ SendStatus Link::send_overlapped(std::span<PreparedFrame> frames) {
     return all;
 }
 
-// Copies the reply into the frame, where it stays until the cycle is received. The headers stay as they were sent.
-void Link::store_reply(PreparedFrame& sent, Bytes reply) {
-    const auto keep = [&](std::size_t offset, std::size_t bytes) {
+// Collects the reply: copies it into the frame, and the end of the cycle commits it. The headers stay as they were
+// sent.
+void Link::keep(PreparedFrame& sent, Bytes reply) {
+    const auto copy = [&](std::size_t offset, std::size_t bytes) {
         const std::size_t data = offset + wire::kDatagramHeaderBytes;
         std::ranges::copy(reply.subspan(data, bytes + wire::kWorkingCounterBytes), &sent.bytes[data]);
     };
-    for (const PreparedDatagram& d : sent.datagrams) keep(d.offset, d.bytes);
-    for (const PreparedReading& r : sent.readings) keep(r.offset, r.bytes);
+    for (const PreparedDatagram& d : sent.datagrams) copy(d.offset, d.bytes);
+    for (const PreparedReading& r : sent.readings) copy(r.offset, r.bytes);
     sent.parked = true;
 }
 
@@ -75,7 +76,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
         else
             note_prepared(frame);
         if (frame.parked && !frame.refused) {
-            read_datagrams(frame, frame.bytes);
+            commit_frame(frame, frame.bytes);
         } else {
             if (!frame.refused) ++statistics_.lost;
             forget_overlapped(frame, now);
@@ -86,7 +87,7 @@ void Link::end_overlapped(std::span<PreparedFrame> frames, Time sent_at, Time no
 }
 
 void Link::forget_overlapped(PreparedFrame& frame, Time now) {
-    if (frames_.find(frame.own.index) == &frame.own) frames_.close(frame.own, true, now);
+    if (frames_.find(frame.own.index) == &frame.own) close_lost(frame.own, now);
 }
 
 }  // namespace margay

@@ -53,6 +53,26 @@ struct SlaveWork : ListNode {
 struct Expectation;
 struct OverlapFeature;
 struct BootFeature;
+struct Network;
+
+// What init_redundant() adds to the network.
+class RedundancyPart {
+  public:
+    // Reports what has changed since the last call, and notes at which end each slave hangs.
+    virtual void watch(Network& network) = 0;
+    // An error when the NICs are connected wrongly.
+    [[nodiscard]] virtual Error check() const = 0;
+    // At which end of the ring its places are, for find_topology().
+    [[nodiscard]] virtual RingParts parts() const = 0;
+    // How often the ring was broken or closed.
+    [[nodiscard]] virtual std::uint32_t changes() const = 0;
+    // For a scan: reads the ports of all slaves again if a cable has broken or healed since there were `changes`, while
+    // the scan read them. Else they would not belong to one ring.
+    [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const = 0;
+
+  protected:
+    ~RedundancyPart() = default;
+};
 
 struct Network {
     Network(Nic& nic, SlaveTable slave_table, std::span<FrameSlot> slots, std::span<std::byte> arena_memory,
@@ -82,6 +102,7 @@ struct Network {
     EmergencyListener emergency_listener{*this};
     const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
     const BootFeature* boot = nullptr;             // the same
+    RedundancyPart* redundancy = nullptr;           // given by init_redundant()
     const Expectation* expectation = nullptr;      // given by expect()
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
@@ -127,6 +148,7 @@ struct Network {
     [[nodiscard]] StationAddress station_address(std::size_t number) const {
         return {static_cast<std::uint16_t>(settings.first_station_address + number - 1)};
     }
+    [[nodiscard]] RingParts ring_parts() { return redundancy == nullptr ? RingParts{} : redundancy->parts(); }
     // By number; 1 is the first slave.
     [[nodiscard]] Slave& slave(std::size_t number) { return table[number - 1]; }
     // The marks of a slave of the table; `guest` has none.

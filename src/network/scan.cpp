@@ -103,6 +103,8 @@ Task<Result<std::uint16_t>> count_slaves(Network& network) {
     std::array<std::byte, 1> type{};
     Datagram look(network.engine.link(), Command::BRD, broadcast(reg::kType), MutableBytes(type));
     auto reply = co_await look;
+    const Error cabling = network.redundancy == nullptr ? Error{} : network.redundancy->check();
+    if (cabling.code != Errc::none) co_return cabling;
     if (!reply.ok()) {
         Error error = segment_error(reply.errc, Step::count_slaves);
         error.detail = reply.detail();
@@ -151,7 +153,7 @@ Task<Result<>> arrange(Network& network) {
         network.ring[slave.ring_position - 1U] = {.slave = slave.number, .dl_status = slave.dl_status};
     }
     network.ring_count = network.count;
-    const auto topology = find_topology(network.seen_ring());
+    const auto topology = find_topology(network.seen_ring(), network.ring_parts());
     if (!topology) network.note(topology.error());
     Result<bool> moved = false;
     if (!network.expected.empty()) moved = network.expectation->number(network);
@@ -211,11 +213,13 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     begin_table(network, count, reset);
     const auto assign = [&network](Slave& s) { return assign_address(network, s); };
     co_await required(for_each_slave(network, assign));
+    const std::uint32_t changes = network.redundancy == nullptr ? 0 : network.redundancy->changes();
     const auto identify = [&network](Slave& s) { return survey(network, s); };
     co_await required(for_each_slave(network, identify));
     co_await required(broadcast_write(network, reg::kSiiConfig, wire::sii_config::kOfferedToPdi));
     const auto again = co_await required(count_slaves(network));
     if (again != count) co_return segment_error(Errc::unstable, Step::count_slaves, count, again);
+    if (network.redundancy != nullptr) co_await required(network.redundancy->read_ports_again(network, changes));
     co_await required(arrange(network));
     FirstFault faults;
     keep_unasked(network, faults);

@@ -102,7 +102,7 @@ void recognise(Network& network) {
         slave.ring_position = 1;
         place.slave = slave.number;
     }
-    (void)find_topology(network.seen_ring());
+    (void)find_topology(network.seen_ring(), network.ring_parts());
     store_topology(network.seen_ring(), network.slaves());
 }
 

@@ -325,6 +325,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     Network& network = watch.network;
     const bool turn = network.supervision_turn;
     auto roll = co_await read_all_states(network);
+    if (network.redundancy != nullptr) network.redundancy->watch(network);
     if (!roll) {
         report_silent_segment(watch);
         if (turn && watch.network.silent) network.supervision_turn = false;

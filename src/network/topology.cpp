@@ -2,6 +2,8 @@
 
 #include "wire/esc.hpp"
 
+#include <algorithm>
+
 namespace margay {
 namespace {
 
@@ -50,32 +52,60 @@ void store_parent(std::span<const RingPlace> ring, const RingPlace& place, Slave
     slave.parent = at == 0 ? std::uint16_t{0} : ring[at - 1U].slave;
 }
 
+constexpr std::uint16_t kSecondNic = UINT16_MAX;  // as a neighbour
+
+// The place that a frame leaves the ring's slaves by after it has passed the places 1 to `last`, all of them included:
+// the slave before, or one of its parents, that has a free open port. 0: no port is free.
+std::size_t free_place(std::span<const RingPlace> ring, std::size_t last) {
+    while (last != 0 && free_port(ring[last - 1]) == ring[last - 1].entry_port) last = ring[last - 1].parent;
+    return last;
+}
+
+// The frame has passed `last` places, and leaves by the next free port to the second NIC. Returns the place of this
+// port; 0: no port is free.
+std::size_t leave_to_second_nic(std::span<RingPlace> ring, std::size_t last) {
+    const std::size_t at = free_place(ring, last);
+    if (at != 0) ring[at - 1].ports[free_port(ring[at - 1])].neighbour = kSecondNic;
+    return at;
+}
+
+// The first slave behind the break: frames pass its closed port 0, and it has no parent.
+void begin_second_part(RingPlace& place) {
+    place.entry_port = 0;
+    place.parent = 0;
+    place.parent_port = 0;
+}
+
 }  // namespace
 
-Result<> find_topology(std::span<RingPlace> ring) {
+Result<> find_topology(std::span<RingPlace> ring, RingParts parts) {
     Error error;
     for (RingPlace& place : ring) read_ports(place);
+    const std::size_t front = parts.two_nics ? std::min(parts.front, ring.size()) : ring.size();
+    if (!ring.empty() && front == 0 && !parts.whole) begin_second_part(ring[0]);
     for (std::size_t i = 1; i < ring.size(); ++i) {
-        // The frame comes from the last slave passed that still has a free open port: the slave before, or one of its
-        // parents.
-        std::size_t parent = i;  // a place, from 1
-        while (free_port(ring[parent - 1]) == ring[parent - 1].entry_port && ring[parent - 1].parent != 0)
-            parent = ring[parent - 1].parent;
-        const std::uint8_t port = free_port(ring[parent - 1]);
-        const bool nowhere = port == ring[parent - 1].entry_port;
-        if (nowhere) {
-            if (error.code == Errc::none) error = topology_error(i + 1, 0);
-            parent = i;
+        std::size_t before = i;  // a place, from 1
+        if (i == front && !parts.whole) {
+            begin_second_part(ring[i]);
+            continue;
         }
-        ring[i].parent = static_cast<std::uint16_t>(parent);
-        ring[i].parent_port = port;
+        if (i == front) before = leave_to_second_nic(ring, front);
+        const std::size_t parent = free_place(ring, before);
+        const bool nowhere = parent == 0;
+        if (nowhere && error.code == Errc::none) error = topology_error(i + 1, 0);
+        ring[i].parent = static_cast<std::uint16_t>(nowhere ? i : parent);
+        ring[i].parent_port = nowhere ? ring[i - 1].entry_port : free_port(ring[parent - 1]);
         ring[i].ports[ring[i].entry_port].neighbour = ring[i].parent;
-        if (!nowhere) ring[parent - 1].ports[port].neighbour = static_cast<std::uint16_t>(i + 1);
+        if (!nowhere) ring[parent - 1].ports[ring[i].parent_port].neighbour = static_cast<std::uint16_t>(i + 1);
     }
-    for (const RingPlace& place : ring) {
+    // Without a place behind the front, the way to the second NIC is not known yet.
+    if (parts.two_nics && !(parts.whole && front < ring.size())) (void)leave_to_second_nic(ring, ring.size());
+    for (RingPlace& place : ring) {
         const std::uint8_t port = free_port(place);
         if (port != place.entry_port && error.code == Errc::none)
             error = topology_error(static_cast<std::size_t>(&place - ring.data() + 1), port);
+        for (RingPlace::Port& to : place.ports)
+            if (to.neighbour == kSecondNic) to.neighbour = 0;
     }
     return error.code == Errc::none ? Result<>() : Result<>(error);
 }

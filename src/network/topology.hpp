@@ -28,10 +28,20 @@ struct RingPlace {
     std::array<Port, 4> ports{};
 };
 
+// A ring with two NICs.
+struct RingParts {
+    bool two_nics = false;
+    bool whole = false;
+    std::size_t front = 0;  // places that the frames of the NIC at the beginning reach; the others are at the other end
+};
+
 // Fills in the parents and neighbours from the dl_status of all places. A frame leaves a slave by its open ports in the
 // order 0, 3, 1, 2 (ESC datasheets, "Frame processing order"). Error: Errc::unstable (Step::topology) with the first
 // place that cannot be connected to an open port, or that has an open port with no neighbour.
-Result<> find_topology(std::span<RingPlace> ring);
+//
+// With two NICs one open port has no neighbour: the second NIC is connected there. In a broken ring the first slave
+// behind the break has the parent 0.
+Result<> find_topology(std::span<RingPlace> ring, RingParts parts = {});
 
 // Copies the topology into the table of slaves, by their numbers. A stranger between two known slaves is left out. A
 // slave that is not in the ring gets `ring` 0 and keeps the last parent. A closed port keeps its last neighbour, until

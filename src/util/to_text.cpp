@@ -109,6 +109,7 @@ std::string_view to_text(Errc code) {
         case Errc::aoe_error: return "the AoE command was not executed";
         case Errc::aoe_result: return "the device refused the AoE command";
         case Errc::eoe_error: return "the slave refused the EoE request";
+        case Errc::cabling: return "the two network interfaces are connected wrongly";
         case Errc::supervised: return "the supervision keeps the slave in another state: call set_target()";
     }
     return "unknown error";

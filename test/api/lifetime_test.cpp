@@ -171,7 +171,7 @@ class SleeperOsal final : public Osal {
   public:
     std::atomic<int> sleepers{0};
     Time now() noexcept override { return real_.now(); }
-    void wait(Time until, int handle) noexcept override { real_.wait(until, handle); }
+    void wait(Time until, WaitHandles handle) noexcept override { real_.wait(until, handle); }
     void wake() noexcept override { real_.wake(); }
     std::uintptr_t calling_thread() noexcept override { return real_.thread_number(); }
     void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override {

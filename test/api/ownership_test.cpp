@@ -20,7 +20,7 @@ class CountingOsal final : public Osal {
     std::atomic<Duration::rep> skipped{0};  // time that passed in jumps
     bool jump = false;                      // a thread that sleeps advances the time at once
     Time now() noexcept override { return real_.now() + Duration(skipped.load()); }
-    void wait(Time until, int handle) noexcept override {
+    void wait(Time until, WaitHandles handle) noexcept override {
         if (thread_number() != owner_) ++waits_of_others;
         real_.wait(until == kNever ? kNever : until - Duration(skipped.load()), handle);
     }

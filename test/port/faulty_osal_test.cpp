@@ -14,7 +14,7 @@ using namespace std::chrono_literals;
 class FaultyOsal : public Osal {
   public:
     Time now() noexcept override { return real.now(); }
-    void wait(Time until, int handle) noexcept override { real.wait(until, handle); }
+    void wait(Time until, WaitHandles handle) noexcept override { real.wait(until, handle); }
     void wake() noexcept override { real.wake(); }
     void sleep_while(const std::atomic<std::uint32_t>& word, std::uint32_t value, Time until) noexcept override {
         real.sleep_while(word, value, until);
@@ -58,7 +58,7 @@ TEST(FaultyOsals, TheTickIsTooLong) {
 TEST(FaultyOsals, TheClockStandsStill) {
     struct : FaultyOsal {
         Time now() noexcept override { return Time(5s); }
-        void wait(Time, int) noexcept override {}
+        void wait(Time, WaitHandles) noexcept override {}
         void sleep_while(const std::atomic<std::uint32_t>&, std::uint32_t, Time) noexcept override {}
     } osal;
     Host host;
@@ -77,7 +77,7 @@ TEST(FaultyOsals, TheClockIsTooFast) {
 
 TEST(FaultyOsals, TheWaitIsRoundedUpToTicksOf200Ms) {
     struct : FaultyOsal {
-        void wait(Time until, int handle) noexcept override {
+        void wait(Time until, WaitHandles handle) noexcept override {
             if (until == kNever) return real.wait(until, handle);
             if (until > real.now()) real.wait(Time((until.time_since_epoch() / 200ms + 1) * 200ms), handle);
         }
@@ -87,7 +87,7 @@ TEST(FaultyOsals, TheWaitIsRoundedUpToTicksOf200Ms) {
 
 TEST(FaultyOsals, TheWaitForThePastTakesATick) {
     struct : FaultyOsal {
-        void wait(Time until, int handle) noexcept override {
+        void wait(Time until, WaitHandles handle) noexcept override {
             if (until == kNever) return real.wait(until, handle);
             real.wait(std::max(until, real.now() + 80ms), handle);
         }
@@ -106,7 +106,7 @@ TEST(FaultyOsals, AWakeBeforeTheWaitIsLost) {
     // A condition without a flag.
     struct : FaultyOsal {
         std::atomic<bool> waiting{false};
-        void wait(Time until, int handle) noexcept override {
+        void wait(Time until, WaitHandles handle) noexcept override {
             waiting = true;
             real.wait(until, handle);
             waiting = false;
@@ -121,7 +121,7 @@ TEST(FaultyOsals, AWakeBeforeTheWaitIsLost) {
 TEST(FaultyOsals, AWakeIsNeverCleared) {
     struct : FaultyOsal {
         std::atomic<bool> woken{false};
-        void wait(Time until, int handle) noexcept override {
+        void wait(Time until, WaitHandles handle) noexcept override {
             if (!woken) real.wait(until, handle);
         }
         void wake() noexcept override {

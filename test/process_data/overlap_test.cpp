@@ -291,7 +291,7 @@ struct Guarded final : Nic, Osal {
         const std::lock_guard lock(mutex);
         return osal.now();
     }
-    void wait(Time until, int handle) noexcept override {
+    void wait(Time until, WaitHandles handle) noexcept override {
         {
             const std::lock_guard lock(mutex);
             osal.wait(until, handle);

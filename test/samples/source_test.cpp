@@ -2,6 +2,8 @@
 #include "common/source.hpp"
 #include "wire/datagram.hpp"
 
+#include <margay/host_context.hpp>
+
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -64,6 +66,30 @@ TEST_F(SourceTest, AnInterfaceThatIsNotThereIsNamed) {
     EXPECT_NE(error_of("no-such-if").find("there is no interface \"no-such-if\""), std::string::npos);
     EXPECT_NE(error_of("").find("there is no interface \"\""), std::string::npos);
     EXPECT_NE(error_of("ftp:eth0").find("there is no interface \"ftp:eth0\""), std::string::npos);
+}
+
+TEST_F(SourceTest, TwoInterfaces) {
+    EXPECT_NE(error_of("eth0+").find("the name of an interface is missing"), std::string::npos);
+    EXPECT_NE(error_of("+eth0").find("the name of an interface is missing"), std::string::npos);
+    EXPECT_NE(error_of("eth0+eth0").find("both interfaces are the same"), std::string::npos);
+    EXPECT_NE(error_of("no-such-if+eth0").find("there is no interface \"no-such-if\""), std::string::npos);
+}
+
+TEST_F(SourceTest, ARingOfASegmentFileHasTwoNics) {
+    const auto file = folder / "ring.toml";
+    std::ofstream(file) << "ring = { slave = \"last\", port = 1 }\n[[slave]]\ndevice = \"junction\"\ncount = 3\n"
+                        << "[[slave]]\nname = \"last\"\ndevice = \"junction\"\n";
+    EXPECT_NE(error_of("sim:" + file.string(), {.record = folder / "two.pcap"}).find("two NICs"), std::string::npos);
+    auto source = open_source("sim:" + file.string());
+    ASSERT_TRUE(source) << source.error();
+    ASSERT_NE(source->second(), nullptr);
+    HostContext ctx(source->limits({.slaves = 8}));
+    ASSERT_TRUE(source->begin(ctx).ok());
+    const auto found = config_init(ctx);
+    ASSERT_TRUE(found.ok());
+    EXPECT_EQ(*found, 4U);
+    EXPECT_EQ(redundancy(ctx).ring, RingState::whole);
+    EXPECT_EQ(open_source("sim:demo")->second(), nullptr);
 }
 
 TEST_F(SourceTest, ARecordingThatIsNoneIsNamed) {

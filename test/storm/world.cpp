@@ -16,7 +16,7 @@ constexpr std::uint32_t kMostPollsAMillisecond = 5000;
 
 }  // namespace
 
-void StormOsal::wait(Time until, int) noexcept { world_.wait_in_call(until); }
+void StormOsal::wait(Time until, WaitHandles) noexcept { world_.wait_in_call(until); }
 
 World::World(const Plan& plan, Reporter reporter)
     : plan_(plan), reporter_(std::move(reporter)), chance_(plan.seed ^ 0x5707A) {

@@ -34,7 +34,7 @@ class StormOsal final : public Osal {
   public:
     explicit StormOsal(World& world) : world_(world) {}
     [[nodiscard]] Time now() noexcept override { return now_; }
-    void wait(Time until, int) noexcept override;
+    void wait(Time until, WaitHandles) noexcept override;
     void wake() noexcept override { woken = true; }
     [[nodiscard]] std::uintptr_t calling_thread() noexcept override { return thread; }
 

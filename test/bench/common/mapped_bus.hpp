@@ -42,7 +42,7 @@ class SwitchOsal final : public Osal {
     LinuxOsal real;
     bool live = false;
     Time now() noexcept override { return live ? real.now() : simulated.now(); }
-    void wait(Time until, int handle) noexcept override {
+    void wait(Time until, WaitHandles handle) noexcept override {
         live ? real.wait(until, handle) : simulated.wait(until, handle);
     }
     void wake() noexcept override { live ? real.wake() : simulated.wake(); }

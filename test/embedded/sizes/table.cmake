@@ -74,7 +74,7 @@ row(everything "All of it")
 
 set(heap malloc operator.new __cxa_throw "std::ios" __cxa_demangle printf)
 set(by_name soe_ eoe_ Eoe write_sm_pdos run_commands supervise find_lost address_newcomer ask_information compare_with_expected
-            read_device_id forward_mail send_overlapped "describe\\(")
+            read_device_id forward_mail send_overlapped Redundancy RingWatch "describe\\(")
 without(sdo ${by_name} sdo_download ${heap})
 without(cycle ${by_name} sdo_download ${heap})
 without(everything ${heap})

@@ -1,0 +1,65 @@
+// A ring with two NICs: the first NIC is connected to the first slave, the second NIC to the last one.
+//
+//     margay::HostContext ctx({.redundancy = true});
+//     margay::init_redundant(ctx, nic, second, osal);
+//
+// Everything else is as with one NIC. Each frame is sent by both NICs. While the ring is whole, each frame comes back
+// at the other NIC, and every slave processes one of the two. When a cable breaks, each NIC gets its own frame back
+// from the slaves at its end; the two replies are merged datagram by datagram, and their working counters are added. So
+// no cycle lacks fresh inputs, except those whose frames were on the broken cable. What is connected to a ring slave by
+// a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
+// redundancy. config_init() finds the topology of other branches only while the ring is whole.
+//
+// Not with two NICs yet: distributed clocks. configdc() fails with Errc::wrong_state (detail: Error::kRedundancy),
+// because the delays are measured with frames that return by the way they came.
+#pragma once
+
+#include <margay/context.hpp>
+#include <margay/error.hpp>
+#include <margay/features.hpp>
+#include <margay/result.hpp>
+
+#include <array>
+#include <cstdint>
+
+namespace margay {
+
+class Nic;
+class Osal;
+enum class LinkState : std::uint8_t;
+
+// init() for a ring with two NICs. `nic`, `second` and `osal` must outlive the context. A NIC without a link is no
+// error: the events tell it. Further errors: invalid_argument (Argument::second_nic: both are the same object),
+// capacity (Limits::redundancy is false).
+Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const Features& features = kAllFeatures);
+
+// What is known of one NIC and its cable. The counters only grow.
+struct CableStatus {
+    LinkState link{};          // of the NIC, at the time of the call
+    std::uint16_t slaves = 0;  // slaves that have processed the last frame with an address by position or broadcast
+    std::uint32_t sent = 0;
+    std::uint32_t refused = 0;   // frames that the NIC did not accept
+    std::uint32_t received = 0;  // frames of both NICs that came back at this NIC
+    std::uint32_t lost = 0;      // frames of this NIC that did not come back in time
+    std::uint32_t late = 0;      // frames that came back at this NIC when nobody waited for them any more
+};
+
+enum class RingState : std::uint8_t { unknown, whole, broken };
+
+struct RedundancyStatus {
+    bool redundant = false;  // init_redundant() was called
+    RingState ring = RingState::unknown;
+    CablingFault fault = CablingFault::none;
+    bool swapped = false;      // the first NIC is at the end of the ring: positions count from the second NIC
+    std::uint32_t breaks = 0;  // how often the ring was broken, and closed
+    std::uint32_t heals = 0;
+    std::uint32_t merged = 0;  // replies that consist of two frames
+    // Frames with addresses by position that were sent again, because the ring changed while they were on the wire.
+    std::uint32_t repeated = 0;
+    std::array<CableStatus, 2> cables{};
+};
+
+// The state of the ring. For the thread that owns the context; callable from the cycle.
+[[nodiscard]] RedundancyStatus redundancy(Context& ctx);
+
+}  // namespace margay

@@ -1,0 +1,394 @@
+#include "link/redundancy.hpp"
+
+#include "link/cycle.hpp"
+
+#include <algorithm>
+
+namespace margay {
+namespace {
+
+constexpr std::size_t kSmallestFrame = wire::kFramePrefixBytes + wire::kDatagramOverheadBytes;
+constexpr std::size_t kIndexOffset = wire::kFramePrefixBytes + 1;
+constexpr auto kRelaxed = std::memory_order_relaxed;
+
+constexpr std::uint8_t bit(unsigned nic) { return static_cast<std::uint8_t>(1U << nic); }
+
+bool is_positional(wire::Command command) {
+    return command == wire::Command::ARMW || (command >= wire::Command::APRD && command <= wire::Command::APRW);
+}
+
+bool has_positions(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (is_positional(d->header.command)) return true;
+    return false;
+}
+
+// Adds `by` to the positions of all datagrams that have one: the first `by` slaves are not passed by this copy.
+void move_positions(MutableBytes frame, std::uint16_t by) {
+    constexpr std::size_t kAdp = 2;
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next()) {
+        if (!is_positional(d->header.command)) continue;
+        const std::size_t at = d->offset + kAdp;
+        store_le<std::uint16_t>(frame, at, static_cast<std::uint16_t>(load_le<std::uint16_t>(Bytes(frame), at) + by));
+    }
+}
+
+bool is_marked(Bytes frame) { return (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
+
+// Whether a slave has counted in some datagram.
+bool is_counted(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (d->wkc != 0) return true;
+    return false;
+}
+
+void set_source(MutableBytes frame, const MacAddress& source) {
+    std::ranges::copy(std::as_bytes(std::span(source)), frame.begin() + wire::kSourceMacOffset);
+}
+
+// Whether the datagrams of the reply are those that were sent.
+bool is_reply_to(Bytes sent, Bytes reply) {
+    if (reply.size() < sent.size()) return false;
+    wire::DatagramReader reader(sent);
+    while (const auto d = reader.next())
+        if (!cycle::same_datagram(&sent[d->offset], &reply[d->offset])) return false;
+    return true;
+}
+
+// The slaves that have processed the copy: each of them has incremented the address of some datagrams.
+std::optional<std::uint16_t> count_slaves(Bytes sent, Bytes reply, std::uint16_t shift) {
+    wire::DatagramReader reader(sent);
+    while (const auto d = reader.next()) {
+        const wire::Command command = d->header.command;
+        if (!wire::counts_position(command)) continue;
+        const auto moved = is_positional(command) ? shift : std::uint16_t{0};
+        const auto got = wire::load_datagram_header(reply.subspan(d->offset)).address.adp();
+        return static_cast<std::uint16_t>(got - d->header.address.adp() - moved);
+    }
+    return std::nullopt;
+}
+
+void add(std::atomic<std::uint32_t>& counter) { counter.fetch_add(1, kRelaxed); }
+
+}  // namespace
+
+// The source addresses of both NICs differ in more than the mark of the first ESC.
+Redundancy::Redundancy(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped) noexcept
+    : nics_{&first, &second}, source_{first.source_mac(), second.source_mac()}, own_(own), overlapped_(overlapped) {
+    constexpr auto kMark = std::to_integer<std::uint8_t>(wire::kPassedEscBit);
+    for (MacAddress& source : source_) source[0] = static_cast<std::uint8_t>(source[0] & ~kMark);
+    if (source_[0] == source_[1]) source_[1].back() ^= 1;
+    for (auto& number : number_of_) number.store(kNoPair, kRelaxed);
+}
+
+FramePair* Redundancy::pair_of(std::uint8_t index) noexcept {
+    const std::uint16_t number = number_of_[index].load(std::memory_order_acquire);
+    return number == kNoPair ? nullptr : &pair(number);
+}
+
+bool Redundancy::hold(FramePair& pair) noexcept {
+    std::uint8_t expected = FramePair::open;
+    return pair.state.compare_exchange_strong(expected, FramePair::held, std::memory_order_acquire, kRelaxed);
+}
+
+// The next pair in turn that is not being read. A pair that is still open after all others was lost.
+FramePair* Redundancy::free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept {
+    for (std::size_t tries = 0; tries < pairs.size(); ++tries) {
+        FramePair& pair = pairs[next];
+        next = next + 1 == pairs.size() ? 0 : next + 1;
+        if (pair.state.load(std::memory_order_acquire) == FramePair::unused || hold(pair)) return &pair;
+    }
+    return nullptr;
+}
+
+FramePair* Redundancy::open(std::uint8_t index) noexcept {
+    constexpr std::uint8_t kFirstOverlapped = 128;  // see FrameTable::split()
+    const bool overlapped = split_ && index >= kFirstOverlapped;
+    FramePair* pair = overlapped ? free_pair(overlapped_, next_overlapped_) : free_pair(own_, next_own_);
+    if (pair == nullptr) return nullptr;
+    pair->index = index;
+    pair->came = pair->crossed = pair->idle = pair->circulated = pair->counted = 0;
+    return pair;
+}
+
+bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
+    return refused_[nic].load(kRelaxed) || silent_[nic].load(kRelaxed);
+}
+
+SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
+    const bool moved = pair.shift != 0 && nic != pair.head;
+    SendStatus status = SendStatus::failed;
+    if (nic == 0 && !moved) {
+        status = nics_[0]->send(frame);
+    } else {
+        const auto out = MutableBytes(pair.out).first(pair.size);
+        if (moved) move_positions(out, pair.shift);
+        if (nic == 0) set_source(out, source_[0]);
+        status = nics_[nic]->send(out);
+        if (nic == 0) set_source(out, source_[1]);
+        if (moved) move_positions(out, static_cast<std::uint16_t>(-pair.shift));
+    }
+    add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
+    if (status != SendStatus::busy) refused_[nic].store(status == SendStatus::failed, kRelaxed);
+    if (status != SendStatus::sent)
+        pair.sent.fetch_and(static_cast<std::uint8_t>(~bit(nic)), std::memory_order_release);
+    return status;
+}
+
+SendStatus Redundancy::send(Bytes frame) noexcept {
+    if (frame.size() < kSmallestFrame || frame.size() > wire::kMaxFrameBytes) return SendStatus::failed;
+    const auto index = std::to_integer<std::uint8_t>(frame[kIndexOffset]);
+    FramePair* const pair = open(index);
+    if (pair == nullptr) return SendStatus::busy;
+    std::ranges::copy(frame, pair->out.begin());
+    set_source(pair->out, source_[1]);
+    pair->size = static_cast<std::uint16_t>(frame.size());
+    pair->head = head_.load(kRelaxed);
+    pair->positions = has_positions(frame);
+    pair->shift =
+        pair->positions && !reaches_nothing(pair->head) ? slaves_[pair->head].load(kRelaxed) : std::uint16_t{0};
+    pair->sent.store(bit(0) | bit(1), kRelaxed);
+    const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
+    const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
+    pair->state.store(FramePair::open, std::memory_order_release);
+    number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);
+    // The NIC that has refused the last frame is the second one, so that the reply of the other one finds its bit.
+    const unsigned first = refused_[0].load(kRelaxed) ? 1 : 0;
+    const SendStatus one = send_by(first, *pair, frame);
+    const SendStatus two = one == SendStatus::busy ? SendStatus::busy : send_by(1 - first, *pair, frame);
+    if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
+    if (hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
+    return one == SendStatus::busy || two == SendStatus::busy ? SendStatus::busy : SendStatus::failed;
+}
+
+// The NICs are asked in turn, so that the frames of one NIC do not pile up while the other one has frames.
+std::size_t Redundancy::receive(MutableBytes into) noexcept {
+    for (unsigned empty = 0; empty < 2;) {
+        const unsigned at = turn_;
+        turn_ = 1 - turn_;
+        const std::size_t length = nics_[at]->receive(into);
+        if (length == 0) {
+            ++empty;
+            continue;
+        }
+        empty = 0;
+        if (const std::size_t whole = collect(at, into.first(std::min(length, into.size()))); whole != 0) return whole;
+    }
+    return 0;
+}
+
+unsigned Redundancy::sender_of(Bytes frame) const noexcept {
+    for (unsigned nic = 0; nic < 2; ++nic) {
+        const auto source = std::as_bytes(std::span(source_[nic]));
+        const auto got = frame.subspan(wire::kSourceMacOffset, source.size());
+        if ((got[0] & ~wire::kPassedEscBit) == source[0] && std::ranges::equal(got.subspan(1), source.subspan(1)))
+            return nic;
+    }
+    return 2;
+}
+
+// Whether the copy of `nic` is waited for after the other copy has come. Not when the copies of this NIC do not come
+// back at all; but an idle copy has found the ring whole again.
+bool Redundancy::awaits(const FramePair& pair, unsigned nic) const noexcept {
+    return (pair.sent.load(std::memory_order_acquire) & bit(nic)) != 0 && (pair.came & bit(nic)) == 0 &&
+           (!silent_[nic].load(kRelaxed) || (pair.idle & bit(1 - nic)) != 0);
+}
+
+std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
+    if (frame.size() < kSmallestFrame || wire::load_ether_type(frame) != wire::kEtherTypeEtherCat) return frame.size();
+    const unsigned from = sender_of(frame);
+    if (from > 1) return frame.size();
+    const bool marked = is_marked(frame);
+    const bool crossed = from != at;
+    if (!marked && !crossed && !nics_[at]->hides_own_frames()) return frame.size();  // an echo: the link counts it
+    add(counters_[at].received);
+    silent_[from].store(false, kRelaxed);
+    missed_[from] = 0;
+    const bool idle = crossed && !marked && !is_counted(frame);
+    FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
+    if (pair == nullptr || !hold(*pair)) {
+        if (pair != nullptr) note_late(*pair, at, from, idle, marked);
+        if (!idle && (pair == nullptr || (pair->came & bit(from)) != 0)) add(counters_[at].late);
+        return 0;
+    }
+    const bool known = (pair->came & bit(from)) == 0 && is_reply_to(Bytes(pair->out).first(pair->size), frame);
+    if (!known) {
+        note_late(*pair, at, from, idle, marked);
+        add(counters_[at].late);
+        pair->state.store(FramePair::open, std::memory_order_release);
+        return 0;
+    }
+    if (crossed) pair->crossed |= bit(from);
+    if (idle) pair->idle |= bit(from);
+    note_copy(*pair, from, frame);
+    const unsigned other = 1 - from;
+    if (awaits(*pair, other) && !(crossed && !idle && rests_[other])) {
+        if (!idle) std::ranges::copy(Bytes(frame).first(pair->size), pair->back.begin());
+        pair->state.store(FramePair::open, std::memory_order_release);
+        return 0;
+    }
+    const std::size_t whole = finish(*pair, frame, from);
+    pair->state.store(FramePair::unused, std::memory_order_release);
+    return whole;
+}
+
+void Redundancy::note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept {
+    pair.came |= bit(from);
+    if (wire::load_datagram_header(frame.subspan(wire::kFramePrefixBytes)).circulating) pair.circulated |= bit(from);
+    if ((pair.idle & bit(from)) != 0) rests_[from] = true;
+    const std::uint16_t shift = from == pair.head ? std::uint16_t{0} : pair.shift;
+    const auto count = count_slaves(Bytes(pair.out).first(pair.size), frame, shift);
+    if (!count) return;
+    pair.counted |= bit(from);
+    pair.count[from] = *count;
+}
+
+// A copy of a frame that is over, or a second time the same copy.
+void Redundancy::note_late(const FramePair& pair, unsigned at, unsigned from, bool idle, bool marked) noexcept {
+    const bool crossed = from != at;
+    if ((pair.came & bit(from)) != 0) {
+        // The same copy has come at the other NIC too.
+        if (((pair.crossed & bit(from)) != 0) != crossed) {
+            set_fault(CablingFault::same_port);
+            clean_ = 0;
+        }
+        return;
+    }
+    // Behind the ring slaves there are branches that only this copy reaches.
+    if (crossed && marked && !idle) rests_[from] = false;
+}
+
+void Redundancy::set_ring(RingState state) noexcept {
+    if (state == ring_) return;
+    ++changes_;
+    if (ring_ == RingState::whole) ++breaks_;
+    if (state == RingState::whole && ever_whole_) ++heals_;
+    ever_whole_ |= state == RingState::whole;
+    ring_ = state;
+    count_is_new_ = {};
+}
+
+// Both copies have come back at their own NICs. The one that has passed a slave with a closed port 0 comes from the end
+// of the ring.
+void Redundancy::note_two_ends(const FramePair& pair) noexcept {
+    if (pair.circulated == bit(0) || pair.circulated == bit(1)) {
+        head_.store(pair.circulated == bit(0) ? 1 : 0, kRelaxed);
+        ever_parted_ = true;
+        if (fault_ == CablingFault::second_segment) set_fault(CablingFault::none);
+    } else if (pair.circulated == 0 && !ever_whole_ && !ever_parted_) {
+        set_fault(CablingFault::second_segment);
+    }
+}
+
+void Redundancy::note_ring(const FramePair& pair, unsigned processed) noexcept {
+    constexpr unsigned kCleanFrames = 64;
+    const unsigned crossing = processed & pair.crossed;
+    if (fault_ == CablingFault::same_port && ++clean_ >= kCleanFrames) set_fault(CablingFault::none);
+    if (crossing != 0) {
+        if (fault_ == CablingFault::second_segment) set_fault(CablingFault::none);
+        set_ring(RingState::whole);
+        if (crossing == bit(0) && rests_[1]) head_.store(0, kRelaxed);
+        if (crossing == bit(1) && rests_[0]) head_.store(1, kRelaxed);
+    } else if (processed != 0) {
+        set_ring(RingState::broken);
+        if (processed == (bit(0) | bit(1))) note_two_ends(pair);
+    }
+    for (unsigned nic = 0; nic < 2; ++nic) {
+        const bool gone = (pair.sent.load(kRelaxed) & bit(nic)) == 0 || silent_[nic].load(kRelaxed);
+        const bool rests = ring_ == RingState::whole && rests_[nic] && (pair.came & bit(nic)) == 0;
+        if ((pair.counted & bit(nic)) == 0 && !gone && !rests) continue;
+        slaves_[nic].store((pair.counted & bit(nic)) != 0 ? pair.count[nic] : std::uint16_t{0}, kRelaxed);
+        count_is_new_[nic] = true;
+    }
+}
+
+// The positions of the copy at the end of the ring were moved by another number of slaves than the copy at the
+// beginning has passed: the ring has changed meanwhile.
+bool Redundancy::is_misplaced(const FramePair& pair, unsigned processed) const noexcept {
+    if (!pair.positions || (processed & bit(1U - pair.head)) == 0) return false;
+    const bool passed = (processed & bit(pair.head)) != 0;
+    return pair.shift != (passed ? pair.count[pair.head] : 0);
+}
+
+std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept {
+    unsigned processed = pair.came & static_cast<unsigned>(~pair.idle);
+    // One copy has found the ring whole, and the other one broken: the ring has changed between them, and some slaves
+    // have processed both copies or none. A copy that has crossed is complete when the other one rests.
+    const bool changed = pair.came == (bit(0) | bit(1)) && (pair.crossed == bit(0) || pair.crossed == bit(1));
+    const unsigned crossing = processed & pair.crossed;
+    const bool complete = crossing != 0 && rests_[crossing == bit(0) ? 1 : 0];
+    if (changed && complete) processed = crossing;
+    note_ring(pair, processed);
+    if (processed == 0) return 0;
+    if ((changed && !complete) || is_misplaced(pair, processed)) {
+        ++repeated_;
+        return 0;
+    }
+    const auto whole = frame.first(pair.size);
+    if (processed == (bit(0) | bit(1))) {
+        merge_replies(whole, Bytes(pair.back).first(pair.size), Bytes(pair.out).first(pair.size));
+        ++merged_;
+    } else if (processed != bit(from)) {
+        std::ranges::copy(Bytes(pair.back).first(pair.size), whole.begin());
+    }
+    set_source(whole, source_[0]);
+    whole[wire::kSourceMacOffset] |= wire::kPassedEscBit;
+    return whole.size();
+}
+
+void Redundancy::give_up(std::uint8_t index) noexcept {
+    FramePair* const pair = pair_of(index);
+    if (pair == nullptr || !hold(*pair)) return;
+    const std::uint8_t sent = pair->sent.load(kRelaxed);
+    for (unsigned nic = 0; nic < 2; ++nic) {
+        if ((sent & bit(nic)) == 0 || (pair->came & bit(nic)) != 0) continue;
+        add(counters_[nic].lost);
+        const bool other_came = (pair->came & bit(1 - nic)) != 0;
+        if (other_came && ++missed_[nic] >= kMissesUntilSilent) silent_[nic].store(true, kRelaxed);
+    }
+    pair->state.store(FramePair::unused, std::memory_order_release);
+}
+
+LinkState Redundancy::link_state() noexcept {
+    const LinkState one = nics_[0]->link_state();
+    const LinkState two = nics_[1]->link_state();
+    if (one == LinkState::down) return two;
+    return two == LinkState::down || two == one ? one : LinkState::up;
+}
+
+Time Redundancy::next_arrival() const noexcept { return std::min(nics_[0]->next_arrival(), nics_[1]->next_arrival()); }
+
+int Redundancy::last_error() const noexcept {
+    const int error = nics_[0]->last_error();
+    return error != 0 ? error : nics_[1]->last_error();
+}
+
+bool Redundancy::counts_are_new() const noexcept { return count_is_new_[0] && count_is_new_[1]; }
+
+RedundancyStatus Redundancy::status() const noexcept {
+    RedundancyStatus status;
+    status.redundant = true;
+    status.ring = ring_;
+    status.fault = fault_;
+    status.swapped = head() == 1;
+    status.breaks = breaks_;
+    status.heals = heals_;
+    status.merged = merged_;
+    status.repeated = repeated_;
+    for (unsigned nic = 0; nic < 2; ++nic) {
+        const Counters& from = counters_[nic];
+        status.cables[nic] = {.link = nics_[nic]->link_state(),
+                              .slaves = reached_by(nic),
+                              .sent = from.sent.load(kRelaxed),
+                              .refused = from.refused.load(kRelaxed),
+                              .received = from.received.load(kRelaxed),
+                              .lost = from.lost.load(kRelaxed),
+                              .late = from.late.load(kRelaxed)};
+    }
+    return status;
+}
+
+}  // namespace margay

@@ -1,0 +1,150 @@
+// A ring with two NICs, which the link sees as one NIC. Each frame is sent by both NICs; the replies are collected from
+// both, merged datagram by datagram, and handed to the link once. Only init_redundant() names this class, so programs
+// with one NIC do not link it.
+//
+// A copy is a frame as one of the NICs has sent it; the source address tells which one. A copy that comes back at its
+// own NIC has passed the slaves at its end of a broken ring. A copy that comes back at the other NIC ("crossed") has
+// passed the whole ring. In a whole ring mostly one copy is processed by all slaves, and the other copy passes them
+// without being processed ("idle").
+#pragma once
+
+#include "link/link.hpp"
+
+#include <margay/redundancy.hpp>
+
+#include <array>
+#include <atomic>
+#include <span>
+
+namespace margay {
+
+// A frame in flight on both cables.
+struct FramePair {
+    enum State : std::uint8_t {
+        unused,
+        open,  // copies are awaited
+        held,  // the receiving thread reads or writes it
+    };
+    std::atomic<std::uint8_t> state{unused};
+    std::atomic<std::uint8_t> sent{0};  // this and the next four: one bit for each NIC that the copy was sent by
+    std::uint8_t came = 0;
+    std::uint8_t crossed = 0;
+    std::uint8_t idle = 0;
+    std::uint8_t circulated = 0;  // it has passed a slave whose port 0 is closed: the first slave behind a break
+    std::uint8_t counted = 0;     // `count` of the copy is known
+    std::uint8_t index = 0;
+    std::uint8_t head = 0;                 // the NIC at the beginning of the ring, as known when the frame was sent
+    bool positions = false;                // some datagram is addressed by position
+    std::uint16_t shift = 0;               // added to the positions of the copy that is not sent by `head`
+    std::uint16_t size = 0;                // octets of the frame
+    std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
+    std::array<std::byte, wire::kMaxFrameBytes> out;   // as sent, with the source address of the second NIC
+    std::array<std::byte, wire::kMaxFrameBytes> back;  // the copy that came back first
+};
+
+class Redundancy final : public Nic, public Cables {
+  public:
+    // Everything outlives this object. `overlapped`: for the thread that sends overlapped cycles.
+    Redundancy(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped) noexcept;
+    Redundancy(const Redundancy&) = delete;
+    Redundancy& operator=(const Redundancy&) = delete;
+
+    // `sent` when one of the NICs has accepted the frame.
+    [[nodiscard]] SendStatus send(Bytes frame) noexcept override;
+    [[nodiscard]] std::size_t receive(MutableBytes into) noexcept override;
+    // down: both are down.
+    [[nodiscard]] LinkState link_state() noexcept override;
+    [[nodiscard]] MacAddress source_mac() const noexcept override { return source_[0]; }
+    [[nodiscard]] int wait_handle() const noexcept override { return nics_[0]->wait_handle(); }
+    [[nodiscard]] WaitHandles wait_handles() const noexcept override {
+        return {nics_[0]->wait_handle(), nics_[1]->wait_handle()};
+    }
+    [[nodiscard]] Time next_arrival() const noexcept override;
+    [[nodiscard]] int last_error() const noexcept override;
+
+    void give_up(std::uint8_t index) noexcept override;
+    void split() noexcept override { split_ = true; }
+
+    [[nodiscard]] RedundancyStatus status() const noexcept;
+    // The NIC at the beginning of the ring.
+    [[nodiscard]] unsigned head() const noexcept { return head_.load(std::memory_order_relaxed); }
+    // How many slaves the copies of a NIC reach. Known since the last change of the ring: counts_are_new().
+    [[nodiscard]] std::uint16_t reached_by(unsigned nic) const noexcept {
+        return slaves_[nic].load(std::memory_order_relaxed);
+    }
+    [[nodiscard]] bool counts_are_new() const noexcept;
+    [[nodiscard]] bool ever_whole() const noexcept { return ever_whole_; }
+    // How often the state of the ring has changed.
+    [[nodiscard]] std::uint32_t changes() const noexcept { return changes_; }
+
+  private:
+    struct Counters {
+        std::atomic<std::uint32_t> sent{0}, refused{0}, received{0}, lost{0}, late{0};
+    };
+    using Numbers = std::array<std::atomic<std::uint16_t>, 256>;
+    static constexpr std::uint16_t kNoPair = 0xFFFF;
+    static constexpr unsigned kMissesUntilSilent = 2;
+
+    [[nodiscard]] FramePair& pair(std::size_t number) noexcept {
+        return number < own_.size() ? own_[number] : overlapped_[number - own_.size()];
+    }
+    [[nodiscard]] FramePair* pair_of(std::uint8_t index) noexcept;
+    [[nodiscard]] static bool hold(FramePair& pair) noexcept;
+    [[nodiscard]] FramePair* open(std::uint8_t index) noexcept;
+    [[nodiscard]] FramePair* free_pair(std::span<FramePair> pairs, std::size_t& next) noexcept;
+    [[nodiscard]] bool reaches_nothing(unsigned nic) const noexcept;
+    [[nodiscard]] SendStatus send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept;
+    [[nodiscard]] unsigned sender_of(Bytes frame) const noexcept;
+    // Collects a frame that was received by NIC `at`. Returns the length of the frame for the link; 0: there is none
+    // yet.
+    [[nodiscard]] std::size_t collect(unsigned at, MutableBytes frame) noexcept;
+    [[nodiscard]] bool awaits(const FramePair& pair, unsigned nic) const noexcept;
+    void note_late(const FramePair& pair, unsigned at, unsigned from, bool idle, bool marked) noexcept;
+    void note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept;
+    void note_ring(const FramePair& pair, unsigned processed) noexcept;
+    void note_two_ends(const FramePair& pair) noexcept;
+    void set_ring(RingState state) noexcept;
+    void set_fault(CablingFault fault) noexcept { fault_ = fault; }
+    [[nodiscard]] bool is_misplaced(const FramePair& pair, unsigned processed) const noexcept;
+    [[nodiscard]] std::size_t finish(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
+
+    std::array<Nic*, 2> nics_;
+    std::array<MacAddress, 2> source_;
+    std::span<FramePair> own_;
+    std::span<FramePair> overlapped_;
+    std::size_t next_own_ = 0;
+    std::size_t next_overlapped_ = 0;
+    bool split_ = false;
+    Numbers number_of_;  // by index
+    std::array<Counters, 2> counters_;
+
+    // Written by the receiving thread, some of it by the sending threads.
+    std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
+    std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
+    std::array<std::atomic<std::uint16_t>, 2> slaves_{};
+    std::atomic<std::uint8_t> head_{0};
+
+    // Of the receiving thread.
+    std::array<unsigned, 2> missed_{};  // copies that did not come back since the last one came
+    std::array<bool, 2> rests_{};       // in the whole ring, no slave processes the copy
+    std::array<bool, 2> count_is_new_{};
+    unsigned turn_ = 0;  // the NIC that is asked first
+    unsigned clean_ = 0;
+    RingState ring_ = RingState::unknown;
+    CablingFault fault_ = CablingFault::none;
+    bool ever_whole_ = false;
+    bool ever_parted_ = false;  // a copy has passed the first slave behind a break
+    std::uint32_t changes_ = 0;
+    std::uint32_t breaks_ = 0;
+    std::uint32_t heals_ = 0;
+    std::uint32_t merged_ = 0;
+    std::uint32_t repeated_ = 0;
+};
+
+// Merges the replies to two copies of a frame: what a slave has changed in either of them is changed in the result, and
+// the working counters are added. `sent` is the frame that was sent; `into` is one reply, and the result. Each bit has
+// one slave that may change it, whatever the command: FPRD and APRD by the addressed slave, LRD and LRW by the slave
+// that maps it, FRMW and ARMW by the reference; of BRD all slaves may set it (OR). The frames have the same datagrams.
+void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept;
+
+}  // namespace margay

@@ -1,0 +1,45 @@
+// Merging of the two replies of a frame in a ring with two NICs.
+#include "link/redundancy.hpp"
+
+#include <cstring>
+
+namespace margay {
+namespace {
+
+// A bit that was sent as 0 is 1 when one of both replies has 1; a bit that was sent as 1 is 0 when one of both has 0.
+template <class Word>
+Word merged(Word a, Word b, Word sent) {
+    return static_cast<Word>(sent ^ ((a ^ sent) | (b ^ sent)));
+}
+
+void merge_data(std::byte* into, const std::byte* other, const std::byte* sent, std::size_t bytes) {
+    for (; bytes >= sizeof(std::uint64_t); bytes -= sizeof(std::uint64_t)) {
+        std::uint64_t words[3];
+        std::memcpy(&words[0], into, sizeof words[0]);
+        std::memcpy(&words[1], other, sizeof words[1]);
+        std::memcpy(&words[2], sent, sizeof words[2]);
+        words[0] = merged(words[0], words[1], words[2]);
+        std::memcpy(into, &words[0], sizeof words[0]);
+        into += sizeof words[0];
+        other += sizeof words[0];
+        sent += sizeof words[0];
+    }
+    for (std::size_t n = 0; n < bytes; ++n) into[n] = merged(into[n], other[n], sent[n]);
+}
+
+}  // namespace
+
+void merge_replies(MutableBytes into, Bytes other, Bytes sent) noexcept {
+    constexpr std::size_t kIrq = 8;  // in the header
+    wire::DatagramReader reader(sent);
+    while (const auto d = reader.next()) {
+        const std::size_t data = d->offset + wire::kDatagramHeaderBytes;
+        const std::size_t counter = data + d->data.size();
+        merge_data(&into[data], &other[data], &sent[data], d->data.size());
+        const auto wkc = load_le<std::uint16_t>(Bytes(into), counter) + load_le<std::uint16_t>(other, counter);
+        store_le<std::uint16_t>(into, counter, static_cast<std::uint16_t>(wkc));
+        for (std::size_t n = d->offset + kIrq; n < data; ++n) into[n] |= other[n];
+    }
+}
+
+}  // namespace margay

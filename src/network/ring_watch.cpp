@@ -1,0 +1,117 @@
+#include "network/ring_watch.hpp"
+
+#include "network/scan.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace margay {
+namespace {
+
+const Slave* slave_at(Network& network, std::size_t position) {
+    const auto slaves = network.slaves();
+    const auto found = std::ranges::find(slaves, position, &Slave::ring_position);
+    return found == slaves.end() || position == 0 ? nullptr : &*found;
+}
+
+// The slave that the second NIC is connected to: it has an open port that leads to no slave. nullptr: it was not seen.
+const Slave* last_slave(Network& network, std::uint8_t& port) {
+    for (const Slave& slave : network.slaves())
+        for (std::uint8_t p = 0; p < slave.ports.size(); ++p) {
+            if (!slave.ports[p].open || slave.ports[p].neighbour != 0 || p == slave.entry_port) continue;
+            port = p;
+            return &slave;
+        }
+    return nullptr;
+}
+
+// Where the ring is open. `front` and `behind`: how many slaves the frames reach from its beginning and from its end.
+Event find_break(Network& network, std::size_t front, std::size_t behind) {
+    Event event{.kind = EventKind::ring_broken};
+    const std::size_t all = std::max<std::size_t>(network.ring_count, front + behind);
+    if (behind != 0)
+        if (const Slave* other = slave_at(network, all - behind + 1)) event.other = other->number;
+    if (front == 0) return event;
+    const Slave* next = slave_at(network, front + 1);
+    if (next != nullptr) {
+        event.slave = next->parent;
+        event.port = next->parent_port;
+    } else if (const Slave* last = last_slave(network, event.port)) {
+        event.slave = last->number;
+    } else if (const Slave* at = slave_at(network, front)) {
+        event.slave = at->number;
+    }
+    return event;
+}
+
+Task<Result<>> read_dl_status(Network& network, Slave& slave) {
+    auto status = co_await read<std::uint16_t>(network.station(slave), wire::reg::kDlStatus, Step::topology);
+    if (status) slave.dl_status = *status;
+    co_return Nothing{};
+}
+
+void note_ends(Network& network, unsigned head, std::size_t front, bool whole) {
+    for (Slave& slave : network.slaves()) {
+        const bool behind = !whole && slave.ring_position > front;
+        slave.ring = static_cast<RingEnd>(behind ? 1 - head : head);
+    }
+}
+
+}  // namespace
+
+void RingWatch::report_break(Network& network, const RedundancyStatus& now) {
+    const unsigned head = now.swapped ? 1 : 0;
+    const std::size_t front = now.cables[head].slaves;
+    const std::size_t behind = now.cables[1 - head].slaves;
+    note_ends(network, head, front, false);
+    Event event = find_break(network, front, behind);
+    if (reported_ == RingState::broken && event.slave == before_ && event.other == behind_) return;
+    before_ = event.slave;
+    behind_ = event.other;
+    reported_ = RingState::broken;
+    if (behind == 0 && !ring_.ever_whole()) event.kind = EventKind::second_cable_missing;
+    network.report(event);
+}
+
+void RingWatch::report_fault(Network& network, CablingFault fault) {
+    if (std::exchange(reported_fault_, fault) == fault || fault == CablingFault::none) return;
+    const bool same = fault == CablingFault::same_port;
+    network.report({.kind = same ? EventKind::nics_on_same_port : EventKind::second_segment});
+}
+
+void RingWatch::watch(Network& network) {
+    const RedundancyStatus now = ring_.status();
+    report_fault(network, now.fault);
+    if (now.fault != CablingFault::none) return;
+    if (now.swapped && !std::exchange(reported_swapped_, true)) network.report({.kind = EventKind::cables_swapped});
+    reported_swapped_ = now.swapped;
+    if (now.ring == RingState::broken && ring_.counts_are_new()) report_break(network, now);
+    if (now.ring != RingState::whole) return;
+    note_ends(network, now.swapped ? 1 : 0, 0, true);
+    if (std::exchange(reported_, RingState::whole) == RingState::broken)
+        network.report({.kind = EventKind::ring_closed, .slave = before_, .other = behind_});
+}
+
+Error RingWatch::check() const {
+    const CablingFault fault = ring_.status().fault;
+    if (fault == CablingFault::none) return {};
+    return {.code = Errc::cabling, .step = Step::count_slaves, .detail = static_cast<std::uint32_t>(fault)};
+}
+
+RingParts RingWatch::parts() const {
+    const RedundancyStatus now = ring_.status();
+    if (now.ring == RingState::unknown) return {};
+    return {.two_nics = true, .whole = now.ring == RingState::whole, .front = now.cables[ring_.head()].slaves};
+}
+
+Task<Result<>> RingWatch::read_ports_again(Network& network, std::uint32_t changes) const {
+    for (unsigned tries = 3; tries > 0 && ring_.changes() != changes; --tries) {
+        changes = ring_.changes();
+        const auto again = [&network](Slave& s) { return read_dl_status(network, s); };
+        co_await required(for_each_slave(network, again));
+        co_await required(count_slaves(network));
+    }
+    co_return Nothing{};
+}
+
+}  // namespace margay

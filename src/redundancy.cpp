@@ -1,0 +1,62 @@
+// init_redundant(): places what merges two cables at the end of the context's memory, and init() uses the rest.
+#include "api/init.hpp"
+#include "api/master.hpp"
+#include "api/operation.hpp"
+#include "network/ring_watch.hpp"
+
+#include <margay/margay.hpp>
+#include <margay/redundancy.hpp>
+
+#include <memory>
+#include <new>
+
+namespace margay {
+namespace {
+
+// In the memory of the context.
+struct TwoCables {
+    TwoCables(Nic& first, Nic& second, std::span<FramePair> own, std::span<FramePair> overlapped)
+        : ring(first, second, own, overlapped), watch(ring) {}
+    Redundancy ring;
+    RingWatch watch;
+};
+static_assert(std::is_trivially_destructible_v<FramePair>);
+constexpr std::size_t kCables = sizeof(void*) == 8 ? 768 : 704;
+constexpr std::size_t kPair = 3088;
+static_assert(sizeof(TwoCables) <= kCables && kCables - sizeof(TwoCables) < 64, "context_bytes(): kCablesBytes");
+static_assert(sizeof(FramePair) <= kPair && kPair - sizeof(FramePair) < 64, "context_bytes(): kPairBytes");
+
+}  // namespace
+
+Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const Features& features) {
+    if (&nic == &second) return invalid(Argument::second_nic, Step::open_nic);
+    if (master_of(ctx) != nullptr) return Error{.code = Errc::wrong_state, .step = Step::open_nic};
+    const Limits& limits = ctx.limits();
+    const std::size_t own = std::size_t{limits.frames} + limits.process_frames;
+    const std::size_t pairs = own + limits.process_frames;
+    const std::size_t needed = sizeof(TwoCables) + pairs * sizeof(FramePair) + alignof(std::max_align_t);
+    const auto memory = ContextAccess::memory(ctx);
+    if (!limits.redundancy || memory.size() < needed)
+        return Error{.code = Errc::capacity, .step = Step::open_nic, .detail = Error::kRedundancy};
+    void* at = memory.data() + memory.size() - needed;
+    std::size_t space = needed;
+    at = std::align(alignof(std::max_align_t), sizeof(TwoCables) + pairs * sizeof(FramePair), at, space);
+    void* const behind = static_cast<std::byte*>(at) + sizeof(TwoCables);
+    auto* const first = static_cast<FramePair*>(behind);
+    for (std::size_t n = 0; n < pairs; ++n) ::new (static_cast<void*>(first + n)) FramePair;
+    auto* const cables = ::new (at) TwoCables(nic, second, std::span(first, own), std::span(first + own, pairs - own));
+    const auto done = init_in(ctx, memory.first(memory.size() - needed), cables->ring, osal, features);
+    if (!done) return done;
+    Network& network = master_of(ctx)->network;
+    network.engine.link().use(cables->ring);
+    network.redundancy = &cables->watch;
+    return done;
+}
+
+RedundancyStatus redundancy(Context& ctx) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || master->network.redundancy == nullptr) return {};
+    return static_cast<const RingWatch*>(master->network.redundancy)->ring().status();
+}
+
+}  // namespace margay

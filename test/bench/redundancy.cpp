@@ -1,0 +1,157 @@
+// Measures a ring with two NICs: cycles with stale inputs for each break and each repair of a cable, between two frames
+// and between the two copies of a frame; and the user instructions of a cycle by callgrind, beside those with one NIC.
+// The NICs of the second measurement answer at once; their instructions are counted too.
+#include "bench/common/mapped_bus.hpp"
+#include "redundancy/ring_bus.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+
+namespace {
+
+using namespace margay;
+
+struct Stale {
+    unsigned most = 0;
+    unsigned all = 0;
+    unsigned changes = 0;
+    void add(unsigned cycles) {
+        most = std::max(most, cycles);
+        all += cycles;
+        ++changes;
+    }
+};
+
+// Breaks and heals each cable of the ring of 20 slaves. `frame`: 0: between two cycles; 1: between the two copies of
+// the next frame.
+Stale walk(std::uint64_t frame) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    Stale stale;
+    for (const auto& end : bus.ring_cables)
+        for (const bool intact : {false, true}) {
+            const std::uint64_t at = bus.frames + frame;
+            if (frame == 0) bus.cable(end, intact);
+            bus.on_frame = [&](std::uint64_t now) {
+                if (frame != 0 && now == at) bus.cable(end, intact);
+            };
+            stale.add(bus.stale_cycles(50));
+            bus.on_frame = nullptr;
+        }
+    return stale;
+}
+
+// Answers each frame at once. The copies of a whole ring arrive at the other NIC, and one of them is processed.
+class Echo final : public Nic {
+  public:
+    Echo* to = this;
+    std::uint16_t wkc = 0;
+    bool processes = true;
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        to->frame_ = frame;
+        to->mark_ = processes;
+        to->counter_ = wkc;
+        return SendStatus::sent;
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        if (frame_.empty()) return 0;
+        const auto frame = frame_;
+        frame_ = {};
+        std::memcpy(into.data(), frame.data(), frame.size());
+        if (mark_) into[6] |= std::byte{2};
+        into[frame.size() - 2] = static_cast<std::byte>(counter_);
+        into[frame.size() - 1] = static_cast<std::byte>(counter_ >> 8);
+        return frame.size();
+    }
+
+  private:
+    std::span<const std::byte> frame_;
+    bool mark_ = false;
+    std::uint16_t counter_ = 0;
+};
+
+int run(const std::string& what, unsigned cycles) {
+    VirtualOsal osal;
+    sim::Segment segment;
+    auto device = sim::device_from_sii(io_image(128, 128));
+    device.chip = sim::ip_core();
+    (void)segment.add(std::move(device).assemble());
+    if (!segment.connect_master({0, 0}) || !segment.connect_master({0, 1}, 1)) return 1;
+    if (what == "one") segment.set_cable({0, 1}, false);
+    segment.power_up(osal.now());
+    SimulatedNic one(segment, osal);
+    SimulatedNic two(segment, osal, {.master_port = 1});
+    one.set_other_end(&two);
+    two.set_other_end(&one);
+    bench::SwitchNic first;
+    bench::SwitchNic second;
+    first.to = &one;
+    second.to = &two;
+    HostContext ctx({.slaves = 4, .redundancy = what != "one"});
+    std::array<std::byte, 256> image{};
+    const auto ready = what == "one" ? init(ctx, first, osal) : init_redundant(ctx, first, second, osal);
+    if (!ready || !config_init(ctx) || !config_map(ctx, image)) return 1;
+    const auto expected = static_cast<std::uint16_t>(ctx.group(0).expected_wkc);
+    Echo a;
+    Echo b;
+    a.wkc = expected;
+    if (what == "whole") {
+        a.to = &b;
+        b.to = &a;
+        b.processes = false;
+    }
+    first.to = &a;
+    second.to = &b;
+    for (unsigned n = 0; n < cycles; ++n) {
+        if (!send_processdata(ctx) || !receive_processdata(ctx, std::chrono::milliseconds(1))) return 1;
+        a.wkc = expected;
+    }
+    return 0;
+}
+
+// Instructions per cycle, the difference of two runs; negative after an error.
+double count(const std::string& self, const std::string& what) {
+    constexpr unsigned kCycles = 1000;
+    double collected[2] = {};
+    for (unsigned n = 0; n < 2; ++n) {
+        const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null " + self + " " + what +
+                                    " " + std::to_string((n + 1) * kCycles) + " 2>&1";
+        FILE* pipe = popen(command.c_str(), "r");
+        if (pipe == nullptr) return -1;
+        char line[256];
+        while (std::fgets(line, sizeof line, pipe) != nullptr)
+            if (const char* at = std::strstr(line, "Collected : ")) collected[n] = std::strtod(at + 12, nullptr);
+        if (pclose(pipe) != 0) return -1;
+    }
+    return (collected[1] - collected[0]) / kCycles;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    if (argc == 3) return run(argv[1], static_cast<unsigned>(std::strtoul(argv[2], nullptr, 10)));
+    bool good = true;
+    for (const std::uint64_t frame : {0U, 1U}) {
+        const Stale stale = walk(frame);
+        std::printf("%u breaks and repairs %s: %u cycles with stale inputs, at most %u for each (target: 1)\n",
+                    stale.changes, frame == 0 ? "between two cycles" : "between the copies of a frame", stale.all,
+                    stale.most);
+        good &= stale.most <= 1;
+    }
+    good &= !testing::Test::HasFailure();
+    if (std::system("valgrind --version >/dev/null 2>&1") != 0) {
+        std::printf("no valgrind here: no instructions were counted\n");
+        return good ? 0 : 1;
+    }
+    const double one = count(argv[0], "one");
+    const double whole = count(argv[0], "whole");
+    const double broken = count(argv[0], "broken");
+    std::printf("instructions a cycle of one slave with 16 + 16 octets, with NICs that answer at once:\n");
+    std::printf("one NIC: %.0f; two NICs, ring whole: %.0f; ring broken: %.0f\n", one, whole, broken);
+    return good && one > 0 && whole > 0 && broken > 0 ? 0 : 1;
+}

@@ -1,0 +1,187 @@
+// Cables and NICs that are not as they should be: each is an error or an event in words.
+#include "redundancy/ring_bus.hpp"
+
+namespace margay {
+namespace {
+
+using Events = std::vector<std::string>;
+
+TEST(RingBadInput, TheSameNicTwice) {
+    RingBus bus;
+    bus.build_line(3);
+    bus.plug();
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    const auto done = init_redundant(*bus.ctx, *bus.nics[0], *bus.nics[0], bus.osal);
+    ASSERT_FALSE(done.ok());
+    EXPECT_EQ(done.error().code, Errc::invalid_argument);
+    EXPECT_NE(bus.words(done.error()).find("the second NIC is the first one"), std::string::npos);
+    // The context is as before.
+    EXPECT_TRUE(init_redundant(*bus.ctx, *bus.nics[0], *bus.nics[1], bus.osal).ok());
+    EXPECT_EQ(init_redundant(*bus.ctx, *bus.nics[0], *bus.nics[1], bus.osal).error().code, Errc::wrong_state);
+}
+
+TEST(RingBadInput, WithoutMemoryForTwoNics) {
+    RingBus bus;
+    bus.build_line(3);
+    const auto done = bus.begin({.slaves = 32});
+    ASSERT_FALSE(done.ok());
+    EXPECT_EQ(done.error().code, Errc::capacity);
+    EXPECT_NE(bus.words(done.error()).find("Limits::redundancy is false"), std::string::npos)
+        << bus.words(done.error());
+    EXPECT_FALSE(bus.status().redundant);
+    EXPECT_EQ(bus.begin({.slaves = 0, .redundancy = true}).error().code, Errc::invalid_argument);
+}
+
+TEST(RingBadInput, TheSecondNicIsDownAtTheStart) {
+    RingBus bus;
+    bus.build_line(5);
+    bus.plug();
+    bus.cable(bus.ring_cables.back(), false);
+    bus.start();
+    EXPECT_FALSE(bus.ctx->errors().take().has_value());
+    ASSERT_TRUE(config_map(*bus.ctx, bus.image).ok());
+    ASSERT_TRUE(submit(*bus.ctx, bus.supervision).ok());
+    ASSERT_TRUE(bus.until_all_in_op());
+    const auto told = bus.events();
+    EXPECT_NE(bus.joined(told).find("no redundancy: the second NIC reaches no slave"), std::string::npos)
+        << bus.joined(told);
+    EXPECT_EQ(bus.status().cables[1].link, LinkState::down);
+    EXPECT_EQ(bus.stale_cycles(10), 0U);
+    bus.cable(bus.ring_cables.back(), true);
+    EXPECT_EQ(bus.stale_cycles(20), 0U);
+    EXPECT_EQ(bus.events(), Events{"redundancy restored: the ring is whole again"});
+    bus.cable(bus.ring_cables[2], false);
+    EXPECT_EQ(bus.stale_cycles(20), 0U);
+    EXPECT_EQ(bus.status().cables[1].slaves, 3U);
+}
+
+// Each cable in turn is broken from the start: the slaves are found, numbered and brought to OP from both ends.
+TEST(RingBadInput, BrokenAtTheStart) {
+    for (std::size_t n = 0; n < 15; ++n) {
+        SCOPED_TRACE("ring cable " + std::to_string(n));
+        RingBus bus;
+        bus.build_tree();
+        bus.plug();
+        bus.cable(bus.ring_cables[n], false);
+        bus.start();
+        EXPECT_FALSE(bus.ctx->errors().take().has_value());
+        for (std::size_t s = 1; s <= 20; ++s) {
+            EXPECT_EQ(bus.ctx->slave(s).ring_position, s);
+            // The first slave behind the break hangs at the second NIC, all others at their neighbour.
+            const bool at_master = s == 1 || (n < 14 && s == bus.ring_cables[n].slave + 1);
+            EXPECT_EQ(bus.ctx->slave(s).parent == 0, at_master) << s;
+        }
+        bus.run();
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+        bus.cable(bus.ring_cables[n], true);
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+        EXPECT_EQ(bus.status().ring, RingState::whole);
+    }
+}
+
+TEST(RingBadInput, NothingIsConnected) {
+    RingBus bus;
+    bus.build_line(3);
+    bus.plug();
+    bus.cable(bus.ring_cables.front(), false);
+    bus.cable(bus.ring_cables.back(), false);
+    ASSERT_TRUE(bus.begin().ok());
+    const auto found = config_init(*bus.ctx);
+    ASSERT_FALSE(found.ok());
+    EXPECT_EQ(found.error().code, Errc::link_down);
+}
+
+// The second NIC is connected to the first slave of another segment.
+TEST(RingBadInput, AnotherSegmentBehindTheSecondNic) {
+    RingBus bus;
+    (void)bus.add_to_ring();
+    (void)bus.add_to_ring();
+    const auto other = bus.add(RingBus::io_device());
+    ASSERT_TRUE(bus.segment.connect_master({other, 0}, 1));
+    ASSERT_TRUE(bus.begin().ok());
+    const auto found = config_init(*bus.ctx);
+    ASSERT_FALSE(found.ok());
+    EXPECT_EQ(found.error().code, Errc::cabling);
+    EXPECT_EQ(found.error().detail, static_cast<std::uint32_t>(CablingFault::second_segment));
+    EXPECT_NE(bus.words(found.error()).find("another segment"), std::string::npos) << bus.words(found.error());
+    EXPECT_EQ(bus.status().fault, CablingFault::second_segment);
+}
+
+// Two NICs that hear the same frames, like two sockets of one interface.
+class SharedWire final : public Nic {
+  public:
+    explicit SharedWire(Nic& wire) : wire_(wire) {}
+    SharedWire* other = nullptr;
+    SendStatus send(std::span<const std::byte> frame) noexcept override { return wire_.send(frame); }
+    std::size_t receive(std::span<std::byte> into) noexcept override {
+        if (!frames_.empty()) {
+            const auto frame = frames_.front();
+            frames_.erase(frames_.begin());
+            std::ranges::copy(frame, into.begin());
+            return frame.size();
+        }
+        const std::size_t length = wire_.receive(into);
+        if (length != 0) other->frames_.emplace_back(into.begin(), into.begin() + static_cast<std::ptrdiff_t>(length));
+        return length;
+    }
+    MacAddress source_mac() const noexcept override { return wire_.source_mac(); }
+    Time next_arrival() const noexcept override { return frames_.empty() ? wire_.next_arrival() : Time::min(); }
+
+  private:
+    Nic& wire_;
+    std::vector<std::vector<std::byte>> frames_;
+};
+
+TEST(RingBadInput, BothNicsOnTheSamePort) {
+    RingBus bus;
+    (void)bus.add_to_ring();
+    (void)bus.add_to_ring();
+    bus.plug();
+    SharedWire one(*bus.wires[0]);
+    SharedWire two(*bus.wires[0]);
+    one.other = &two;
+    two.other = &one;
+    bus.ctx = std::make_unique<HostContext>(RingBus::limits());
+    ASSERT_TRUE(init_redundant(*bus.ctx, one, two, bus.osal).ok());
+    const auto found = config_init(*bus.ctx);
+    ASSERT_FALSE(found.ok());
+    EXPECT_EQ(found.error().code, Errc::cabling);
+    EXPECT_EQ(found.error().detail, static_cast<std::uint32_t>(CablingFault::same_port));
+    EXPECT_NE(bus.words(found.error()).find("same frames"), std::string::npos) << bus.words(found.error());
+}
+
+// The first NIC is connected to the end of the ring: everything works, the numbers count from the first slave.
+TEST(RingBadInput, SwappedCables) {
+    RingBus bus;
+    bus.build_line(6);
+    bus.plug();
+    std::swap(bus.nics[0], bus.nics[1]);
+    bus.start();
+    EXPECT_TRUE(bus.status().swapped);
+    bus.run();
+    EXPECT_EQ(bus.ctx->slave(6).parent, 5U);
+    EXPECT_EQ(bus.ctx->slave(1).ring, RingEnd::second_nic);
+    EXPECT_EQ(bus.stale_cycles(10), 0U);
+    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n) {
+        bus.cable(bus.ring_cables[n], false);
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << n;
+        bus.cable(bus.ring_cables[n], true);
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << n;
+    }
+    // Broken from the start as well.
+    RingBus broken;
+    broken.build_line(6);
+    broken.plug();
+    std::swap(broken.nics[0], broken.nics[1]);
+    broken.cable(broken.ring_cables[2], false);
+    broken.start();
+    EXPECT_TRUE(broken.status().swapped);
+    for (std::size_t s = 1; s <= 6; ++s) EXPECT_EQ(broken.ctx->slave(s).ring_position, s);
+    ASSERT_TRUE(config_map(*broken.ctx, broken.image).ok());
+    ASSERT_TRUE(submit(*broken.ctx, broken.supervision).ok());
+    ASSERT_TRUE(broken.until_all_in_op());
+    EXPECT_NE(broken.joined(broken.events()).find("the cables of the NICs are swapped"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace margay

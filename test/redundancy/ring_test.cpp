@@ -1,0 +1,303 @@
+// The cycle in a ring with two NICs: whole, broken anywhere, and closed again.
+#include "redundancy/ring_bus.hpp"
+
+#include <margay/clocks.hpp>
+
+namespace margay {
+namespace {
+
+using Events = std::vector<std::string>;
+
+TEST(Ring, WholeIsAsWithoutRedundancy) {
+    RingBus bus;
+    bus.build_line(5);
+    bus.start();
+    bus.run();
+    const LinkStatistics before = bus.ctx->statistics();
+    EXPECT_EQ(bus.stale_cycles(50), 0U);
+    EXPECT_EQ(*bus.wkc, bus.ctx->group(0).expected_wkc);
+    EXPECT_EQ(*bus.wkc, 5U * 3U);  // LRW: 1 for reading and 2 for writing
+    EXPECT_EQ(bus.ctx->statistics().echoes, before.echoes);
+    EXPECT_EQ(bus.ctx->statistics().unexpected, before.unexpected);
+    const RedundancyStatus status = bus.status();
+    EXPECT_TRUE(status.redundant);
+    EXPECT_EQ(status.ring, RingState::whole);
+    EXPECT_EQ(status.breaks, 0U);
+    EXPECT_EQ(status.merged, 0U);
+    EXPECT_EQ(status.cables[0].slaves, 5U);
+    EXPECT_EQ(status.cables[1].slaves, 0U);
+    EXPECT_EQ(status.cables[0].lost + status.cables[1].lost + status.cables[0].late + status.cables[1].late, 0U);
+    EXPECT_NEAR(status.cables[0].received, status.cables[1].received, 1.0);
+    EXPECT_EQ(bus.events(), Events());
+    for (const Slave& slave : bus.ctx->slaves()) {
+        EXPECT_EQ(slave.ring, RingEnd::first_nic);
+        EXPECT_EQ(slave.parent, slave.number - 1);
+    }
+}
+
+TEST(Ring, NoCycleIsStaleWhenACableBreaksOrHeals) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    ASSERT_EQ(bus.events(), Events());
+    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n) {
+        SCOPED_TRACE("ring cable " + std::to_string(n));
+        bus.cable(bus.ring_cables[n], false);
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+        EXPECT_EQ(*bus.wkc, bus.ctx->group(0).expected_wkc);
+        const auto told = bus.events();
+        ASSERT_EQ(told.size(), 1U) << bus.joined(told);
+        const Slave& behind = bus.ctx->slave(bus.ring_cables[n].slave + 1);
+        if (n == 0)
+            EXPECT_EQ(told[0], "redundancy broken between the first NIC and slave 1");
+        else if (n + 1 == bus.ring_cables.size())
+            EXPECT_EQ(told[0], "redundancy broken between slave 20 port 1 and the second NIC");
+        else
+            EXPECT_EQ(told[0], "redundancy broken between slave " + std::to_string(behind.parent) +
+                                   " port 1 and slave " + std::to_string(behind.number));
+        const RedundancyStatus status = bus.status();
+        EXPECT_EQ(status.ring, RingState::broken);
+        EXPECT_EQ(status.cables[0].slaves + status.cables[1].slaves, 20U);
+        for (const Slave& slave : bus.ctx->slaves()) {
+            const bool end = slave.ring_position > status.cables[0].slaves;
+            EXPECT_EQ(slave.ring, end ? RingEnd::second_nic : RingEnd::first_nic) << slave.number;
+        }
+        bus.cable(bus.ring_cables[n], true);
+        EXPECT_EQ(bus.stale_cycles(20), 0U);
+        EXPECT_EQ(bus.events(), Events{"redundancy restored: the ring is whole again"});
+        EXPECT_EQ(bus.status().ring, RingState::whole);
+        for (const Slave& slave : bus.ctx->slaves()) EXPECT_EQ(slave.ring, RingEnd::first_nic);
+    }
+    EXPECT_EQ(bus.status().breaks, bus.ring_cables.size());
+    EXPECT_EQ(bus.status().heals, bus.ring_cables.size());
+}
+
+// The cable breaks between the two copies of the frame, and heals in the same way: one cycle at most is stale.
+TEST(Ring, AtMostOneCycleIsStaleWhenItBreaksBetweenTheCopies) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n)
+        for (const bool intact : {false, true}) {
+            SCOPED_TRACE("ring cable " + std::to_string(n) + (intact ? " heals" : " breaks"));
+            const std::uint64_t at = bus.frames + 1;  // before the copy of the second NIC
+            bus.on_frame = [&, at](std::uint64_t frame) {
+                if (frame == at) bus.cable(bus.ring_cables[n], intact);
+            };
+            EXPECT_LE(bus.stale_cycles(3), 1U);
+            EXPECT_EQ(bus.stale_cycles(10), 0U);
+            bus.on_frame = nullptr;
+        }
+}
+
+// The slaves between two breaks are lost, those at both ends go on, and the lost ones come back.
+TEST(Ring, SlavesBetweenTwoBreaksAreLostAndComeBack) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.run();
+    bus.cable(bus.ring_cables[3], false);  // behind slave 3
+    EXPECT_EQ(bus.stale_cycles(5), 0U);
+    (void)bus.events();
+    bus.cable(bus.ring_cables[5], false);  // behind slave 5
+    for (unsigned n = 0; n < 100; ++n) (void)bus.cycle();
+    const auto told = bus.joined(bus.events());
+    EXPECT_NE(told.find("slave 4: lost"), std::string::npos) << told;
+    EXPECT_NE(told.find("slave 5: lost"), std::string::npos) << told;
+    EXPECT_EQ(told.find("slave 3: lost"), std::string::npos) << told;
+    EXPECT_EQ(told.find("slave 6: lost"), std::string::npos) << told;
+    for (const std::size_t n : {1U, 2U, 3U, 6U, 7U, 8U}) EXPECT_EQ(bus.ctx->slave(n).al.state, AlState::op) << n;
+    bus.cable(bus.ring_cables[5], true);
+    EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+    EXPECT_EQ(bus.stale_cycles(10), 0U);
+    bus.cable(bus.ring_cables[3], true);
+    EXPECT_EQ(bus.stale_cycles(20), 0U);
+    EXPECT_EQ(bus.status().ring, RingState::whole);
+}
+
+// A slave behind the break is switched off and on. It has lost its address and is found by its position behind the
+// break.
+TEST(Ring, ASlaveThatRestartsBehindTheBreakComesBack) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.run();
+    bus.cable(bus.ring_cables[4], false);
+    EXPECT_EQ(bus.stale_cycles(5), 0U);
+    bus.segment.set_power(6, false, bus.osal.now());  // slave 7: slave 8 remains at the second NIC
+    for (unsigned n = 0; n < 50; ++n) (void)bus.cycle();
+    EXPECT_EQ(bus.ctx->slave(8).al.state, AlState::op);
+    EXPECT_EQ(bus.ctx->slave(4).al.state, AlState::op);
+    EXPECT_EQ(bus.ctx->slave(7).al.state, AlState::none);
+    bus.segment.set_power(6, true, bus.osal.now());
+    ASSERT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+    EXPECT_EQ(bus.stale_cycles(10), 0U);
+    EXPECT_EQ(bus.ctx->slave(7).ring, RingEnd::second_nic);
+    EXPECT_EQ(bus.ctx->slave(7).ring_position, 7U);
+    bus.cable(bus.ring_cables[4], true);
+    EXPECT_EQ(bus.stale_cycles(10), 0U);
+}
+
+TEST(Ring, ABranchThatBreaksIsLostAndComesBack) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    for (const auto& end : bus.branch_cables) {
+        bus.cable(end, false);
+        for (unsigned n = 0; n < 60; ++n) (void)bus.cycle();
+        EXPECT_EQ(bus.status().ring, RingState::whole);
+        EXPECT_EQ(bus.ctx->slave(end.slave + 1).al.state, AlState::none);
+        bus.cable(end, true);
+        ASSERT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+        EXPECT_EQ(bus.stale_cycles(5), 0U);
+    }
+}
+
+// A branch at port 2 is behind the way to the next ring slave: in a whole ring only the frames of the second NIC reach
+// it.
+TEST(Ring, BranchesThatOnlyTheSecondNicReaches) {
+    RingBus bus;
+    bus.build_line(6);
+    (void)bus.add_behind(4, 2);  // numbered in the order of the frames of the second NIC
+    (void)bus.add_behind(1, 2);
+    bus.start();
+    EXPECT_EQ(bus.ctx->slave(7).parent, 5U);
+    EXPECT_EQ(bus.ctx->slave(8).parent, 2U);
+    EXPECT_EQ(bus.ctx->slave(7).parent_port, 2U);
+    EXPECT_EQ(bus.ctx->slave(6).parent, 5U);
+    EXPECT_FALSE(bus.ctx->errors().take().has_value());
+    bus.run();
+    EXPECT_EQ(bus.status().cables[0].slaves, 6U);
+    EXPECT_EQ(bus.status().cables[1].slaves, 2U);
+    EXPECT_EQ(bus.status().fault, CablingFault::none);
+    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n) {
+        SCOPED_TRACE("ring cable " + std::to_string(n));
+        bus.cable(bus.ring_cables[n], false);
+        EXPECT_LE(bus.stale_cycles(20), 1U);
+        EXPECT_EQ(bus.stale_cycles(5), 0U);
+        bus.cable(bus.ring_cables[n], true);
+        EXPECT_LE(bus.stale_cycles(20), 1U);
+        EXPECT_EQ(bus.stale_cycles(5), 0U);
+    }
+}
+
+TEST(Ring, EitherNicMayBeUnplugged) {
+    RingBus bus;
+    bus.build_line(6);
+    bus.start();
+    bus.run();
+    for (const unsigned which : {0U, 1U, 0U, 1U}) {
+        const auto end = which == 0 ? bus.ring_cables.front() : bus.ring_cables.back();
+        bus.cable(end, false);
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << which;
+        EXPECT_EQ(bus.status().cables[which].link, LinkState::down);
+        EXPECT_EQ(bus.status().cables[which].slaves, 0U);
+        EXPECT_EQ(bus.status().cables[1 - which].slaves, 6U);
+        EXPECT_GT(bus.status().cables[which].refused, 0U);
+        bus.cable(end, true);
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << which;
+        EXPECT_EQ(bus.status().cables[which].link, LinkState::up);
+    }
+    const auto told = bus.events();
+    EXPECT_EQ(told.size(), 8U) << bus.joined(told);
+}
+
+// A NIC that accepts frames without a link, and does not tell that it has none: it is not waited for after two lost
+// frames. A frame with queued datagrams is lost only when their time is over.
+TEST(Ring, ANicThatDoesNotTellThatItIsUnplugged) {
+    RingBus bus;
+    bus.build_line(6);
+    bus.start();
+    bus.run();
+    for (const unsigned which : {0U, 1U, 0U, 1U}) {
+        const auto end = which == 0 ? bus.ring_cables.front() : bus.ring_cables.back();
+        bus.nics[which]->tells_link = false;
+        bus.cable(end, false);
+        EXPECT_LE(bus.stale_cycles(20), 3U) << which;
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << which;
+        EXPECT_EQ(bus.status().cables[which].link, LinkState::unknown);
+        EXPECT_LE(bus.status().cables[which].lost, 6U);
+        bus.cable(end, true);
+        EXPECT_EQ(bus.stale_cycles(20), 0U) << which;
+        bus.nics[which]->tells_link = true;
+    }
+}
+
+TEST(Ring, FramesThatGetLostOnTop) {
+    RingBus bus;
+    bus.build_tree();
+    bus.start();
+    bus.run();
+    bus.segment.set_noise({.lost = 0.05, .seed = 7});
+    unsigned stale = 0;
+    for (std::size_t n = 0; n < bus.ring_cables.size(); ++n) {
+        bus.cable(bus.ring_cables[n], false);
+        stale += bus.stale_cycles(40);
+        bus.cable(bus.ring_cables[n], true);
+        stale += bus.stale_cycles(40);
+    }
+    // Of 1200 cycles: 5 % of the frames, of which a broken ring needs both.
+    EXPECT_LT(stale, 1200U / 8);
+    EXPECT_GT(stale, 1200U / 40);
+    bus.segment.set_noise({});
+    EXPECT_TRUE(bus.until_all_in_op()) << bus.joined(bus.events());
+    EXPECT_EQ(bus.stale_cycles(20), 0U);
+    for (const Slave& slave : bus.ctx->slaves()) EXPECT_EQ(slave.al.state, AlState::op);
+}
+
+// Overlapped cycles: every cycle is right and brings the inputs that were shown when it was sent.
+TEST(Ring, OverlappedCycles) {
+    RingBus bus;
+    bus.build_line(8);
+    bus.start();
+    bus.ctx->group(0).config.cycles_in_flight = 2;
+    const auto mapped = config_map(*bus.ctx, bus.image);
+    ASSERT_TRUE(mapped.ok()) << bus.words(mapped.error());
+    const auto show = [&](unsigned value) {
+        for (std::size_t n = 1; n <= 8; ++n) {
+            bus.io(n)->inputs()[0] = static_cast<std::byte>(value);
+            bus.io(n)->poke();
+        }
+    };
+    show(0);
+    ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+    unsigned shown = 0;
+    unsigned wrong = 0;
+    const auto cycle = [&] {
+        bus.osal.advance(1ms);
+        show(++shown);
+        ASSERT_TRUE(send_processdata(*bus.ctx).ok());
+        const auto wkc = receive_processdata(*bus.ctx, 500us);
+        (void)poll(*bus.ctx, bus.osal.now());
+        bool right = wkc.ok() && *wkc == bus.ctx->group(0).expected_wkc;
+        for (std::size_t n = 1; n <= 8; ++n)
+            right &= bus.ctx->slave(n).image.inputs.bytes[0] == static_cast<std::byte>(shown - 1);
+        wrong += right ? 0 : 1;
+    };
+    for (unsigned n = 0; n < 10; ++n) cycle();
+    ASSERT_EQ(wrong, 0U);
+    for (const auto& end : bus.ring_cables) {
+        bus.cable(end, false);
+        for (unsigned n = 0; n < 10; ++n) cycle();
+        bus.cable(end, true);
+        for (unsigned n = 0; n < 10; ++n) cycle();
+        EXPECT_EQ(wrong, 0U);
+    }
+    EXPECT_EQ(bus.status().breaks, bus.ring_cables.size());
+}
+
+TEST(Ring, DistributedClocksSayThatTheyAreNotThereYet) {
+    RingBus bus;
+    bus.build_line(3);
+    bus.start();
+    const auto done = configdc(*bus.ctx, {.cycle = 1ms});
+    ASSERT_FALSE(done.ok());
+    EXPECT_EQ(done.error().code, Errc::wrong_state);
+    EXPECT_NE(bus.words(done.error()).find("with two NICs"), std::string::npos) << bus.words(done.error());
+}
+
+}  // namespace
+}  // namespace margay
