@@ -333,6 +333,7 @@ enum class Argument : std::uint8_t {
     sync_grid,       // ClockSettings::start_grid is no whole multiple of the cycle of the SYNC signals
     sync_start,      // ClockSettings::start_time has returned a time that has passed
     aoe_time,        // a time of an AoeAddNotification
+    image_place,     // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible
     sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
 };
 

@@ -107,7 +107,11 @@ std::uint16_t check_of_process_data(const Slave& slave) {
 class Layer {
   public:
     Layer(const GroupConfiguration& wanted, std::uint64_t outputs_at, std::uint64_t inputs_at)
-        : wanted_(wanted), outputs_at_(outputs_at), inputs_at_(inputs_at) {}
+        : wanted_(wanted),
+          outputs_base_(outputs_at),
+          inputs_base_(inputs_at),
+          outputs_at_(outputs_at),
+          inputs_at_(inputs_at) {}
 
     [[nodiscard]] std::uint64_t outputs_end() const { return outputs_at_; }
     [[nodiscard]] std::uint64_t inputs_end() const { return inputs_at_; }
@@ -118,6 +122,9 @@ class Layer {
     };
     Place place(const Slave& slave) {
         Place p;
+        const ImagePlace fixed = slave.config.place();
+        if (fixed.outputs_bit != ImagePlace::kNext || fixed.inputs_bit != ImagePlace::kNext)
+            return place_at(slave, fixed);
         if (wanted_.overlapped) {
             // Outputs and inputs start at the same bit of their halves, and so do those of the next slave.
             const std::uint64_t shift = inputs_at_ - outputs_at_;
@@ -149,7 +156,26 @@ class Layer {
     }
 
   private:
+    // Data without a place of its own follows the data before it.
+    Place place_at(const Slave& slave, const ImagePlace& fixed) {
+        const auto at = [&](std::uint32_t bit, std::uint64_t base, std::uint64_t next) {
+            return bit == ImagePlace::kNext ? next : base + bit;
+        };
+        const Place p{
+            extent(slave, wanted_.packing, Direction::outputs, at(fixed.outputs_bit, outputs_base_, outputs_at_)),
+            extent(slave, wanted_.packing, Direction::inputs, at(fixed.inputs_bit, inputs_base_, inputs_at_))};
+        if (!p.outputs.empty()) outputs_at_ = std::max(outputs_at_, p.outputs.end);
+        if (!p.inputs.empty()) inputs_at_ = std::max(inputs_at_, p.inputs.end);
+        if (!wanted_.overlapped) return p;
+        const std::uint64_t used = std::max(outputs_at_ - outputs_base_, inputs_at_ - inputs_base_);
+        outputs_at_ = outputs_base_ + used;
+        inputs_at_ = inputs_base_ + used;
+        return p;
+    }
+
     const GroupConfiguration& wanted_;
+    std::uint64_t outputs_base_;
+    std::uint64_t inputs_base_;
     std::uint64_t outputs_at_;
     std::uint64_t inputs_at_;
     bool status_ = false;
@@ -179,6 +205,34 @@ Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfigura
         if (slave.image.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
     const std::uint64_t with_status = up_to_octet(layer.inputs_end());
     return {{0, outputs}, {outputs, outputs + with_status}, with_status - inputs};
+}
+
+bool overlap(const ImagePart& a, const ImagePart& b) {
+    return a.bits != 0 && b.bits != 0 && a.offset_bits < b.offset_bits + b.bits &&
+           b.offset_bits < a.offset_bits + a.bits;
+}
+
+// Checks the places that were set from outside.
+Result<> check_places(std::span<Slave> slaves, std::uint8_t group, const Halves& halves) {
+    for (const Slave& slave : slaves) {
+        if (slave.image.group != group) continue;
+        const ImagePlace fixed = slave.config.place();
+        if (fixed.outputs_bit == ImagePlace::kNext && fixed.inputs_bit == ImagePlace::kNext) continue;
+        const SlaveImage& image = slave.image;
+        const auto moved = [](std::uint32_t wanted, std::uint64_t base, const ImagePart& part) {
+            return wanted != ImagePlace::kNext && part.bits != 0 && part.offset_bits != base + wanted;
+        };
+        bool wrong =
+            moved(fixed.outputs_bit, 0, image.outputs) || moved(fixed.inputs_bit, halves.inputs.begin, image.inputs);
+        for (const Slave& other : slaves)
+            wrong |= &other != &slave && other.image.group == group &&
+                     (overlap(image.outputs, other.image.outputs) || overlap(image.inputs, other.image.inputs));
+        if (!wrong) continue;
+        Error error = fault(Errc::invalid_argument, slave);
+        error.detail = static_cast<std::uint32_t>(Argument::image_place);
+        return error;
+    }
+    return Result<>();
 }
 
 Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
@@ -300,6 +354,7 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
     }
     const auto halves = measure(slaves, group, wanted);
     if (done) done = place_all(slaves, group, wanted, image, halves);
+    if (done) done = check_places(slaves, group, halves);
     if (!done) {
         for (Slave& slave : slaves)
             if (slave.image.group == group) slave.image = {};
