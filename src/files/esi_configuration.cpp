@@ -1,5 +1,4 @@
-// The configuration of a slave as its ESI file describes it, and the modules in its slots.
-#include <margay/coe.hpp>
+// The configuration of a slave as its ESI file describes it.
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
@@ -11,7 +10,8 @@ namespace margay::files {
 namespace {
 
 constexpr std::uint16_t kConfiguredModules = 0xF030;
-constexpr std::uint16_t kDetectedModules = 0xF050;
+
+constexpr std::size_t kMostPdos = 1024;
 
 class Configurator {
   public:
@@ -78,9 +78,15 @@ class Configurator {
                                     ", which the device does not have";
                     return;
                 }
+                if (too_many_pdos()) return;
                 result_.pdos.push_back(*pdo);
                 result_.pdos.back().sync_manager = sm.number;
             }
+    }
+    bool too_many_pdos() {
+        if (result_.pdos.size() < kMostPdos) return false;
+        result_.error = "more than " + std::to_string(kMostPdos) + " PDOs are assigned";
+        return true;
     }
     static bool by_mode(const EsiMode& mode, std::uint8_t sm) {
         const auto found = std::ranges::find(mode.sync_managers, sm, &EsiModeSm::number);
@@ -122,12 +128,11 @@ class Configurator {
             return false;
         }
         std::vector<std::uint32_t> idents;
-        for (std::uint32_t slot = 0; slot < count && result_.error.empty(); ++slot) {
-            idents.push_back(ident_in(slot));
-            if (idents.back() != 0) add_module(slot, idents.back());
-        }
+        for (std::uint32_t slot = 0; slot < count; ++slot) idents.push_back(ident_in(slot));
         while (!idents.empty() && idents.back() == 0) idents.pop_back();
         if (device_.slots->download_ident_list && !idents.empty()) write_ident_list(idents);
+        for (std::uint32_t slot = 0; slot < idents.size() && result_.error.empty(); ++slot)
+            if (idents[slot] != 0) add_module(slot, idents[slot]);
         return result_.error.empty();
     }
 
@@ -152,6 +157,7 @@ class Configurator {
             if (!pdo.sync_manager) pdo.sync_manager = usual_sm(pdo.direction);
             std::erase_if(result_.pdos,
                           [&](const EsiPdo& one) { return one.overwritten_by_module && one.index == pdo.index; });
+            if (too_many_pdos()) return;
             if (pdo.sync_manager) result_.pdos.push_back(std::move(pdo));
         }
         add_commands(module->commands, slot);
@@ -233,30 +239,6 @@ class Configurator {
 EsiConfiguration configure(const EsiFile& esi, const EsiDevice& device, const EsiChoice& choice,
                            HostConfiguration& owner) {
     return Configurator(esi, device, choice).run(owner);
-}
-
-std::string check_modules(Context& ctx, std::uint16_t slave, std::span<const std::uint32_t> wanted) {
-    const auto said = [](const Error& error) {
-        std::array<char, 256> text{};
-        return std::string(describe(error, text));
-    };
-    const auto count = SDOread<std::uint8_t>(ctx, slave, kDetectedModules, 0);
-    if (!count) return said(count.error());
-    while (!wanted.empty() && wanted.back() == 0) wanted = wanted.first(wanted.size() - 1);
-    for (std::size_t slot = 0; slot < std::max<std::size_t>(wanted.size(), *count); ++slot) {
-        std::uint32_t found = 0;
-        if (slot < *count) {
-            const auto ident =
-                SDOread<std::uint32_t>(ctx, slave, kDetectedModules, static_cast<std::uint8_t>(slot + 1));
-            if (!ident) return said(ident.error());
-            found = *ident;
-        }
-        const std::uint32_t expected = slot < wanted.size() ? wanted[slot] : 0;
-        if (found != expected)
-            return "slave " + std::to_string(slave) + ", slot " + std::to_string(slot) + ": module " + hex(found, 8) +
-                   " is there, and " + hex(expected, 8) + " is wanted";
-    }
-    return {};
 }
 
 }  // namespace margay::files

@@ -34,6 +34,13 @@ class Types {
         return found == types_.end() ? Node{} : found->second;
     }
 
+    // At most this many subindices come of the type.
+    [[nodiscard]] std::size_t count(Node type) const {
+        std::size_t sum = 0;
+        for (const Node sub : type.children("SubItem")) sum += child(sub, "SubIdx").there ? 1 : kMostItems;
+        return sum;
+    }
+
     // The subindices of an object of this type.
     [[nodiscard]] std::vector<EsiObject::Item> items(Node type) const {
         std::vector<EsiObject::Item> items;
@@ -92,7 +99,9 @@ void read_object(Reader& r, const Types& types, Node node, std::vector<EsiObject
     object.access = access_of(node.child("Flags"));
     object.pdo_mapping = mapping_of(child(node.child("Flags"), "PdoMapping").text);
     object.default_data = r.octets(child(node.child("Info"), "DefaultData"));
-    object.items = types.items(types.find(object.data_type));
+    const Node type = types.find(object.data_type);
+    if (!r.expand(node, types.count(type))) return;
+    object.items = types.items(type);
     // The object has names of its own for its subindices, in their order.
     std::size_t n = 0;
     for (const Node sub : node.child("Info").children("SubItem")) {

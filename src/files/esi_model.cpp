@@ -2,6 +2,7 @@
 #include <margay/context.hpp>
 #include <margay/files/esi.hpp>
 
+#include "files/esi_types.hpp"
 #include "files/xml.hpp"
 
 #include <algorithm>
@@ -43,6 +44,15 @@ std::uint8_t data_type_number(std::string_view name) {
             return static_cast<std::uint8_t>(0x30 + bits - 1);
     }
     return 0;
+}
+
+std::string_view data_type_name(std::uint16_t number, std::uint32_t bits) {
+    static constexpr std::string_view kBits[] = {"BIT1", "BIT2", "BIT3", "BIT4", "BIT5", "BIT6", "BIT7", "BIT8"};
+    if (number >= 0x30 && number <= 0x37) return kBits[number - 0x30];
+    for (const BasicType& type : kBasicTypes)  // the first name of each number is that of ESI files
+        if (type.number == number) return type.name;
+    if (bits >= 1 && bits <= 8) return bits == 1 ? "BOOL" : kBits[bits - 1];
+    return bits == 16 ? "UINT" : bits == 32 ? "UDINT" : bits == 64 ? "ULINT" : "";
 }
 
 std::uint32_t EsiPdo::bits() const {

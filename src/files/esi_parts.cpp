@@ -126,6 +126,10 @@ EsiPdo read_esi_pdo(Reader& r, Node node, Direction direction) {
     for (const Node exclude : node.children("Exclude"))
         pdo.excludes.push_back(r.number<std::uint16_t>(content(exclude)));
     for (const Node entry : node.children("Entry")) {
+        if (pdo.entries.size() == 255) {
+            r.fail(entry, "a PDO has more than 255 entries");
+            break;
+        }
         pdo.entries.push_back(read_entry(r, entry));
         pdo.entry_depends_on_slot.push_back(depends_on_slot(r, entry.child("Index")));
     }

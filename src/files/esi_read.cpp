@@ -55,13 +55,13 @@ RevisionCheck revision_check(Reader& r, Node type) {
 
 std::array<PortType, 4> ports_of(Reader& r, Node device) {
     std::array<PortType, 4> ports{};
-    const Value physics = attribute(device, "Physics");
-    for (std::size_t n = 0; n < physics.text.size() && n < ports.size(); ++n) {
-        const char c = physics.text[n];
+    const std::string_view physics = device.attribute("Physics").value();  // a blank is a port that is absent
+    for (std::size_t n = 0; n < physics.size() && n < ports.size(); ++n) {
+        const char c = physics[n];
         if (c == 'Y' || c == 'y' || c == 'H' || c == 'h') ports[n] = PortType::mii;
         if (c == 'K' || c == 'k' || c == 'B' || c == 'b') ports[n] = PortType::ebus;
         if (ports[n] == PortType::not_implemented && c != ' ')
-            r.remark(device, "Physics '" + Reader::text(physics) + "' has a letter that stands for no kind of port");
+            r.remark(device, "Physics '" + std::string(physics) + "' has a letter that stands for no kind of port");
     }
     return ports;
 }

@@ -156,6 +156,16 @@ void Reader::fail(Node at, std::string text) {
     problem_ = remark_at(at, std::move(text));
 }
 
+bool Reader::expand(Node at, std::size_t count) {
+    constexpr std::size_t kMost = 1'000'000;
+    if (count <= kMost - expanded_) {
+        expanded_ += count;
+        return true;
+    }
+    fail(at, "the file stands for more than " + std::to_string(kMost) + " commands, subindices and entries");
+    return false;
+}
+
 Remark Reader::take_problem() {
     failed_ = false;
     return std::move(problem_);

@@ -53,6 +53,9 @@ class Reader {
     // Stores the first problem; later ones are ignored until take_problem().
     void fail(Node at, std::string text);
     [[nodiscard]] bool failed() const { return failed_; }
+    // Some elements stand for many: an object for the subindices of its type, a broadcast for a command of each slave.
+    // Counts what is made of such elements, and fails when a file makes more than any real file: returns false then.
+    bool expand(Node at, std::size_t count);
     // Returns the problem and forgets it.
     Remark take_problem();
     [[nodiscard]] std::vector<Remark> take_remarks() { return std::move(remarks_); }
@@ -92,6 +95,7 @@ class Reader {
     pugi::xml_document document_;
     std::vector<Remark> remarks_;
     Remark problem_;
+    std::size_t expanded_ = 0;
     bool failed_ = false;
 };
 

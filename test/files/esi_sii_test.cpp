@@ -1,7 +1,7 @@
 // The SII image of a device of an ESI: against the reader of SIIs, and against images of the same devices.
 #include <margay/files/esi.hpp>
 
-#include "files/example_esi.hpp"
+#include "files/examples.hpp"
 #include "sim/devices.hpp"
 #include "wire/sii_category.hpp"
 #include "wire/sii_check.hpp"

@@ -2,7 +2,7 @@
 #include <margay/files/esi.hpp>
 #include <margay/host_configuration.hpp>
 
-#include "files/example_esi.hpp"
+#include "files/examples.hpp"
 
 #include <gtest/gtest.h>
 
@@ -120,6 +120,19 @@ TEST(EsiReader, HostileXmlIsRefused) {
               "line 1, column 1: the file is UTF-16, which is not supported: convert it to UTF-8");
     EXPECT_EQ(to_text(read_esi("<?xml version='1.0' encoding='EBCDIC'?><a/>").problem),
               "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");
+}
+
+// Few octets that stand for many subindices: each object of a type has them all.
+TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
+    std::string text =
+        "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type>a</Type><Profile>"
+        "<Dictionary><DataTypes><DataType><Name>T</Name>";
+    for (int n = 0; n < 255; ++n) text += "<SubItem><SubIdx>" + std::to_string(n) + "</SubIdx></SubItem>";
+    text += "</DataType></DataTypes><Objects>";
+    for (int n = 0; n < 5000; ++n) text += "<Object><Index>1</Index><Type>T</Type></Object>";
+    text += "</Objects></Dictionary></Profile></Device></Devices></Descriptions></EtherCATInfo>";
+    EXPECT_NE(to_text(read_esi(text).problem).find("the file stands for more than 1000000 commands"),
+              std::string::npos);
 }
 
 TEST(EsiReader, ADeviceWithAFaultLeavesTheOthers) {

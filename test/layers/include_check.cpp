@@ -80,7 +80,8 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
         return leaf ? "" : "belongs to samples/ and test/ only";
     if (begins("pcap")) return layer == "oshw/pcap" ? "" : "belongs to oshw/pcap/ only";
     if (begins("pugixml")) return layer == "files" ? "" : "belongs to src/files/ only";
-    if (leaf || layer == "files" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/pcap")
+    if (leaf || layer == "files" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" ||
+        layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
     if (freestanding_headers().count(header) != 0) return "";

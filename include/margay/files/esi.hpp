@@ -255,6 +255,9 @@ struct SiiImage {
 };
 [[nodiscard]] SiiImage make_sii(const EsiDevice& device);
 
+// The description of a device as its SII gives it: the reverse of make_sii(). The vendor is in the identity.
+[[nodiscard]] Read<EsiDevice> describe_sii(std::span<const std::byte> image);
+
 // What is selected of a device.
 struct EsiChoice {
     std::size_t mode = 0;  // number of the operation mode, the first is 0; ignored if the device has none
@@ -282,5 +285,13 @@ struct EsiConfiguration {
 // Compares the modules that a slave has detected (object 0xF050) with the wanted ones. Waits. The result names the
 // first slot that differs in a sentence; empty: they are equal.
 [[nodiscard]] std::string check_modules(Context& ctx, std::uint16_t slave, std::span<const std::uint32_t> wanted);
+
+// The description of a slave as the slave says: its SII, and its object dictionary if it has CoE with SDO information.
+// Reads the SII, so the slave is best in PREOP. Waits.
+[[nodiscard]] Read<EsiDevice> describe_slave(Context& ctx, std::uint16_t slave);
+
+// Writes an ESI file in the order of elements that ETG.2000 requires. read_esi() of the text gives the same devices.
+// Of a dictionary the objects with their types and access rights are written, and no start values except DefaultData.
+[[nodiscard]] Written write_esi(const EsiFile& esi);
 
 }  // namespace margay::files
