@@ -52,7 +52,7 @@ foreach(part IN LISTS parts)
     set(pc_requires "${pc_requires}, libpcap")  # the part is a static library, so that each program links libpcap itself
   endif()
   if(part STREQUAL "margay_files")
-    set(pc_requires "${pc_requires}, pugixml")
+    set(pc_requires "margay, pugixml")
   endif()
   configure_file(${CMAKE_CURRENT_LIST_DIR}/margay.pc.in ${PROJECT_BINARY_DIR}/pkgconfig/${pc_name}.pc @ONLY)
   install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/${pc_name}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
