@@ -37,7 +37,12 @@ class Types {
     // At most this many subindices come of the type.
     [[nodiscard]] std::size_t count(Node type) const {
         std::size_t sum = 0;
-        for (const Node sub : type.children("SubItem")) sum += child(sub, "SubIdx").there ? 1 : kMostItems;
+        for (const Node sub : type.children("SubItem")) {
+            const Node bounds = find(child(sub, "Type").text).child("ArrayInfo");
+            const Number elements = parse_number(child(bounds, "Elements").text);
+            const bool array = !child(sub, "SubIdx").there && elements.valid;
+            sum += array ? static_cast<std::size_t>(std::min<std::uint64_t>(elements.magnitude, kMostItems)) : 1;
+        }
         return sum;
     }
 

@@ -106,12 +106,8 @@ std::uint16_t check_of_process_data(const Slave& slave) {
 // Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
 class Layer {
   public:
-    Layer(const GroupConfiguration& wanted, std::uint64_t outputs_at, std::uint64_t inputs_at)
-        : wanted_(wanted),
-          outputs_base_(outputs_at),
-          inputs_base_(inputs_at),
-          outputs_at_(outputs_at),
-          inputs_at_(inputs_at) {}
+    Layer(const GroupConfiguration& wanted, std::uint64_t inputs_at)
+        : wanted_(wanted), inputs_base_(inputs_at), inputs_at_(inputs_at) {}
 
     [[nodiscard]] std::uint64_t outputs_end() const { return outputs_at_; }
     [[nodiscard]] std::uint64_t inputs_end() const { return inputs_at_; }
@@ -123,9 +119,8 @@ class Layer {
     Place place(const Slave& slave) {
         Place p;
         const ImagePlace fixed = slave.config.place();
-        if (fixed.outputs_bit != ImagePlace::kNext || fixed.inputs_bit != ImagePlace::kNext)
-            return place_at(slave, fixed);
-        if (wanted_.overlapped) {
+        const bool next = fixed.outputs_bit == ImagePlace::kNext && fixed.inputs_bit == ImagePlace::kNext;
+        if (wanted_.overlapped && next) {
             // Outputs and inputs start at the same bit of their halves, and so do those of the next slave.
             const std::uint64_t shift = inputs_at_ - outputs_at_;
             const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
@@ -134,16 +129,17 @@ class Layer {
                 std::max(outputs.empty() ? outputs_at_ : outputs.begin, inputs.empty() ? outputs_at_ : inputs.begin);
             p.outputs = extent(slave, wanted_.packing, Direction::outputs, begin);
             p.inputs = extent(slave, wanted_.packing, Direction::inputs, begin + shift);
-            const std::uint64_t end =
-                std::max({outputs_at_, p.outputs.end, p.inputs.empty() ? 0 : p.inputs.end - shift});
-            outputs_at_ = end;
-            inputs_at_ = end + shift;
-            return p;
+        } else {
+            p.outputs = place_one(slave, Direction::outputs, fixed.outputs_bit, 0, outputs_at_);
+            p.inputs = place_one(slave, Direction::inputs, fixed.inputs_bit, inputs_base_, inputs_at_);
         }
-        p.outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
-        p.inputs = extent(slave, wanted_.packing, Direction::inputs, inputs_at_);
-        if (!p.outputs.empty()) outputs_at_ = p.outputs.end;
-        if (!p.inputs.empty()) inputs_at_ = p.inputs.end;
+        // Slaves with places of their own need not be in the order of the image.
+        outputs_at_ = std::max(outputs_at_, p.outputs.end);
+        inputs_at_ = std::max(inputs_at_, p.inputs.end);
+        if (wanted_.overlapped) {
+            outputs_at_ = std::max(outputs_at_, inputs_at_ - inputs_base_);
+            inputs_at_ = outputs_at_ + inputs_base_;
+        }
         return p;
     }
     // Places the bit that reports mail of the slave.
@@ -157,26 +153,14 @@ class Layer {
 
   private:
     // Data without a place of its own follows the data before it.
-    Place place_at(const Slave& slave, const ImagePlace& fixed) {
-        const auto at = [&](std::uint32_t bit, std::uint64_t base, std::uint64_t next) {
-            return bit == ImagePlace::kNext ? next : base + bit;
-        };
-        const Place p{
-            extent(slave, wanted_.packing, Direction::outputs, at(fixed.outputs_bit, outputs_base_, outputs_at_)),
-            extent(slave, wanted_.packing, Direction::inputs, at(fixed.inputs_bit, inputs_base_, inputs_at_))};
-        if (!p.outputs.empty()) outputs_at_ = std::max(outputs_at_, p.outputs.end);
-        if (!p.inputs.empty()) inputs_at_ = std::max(inputs_at_, p.inputs.end);
-        if (!wanted_.overlapped) return p;
-        const std::uint64_t used = std::max(outputs_at_ - outputs_base_, inputs_at_ - inputs_base_);
-        outputs_at_ = outputs_base_ + used;
-        inputs_at_ = inputs_base_ + used;
-        return p;
+    [[gnu::noinline]] Extent place_one(const Slave& slave, Direction direction, std::uint32_t bit, std::uint64_t base,
+                                       std::uint64_t next) const {
+        return extent(slave, wanted_.packing, direction, bit == ImagePlace::kNext ? next : base + bit);
     }
 
     const GroupConfiguration& wanted_;
-    std::uint64_t outputs_base_;
     std::uint64_t inputs_base_;
-    std::uint64_t outputs_at_;
+    std::uint64_t outputs_at_ = 0;
     std::uint64_t inputs_at_;
     bool status_ = false;
 };
@@ -196,7 +180,7 @@ struct Halves {
     std::uint64_t status_bits = 0;  // the last bits of the inputs: mailbox status
 };
 Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
-    Layer layer(wanted, 0, 0);
+    Layer layer(wanted, 0);
     for (Slave& slave : slaves)
         if (slave.image.group == group) (void)layer.place(slave);
     const std::uint64_t outputs = up_to_octet(layer.outputs_end());
@@ -207,27 +191,28 @@ Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfigura
     return {{0, outputs}, {outputs, outputs + with_status}, with_status - inputs};
 }
 
-bool overlap(const ImagePart& a, const ImagePart& b) {
-    return a.bits != 0 && b.bits != 0 && a.offset_bits < b.offset_bits + b.bits &&
-           b.offset_bits < a.offset_bits + a.bits;
+// Whether data that was placed from outside is somewhere else, or shares bits with the data of another slave.
+[[gnu::noinline]] bool is_misplaced(std::span<const Slave> slaves, const Slave& slave, ImagePart SlaveImage::*which,
+                                    std::uint32_t wanted, std::uint32_t base) {
+    const ImagePart& part = slave.image.*which;
+    if (wanted == ImagePlace::kNext || part.bits == 0) return false;
+    if (part.offset_bits != base + wanted) return true;
+    return std::ranges::any_of(slaves, [&](const Slave& other) {
+        const ImagePart& there = other.image.*which;
+        return &other != &slave && other.image.group == slave.image.group && there.bits != 0 &&
+               part.offset_bits < there.offset_bits + there.bits && there.offset_bits < part.offset_bits + part.bits;
+    });
 }
 
 // Checks the places that were set from outside.
-Result<> check_places(std::span<Slave> slaves, std::uint8_t group, const Halves& halves) {
+Result<> check_places(std::span<const Slave> slaves, std::uint8_t group, const Halves& halves) {
+    const auto inputs = static_cast<std::uint32_t>(halves.inputs.begin);
     for (const Slave& slave : slaves) {
         if (slave.image.group != group) continue;
         const ImagePlace fixed = slave.config.place();
-        if (fixed.outputs_bit == ImagePlace::kNext && fixed.inputs_bit == ImagePlace::kNext) continue;
-        const SlaveImage& image = slave.image;
-        const auto moved = [](std::uint32_t wanted, std::uint64_t base, const ImagePart& part) {
-            return wanted != ImagePlace::kNext && part.bits != 0 && part.offset_bits != base + wanted;
-        };
-        bool wrong =
-            moved(fixed.outputs_bit, 0, image.outputs) || moved(fixed.inputs_bit, halves.inputs.begin, image.inputs);
-        for (const Slave& other : slaves)
-            wrong |= &other != &slave && other.image.group == group &&
-                     (overlap(image.outputs, other.image.outputs) || overlap(image.inputs, other.image.inputs));
-        if (!wrong) continue;
+        if (!is_misplaced(slaves, slave, &SlaveImage::outputs, fixed.outputs_bit, 0) &&
+            !is_misplaced(slaves, slave, &SlaveImage::inputs, fixed.inputs_bit, inputs))
+            continue;
         Error error = fault(Errc::invalid_argument, slave);
         error.detail = static_cast<std::uint32_t>(Argument::image_place);
         return error;
@@ -244,7 +229,7 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
         error.actual = static_cast<std::uint32_t>(room / 8);
         return error;
     };
-    Layer layer(wanted, 0, halves.inputs.begin);
+    Layer layer(wanted, halves.inputs.begin);
     for (Slave& slave : slaves) {
         if (slave.image.group != group) continue;
         const auto place = layer.place(slave);
