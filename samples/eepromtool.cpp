@@ -6,6 +6,7 @@
 #include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "common/xml_files.hpp"
 #include "wire/sii.hpp"
 
 #include <margay/host_context.hpp>
@@ -210,13 +211,48 @@ void add_commands(Arguments& arguments, Options& options) {
     alias.flag("--force", options.force, "write the alias although the old checksum is wrong");
 }
 
+struct EsiOptions {
+    std::string file{};
+    std::string type{};
+    std::string output{};
+};
+
+int make_image(const EsiOptions& options) {
+    const auto image = esi_image(options.file, options.type);
+    for (const std::string& remark : image.remarks) print_note("note: " + remark);
+    if (!image.error.empty()) return print_system_error(image.error);
+    if (options.output.empty()) {
+        write_out(sii_text(image.octets));
+        return 0;
+    }
+    const auto error = save_image(options.output, format_by_name(options.output), image.octets);
+    if (!error.empty()) return print_system_error(error);
+    if (options.output != "-")
+        print_out("{}: the image of {}, {} octets\n", options.output, image.type, image.octets.size());
+    return 0;
+}
+
+// This command needs no slave, and so no SOURCE.
+int run_esi(int argc, char** argv) {
+    EsiOptions options;
+    Arguments arguments("eepromtool esi",
+                        "Makes the EEPROM image (SII) of a device from its ESI file, and shows it or writes "
+                        "it into a file for `write`.");
+    arguments.positional("FILE", options.file, "the ESI file");
+    arguments.positional("TYPE", options.type, "order code or name of the device; not needed if the file describes one",
+                         Arguments::Presence::optional);
+    arguments.option("--output", options.output, "the file for the image; .hex is Intel HEX, - standard output");
+    return arguments.run(argc, argv, [&] { return make_image(options); });
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+    if (argc > 1 && std::string_view(argv[1]) == "esi") return run_esi(argc - 1, argv + 1);
     Options options;
     Arguments arguments("eepromtool",
                         "Reads, writes and shows the EEPROM (SII) of a slave. Puts the segment to PREOP. Do not use it "
-                        "while another master is running.");
+                        "while another master is running. `eepromtool esi --help`: images from ESI files.");
     add_source_arguments(arguments, options.source, ", or an image file to be used like an EEPROM (file:NAME)");
     arguments.positional("NUMBER", options.number, "the slave, 1 is the first; not needed with file:");
     add_commands(arguments, options);

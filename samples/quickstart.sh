@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 . samples/packages.sh
 
 need_packages g++ make cmake ccache libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev libtomlplusplus-dev \
-    libncurses-dev || exit 1
+    libncurses-dev libpugixml-dev || exit 1
 
 # A configured build folder keeps its settings. A folder with only a cache comes from a failed attempt: it is configured
 # again.

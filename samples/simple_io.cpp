@@ -6,6 +6,7 @@
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "common/xml_files.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
@@ -36,20 +37,22 @@ struct Options {
     bool count = false;       // write a counter to the outputs
     bool drives_too = false;  // to those of drives as well
     samples::PaceOptions pace;
+    std::string eni{};  // bring the segment up as this file says
 };
 
 constexpr Duration kReplyTimeout = std::chrono::microseconds(500);
 
 class SimpleIo {
   public:
-    SimpleIo(samples::Source& source, const Options& options) : source_(source), options_(options) {}
+    SimpleIo(samples::Source& source, const Options& options, const files::EniConfiguration* eni)
+        : source_(source), options_(options), eni_(eni) {}
 
     // Returns the exit code of the program.
     int run() {
         if (const auto ready = source_.begin(ctx_); !ready) return report_failure(ready.error());
-        const auto found = config_init(ctx_);
+        const auto found = samples::scan_by(ctx_, eni_);
         if (!found) return report_failure(found.error());
-        const auto bytes = config_map(ctx_, image_);
+        const auto bytes = samples::map_groups(ctx_, eni_, image_);
         if (!bytes) return report_failure(bytes.error());
         const Group& group = ctx_.group(0);
         print_out("{} slaves, {} octets out, {} in, {} frame{} a cycle, working counter {}\n", *found,
@@ -173,7 +176,8 @@ class SimpleIo {
 
     samples::Source& source_;
     const Options& options_;
-    HostContext ctx_{source_.limits(Limits{.slaves = 1024, .process_frames = 64})};
+    const files::EniConfiguration* eni_;  // nullptr: as the slaves say
+    HostContext ctx_{source_.limits(samples::with_room({.slaves = 1024, .process_frames = 64}, eni_))};
     std::array<std::byte, 65536> image_{};
     samples::CyclePace pace_{source_, ctx_, options_.pace};
     Duration round_trip_{};
@@ -188,7 +192,12 @@ int run(samples::Source& source, const Options& options) {
     // Line buffering: each event appears in a terminal or a log file at once.
     std::setvbuf(stdout, nullptr, _IOLBF, 0);
     samples::stop_at_signals();  // after a signal, too, the program puts the slaves to INIT before it ends
-    const auto program = std::make_unique<SimpleIo>(source, options);
+    samples::EniFile eni;
+    if (!options.eni.empty()) eni = samples::load_eni(options.eni);
+    if (eni.configuration && eni.configuration->groups.size() > 1)
+        eni.error = options.eni + ": has several Cyclic elements, and this program has one cycle";
+    if (!eni.error.empty()) return samples::fail(eni.error, samples::exit_code::kSystem);
+    const auto program = std::make_unique<SimpleIo>(source, options, eni.configuration ? &*eni.configuration : nullptr);
     return program->run();
 }
 
@@ -208,6 +217,7 @@ int main(int argc, char** argv) {
     arguments.flag("--drives-too", options.drives_too,
                    "write the counter to the outputs of drives, too. DANGER: drives are switched on and move",
                    "--count");
+    arguments.option("--eni", options.eni, "bring the segment up as this ENI file says");
     samples::add_pace_options(arguments, options.pace);
     return arguments.run(argc, argv, [&] {
         return run_on_source(options.source, [&](samples::Source& source) { return run(source, options); });

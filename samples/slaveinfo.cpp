@@ -5,12 +5,14 @@
 #include "common/program.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "common/xml_files.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
 #include <nlohmann/json.hpp>
 
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,9 @@ struct Options {
     bool cstruct = false;
     bool packed = false;
     bool sdo = false;
+    std::string eni{};
+    std::string write_eni{};
+    std::string write_esi{};
 };
 
 bool has_coe(const margay::Slave& slave) {
@@ -55,29 +60,66 @@ void print_segment(margay::Context& ctx, const Options& options, const margay::s
     if (map != nullptr) write_out("\n" + map_text(ctx, *map));
 }
 
+int save(const std::string& path, const margay::files::Written& written) {
+    using namespace margay::samples;
+    if (!written) return fail(written.error);
+    for (const std::string& remark : written.remarks) warn("warning: " + remark);
+    std::ofstream out(path, std::ios::binary);
+    out << written.text;
+    out.close();
+    return out ? 0 : fail(path + ": cannot be written", exit_code::kSystem);
+}
+
 // Maps all slaves, which puts them to SAFEOP, prints the process image, and puts the slaves back to PREOP.
-int map_and_print(margay::Context& ctx, const Options& options) {
+int map_and_print(margay::Context& ctx, const Options& options, const margay::files::EniConfiguration* eni) {
     using namespace margay::samples;
     std::vector<std::byte> image(std::size_t{1} << 20);
     if (options.packed) ctx.group(0).config.packing = margay::Packing::bits;
-    const auto mapped = margay::config_map(ctx, image);
+    const auto mapped = map_groups(ctx, eni, image);
     if (!mapped && !ctx.group(0).mapped) return fail(sentence(mapped.error()));
     const ProcessMap map = read_process_map(ctx);
     print_segment(ctx, options, &map);
+    const int status = options.write_eni.empty() ? 0 : save(options.write_eni, margay::files::write_eni(ctx));
     (void)margay::writestate(ctx, 0, margay::AlState::preop);
-    return 0;
+    return status;
+}
+
+// All slaves that were read, each kind once. The vendor of the file is that of the first slave.
+int write_esi(margay::Context& ctx, const std::string& path) {
+    using namespace margay;
+    files::EsiFile esi;
+    for (const Slave& slave : ctx.slaves()) {
+        auto device = files::describe_slave(ctx, slave.number);
+        if (!device) {
+            samples::warn(fmt::format("slave {}: {}", slave.number, to_text(device.problem)));
+            continue;
+        }
+        if (esi.vendor == 0) esi.vendor = device->identity.vendor;
+        const bool other = device->identity.vendor != esi.vendor;
+        if (other)
+            samples::warn(fmt::format("slave {} is of another vendor, and an ESI has one: left out", slave.number));
+        if (!other && files::find_device(esi, device->identity) == nullptr) esi.devices.push_back(std::move(*device));
+    }
+    esi.vendor_name = fmt::format("Vendor 0x{:08x}", esi.vendor);
+    return save(path, files::write_esi(esi));
 }
 
 int scan_and_print(margay::samples::Source& source, const Options& options) {
     using namespace margay::samples;
-    margay::HostContext ctx(source.limits(margay::Limits{.slaves = 2048, .process_frames = 256}));
+    EniFile eni;
+    if (!options.eni.empty()) eni = load_eni(options.eni);
+    if (!eni.error.empty()) return fail(eni.error, exit_code::kSystem);
+    const auto* plan = eni.configuration ? &*eni.configuration : nullptr;
+    margay::HostContext ctx(source.limits(with_room({.slaves = 2048, .process_frames = 256}, plan)));
     const auto ready = source.begin(ctx);
     if (!ready) return fail(sentence(ready.error()));
-    const auto found = margay::config_init(ctx);
+    const auto found = scan_by(ctx, plan);
     if (!found && found.error().slave == 0) return fail(sentence(found.error()));
     int status = 0;
-    if (options.map)
-        status = map_and_print(ctx, options);
+    if (!options.write_esi.empty()) status = write_esi(ctx, options.write_esi);
+    if (status != 0) return status;
+    if (options.map || !options.write_eni.empty())
+        status = map_and_print(ctx, options, plan);
     else
         print_segment(ctx, options, nullptr);
     while (const auto error = ctx.errors().take()) {
@@ -102,6 +144,10 @@ int main(int argc, char** argv) {
                    "read the object dictionary of every slave that has CoE, with values, and print it");
     arguments.flag("--cstruct", options.cstruct, "print the image as a header with a struct for C and C++", "--map");
     arguments.flag("--packed", options.packed, "pack process data bit by bit", "--map");
+    arguments.option("--eni", options.eni, "expect and configure the slaves as this ENI file says");
+    arguments.option("--write-eni", options.write_eni,
+                     "write the segment as an ENI file (slaves go to SAFEOP and back)");
+    arguments.option("--write-esi", options.write_esi, "write the slaves as an ESI file, by their SII and dictionary");
     return arguments.run(argc, argv, [&] {
         return run_on_source(options.source,
                              [&](margay::samples::Source& source) { return scan_and_print(source, options); });

@@ -241,6 +241,8 @@ std::string_view argument_text(Argument argument) {
         case Argument::file_time: return "answer_timeout and busy_timeout must be above zero";
         case Argument::sync_grid: return "ClockSettings::start_grid must be a whole multiple of the SYNC cycle";
         case Argument::aoe_time: return "a time of a notification must be 0 to 429 s";
+        case Argument::image_place:
+            return "SlaveSetup::place overlaps the data of another slave, or begins within an octet";
         case Argument::sdo_stream: return "there is no source or sink, or the size has more than 32 bits";
         case Argument::second_nic: return "the second NIC is the first one: a ring needs two";
         case Argument::sync_start: return "ClockSettings::start_time has returned a time that has passed";

@@ -135,4 +135,13 @@ bool inputs_fresh(Context& ctx, std::uint16_t slave) {
     return asked.image.group < groups.size() && is_fresh(groups[asked.image.group], asked);
 }
 
+PlannedDatagram process_datagram(Context& ctx, std::size_t n, std::uint8_t group) {
+    Master* master = master_of(ctx);
+    if (master == nullptr || group >= master->network.process.groups.size()) return {};
+    const ProcessGroup& mapped = master->network.process.groups[group];
+    if (!mapped.mapped || n >= mapped.datagrams.size()) return {};
+    const DatagramPlan& plan = mapped.plans[n];
+    return {static_cast<std::uint8_t>(plan.command), plan.address, plan.bytes, plan.frame};
+}
+
 }  // namespace margay

@@ -90,6 +90,15 @@ struct SyncSettings {
     std::int16_t processing_ns = -1;
 };
 
+// The place of a slave's data in the image of its group, set from outside, for example by an ENI file. Logical
+// addresses follow the image: the first output is at GroupConfiguration::start; so is the first input if the group is
+// overlapped, otherwise the inputs follow the outputs of all slaves.
+struct ImagePlace {
+    static constexpr std::uint32_t kNext = 0xFFFF'FFFF;  // behind the data of the slaves before it
+    std::uint32_t outputs_bit = kNext;                   // first bit of its outputs in the outputs of the image
+    std::uint32_t inputs_bit = kNext;                    // first bit of its inputs in the inputs of the image
+};
+
 // Settings beyond the sizes of the process data. One SlaveSetup may serve many slaves of the same kind. It and its
 // lists are the caller's memory, and must live as long as the configuration of any slave points to it.
 struct SlaveSetup {
@@ -101,6 +110,10 @@ struct SlaveSetup {
     StartupCommands startup{};
     SlaveTimes times{};
     SyncSettings dc{};
+    // Counts from the next config_map() on. config_map() refuses a place that overlaps the data of another slave of the
+    // group, or that is no place for the data (data of 8 bits or more, and all data of a group that is not packed bit
+    // by bit, begins on an octet): invalid_argument, Argument::image_place.
+    ImagePlace place{};
 };
 
 // The configuration of one slave.
@@ -151,6 +164,7 @@ struct SlaveConfiguration {
     [[nodiscard]] constexpr std::span<const ProcessSm> used_sms() const {
         return std::span(sms).first(sm_count < kProcessSms ? sm_count : kProcessSms);
     }
+    [[nodiscard]] constexpr ImagePlace place() const { return setup == nullptr ? ImagePlace{} : setup->place; }
     [[nodiscard]] constexpr SyncSettings dc() const { return setup == nullptr ? SyncSettings{} : setup->dc; }
     // Appends a SyncManager. Returns false if there are kProcessSms already.
     constexpr bool add(const ProcessSm& sm) {

@@ -339,6 +339,7 @@ enum class Argument : std::uint8_t {
     sync_start,      // ClockSettings::start_time has returned a time that has passed
     aoe_time,        // a time of an AoeAddNotification
     second_nic,      // the second NIC of init_redundant() is the first one
+    image_place,     // SlaveSetup::place: it overlaps other data, or begins within an octet where that is not possible
     sdo_stream,      // an SdoStream without source or sink, or a size that CoE cannot announce
 };
 

@@ -38,6 +38,7 @@ struct ExpectedSlave {
     std::optional<std::uint32_t> product{};
     std::optional<std::uint32_t> revision{};
     std::optional<std::uint32_t> serial{};
+    bool newer_revision = false;  // a slave with a greater revision than `revision` is accepted, too
     // The slave may be missing: that is no error, and its absence does not make a cycle of its group wrong.
     bool optional = false;
     // config_init() accepts another slave here than the described one: it reports the difference in errors(), and the

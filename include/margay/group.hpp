@@ -26,6 +26,14 @@ struct DatagramStatus {
     [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
 };
 
+// A datagram of process data as config_map() has planned it: see process_datagram().
+struct PlannedDatagram {
+    std::uint8_t command = 0;  // EtherCAT command: 10 LRD, 11 LWR, 12 LRW; 0: there is no such datagram
+    LogicalAddress address;
+    std::uint16_t bytes = 0;
+    std::uint16_t frame = 0;  // number of its frame in the cycle, the first is 0
+};
+
 // The result of a datagram that reads a register in each cycle.
 struct RegisterReading {
     bool came = false;         // its frame came back

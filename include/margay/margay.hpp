@@ -235,6 +235,9 @@ Result<std::uint32_t> receive_processdata(Context& ctx, Duration timeout, std::u
 // cycle, costs a few instructions for each datagram of the group.
 [[nodiscard]] bool inputs_fresh(Context& ctx, std::uint16_t slave);
 
+// Datagram `n` of a mapped group, in the order of group(number).datagrams. Never waits; callable from the cycle.
+[[nodiscard]] PlannedDatagram process_datagram(Context& ctx, std::size_t n, std::uint8_t group = 0);
+
 // Read and write the SII EEPROM of a slave by word address (see SiiReadRequest and SiiWriteRequest). Wait. Word 7 has
 // the checksum of the words 0 to 6 in its low octet: a program that writes one of these words also writes word 7, see
 // sii_checksum(). With a wrong checksum the ESC does not load its configuration at the next power-up.

@@ -75,10 +75,15 @@ struct StartupCommand {
     Moment moment = Moment::before;
     bool may_fail = false;         // an error is reported in errors() and does not stop the slave
     bool complete_access = false;  // of an object: read or write all subindices
+    // Of a register: success does not depend on the working counter, so that a slave that does not have the register or
+    // does not answer is no error.
+    bool any_counter = false;
     Transition transitions = Transition::none;
     std::uint16_t index = 0;  // index of the object, IDN, or address of the register
     std::uint8_t subindex = 0;
-    std::uint8_t length = 0;           // number of octets of `value`
+    std::uint8_t length = 0;  // number of octets of `value`
+    // Of a register: how often the access is repeated, 1 ms later, when the slave did not take part (working counter).
+    std::uint16_t retries = 0;
     std::array<std::byte, 8> value{};  // in the order of the wire, little-endian
     std::array<std::byte, 8> mask{};   // of check_register: the bits of the value that are compared
     Borrowed<std::byte> data{};        // for longer values, instead of `value`. The caller's memory

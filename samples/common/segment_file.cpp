@@ -2,6 +2,7 @@
 
 #include "common/ready_made.hpp"
 #include "common/segment_chip.hpp"
+#include "common/xml_files.hpp"
 
 #include "sim/devices.hpp"
 #include "sim/library/quirks.hpp"
@@ -56,9 +57,14 @@ std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& pat
     return bytes;
 }
 
-// Reads an SII image. Refuses content that cannot come from an EEPROM: an empty file, a text file, a folder, or a file
-// larger than any EEPROM.
+// Reads an SII image, or makes it of an ESI. Refuses content that cannot come from an EEPROM: an empty file, a text
+// file, a folder, or a file larger than any EEPROM.
 std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
+    if (names_esi(path.string())) {
+        auto made = esi_image(path.string());
+        image = std::move(made.octets);
+        return made.error;
+    }
     std::error_code ignored;
     if (std::filesystem::is_directory(path, ignored))
         return fmt::format("'{}' is a folder, not an SII image", path.string());

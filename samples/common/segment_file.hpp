@@ -36,7 +36,8 @@ class LoadedSegment {
 };
 
 // Loads a segment. `what` is the name of a ready-made segment such as "demo", the path of a description (*.toml), or
-// paths of SII images separated by commas, which form a line. `now` is the time when the segment is switched on.
+// paths of SII images or ESI files (FILE.xml, FILE.xml#TYPE) separated by commas, which form a line. `now` is the time
+// when the segment is switched on.
 [[nodiscard]] LoadedSegment load_segment(const std::string& what, Time now = Time{});
 
 // Loads a segment from the text of a description. Error texts call the description `origin`. Relative paths in it

@@ -46,7 +46,7 @@ std::string scan_refusal(Source& source) {
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
     arguments.positional("SOURCE", values.source,
                          "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment "
-                         "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin) or "
+                         "(sim:demo, sim:drives, sim:FILE.toml, sim:a.bin,b.bin, sim:a.xml) or "
                          "recording (pcap:FILE; it answers only what the recorded master asked, so it must be one that "
                          "this program made by --record)" +
                              more);

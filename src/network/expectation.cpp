@@ -154,9 +154,10 @@ Error difference(const Slave& slave, const ExpectedSlave& wanted) {
         return true;
     };
     const Identity& id = slave.identity;
+    const bool newer = wanted.newer_revision && id.revision > wanted.revision.value_or(id.revision);
     if (differs(wanted.product, id.product, IdentityField::product) ||
         differs(wanted.vendor, id.vendor, IdentityField::vendor) ||
-        differs(wanted.revision, id.revision, IdentityField::revision) ||
+        (!newer && differs(wanted.revision, id.revision, IdentityField::revision)) ||
         differs(wanted.serial, id.serial, IdentityField::serial) ||
         differs(wanted.alias, slave.alias, IdentityField::alias))
         return error;

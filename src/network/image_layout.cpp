@@ -106,8 +106,8 @@ std::uint16_t check_of_process_data(const Slave& slave) {
 // Places one slave after the other, then the mailbox status bits. Used twice: the first pass measures the outputs.
 class Layer {
   public:
-    Layer(const GroupConfiguration& wanted, std::uint64_t outputs_at, std::uint64_t inputs_at)
-        : wanted_(wanted), outputs_at_(outputs_at), inputs_at_(inputs_at) {}
+    Layer(const GroupConfiguration& wanted, std::uint64_t inputs_at)
+        : wanted_(wanted), inputs_base_(inputs_at), inputs_at_(inputs_at) {}
 
     [[nodiscard]] std::uint64_t outputs_end() const { return outputs_at_; }
     [[nodiscard]] std::uint64_t inputs_end() const { return inputs_at_; }
@@ -118,7 +118,9 @@ class Layer {
     };
     Place place(const Slave& slave) {
         Place p;
-        if (wanted_.overlapped) {
+        const ImagePlace fixed = slave.config.place();
+        const bool next = fixed.outputs_bit == ImagePlace::kNext && fixed.inputs_bit == ImagePlace::kNext;
+        if (wanted_.overlapped && next) {
             // Outputs and inputs start at the same bit of their halves, and so do those of the next slave.
             const std::uint64_t shift = inputs_at_ - outputs_at_;
             const auto outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
@@ -127,16 +129,17 @@ class Layer {
                 std::max(outputs.empty() ? outputs_at_ : outputs.begin, inputs.empty() ? outputs_at_ : inputs.begin);
             p.outputs = extent(slave, wanted_.packing, Direction::outputs, begin);
             p.inputs = extent(slave, wanted_.packing, Direction::inputs, begin + shift);
-            const std::uint64_t end =
-                std::max({outputs_at_, p.outputs.end, p.inputs.empty() ? 0 : p.inputs.end - shift});
-            outputs_at_ = end;
-            inputs_at_ = end + shift;
-            return p;
+        } else {
+            p.outputs = place_one(slave, Direction::outputs, fixed.outputs_bit, 0, outputs_at_);
+            p.inputs = place_one(slave, Direction::inputs, fixed.inputs_bit, inputs_base_, inputs_at_);
         }
-        p.outputs = extent(slave, wanted_.packing, Direction::outputs, outputs_at_);
-        p.inputs = extent(slave, wanted_.packing, Direction::inputs, inputs_at_);
-        if (!p.outputs.empty()) outputs_at_ = p.outputs.end;
-        if (!p.inputs.empty()) inputs_at_ = p.inputs.end;
+        // Slaves with places of their own need not be in the order of the image.
+        outputs_at_ = std::max(outputs_at_, p.outputs.end);
+        inputs_at_ = std::max(inputs_at_, p.inputs.end);
+        if (wanted_.overlapped) {
+            outputs_at_ = std::max(outputs_at_, inputs_at_ - inputs_base_);
+            inputs_at_ = outputs_at_ + inputs_base_;
+        }
         return p;
     }
     // Places the bit that reports mail of the slave.
@@ -149,8 +152,15 @@ class Layer {
     }
 
   private:
+    // Data without a place of its own follows the data before it.
+    [[gnu::noinline]] Extent place_one(const Slave& slave, Direction direction, std::uint32_t bit, std::uint64_t base,
+                                       std::uint64_t next) const {
+        return extent(slave, wanted_.packing, direction, bit == ImagePlace::kNext ? next : base + bit);
+    }
+
     const GroupConfiguration& wanted_;
-    std::uint64_t outputs_at_;
+    std::uint64_t inputs_base_;
+    std::uint64_t outputs_at_ = 0;
     std::uint64_t inputs_at_;
     bool status_ = false;
 };
@@ -170,7 +180,7 @@ struct Halves {
     std::uint64_t status_bits = 0;  // the last bits of the inputs: mailbox status
 };
 Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted) {
-    Layer layer(wanted, 0, 0);
+    Layer layer(wanted, 0);
     for (Slave& slave : slaves)
         if (slave.image.group == group) (void)layer.place(slave);
     const std::uint64_t outputs = up_to_octet(layer.outputs_end());
@@ -179,6 +189,35 @@ Halves measure(std::span<Slave> slaves, std::uint8_t group, const GroupConfigura
         if (slave.image.group == group && wants_mailbox_status(slave)) (void)layer.place_mailbox_status(slave);
     const std::uint64_t with_status = up_to_octet(layer.inputs_end());
     return {{0, outputs}, {outputs, outputs + with_status}, with_status - inputs};
+}
+
+// Whether data that was placed from outside is somewhere else, or shares bits with the data of another slave.
+[[gnu::noinline]] bool is_misplaced(std::span<const Slave> slaves, const Slave& slave, ImagePart SlaveImage::*which,
+                                    std::uint32_t wanted, std::uint32_t base) {
+    const ImagePart& part = slave.image.*which;
+    if (wanted == ImagePlace::kNext || part.bits == 0) return false;
+    if (part.offset_bits != base + wanted) return true;
+    return std::ranges::any_of(slaves, [&](const Slave& other) {
+        const ImagePart& there = other.image.*which;
+        return &other != &slave && other.image.group == slave.image.group && there.bits != 0 &&
+               part.offset_bits < there.offset_bits + there.bits && there.offset_bits < part.offset_bits + part.bits;
+    });
+}
+
+// Checks the places that were set from outside.
+Result<> check_places(std::span<const Slave> slaves, std::uint8_t group, const Halves& halves) {
+    const auto inputs = static_cast<std::uint32_t>(halves.inputs.begin);
+    for (const Slave& slave : slaves) {
+        if (slave.image.group != group) continue;
+        const ImagePlace fixed = slave.config.place();
+        if (!is_misplaced(slaves, slave, &SlaveImage::outputs, fixed.outputs_bit, 0) &&
+            !is_misplaced(slaves, slave, &SlaveImage::inputs, fixed.inputs_bit, inputs))
+            continue;
+        Error error = fault(Errc::invalid_argument, slave);
+        error.detail = static_cast<std::uint32_t>(Argument::image_place);
+        return error;
+    }
+    return Result<>();
 }
 
 Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfiguration& wanted,
@@ -190,7 +229,7 @@ Result<> place_all(std::span<Slave> slaves, std::uint8_t group, const GroupConfi
         error.actual = static_cast<std::uint32_t>(room / 8);
         return error;
     };
-    Layer layer(wanted, 0, halves.inputs.begin);
+    Layer layer(wanted, halves.inputs.begin);
     for (Slave& slave : slaves) {
         if (slave.image.group != group) continue;
         const auto place = layer.place(slave);
@@ -300,6 +339,7 @@ Result<ImageLayout> lay_out(std::span<Slave> slaves, std::uint8_t group, const G
     }
     const auto halves = measure(slaves, group, wanted);
     if (done) done = place_all(slaves, group, wanted, image, halves);
+    if (done) done = check_places(slaves, group, halves);
     if (!done) {
         for (Slave& slave : slaves)
             if (slave.image.group == group) slave.image = {};

@@ -115,6 +115,21 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
     }
 }
 
+// Repeats the access while the slave does not take part, as often as the command says.
+Task<Result<>> access_register(Station station, const StartupCommand& command) {
+    for (std::uint16_t left = command.retries;; --left) {
+        const bool writes = command.kind == StartupCommand::Kind::write_register;
+        auto done = co_await (writes ? write_register_of(station, command) : check_register_of(station, command));
+        const bool absent = done.error().code == Errc::working_counter;
+        if (absent && left != 0) {
+            co_await station.engine.sleep_for(kBetweenLooks);
+            continue;
+        }
+        if (absent && command.any_counter) co_return Nothing{};
+        co_return done;
+    }
+}
+
 MailPatience patience_of(Network& network, const Slave& slave, const StartupCommand& command) {
     if (command.timeout <= Duration{0}) return startup_patience(slave);
     return {.give_up = later(network.engine.now(), command.timeout), .each = command.timeout};
@@ -140,9 +155,8 @@ Task<Result<>> mail(Network& network, Slave& slave, const StartupCommand& comman
 Task<Result<>> run_one(Network& network, Slave& slave, const StartupCommand& command) {
     switch (command.kind) {
         case StartupCommand::Kind::write_register:
-            co_return co_await required(write_register_of(network.station(slave), command));
         case StartupCommand::Kind::check_register:
-            co_return co_await required(check_register_of(network.station(slave), command));
+            co_return co_await required(access_register(network.station(slave), command));
         case StartupCommand::Kind::write_object:
         case StartupCommand::Kind::write_parameter:
         case StartupCommand::Kind::execute_parameter: co_return co_await required(mail(network, slave, command));
@@ -202,7 +216,8 @@ std::uint32_t check_of_ip_commands(std::span<const StartupCommand> commands) {
     CheckValue check;
     for (const StartupCommand& command : commands) {
         if (!contains(command.transitions, Transition::init_to_preop)) continue;
-        const unsigned flags = (command.may_fail ? 1U : 0U) + (command.complete_access ? 2U : 0U);
+        const unsigned flags =
+            (command.may_fail ? 1U : 0U) + (command.complete_access ? 2U : 0U) + (command.any_counter ? 4U : 0U);
         for (const unsigned octet :
              {static_cast<unsigned>(command.kind), static_cast<unsigned>(command.moment), flags,
               unsigned{command.index}, command.index / 256U, unsigned{command.subindex}, unsigned{command.length}})

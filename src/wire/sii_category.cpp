@@ -25,6 +25,8 @@ std::size_t utf8_length(Bytes octets, std::size_t i) {
     return bad ? 0 : length;
 }
 
+}  // namespace
+
 bool is_utf8(Bytes octets) {
     for (std::size_t i = 0; i < octets.size();) {
         const auto length = utf8_length(octets, i);
@@ -33,8 +35,6 @@ bool is_utf8(Bytes octets) {
     }
     return true;
 }
-
-}  // namespace
 
 std::uint8_t string_count(Bytes strings) { return strings.empty() ? std::uint8_t{0} : load_le<std::uint8_t>(strings); }
 

@@ -21,6 +21,9 @@ using StringNumber = std::uint8_t;
 // The number of strings that the category announces.
 [[nodiscard]] std::uint8_t string_count(Bytes strings);
 
+// Whether the octets are valid UTF-8.
+[[nodiscard]] bool is_utf8(Bytes octets);
+
 // Writes the octets of a string as UTF-8 into `out` and returns the written part. Valid UTF-8 is not changed; other
 // octets are converted from ISO 8859-1. Control characters become '?', and spaces and zeros at the end are removed. The
 // result never ends within a character.

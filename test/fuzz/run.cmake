@@ -8,5 +8,10 @@ endif()
 set(found ${PROGRAM}.found)
 file(REMOVE_RECURSE ${found})
 file(MAKE_DIRECTORY ${found})
-execute_process(COMMAND ${PROGRAM} -runs=20000 -seed=1 -max_len=1600 -timeout=10 -artifact_prefix=${PROGRAM}.failed-
+# Files are longer than messages.
+set(most 1600)
+if(PROGRAM MATCHES "fuzz_(esi|eni)$")
+  set(most 12000)
+endif()
+execute_process(COMMAND ${PROGRAM} -runs=20000 -seed=1 -max_len=${most} -timeout=10 -artifact_prefix=${PROGRAM}.failed-
                         -print_final_stats=1 ${found} ${CORPUS} COMMAND_ERROR_IS_FATAL ANY)

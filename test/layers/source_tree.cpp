@@ -82,6 +82,7 @@ std::string layer_of(std::string_view path) {
     const auto below = [&](std::string_view top) {
         return folder == top || (folder.substr(0, top.size()) == top && folder[top.size()] == '/');
     };
+    if (below("include/margay/files")) return "files";  // the public headers of src/files
     if (below("include/margay")) return "include";
     if (below("samples")) return "samples";
     if (below("test")) return "test";

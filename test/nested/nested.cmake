@@ -63,6 +63,11 @@ if(TARGET margay_pcap)
   set_tests_properties(install/consumer_of_pcap_runs PROPERTIES FIXTURES_REQUIRED consumer)
 endif()
 
+if(TARGET margay_files)
+  add_test(NAME install/consumer_of_files_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_files)
+  set_tests_properties(install/consumer_of_files_runs PROPERTIES FIXTURES_REQUIRED consumer)
+endif()
+
 # The installation in another place.
 foreach(check pkg_config component programs)
   add_test(NAME install/moved_${check}

@@ -1,0 +1,109 @@
+// ENI files (ETG.2100): the configuration of a segment by a configuration tool. The reader makes the same plain data of
+// it that an application writes by hand: expected slaves with their configuration, groups, clocks.
+//
+//     const auto content = margay::files::read_file("machine.xml");
+//     const auto eni = margay::files::read_eni(content.octets);
+//     if (!eni) …;                                    // to_text(eni.problem) says where and why
+//     for (const auto& remark : eni.remarks) …;       // what of the file is not done, by line
+//     margay::HostContext ctx(eni->limits());
+//     … init() …
+//     margay::files::bring_up(ctx, *eni, image);      // expect(), config_init(), configdc(), config_map(): to SAFEOP
+//
+// For systems with a heap.
+//
+// What of a file the library does in its own way, so that its commands are not sent as they stand: the scan and the
+// station addresses (the library assigns its own), the access to the SII, requests and checks of AL states (their
+// timeouts are used), the mailbox SyncManagers (from the SII of the slave), clearing of FMMUs and SyncManagers, and the
+// clocks. All other init commands become start-up commands of their slaves; those that broadcast a value become one
+// command for each slave.
+#pragma once
+
+#include <margay/clocks.hpp>
+#include <margay/context.hpp>
+#include <margay/expected.hpp>
+#include <margay/files/text_place.hpp>
+#include <margay/group.hpp>
+#include <margay/host_configuration.hpp>
+#include <margay/limits.hpp>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace margay::files {
+
+// A slave of the file. `number` is that of the slave in the context after config_init().
+struct EniSlave {
+    std::uint16_t number = 0;
+    std::string name{};
+    std::uint32_t line = 0;
+    std::uint16_t station_address = 0;             // as in the file; the library assigns others. 0: not given
+    std::optional<std::uint16_t> ring_position{};  // as in the file, the first is 0
+    Identity identity{};
+};
+
+// A variable of the process image.
+struct EniVariable {
+    std::string name{};
+    std::string comment{};
+    std::string data_type{};
+    Direction direction = Direction::inputs;
+    std::uint32_t bits = 0;
+    std::uint32_t file_bit = 0;  // BitOffs in the image of the file
+    // The slave that the variable belongs to, and the first bit in the data of this slave (slave(n).image.inputs or
+    // .outputs). 0: the variable is not on the wire (some tools have variables for states of their own).
+    std::uint16_t slave = 0;
+    std::uint32_t bit = 0;
+};
+
+// A group: the slaves of one Cyclic element.
+struct EniGroup {
+    GroupConfiguration config{};
+    Duration cycle{0};  // 0: the file does not say it
+};
+
+// The configuration that the file describes. Owns all memory that the data points to: it must live as long as the
+// context uses it. It can be moved.
+struct EniConfiguration {
+    std::string master_name{};
+    std::vector<EniSlave> slaves{};  // in the order of the file
+    std::vector<EniGroup> groups{};
+    std::vector<EniVariable> variables{};
+    // The clocks, if the file uses distributed clocks.
+    std::optional<ClockSettings> clocks{};
+    std::uint32_t image_bytes = 0;  // enough for the images of all groups together
+    std::unique_ptr<HostConfiguration> owner = std::make_unique<HostConfiguration>();
+
+    [[nodiscard]] Borrowed<ExpectedSlave> expected() const { return owner->expected(); }
+    // A context with these limits has room for the slaves and groups of the file.
+    [[nodiscard]] Limits limits() const;
+    // nullptr: there is no such variable.
+    [[nodiscard]] const EniVariable* find(std::string_view name) const;
+};
+
+[[nodiscard]] Read<EniConfiguration> read_eni(std::string_view octets);
+
+// Sets the configuration of the groups and the list of expected slaves. Call it after init() and before config_init().
+// Errors: those of expect(), unknown_group (limits().groups).
+Result<> apply(Context& ctx, const EniConfiguration& eni);
+
+// Brings the segment to SAFEOP as the file says: apply(), config_init(), configdc() if the file uses clocks, and
+// config_map() of each group; `image` has at least eni.image_bytes octets and is divided between the groups. Returns
+// the first error, after which the segment can be used as after an error of the same function. Waits.
+Result<> bring_up(Context& ctx, const EniConfiguration& eni, std::span<std::byte> image);
+
+// What write_eni() writes beside the slaves.
+struct EniSettings {
+    std::string master_name = "Margay";
+    Duration cycle = std::chrono::milliseconds(1);
+};
+
+// Describes the segment of the context as an ENI: the slaves that config_init() has found, and of each mapped group its
+// process data, with the configuration in use. The slaves must be in SAFEOP or OP, because the function reads their
+// SyncManagers, FMMUs and SYNC registers. Waits. read_eni() of the text and bring_up() write the same registers again.
+[[nodiscard]] Written write_eni(Context& ctx, const EniSettings& settings = {});
+
+}  // namespace margay::files

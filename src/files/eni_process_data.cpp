@@ -1,0 +1,358 @@
+// The process data of the slaves of an ENI file, the Cyclic elements, and the variables.
+#include "files/eni_read.hpp"
+
+#include <algorithm>
+
+namespace margay::files {
+namespace {
+
+constexpr std::uint64_t up_to_octet(std::uint64_t bits) { return (bits + 7) / 8 * 8; }
+
+// The logical range of one SyncManager.
+struct Mapped {
+    const EniSm* sm = nullptr;
+    Direction direction = Direction::outputs;
+    std::uint64_t begin = 0;
+    std::uint64_t end = 0;
+};
+
+// Several FMMUs may map one SyncManager if they are contiguous in both address spaces.
+std::vector<Mapped> mapped_sms(Reader& r, const EniSlaveData& s) {
+    std::vector<Mapped> all;
+    for (const auto& [number, fmmu] : s.fmmus) {
+        const auto sm = std::ranges::find_if(s.sms, [&](const auto& one) {
+            const std::uint64_t begin = one.second.start * 8U;
+            return begin <= fmmu.physical_bit && fmmu.physical_bit < begin + one.second.bytes * 8U;
+        });
+        if (sm == s.sms.end()) {
+            r.fail(fmmu.node, "FMMU " + std::to_string(number) +
+                                  " maps memory of no SyncManager that the file sets, which "
+                                  "is not supported");
+            return {};
+        }
+        const Direction direction = fmmu.writes ? Direction::outputs : Direction::inputs;
+        const std::uint64_t into = fmmu.physical_bit - sm->second.start * 8U;
+        const auto same = std::ranges::find(all, &sm->second, &Mapped::sm);
+        if (same != all.end() && same->direction == direction && same->end == fmmu.begin_bit &&
+            same->end - same->begin == into) {
+            same->end = fmmu.end_bit;
+        } else if (same != all.end() || into != 0) {
+            r.fail(fmmu.node, "FMMU " + std::to_string(number) + " maps a part of SyncManager " +
+                                  std::to_string(sm->first) + " alone, which is not supported");
+            return {};
+        } else {
+            all.push_back({&sm->second, direction, fmmu.begin_bit, fmmu.end_bit});
+        }
+    }
+    std::ranges::sort(all, {}, [](const Mapped& m) { return std::pair(m.direction, m.begin); });
+    return all;
+}
+
+// The SyncManagers of a direction must follow each other as the library places them: each on a new octet.
+void check_order(Reader& r, const std::vector<Mapped>& all) {
+    for (std::size_t n = 1; n < all.size(); ++n)
+        if (all[n].direction == all[n - 1].direction && all[n].begin != up_to_octet(all[n - 1].end))
+            r.fail(all[n].sm->node,
+                   "SyncManager " + std::to_string(all[n].sm->number) +
+                       " does not follow the data of the one before it in logical address space, which "
+                       "is not supported");
+}
+
+std::uint32_t listed_bits(const EniSlaveData& s, std::uint8_t number) {
+    std::uint32_t bits = 0;
+    for (const SmPdos& list : s.lists)
+        if (list.sync_manager == number)
+            for (const Pdo& pdo : list.pdos)
+                for (const PdoEntry& entry : pdo.entries) bits += entry.bits;
+    return bits;
+}
+
+// A list that contradicts the SyncManager describes something else than what is exchanged.
+void drop_wrong_lists(Reader& r, EniSlaveData& s) {
+    std::erase_if(s.lists, [&](const SmPdos& list) {
+        const auto used = s.config.used_sms();
+        const auto sm = std::ranges::find(used, list.sync_manager, &ProcessSm::number);
+        const bool open = std::ranges::any_of(list.pdos, [](const Pdo& pdo) { return pdo.entries.empty(); });
+        if (sm == used.end()) return true;
+        const bool wrong = open || listed_bits(s, list.sync_manager) != sm->bits;
+        if (wrong)
+            r.remark(s.node, "the PDOs of SyncManager " + std::to_string(list.sync_manager) +
+                                 " have another size than the SyncManager, or no entries: they name no entries");
+        return wrong;
+    });
+}
+
+struct Span {
+    std::uint64_t begin = std::numeric_limits<std::uint64_t>::max();
+    std::uint64_t end = 0;
+    [[nodiscard]] bool empty() const { return end == 0; }
+    void add(std::uint64_t first, std::uint64_t last) {
+        begin = std::min(begin, first);
+        end = std::max(end, last);
+    }
+    [[nodiscard]] bool touches(const Span& other) const {
+        return !empty() && !other.empty() && begin < other.end && other.begin < end;
+    }
+};
+
+struct CyclicCmd {
+    Node node{};
+    EniCmd cmd = EniCmd::nop;
+    std::uint64_t begin = 0;  // bits
+    std::uint64_t end = 0;
+    std::optional<std::uint16_t> counter{};
+};
+
+class CycleReader {
+  public:
+    CycleReader(Reader& r, std::deque<EniSlaveData>& slaves, EniConfiguration& into)
+        : r_(r), slaves_(slaves), eni_(into) {}
+
+    void read(Node cyclic) {
+        const auto number = static_cast<std::uint8_t>(eni_.groups.size());
+        EniGroup group;
+        group.cycle = std::chrono::microseconds(r_.number<std::uint32_t>(child(cyclic, "CycleTime")));
+        commands_.clear();
+        for (const Node frame : cyclic.children("Frame"))
+            for (const Node node : frame.children("Cmd")) command(node, group);
+        if (!lay_out(number, group)) return;
+        eni_.groups.push_back(group);
+    }
+
+  private:
+    void command(Node node, EniGroup& group) {
+        const auto number = r_.required<std::uint8_t>(node, "Cmd");
+        const auto cmd = static_cast<EniCmd>(number);
+        if (number > static_cast<std::uint8_t>(EniCmd::frmw)) {
+            r_.fail(node, "Cmd is " + std::to_string(number) + ", which is no EtherCAT command");
+            return;
+        }
+        const auto ado = r_.number<std::uint16_t>(child(node, "Ado"));
+        auto length = static_cast<std::uint32_t>(r_.octets(child(node, "Data")).size());
+        if (length == 0) length = r_.number<std::uint16_t>(child(node, "DataLength"));
+        if (cmd == EniCmd::lrd || cmd == EniCmd::lwr || cmd == EniCmd::lrw) {
+            CyclicCmd one{.node = node, .cmd = cmd};
+            one.begin = std::uint64_t{r_.required<std::uint32_t>(node, "Addr")} * 8;
+            one.end = one.begin + std::uint64_t{length} * 8;
+            if (const Value counter = child(node, "Cnt"); counter.there)
+                one.counter = r_.number<std::uint16_t>(counter);
+            if (commands_.size() == 1024) r_.fail(node, "a Cyclic element has more than 1024 commands of process data");
+            if (!r_.failed()) commands_.push_back(one);
+            if (node.child("CopyInfos")) r_.remark(node.child("CopyInfos"), "copies (CopyInfos) are not supported");
+            return;
+        }
+        const bool time = ado == 0x0910 && (cmd == EniCmd::armw || cmd == EniCmd::frmw);
+        if (time) {
+            carries_time = true;
+            by_position = cmd == EniCmd::armw;
+            time_group = static_cast<std::uint8_t>(eni_.groups.size());
+        } else if (cmd == EniCmd::brd && ado == 0x0130) {
+            group.config.al_status = true;
+        } else if (cmd != EniCmd::nop && !(cmd == EniCmd::brd && ado == 0x092C)) {
+            // A NOP has no effect; the differences of the clocks are watched by the supervision.
+            r_.remark(node,
+                      "the cyclic command " + std::to_string(number) + " of register " + hex(ado) + " is not sent");
+        }
+    }
+
+    [[nodiscard]] bool in_a_command(std::uint64_t begin, std::uint64_t end, bool writes) const {
+        return std::ranges::any_of(commands_, [&](const CyclicCmd& one) {
+            const bool kind = one.cmd == EniCmd::lrw || (one.cmd == EniCmd::lwr) == writes;
+            return kind && begin < one.end && one.begin < end;
+        });
+    }
+
+    bool lay_out(std::uint8_t number, EniGroup& group) {
+        Span out;
+        Span in;
+        for (EniSlaveData& slave : slaves_) {
+            for (const auto& [index, fmmu] : slave.fmmus) {
+                if (!in_a_command(fmmu.begin_bit, fmmu.end_bit, fmmu.writes)) continue;
+                if (slave.group >= 0 && slave.group != number) {
+                    r_.fail(fmmu.node, "the slave is exchanged by two Cyclic elements, which is not supported");
+                    return false;
+                }
+                slave.group = number;
+                (fmmu.writes ? out : in).add(fmmu.begin_bit, fmmu.end_bit);
+                if (fmmu.begin_bit % 8 != 0 || fmmu.end_bit % 8 != 0) group.config.packing = Packing::bits;
+            }
+        }
+        const bool any = !out.empty() || !in.empty();
+        if (any) place(number, group, out, in);
+        return any || group.config.al_status;
+    }
+
+    void place(std::uint8_t number, EniGroup& group, Span out, Span in) {
+        group.config.overlapped = out.touches(in);
+        const std::uint64_t first = std::min(out.begin, in.begin) / 8 * 8;
+        const std::uint64_t outputs = out.empty() || group.config.overlapped ? first : out.begin / 8 * 8;
+        std::uint64_t inputs = in.empty() || group.config.overlapped ? first : in.begin / 8 * 8;
+        group.config.start = {
+            static_cast<std::uint32_t>(group.config.overlapped || out.empty() ? first / 8 : outputs / 8)};
+        const bool lrw = std::ranges::any_of(commands_, [](const CyclicCmd& c) { return c.cmd == EniCmd::lrw; });
+        group.config.block_lrw = !lrw;
+        if (!out.empty() && !in.empty() && !group.config.overlapped && inputs != up_to_octet(out.end))
+            r_.remark(commands_.front().node, "the inputs are at logical address " + hex(inputs / 8, 8) +
+                                                  " in the file; the library exchanges "
+                                                  "them behind the outputs, at " +
+                                                  hex(up_to_octet(out.end) / 8, 8));
+        for (EniSlaveData& slave : slaves_) {
+            if (slave.group != number) continue;
+            slave.config.group = number;
+            for (const auto& [index, fmmu] : slave.fmmus) {
+                std::uint32_t& bit = fmmu.writes ? slave.setup.place.outputs_bit : slave.setup.place.inputs_bit;
+                const auto here = static_cast<std::uint32_t>(fmmu.begin_bit - (fmmu.writes ? outputs : inputs));
+                bit = std::min(bit, here);  // kNext is the greatest value
+            }
+        }
+        const std::uint64_t octets = group.config.overlapped ? 2 * (up_to_octet(std::max(out.end, in.end)) - first)
+                                                             : (out.empty() ? 0 : up_to_octet(out.end) - outputs) +
+                                                                   (in.empty() ? 0 : up_to_octet(in.end) - inputs);
+        constexpr std::uint64_t kMost = std::uint64_t{64} * 1024 * 1024 * 8;
+        if (octets > kMost) r_.fail(commands_.front().node, "the process image has more than 64 MiB");
+        bytes += octets / 8;
+        check_counters(number);
+    }
+
+    // The counters of the file against those that the library expects (ETG.1000.4, working counter).
+    void check_counters(std::uint8_t number) {
+        for (const CyclicCmd& one : commands_) {
+            if (!one.counter) continue;
+            unsigned sum = 0;
+            for (const EniSlaveData& slave : slaves_) {
+                bool reads = false;
+                bool writes = false;
+                for (const auto& [index, fmmu] : slave.fmmus) {
+                    if (slave.group != number || fmmu.begin_bit >= one.end || one.begin >= fmmu.end_bit) continue;
+                    reads |= fmmu.reads && one.cmd != EniCmd::lwr;
+                    writes |= fmmu.writes && one.cmd != EniCmd::lrd;
+                }
+                sum += (reads ? 1U : 0U) + (writes ? (one.cmd == EniCmd::lrw ? 2U : 1U) : 0U);
+            }
+            if (sum != *one.counter)
+                r_.remark(one.node, "Cnt is " + std::to_string(*one.counter) + ", and the FMMUs of the slaves give " +
+                                        std::to_string(sum) + ": the library expects what the FMMUs give");
+        }
+    }
+
+    Reader& r_;
+    std::deque<EniSlaveData>& slaves_;
+    EniConfiguration& eni_;
+    std::vector<CyclicCmd> commands_;
+
+  public:
+    bool carries_time = false;
+    bool by_position = false;
+    std::uint8_t time_group = 0;
+    std::uint64_t bytes = 0;
+};
+
+// The places of the slaves' data in one half of the image of the file.
+class Places {
+  public:
+    Places(const std::deque<EniSlaveData>& slaves, Direction direction) {
+        for (const EniSlaveData& s : slaves) {
+            std::uint32_t before = 0;
+            for (const EniBits& part : direction == Direction::outputs ? s.outputs : s.inputs) {
+                places_.push_back({part.begin, part.bits, before, s.slave.number});
+                before += part.bits;
+            }
+        }
+        std::ranges::sort(places_, {}, &Place::begin);
+    }
+    void find(EniVariable& variable) const {
+        const auto behind = std::ranges::upper_bound(places_, variable.file_bit, {}, &Place::begin);
+        if (behind == places_.begin()) return;
+        const Place& place = *std::prev(behind);
+        if (std::uint64_t{variable.file_bit} + variable.bits > std::uint64_t{place.begin} + place.bits) return;
+        variable.slave = place.slave;
+        variable.bit = place.before + (variable.file_bit - place.begin);
+    }
+
+  private:
+    struct Place {
+        std::uint32_t begin = 0;
+        std::uint32_t bits = 0;
+        std::uint32_t before = 0;
+        std::uint16_t slave = 0;
+    };
+    std::vector<Place> places_;
+};
+
+}  // namespace
+
+void make_process_data(Reader& r, EniSlaveData& s) {
+    if (!s.has_inits) return;
+    const std::vector<Mapped> all = mapped_sms(r, s);
+    check_order(r, all);
+    if (r.failed()) return;
+    s.config.source = ConfigurationSource::file;
+    for (const Mapped& one : all) {
+        const auto bits = static_cast<std::uint32_t>(one.end - one.begin);
+        if ((bits + 7) / 8 != one.sm->bytes) {
+            r.fail(one.sm->node, "SyncManager " + std::to_string(one.sm->number) + " has " +
+                                     std::to_string(one.sm->bytes) + " octets, and its FMMU maps " +
+                                     std::to_string(bits) + " bits");
+            return;
+        }
+        if (one.sm->number >= Slave::kSyncManagers || one.sm->activate != 1)
+            r.fail(one.sm->node, "SyncManager " + std::to_string(one.sm->number) +
+                                     " is not supported: its number is above 7, or its activate octet is not 1");
+        // The FMMU of a slave without bit operation maps whole octets; the PDOs say how many bits there are.
+        const std::uint32_t listed = listed_bits(s, one.sm->number);
+        const bool fits = listed != 0 && (listed + 7) / 8 == one.sm->bytes && bits % 8 == 0;
+        if (!s.config.add({one.sm->number, one.direction, one.sm->control, one.sm->start, fits ? listed : bits}))
+            r.fail(one.sm->node, "a slave has more than 8 SyncManagers of process data");
+    }
+    for (const auto& [number, sm] : s.sms)
+        if (sm.bytes != 0 && sm.activate != 0 && std::ranges::find(all, &sm, &Mapped::sm) == all.end() && number > 1)
+            r.remark(sm.node, "no FMMU maps SyncManager " + std::to_string(number) + ": it is not configured");
+    drop_wrong_lists(r, s);
+    s.config.fixed_pdos = true;  // the start-up commands of the file write them
+}
+
+void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, EniConfiguration& into) {
+    CycleReader cycles(r, slaves, into);
+    for (const Node cyclic : config.children("Cyclic")) {
+        if (into.groups.size() == 256) {
+            r.fail(cyclic, "there are more than 256 Cyclic elements");
+            return;
+        }
+        cycles.read(cyclic);
+        if (r.failed()) return;
+    }
+    into.image_bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(cycles.bytes, 0xFFFF'FFFF));
+    bool wanted = cycles.carries_time;
+    for (const EniSlaveData& s : slaves) wanted |= s.uses_clock;
+    if (!wanted) return;
+    ClockSettings clocks{.group = cycles.time_group, .by_position = cycles.by_position};
+    if (!into.groups.empty() && into.groups[clocks.group].cycle > Duration{0})
+        clocks.cycle = into.groups[clocks.group].cycle;
+    for (const EniSlaveData& s : slaves) {
+        if (s.reference_clock && clocks.reference == 0) clocks.reference = s.slave.number;
+        // Files without CycleTime: the cycle is that of the slaves' SYNC0.
+        const bool said = !into.groups.empty() && into.groups[clocks.group].cycle > Duration{0};
+        if (!said && s.uses_clock && s.setup.dc.sync0_cycle > Duration{0}) clocks.cycle = s.setup.dc.sync0_cycle;
+    }
+    into.clocks = clocks;
+}
+
+void read_eni_variables(Reader& r, Node config, const std::deque<EniSlaveData>& slaves, EniConfiguration& into) {
+    const Node image = config.child("ProcessImage");
+    for (const auto& [name, direction] :
+         {std::pair{"Inputs", Direction::inputs}, std::pair{"Outputs", Direction::outputs}}) {
+        const Places places(slaves, direction);
+        for (const Node node : image.child(name).children("Variable")) {
+            EniVariable variable{.name = Reader::text(child(node, "Name")),
+                                 .comment = Reader::text(child(node, "Comment")),
+                                 .data_type = Reader::text(child(node, "DataType")),
+                                 .direction = direction};
+            variable.bits = r.required<std::uint32_t>(node, "BitSize");
+            variable.file_bit = r.required<std::uint32_t>(node, "BitOffs");
+            places.find(variable);
+            into.variables.push_back(std::move(variable));
+        }
+    }
+}
+
+}  // namespace margay::files

@@ -1,0 +1,326 @@
+// One slave of an ENI file.
+#include "files/eni_read.hpp"
+#include "files/esi_read.hpp"
+#include "wire/fmmu.hpp"
+#include "wire/sync_manager.hpp"
+
+#include <algorithm>
+#include <charconv>
+
+namespace margay::files {
+namespace {
+
+namespace reg = wire::reg;
+
+constexpr std::uint16_t kMailboxStatus = 0x080D;  // status of SyncManager 1
+
+void read_info(Reader& r, Node info, EniSlaveData& s) {
+    s.slave.name = Reader::text(child(info, "Name"));
+    s.slave.identity = {
+        r.number<std::uint32_t>(child(info, "VendorId")), r.number<std::uint32_t>(child(info, "ProductCode")),
+        r.number<std::uint32_t>(child(info, "RevisionNo")), r.number<std::uint32_t>(child(info, "SerialNo"))};
+    s.slave.station_address = r.number<std::uint16_t>(child(info, "PhysAddr"));
+    if (const Value position = child(info, "AutoIncAddr"); position.there)
+        s.slave.ring_position = static_cast<std::uint16_t>(-r.number<std::uint16_t>(position));
+    const Node id = info.child("Identification");
+    if (!attribute(id, "Value").there) return;
+    const auto value = r.number<std::uint16_t>(attribute(id, "Value"));
+    const auto ado = r.number<std::uint16_t>(child(id, "Ado").there ? child(id, "Ado") : attribute(id, "Ado"));
+    if (ado == reg::kStationAlias.address)
+        s.expected.alias = value;
+    else
+        s.expected.device_id = value;
+}
+
+// The identity that the init commands check: a command that gives the SII a word address, then one that reads the data.
+class IdentityChecks {
+  public:
+    void see(Reader& r, const EniInit& init, EniSlaveData& s) {
+        constexpr std::uint16_t kControl = 0x0502;
+        constexpr std::uint16_t kData = 0x0508;
+        if (init.ado == kControl && init.writes() && init.data.size() >= 6)
+            word_ = static_cast<std::uint32_t>(init.value(2, 4));
+        if (init.ado != kData || !init.validates || init.wanted.size() < 4) return;
+        std::uint32_t value = 0;
+        for (unsigned n = 0; n < 4; ++n) value |= std::to_integer<std::uint32_t>(init.wanted[n]) << (8 * n);
+        any = true;
+        if (init.at_least && word_ != 0x0C)
+            r.remark(init.node, "EQ_OR_G is supported for the revision only: the value is compared for equality");
+        switch (word_) {
+            case 0x08: s.expected.vendor = value; return;
+            case 0x0A: s.expected.product = value; return;
+            case 0x0C:
+                s.expected.revision = value;
+                s.expected.newer_revision = init.at_least;
+                return;
+            case 0x0E: s.expected.serial = value; return;
+            default: r.remark(init.node, "the check of SII word " + hex(word_) + " is not supported");
+        }
+    }
+    bool any = false;
+
+  private:
+    std::uint32_t word_ = 0;
+};
+
+// How long the file waits for states.
+void read_times(const EniInit& init, SlaveTimes& times) {
+    if (init.ado != reg::kAlStatus.address || !init.validates) return;
+    const auto set = [&](Transition one, Duration& into) {
+        if (contains(init.transitions, one)) into = std::max(into, init.timeout);
+    };
+    // The command of IP that checks INIT has the same time as the one that checks PREOP.
+    set(Transition::init_to_preop, times.to_preop);
+    set(Transition::preop_to_safeop, times.to_safeop);
+    set(Transition::safeop_to_op, times.to_op);
+    for (const Transition down : {Transition::op_to_safeop, Transition::op_to_preop, Transition::op_to_init,
+                                  Transition::safeop_to_preop, Transition::safeop_to_init, Transition::preop_to_init})
+        set(down, times.down);
+}
+
+void see_fmmus(Reader& r, const EniInit& init, EniSlaveData& s) {
+    if (!init.writes() || init.is_zero()) return;
+    const std::size_t offset = init.ado - reg::kFmmuBase;
+    if (offset % reg::kFmmuStride != 0 || init.data.size() % reg::kFmmuStride != 0) {
+        r.fail(init.node, "an init command writes a part of an FMMU, which is not supported");
+        return;
+    }
+    for (std::size_t at = 0; at < init.data.size(); at += reg::kFmmuStride) {
+        const wire::Fmmu f = wire::load_fmmu(std::span(init.data).subspan(at, reg::kFmmuStride));
+        const std::uint64_t first = std::uint64_t{f.logical_start.value} * 8;
+        const EniFmmu fmmu{.node = init.node,
+                           .begin_bit = first + f.logical_start_bit,
+                           .end_bit = first + (std::uint64_t{f.length_bytes} - 1) * 8 + f.logical_end_bit + 1U,
+                           .physical_bit = std::uint64_t{f.physical_start} * 8 + f.physical_start_bit,
+                           .reads = f.read,
+                           .writes = f.write};
+        if (!f.active) continue;
+        if (f.physical_start == kMailboxStatus) {
+            s.config.mailbox_status = true;
+            continue;
+        }
+        const auto number = static_cast<unsigned>((offset + at) / reg::kFmmuStride);
+        if (f.length_bytes == 0 || f.logical_start_bit > 7 || f.logical_end_bit > 7 || f.physical_start_bit > 7 ||
+            fmmu.end_bit <= fmmu.begin_bit || f.read == f.write)
+            r.fail(init.node, "FMMU " + std::to_string(number) +
+                                  " has values that no FMMU of process data has: length, bits or direction are wrong");
+        s.fmmus[number] = fmmu;
+    }
+}
+
+void see_sync_managers(Reader& r, const EniInit& init, EniSlaveData& s) {
+    if (!init.writes() || !contains(init.transitions, Transition::preop_to_safeop)) return;
+    const std::size_t offset = init.ado - reg::kSyncManagerBase;
+    if (init.is_zero()) return;
+    if (offset % reg::kSyncManagerStride != 0 || init.data.size() % reg::kSyncManagerStride != 0) {
+        r.fail(init.node, "an init command writes a part of a SyncManager, which is not supported");
+        return;
+    }
+    for (std::size_t at = 0; at < init.data.size(); at += reg::kSyncManagerStride) {
+        const auto number = static_cast<std::uint8_t>((offset + at) / reg::kSyncManagerStride);
+        const auto octet = [&](std::size_t n) { return static_cast<std::uint8_t>(init.value(at + n, 1)); };
+        s.sms[number] = {init.node,
+                         number,
+                         static_cast<std::uint16_t>(init.value(at, 2)),
+                         static_cast<std::uint16_t>(init.value(at + 2, 2)),
+                         octet(4),
+                         octet(6)};
+    }
+}
+
+void see_sync(const EniInit& init, EniSlaveData& s) {
+    if (!init.writes() || !contains(init.transitions, Transition::preop_to_safeop)) return;
+    SyncSettings& dc = s.setup.dc;
+    // Any of the two registers, or both, may be written.
+    const auto covers = [&](std::uint16_t address) {
+        return init.ado <= address && address < init.ado + init.data.size();
+    };
+    const auto at = [&](std::uint16_t address, std::size_t octets) { return init.value(address - init.ado, octets); };
+    if (covers(0x0980) || covers(0x0981)) {
+        std::uint64_t value = s.uses_clock ? dc.assign_activate : 0;
+        if (covers(0x0980)) value = (value & 0xFF00) | at(0x0980, 1);
+        if (covers(0x0981)) value = (value & 0x00FF) | at(0x0981, 1) << 8;
+        dc.assign_activate = static_cast<std::uint16_t>(value);
+        s.uses_clock = value != 0;
+        dc.source = value != 0 ? SyncSettings::Source::application : SyncSettings::Source::none;
+    }
+    if (covers(0x09A0)) dc.sync0_cycle = Duration(static_cast<std::int64_t>(at(0x09A0, 4)));
+    if (covers(0x09A4)) dc.sync1_cycle = Duration(static_cast<std::int64_t>(at(0x09A4, 4)));
+}
+
+void read_dc(Reader& r, Node dc, EniSlaveData& s) {
+    s.reference_clock = r.boolean(child(dc, "ReferenceClock"));
+    const auto cycle0 = r.number<std::uint32_t>(child(dc, "CycleTime0"));
+    s.setup.dc.shift = Duration(r.number<std::int32_t>(child(dc, "ShiftTime")));
+    if (s.setup.dc.sync0_cycle < Duration{0} && cycle0 != 0) s.setup.dc.sync0_cycle = Duration(cycle0);
+}
+
+void read_inits(Reader& r, Node node, EniSlaveData& s) {
+    const std::vector<EniInit> inits = read_eni_inits(r, node);
+    s.has_inits = !inits.empty();
+    IdentityChecks checks;
+    for (const EniInit& init : inits) {
+        const bool by_position = init.cmd == EniCmd::aprd || init.cmd == EniCmd::apwr;
+        const bool by_station = init.cmd == EniCmd::fprd || init.cmd == EniCmd::fpwr;
+        const bool other =
+            (by_position && s.slave.ring_position && static_cast<std::uint16_t>(-init.adp) != *s.slave.ring_position) ||
+            (by_station && s.slave.station_address != 0 && init.adp != s.slave.station_address);
+        if (other) {
+            r.remark(init.node, "an init command of this slave addresses another slave, " + std::to_string(init.adp) +
+                                    ", and is not sent");
+            continue;
+        }
+        checks.see(r, init, s);
+        read_times(init, s.setup.times);
+        if (init.ado >= reg::kFmmuBase && init.ado < reg::kFmmuBase + 0x100) see_fmmus(r, init, s);
+        if (init.ado >= reg::kSyncManagerBase && init.ado < reg::kSyncManagerBase + 0x80) see_sync_managers(r, init, s);
+        if (init.ado >= 0x0980 && init.ado < 0x09B0) see_sync(init, s);
+        add_register_command(r, init, s);
+    }
+    if (checks.any) return;
+    // A file without checks still says which slave it is made for.
+    if (s.slave.identity.vendor != 0) s.expected.vendor = s.slave.identity.vendor;
+    if (s.slave.identity.product != 0) s.expected.product = s.slave.identity.product;
+}
+
+void read_coe(Reader& r, Node protocol, EniSlaveData& s) {
+    for (const Node node : protocol.child("InitCmds").children("InitCmd")) {
+        if (r.boolean(child(node, "Disabled"))) continue;
+        StartupCommand command{.kind = StartupCommand::Kind::write_object};
+        command.transitions = read_transitions(r, node);
+        command.index = r.required<std::uint16_t>(node, "Index");
+        command.subindex = r.number<std::uint8_t>(child(node, "SubIndex"));
+        command.complete_access = r.boolean(attribute(node, "CompleteAccess"));
+        command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+        std::vector<std::byte> data = r.octets(child(node, "Data"));
+        if (command.complete_access && command.subindex > 1)
+            r.fail(node, "complete access begins at subindex 0 or 1, and not " + std::to_string(command.subindex));
+        if (data.empty()) {
+            r.remark(node, "the CoE command for " + hex(command.index) + " has no data: it is not sent");
+            continue;
+        }
+        if (command.transitions == Transition::none) continue;
+        command.data = Borrowed<std::byte>(std::span<const std::byte>(s.octets.emplace_back(std::move(data))));
+        s.mail.push_back(command);
+    }
+}
+
+void read_soe(Reader& r, Node protocol, EniSlaveData& s) {
+    for (const Node node : protocol.child("InitCmds").children("InitCmd")) {
+        if (r.boolean(child(node, "Disabled"))) continue;
+        StartupCommand command{.kind = StartupCommand::Kind::write_parameter};
+        command.transitions = read_transitions(r, node);
+        command.index = r.required<std::uint16_t>(node, "IDN");
+        command.subindex = r.number<std::uint8_t>(child(node, "DriveNo"));
+        command.timeout = std::chrono::milliseconds(r.number<std::uint32_t>(child(node, "Timeout")));
+        std::vector<std::byte> data = r.octets(child(node, "Data"));
+        constexpr unsigned kWriteRequest = 3;
+        const Value code = child(node, "OpCode");
+        if (data.empty() || (code.there && r.number<std::uint8_t>(code) != kWriteRequest) || command.subindex > 7) {
+            r.remark(node,
+                     "the SoE command for IDN " + hex(command.index) + " is not supported: only writing a value is");
+            continue;
+        }
+        if (command.transitions == Transition::none) continue;
+        command.data = Borrowed<std::byte>(std::span<const std::byte>(s.octets.emplace_back(std::move(data))));
+        s.mail.push_back(command);
+    }
+}
+
+void read_mailbox(Reader& r, Node mailbox, EniSlaveData& s) {
+    read_coe(r, mailbox.child("CoE"), s);
+    read_soe(r, mailbox.child("SoE"), s);
+    for (const char* name : {"EoE", "AoE", "FoE", "VoE"})
+        for (const Node node : mailbox.child(name).child("InitCmds").children("InitCmd"))
+            r.remark(node, std::string("the start-up command of ") + name + " is not supported and not sent");
+    if (child(mailbox.child("AoE"), "NetId").there)
+        r.remark(mailbox.child("AoE"), "the AoE NetId is not given to the slave");
+}
+
+// The PDOs that SyncManager `number` has by Sm<n>/Pdo; without such a list those with the attribute Sm.
+void read_pdos(Reader& r, Node data, EniSlaveData& s) {
+    std::map<std::uint16_t, EsiPdo> known;
+    std::map<unsigned, std::vector<std::uint16_t>> assigned;
+    for (const EsiPdo& pdo : read_esi_pdos(r, data)) {
+        if (pdo.sync_manager) assigned[*pdo.sync_manager].push_back(pdo.index);
+        known.emplace(pdo.index, pdo);
+    }
+    for (const Node sm : data.children()) {
+        const std::string_view name = sm.name();
+        if (name.size() != 3 || !name.starts_with("Sm") || name[2] < '0' || name[2] > '9') continue;
+        if (!sm.child("Pdo")) continue;
+        auto& list = assigned[static_cast<unsigned>(name[2] - '0')];
+        list.clear();
+        for (const Node pdo : sm.children("Pdo")) list.push_back(r.number<std::uint16_t>(content(pdo)));
+    }
+    for (const auto& [number, list] : assigned) {
+        auto& pdos = s.pdos.emplace_back();
+        for (const std::uint16_t index : list) {
+            auto& entries = s.entries.emplace_back();
+            if (const auto pdo = known.find(index); pdo != known.end() && r.expand(data, pdo->second.entries.size()))
+                for (const EsiEntry& entry : pdo->second.entries)
+                    if (entry.bits <= 255)
+                        entries.push_back({entry.index, entry.index == 0 ? std::uint8_t{0} : entry.subindex,
+                                           static_cast<std::uint8_t>(entry.bits)});
+            pdos.push_back({index, std::span<const PdoEntry>(entries)});
+        }
+        s.lists.push_back({static_cast<std::uint8_t>(number), std::span<const Pdo>(pdos)});
+    }
+}
+
+void read_hot_connect(Reader& r, Node node, EniSlaveData& s) {
+    for (const Node identify : node.children("IdentifyCmd")) {
+        const auto ado = r.number<std::uint16_t>(child(identify, "Ado"));
+        const Node validate = identify.child("Validate");
+        const std::vector<std::byte> wanted = r.octets(child(validate, "Data"));
+        if (wanted.size() < 2 || (ado != reg::kStationAlias.address && ado != reg::kAlStatusCode.address)) {
+            if (validate && ado != 0x0508)  // a check of the identity by the SII
+                r.remark(identify,
+                         "this way to identify a hot connect group is not supported: only the registers "
+                         "0x0012 and 0x0134 are");
+            continue;
+        }
+        const auto value = static_cast<std::uint16_t>(std::to_integer<unsigned>(wanted[0]) |
+                                                      std::to_integer<unsigned>(wanted[1]) << 8);
+        (ado == reg::kStationAlias.address ? s.expected.alias : s.expected.device_id) = value;
+    }
+    if (!s.expected.alias && !s.expected.device_id)
+        r.fail(node,
+               "the head of the hot connect group is identified neither by its alias (0x0012) nor by its device id "
+               "(0x0134)");
+}
+
+std::vector<EniBits> read_bits(Reader& r, Node data, const char* name) {
+    std::vector<EniBits> all;
+    for (const Node node : data.children(name))
+        all.push_back(
+            {r.number<std::uint32_t>(child(node, "BitStart")), r.number<std::uint32_t>(child(node, "BitLength"))});
+    return all;
+}
+
+}  // namespace
+
+EniSlaveData read_eni_slave(Reader& r, Node node, std::uint16_t position) {
+    EniSlaveData s{.node = node};
+    s.slave.line = r.line_of(node);
+    const Node info = node.child("Info");
+    if (!info) r.fail(node, "Slave has no Info");
+    read_info(r, info, s);
+    if (!s.slave.ring_position) s.slave.ring_position = position;
+    read_inits(r, node, s);
+    const Node data = node.child("ProcessData");
+    s.outputs = read_bits(r, data, "Send");
+    s.inputs = read_bits(r, data, "Recv");
+    read_pdos(r, data, s);
+    if (const Node mailbox = node.child("Mailbox")) {
+        read_mailbox(r, mailbox, s);
+        if (child(mailbox.child("Recv"), "StatusBitAddr").there) s.config.mailbox_status = true;
+    } else if (s.has_inits) {
+        s.config.no_mailbox = true;
+    }
+    if (const Node dc = node.child("DC")) read_dc(r, dc, s);
+    if (const Node hot = node.child("HotConnect")) read_hot_connect(r, hot, s);
+    return s;
+}
+
+}  // namespace margay::files

@@ -1,0 +1,30 @@
+// The parts of the writer of ENI files.
+#pragma once
+
+#include "files/xml_writer.hpp"
+
+#include <margay/context.hpp>
+
+#include <array>
+
+namespace margay::files {
+
+// What a slave has in its registers.
+struct SlaveRegisters {
+    std::uint16_t station = 0;
+    std::vector<std::byte> fmmus{};
+    std::vector<std::byte> sms{};
+    std::array<std::byte, 2> assign_activate{};
+    std::array<std::byte, 8> cycles{};
+    bool sync = false;
+};
+
+// The init commands of a slave. Returns what of its configuration an ENI cannot express, a sentence each.
+[[nodiscard]] std::vector<std::string> write_slave_inits(Node parent, const Slave& slave,
+                                                         const SlaveRegisters& registers);
+// The start-up commands by mailbox, and the PDOs that are written.
+void write_mail_commands(Node mailbox, const Slave& slave);
+// Reads the SII up to its end mark; returns an error in words.
+[[nodiscard]] std::string read_sii_image(Context& ctx, std::uint16_t slave, std::vector<std::byte>& image);
+
+}  // namespace margay::files

@@ -1,0 +1,304 @@
+#include "files/xml.hpp"
+
+#include "wire/sii_category.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+
+namespace margay::files {
+namespace {
+
+bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
+
+std::string_view trimmed(std::string_view text) {
+    while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+    while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+    return text;
+}
+
+char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; }
+
+int digit(char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    const char l = lower(c);
+    return l >= 'a' && l <= 'f' ? l - 'a' + 10 : -1;
+}
+
+bool has_prefix(std::string_view text, std::string_view prefix) {
+    return text.size() >= prefix.size() && same_word(text.substr(0, prefix.size()), prefix);
+}
+
+std::string quoted(std::string_view text) {
+    constexpr std::size_t kMost = 40;
+    std::string q = "'";
+    for (const char c : text.substr(0, kMost)) q += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    while (text.size() > kMost && (static_cast<unsigned char>(q.back()) & 0xC0) == 0x80)
+        q.pop_back();  // whole characters
+    return q + (text.size() > kMost ? "…'" : "'");
+}
+
+// The name of the encoding in the XML declaration, in lower case; empty: there is none.
+std::string declared_encoding(std::string_view octets) {
+    if (!octets.starts_with("<?xml")) return {};
+    const std::string_view declaration = octets.substr(0, octets.find("?>"));
+    const auto at = declaration.find("encoding");
+    if (at == std::string_view::npos) return {};
+    const auto begin = declaration.find_first_of("'\"", at);
+    if (begin == std::string_view::npos) return {};
+    const auto end = declaration.find(declaration[begin], begin + 1);
+    if (end == std::string_view::npos) return {};
+    std::string name(declaration.substr(begin + 1, end - begin - 1));
+    std::ranges::transform(name, name.begin(), lower);
+    return name;
+}
+
+std::string from_latin1(std::string_view octets) {
+    std::string utf8;
+    utf8.reserve(octets.size() + octets.size() / 16);
+    for (const char c : octets) {
+        const auto octet = static_cast<unsigned char>(c);
+        if (octet < 0x80) {
+            utf8 += c;
+        } else {
+            utf8 += static_cast<char>(0xC0 | (octet >> 6));
+            utf8 += static_cast<char>(0x80 | (octet & 0x3F));
+        }
+    }
+    return utf8;
+}
+
+}  // namespace
+
+std::string to_text(const Remark& remark) {
+    if (remark.line == 0) return remark.text;
+    return "line " + std::to_string(remark.line) + ", column " + std::to_string(remark.column) + ": " + remark.text;
+}
+
+FileContent read_file(const std::string& path, std::size_t most_bytes) {
+    std::ifstream in(path, std::ios::binary);
+    if (!in) return {.error = path + ": cannot be opened"};
+    FileContent content;
+    std::vector<char> block(65536);
+    while (in.read(block.data(), static_cast<std::streamsize>(block.size())) || in.gcount() > 0) {
+        content.octets.append(block.data(), static_cast<std::size_t>(in.gcount()));
+        if (content.octets.size() > most_bytes)
+            return {.error = path + ": has more than " + std::to_string(most_bytes) + " octets"};
+    }
+    if (in.bad() || content.octets.empty()) return {.error = path + ": cannot be read, or is empty"};
+    return content;
+}
+
+std::string hex(std::uint64_t value, int digits) {
+    char text[24];
+    const int n = std::snprintf(text, sizeof(text), "0x%0*llx", digits, static_cast<unsigned long long>(value));
+    return {text, static_cast<std::size_t>(n)};
+}
+
+bool same_word(std::string_view a, std::string_view b) {
+    return std::ranges::equal(a, b, [](char x, char y) { return lower(x) == lower(y); });
+}
+
+Value content(Node node) {
+    const std::string_view text = trimmed(node.text().get());
+    return {node, node.name(), text, node && !text.empty()};
+}
+
+Value child(Node node, const char* name) { return content(node.child(name)); }
+
+Value attribute(Node node, const char* name) {
+    const auto found = node.attribute(name);
+    const std::string_view text = trimmed(found.value());
+    return {node, std::string("attribute ") + name + " of " + node.name(), text, found && !text.empty()};
+}
+
+Number parse_number(std::string_view text) {
+    text = trimmed(text);
+    Number number;
+    if (!text.empty() && (text.front() == '+' || text.front() == '-')) {
+        number.negative = text.front() == '-';
+        text.remove_prefix(1);
+    }
+    int base = 10;
+    for (const std::string_view prefix : {"#x", "0x"}) {
+        if (!has_prefix(text, prefix)) continue;
+        number.odd_notation = base == 16;
+        base = 16;
+        text.remove_prefix(prefix.size());
+    }
+    const char* const end = text.data() + text.size();
+    const auto [stopped, error] = std::from_chars(text.data(), end, number.magnitude, base);
+    number.valid = error == std::errc{} && stopped == end;
+    return number;
+}
+
+Remark Reader::remark_at(Node at, std::string text) const {
+    const std::ptrdiff_t offset = at ? at.offset_debug() : -1;
+    if (offset < 0) return {.text = std::move(text)};
+    const auto line = std::ranges::upper_bound(lines_, static_cast<std::size_t>(offset));
+    const auto number = static_cast<std::uint32_t>(line - lines_.begin());
+    return {number, static_cast<std::uint32_t>(static_cast<std::size_t>(offset) - *std::prev(line) + 1),
+            std::move(text)};
+}
+
+void Reader::remark(Node at, std::string text) {
+    if (remarks_.size() == kMostRemarks) remarks_.push_back({.text = "there are more remarks than are listed"});
+    if (remarks_.size() > kMostRemarks) return;
+    remarks_.push_back(remark_at(at, std::move(text)));
+}
+
+void Reader::fail(Node at, std::string text) {
+    if (failed_) return;
+    failed_ = true;
+    problem_ = remark_at(at, std::move(text));
+}
+
+bool Reader::expand(Node at, std::size_t count) {
+    constexpr std::size_t kMost = 1'000'000;
+    if (count <= kMost - expanded_) {
+        expanded_ += count;
+        return true;
+    }
+    fail(at, "the file stands for more than " + std::to_string(kMost) + " commands, subindices and entries");
+    return false;
+}
+
+Remark Reader::take_problem() {
+    failed_ = false;
+    return std::move(problem_);
+}
+
+bool Reader::refuse(std::size_t offset, std::string text) {
+    const auto line = std::ranges::upper_bound(lines_, offset);
+    failed_ = true;
+    problem_ = {static_cast<std::uint32_t>(line - lines_.begin()),
+                static_cast<std::uint32_t>(offset - *std::prev(line) + 1), std::move(text)};
+    return false;
+}
+
+bool Reader::open(std::string_view octets) {
+    lines_ = {0};
+    if (octets.starts_with("\xEF\xBB\xBF")) octets.remove_prefix(3);
+    if (octets.starts_with("\xFF\xFE") || octets.starts_with("\xFE\xFF"))
+        return refuse(0, "the file is UTF-16, which is not supported: convert it to UTF-8");
+    if (const auto zero = octets.find('\0'); zero != std::string_view::npos) {
+        for (std::size_t n = 0; n < zero; ++n)
+            if (octets[n] == '\n') lines_.push_back(n + 1);
+        return refuse(zero, "a zero octet is no XML");
+    }
+    const std::string encoding = declared_encoding(octets);
+    const bool latin1 = encoding == "iso-8859-1" || encoding == "latin1" || encoding == "windows-1252";
+    if (!latin1 && !encoding.empty() && encoding != "utf-8" && encoding != "us-ascii")
+        return refuse(0, "the encoding " + quoted(encoding) + " is not supported: convert the file to UTF-8");
+    const bool wrong = !latin1 && !wire::sii::is_utf8(std::as_bytes(std::span(octets)));
+    text_ = latin1 || wrong ? from_latin1(octets) : std::string(octets);
+    for (std::size_t n = 0; n < text_.size(); ++n)
+        if (text_[n] == '\n') lines_.push_back(n + 1);
+    constexpr unsigned kWanted = pugi::parse_default | pugi::parse_doctype;
+    const auto parsed = document_.load_buffer(text_.data(), text_.size(), kWanted, pugi::encoding_utf8);
+    if (!parsed)
+        return refuse(std::min(static_cast<std::size_t>(std::max<std::ptrdiff_t>(parsed.offset, 0)), text_.size()),
+                      std::string("no well-formed XML: ") + parsed.description());
+    if (!check_tree()) return false;
+    if (wrong) remark({}, "the file is declared or taken as UTF-8 and is not: it is read as ISO 8859-1");
+    return true;
+}
+
+// Visits the tree without recursion.
+bool Reader::check_tree() {
+    unsigned depth = 0;
+    Node at = document_;
+    for (;;) {
+        if (at.type() == pugi::node_doctype) {
+            const auto offset = at.offset_debug();
+            return refuse(offset < 0 ? 0 : static_cast<std::size_t>(offset),
+                          "a document type (DOCTYPE, entities of its own) is not accepted");
+        }
+        if (at.first_child()) {
+            at = at.first_child();
+            if (++depth > kMostDepth) {
+                fail(at, "elements are nested deeper than " + std::to_string(kMostDepth) + " levels");
+                return false;
+            }
+            continue;
+        }
+        while (at && !at.next_sibling()) {
+            at = at.parent();
+            if (depth > 0) --depth;
+        }
+        if (!at) break;
+        at = at.next_sibling();
+    }
+    return root() || refuse(0, "the file has no element");
+}
+
+Number Reader::checked_number(const Value& value) {
+    const Number number = parse_number(value.text);
+    if (!number.valid) fail(value.at, value.name + " is " + quoted(value.text) + ", which is no number of 64 bits");
+    if (number.valid && number.odd_notation)
+        remark(value.at,
+               value.name + " has two prefixes, " + quoted(value.text) + ": read as " + hex(number.magnitude));
+    return number;
+}
+
+std::uint64_t Reader::unsigned_number(const Value& value, std::uint64_t fallback, std::uint64_t most) {
+    if (!value.there) return fallback;
+    const Number number = checked_number(value);
+    if (!number.valid) return fallback;
+    if ((!number.negative || number.magnitude == 0) && number.magnitude <= most) return number.magnitude;
+    fail(value.at, value.name + " is " + quoted(value.text) + ", which is not between 0 and " + std::to_string(most));
+    return fallback;
+}
+
+std::int64_t Reader::signed_number(const Value& value, std::int64_t fallback, std::int64_t least, std::int64_t most) {
+    if (!value.there) return fallback;
+    const Number number = checked_number(value);
+    if (!number.valid) return fallback;
+    constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+    if (number.magnitude <= kMost) {
+        const auto magnitude = static_cast<std::int64_t>(number.magnitude);
+        const std::int64_t signed_value = number.negative ? -magnitude : magnitude;
+        if (signed_value >= least && signed_value <= most) return signed_value;
+    }
+    fail(value.at, value.name + " is " + quoted(value.text) + ", which is not between " + std::to_string(least) +
+                       " and " + std::to_string(most));
+    return fallback;
+}
+
+bool Reader::boolean(const Value& value, bool fallback) {
+    if (!value.there) return fallback;
+    if (value.text == "1" || same_word(value.text, "true")) return true;
+    if (value.text == "0" || same_word(value.text, "false")) return false;
+    fail(value.at, value.name + " is " + quoted(value.text) + ", which is neither true nor false");
+    return fallback;
+}
+
+std::vector<std::byte> Reader::octets(const Value& value) {
+    std::vector<std::byte> result;
+    int high = -1;
+    for (const char c : value.text) {
+        if (is_blank(c)) continue;
+        const int d = digit(c);
+        if (d < 0) {
+            fail(value.at, value.name + " has '" + (static_cast<unsigned char>(c) < 0x80 ? std::string(1, c) : "…") +
+                               "', which is no hexadecimal digit");
+            return {};
+        }
+        if (high < 0) {
+            high = d;
+        } else {
+            result.push_back(static_cast<std::byte>(high * 16 + d));
+            high = -1;
+        }
+    }
+    if (high >= 0) {
+        fail(value.at, value.name + " has an odd number of hexadecimal digits");
+        return {};
+    }
+    return result;
+}
+
+}  // namespace margay::files

@@ -1,0 +1,221 @@
+// A scan, the ENI that is written of it, and bringing the same segment up by that ENI: the slaves have the same
+// registers.
+#include <margay/files/eni.hpp>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+#include <margay/master_clock.hpp>
+
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "sim/devices.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay::files {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::string words(const Error& error) {
+    std::array<char, 400> text{};
+    return std::string(describe(error, text));
+}
+
+// A segment of simulated devices and a master, as after power-up.
+struct Machine {
+    explicit Machine(const std::vector<std::string>& devices, const Limits& limits = {}) : ctx(limits) {
+        for (const std::string& name : devices) {
+            auto device = sim::make_device(name);
+            const auto n = segment.add(std::move(*device).assemble());
+            n == 0 ? segment.connect_master({0, 0}) : segment.connect({n - 1, 1}, {n, 0});
+        }
+        segment.power_up(osal.now());
+        EXPECT_TRUE(init(ctx, nic, osal));
+    }
+    [[nodiscard]] std::vector<std::byte> registers(std::uint32_t n) {
+        std::vector<std::byte> all;
+        const auto add = [&](std::uint16_t address, std::size_t octets) {
+            const auto some = segment.slave(n).peek(address, static_cast<std::uint16_t>(octets));
+            all.insert(all.end(), some.begin(), some.end());
+        };
+        add(0x0600, 0x80);
+        for (std::uint16_t sm = 0; sm < 8; ++sm) {
+            add(static_cast<std::uint16_t>(0x0800 + 8 * sm), 5);  // start, length, control
+            add(static_cast<std::uint16_t>(0x0806 + 8 * sm), 1);  // activate
+        }
+        add(0x0980, 2);
+        add(0x09A0, 8);
+        return all;
+    }
+    // With clocks the frames pass half a cycle before SYNC0.
+    [[nodiscard]] bool to_op(Duration cycle) {
+        MasterClock clock({.set_value = -cycle / 2, .phase = {.cycle = cycle}});
+        const auto op =
+            reach(ctx, AlState::op, 10s, {.period = cycle, .clock = reference_clock(ctx) != 0 ? &clock : nullptr});
+        EXPECT_TRUE(op) << words(op.error());
+        return op.ok();
+    }
+
+    VirtualOsal osal;
+    sim::Segment segment;
+    SimulatedNic nic{segment, osal};
+    HostContext ctx;
+    std::vector<std::byte> image = std::vector<std::byte>(4096);
+};
+
+// Writes the ENI of `first`, brings a new machine up by it and compares the registers of all slaves.
+void expect_same(Machine& first, const std::vector<std::string>& devices, Duration cycle = 1ms) {
+    const Written written = write_eni(first.ctx, {.cycle = cycle});
+    ASSERT_TRUE(written) << written.error;
+    auto eni = read_eni(written.text);
+    ASSERT_TRUE(eni) << to_text(eni.problem) << "\n" << written.text;
+    for (const Remark& remark : eni.remarks) ADD_FAILURE() << to_text(remark);
+    EXPECT_EQ(eni->slaves.size(), devices.size());
+    Machine second(devices, eni->limits());
+    const auto up = bring_up(second.ctx, *eni, second.image);
+    ASSERT_TRUE(up) << words(up.error());
+    for (std::uint32_t n = 0; n < devices.size(); ++n) {
+        EXPECT_EQ(first.registers(n), second.registers(n)) << "slave " << n + 1;
+        EXPECT_EQ(first.ctx.slave(n + 1).image.outputs.offset_bits, second.ctx.slave(n + 1).image.outputs.offset_bits);
+        EXPECT_EQ(first.ctx.slave(n + 1).image.inputs.offset_bits, second.ctx.slave(n + 1).image.inputs.offset_bits);
+    }
+    EXPECT_EQ(first.ctx.group(0).expected_wkc, second.ctx.group(0).expected_wkc);
+    EXPECT_TRUE(second.to_op(cycle));
+}
+
+const std::vector<std::string> kDevices{"coupler", "digital_in_8", "digital_out_8", "analog_in_4", "drive"};
+
+TEST(EniRoundTrip, TheSameRegisters) {
+    Machine machine(kDevices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    expect_same(machine, kDevices);
+}
+
+TEST(EniRoundTrip, PackedBitByBitAndOverlapped) {
+    for (const bool overlapped : {false, true}) {
+        Machine machine(kDevices);
+        machine.ctx.group(0).config = {.start = {0x0102'0000}, .packing = Packing::bits, .overlapped = overlapped};
+        ASSERT_TRUE(config_init(machine.ctx));
+        ASSERT_TRUE(config_map(machine.ctx, machine.image));
+        expect_same(machine, kDevices);
+    }
+}
+
+TEST(EniRoundTrip, WithClocksStartUpCommandsAndPdos) {
+    static constexpr StartupCommand kCommands[] = {
+        write_object(Transition::preop_to_safeop, 0x6060, 0, std::int8_t{8}),
+        write_register(Transition::preop_to_safeop, 0x0F80, std::uint16_t{0x1234})};
+    static constexpr SlaveSetup kSetup{.startup = kCommands,
+                                       .dc = {.source = SyncSettings::Source::application, .shift = 100us}};
+    const std::vector<std::string> devices{"coupler", "drive", "drive"};
+    Machine machine(devices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    machine.ctx.slave(2).config.setup = &kSetup;
+    ASSERT_TRUE(configdc(machine.ctx, {.cycle = 2ms}));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const Written written = write_eni(machine.ctx, {.cycle = 2ms});
+    const auto eni = read_eni(written.text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_TRUE(eni->clocks);
+    EXPECT_EQ(eni->clocks->cycle, 2ms);
+    const SlaveConfiguration& config = *eni->expected()[1].config;
+    EXPECT_EQ(config.dc().assign_activate, 0x0300);
+    EXPECT_EQ(config.dc().shift, Duration(100us));
+    ASSERT_EQ(config.startup().size(), 2U);
+    EXPECT_EQ(config.startup()[0].index, 0x6060);
+    EXPECT_EQ(config.startup()[1].index, 0x0F80);
+    expect_same(machine, devices, 2ms);
+}
+
+TEST(EniRoundTrip, VariablesLeadToTheDataOfTheirSlaves) {
+    Machine machine(kDevices);
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const auto eni = read_eni(write_eni(machine.ctx).text);
+    ASSERT_TRUE(eni) << to_text(eni.problem);
+    ASSERT_FALSE(eni->variables.empty());
+    std::uint32_t bits = 0;
+    for (const EniVariable& one : eni->variables) {
+        ASSERT_NE(one.slave, 0) << one.name;
+        const SlaveImage& image = machine.ctx.slave(one.slave).image;
+        const ImagePart& part = one.direction == Direction::outputs ? image.outputs : image.inputs;
+        EXPECT_LE(one.bit + one.bits, part.bits) << one.name;
+        EXPECT_EQ(one.name.substr(0, 6), "Slave_");
+        EXPECT_EQ(eni->find(one.name), &one) << one.name;
+        bits += one.bits;
+    }
+    EXPECT_GT(bits, 100U);
+}
+
+TEST(EniBringUp, AnotherSlaveIsAnError) {
+    Machine machine({"coupler", "digital_in_8"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    ASSERT_TRUE(config_map(machine.ctx, machine.image));
+    const auto eni = read_eni(write_eni(machine.ctx).text);
+    ASSERT_TRUE(eni);
+    Machine other({"coupler", "digital_out_8"});
+    const auto up = bring_up(other.ctx, *eni, other.image);
+    ASSERT_FALSE(up);
+    EXPECT_EQ(up.error().code, Errc::other_slave);
+    EXPECT_EQ(up.error().slave, 2);
+}
+
+TEST(EniBringUp, AWriteThatNobodyAnswersIsRepeatedAndMayBeIgnored) {
+    // No chip of the simulation has memory at 0xF000: the working counter is 0.
+    for (const bool any : {false, true}) {
+        Machine machine({"coupler", "digital_in_8"});
+        StartupCommand command = write_register(Transition::preop_to_safeop, 0xF000, std::uint16_t{1});
+        command.retries = 3;
+        command.any_counter = any;
+        const SlaveSetup setup{.startup = std::span<const StartupCommand>(&command, 1)};
+        ASSERT_TRUE(config_init(machine.ctx));
+        machine.ctx.slave(2).config.setup = &setup;
+        const Time before = machine.osal.now();
+        const auto mapped = config_map(machine.ctx, machine.image);
+        EXPECT_EQ(mapped.ok(), any) << words(mapped.error());
+        EXPECT_GE(machine.osal.now() - before, Duration(3ms));
+    }
+}
+
+TEST(EniBringUp, AGreaterRevisionIsAcceptedWhereTheFileSaysSo) {
+    std::uint32_t revision = 0;
+    {
+        Machine machine({"digital_in_8"});
+        ASSERT_TRUE(config_init(machine.ctx));
+        revision = machine.ctx.slave(1).identity.revision;
+        ASSERT_GT(revision, 0U);
+    }
+    for (const bool newer : {false, true})
+        for (const std::uint32_t wanted : {revision - 1, revision, revision + 1}) {
+            Machine machine({"digital_in_8"});
+            const ExpectedSlave expected[] = {{.number = 1, .revision = wanted, .newer_revision = newer}};
+            ASSERT_TRUE(expect(machine.ctx, expected));
+            const bool right = wanted == revision || (newer && wanted < revision);
+            EXPECT_EQ(config_init(machine.ctx).ok(), right) << wanted << " wanted, " << revision << " found";
+        }
+}
+
+TEST(ImagePlaces, AreTakenAndChecked) {
+    Machine machine({"coupler", "digital_out_8", "digital_out_8"});
+    ASSERT_TRUE(config_init(machine.ctx));
+    SlaveSetup first{.place = {.outputs_bit = 64}};
+    const SlaveSetup second{.place = {.outputs_bit = 8}};
+    machine.ctx.slave(2).config.setup = &first;
+    machine.ctx.slave(3).config.setup = &second;
+    const auto used = config_map(machine.ctx, machine.image);
+    ASSERT_TRUE(used) << words(used.error());
+    EXPECT_EQ(*used, 9U);
+    EXPECT_EQ(machine.ctx.slave(2).image.outputs.offset_bits, 64U);
+    EXPECT_EQ(machine.ctx.slave(3).image.outputs.offset_bits, 8U);
+    for (const std::uint32_t wrong : {8U, 12U}) {  // the place of slave 3; within an octet
+        first.place.outputs_bit = wrong;
+        const auto refused = config_map(machine.ctx, machine.image);
+        ASSERT_FALSE(refused);
+        EXPECT_EQ(refused.error().code, Errc::invalid_argument);
+        EXPECT_EQ(refused.error().detail, static_cast<std::uint32_t>(Argument::image_place));
+    }
+}
+
+}  // namespace
+}  // namespace margay::files

@@ -1,0 +1,229 @@
+// ESI files: what is read, what is refused and where, and what becomes of a device.
+#include <margay/files/esi.hpp>
+#include <margay/host_configuration.hpp>
+
+#include "files/examples.hpp"
+
+#include <gtest/gtest.h>
+
+namespace margay::files {
+namespace {
+
+Read<EsiFile> read_example(const std::string& replace = {}, const std::string& by = {}) {
+    std::string text = kExampleEsi;
+    if (!replace.empty()) {
+        const auto at = text.find(replace);
+        EXPECT_NE(at, std::string::npos);
+        text.replace(at, replace.size(), by);
+    }
+    return read_esi(text);
+}
+
+std::string problem(const std::string& replace, const std::string& by) {
+    const auto esi = read_example(replace, by);
+    return esi ? std::string("read") : to_text(esi.problem);
+}
+
+TEST(EsiReader, ReadsADeviceCompletely) {
+    const auto esi = read_example();
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    EXPECT_EQ(esi->vendor, 0x0F00U);
+    EXPECT_EQ(esi->vendor_name, "Example works");
+    ASSERT_EQ(esi->devices.size(), 1U);
+    const EsiDevice& device = esi->devices[0];
+    EXPECT_EQ(device.type, "EX100");
+    EXPECT_EQ(device.name, "Drive 100 µm");  // English, though German comes first
+    EXPECT_EQ(device.group_name, "Drives");
+    EXPECT_EQ(device.identity, (Identity{0x0F00, 0x1234, 0x00020001, 0}));
+    EXPECT_EQ(device.revision_check, RevisionCheck::equal_or_greater);
+    EXPECT_EQ(device.ports[0], PortType::mii);
+    EXPECT_EQ(device.ports[2], PortType::ebus);
+    EXPECT_EQ(device.ports[1], PortType::not_implemented);
+    EXPECT_EQ(device.ebus_current_ma, 70);  // 070 is decimal
+    EXPECT_EQ(device.times.to_preop, std::chrono::seconds(3));
+    EXPECT_EQ(device.times.to_op, std::chrono::seconds(9));
+    ASSERT_EQ(device.sync_managers.size(), 4U);
+    EXPECT_EQ(device.sync_managers[2].type, SmType::outputs);
+    EXPECT_EQ(device.sync_managers[2].start, 0x1100);
+    EXPECT_EQ(device.sync_managers[2].control, 0x64);
+    EXPECT_TRUE(device.sync_managers[2].enabled);
+    ASSERT_EQ(device.fmmus.size(), 3U);
+    EXPECT_EQ(device.fmmus[2].use, FmmuUse::mailbox_status);
+    ASSERT_EQ(device.pdos.size(), 3U);
+    EXPECT_EQ(device.pdos[0].index, 0x1600);
+    EXPECT_EQ(device.pdos[0].sync_manager, 2);
+    ASSERT_EQ(device.pdos[0].entries.size(), 3U);
+    EXPECT_EQ(device.pdos[0].entries[0].name, "Control word");
+    EXPECT_EQ(device.pdos[0].entries[1].index, 0);
+    EXPECT_EQ(device.pdos[0].bits(), 16U + 8 + 32);
+    EXPECT_FALSE(device.pdos[1].sync_manager);
+    EXPECT_EQ(device.pdos[1].excludes, std::vector<std::uint16_t>{0x1600});
+    ASSERT_TRUE(device.mailbox);
+    EXPECT_EQ(device.mailbox->protocols, mailbox_protocol::kCoE | mailbox_protocol::kFoE);
+    EXPECT_EQ(device.mailbox->coe_details, coe_detail::kSdo | coe_detail::kSdoInformation | coe_detail::kPdoAssignment |
+                                               coe_detail::kCompleteAccess);
+    ASSERT_EQ(device.mailbox->commands.size(), 1U);
+    EXPECT_EQ(device.mailbox->commands[0].transitions, Transition::preop_to_safeop | Transition::safeop_to_op);
+    EXPECT_EQ(device.mailbox->commands[0].data, (std::vector{std::byte{0xE9}, std::byte{0x03}}));
+    ASSERT_EQ(device.modes.size(), 2U);
+    EXPECT_EQ(device.modes[1].assign_activate, 0x0300);
+    EXPECT_EQ(device.modes[1].sync0_shift_ns, -3);
+    ASSERT_TRUE(device.eeprom);
+    EXPECT_EQ(device.eeprom->bytes, 2048U);
+    EXPECT_EQ(device.eeprom->configuration.size(), 10U);
+    ASSERT_EQ(device.dictionary.size(), 2U);
+    ASSERT_EQ(device.dictionary[1].items.size(), 3U);
+    EXPECT_EQ(device.dictionary[1].items[2].name, "Gain I");
+    EXPECT_EQ(device.dictionary[1].items[2].bits, 16U);
+    EXPECT_EQ(device.watchdog_divider, 2498);
+}
+
+TEST(EsiReader, AWrongValueIsNamedByLineAndCause) {
+    EXPECT_EQ(problem("<BitLen>16</BitLen>", "<BitLen>sixteen</BitLen>"),
+              "line 42, column 14: BitLen is 'sixteen', which is no number of 64 bits");
+    EXPECT_EQ(problem("<Index>#x1600</Index>", "<Index>#x11600</Index>"),
+              "line 39, column 37: Index is '#x11600', which is not between 0 and 65535");
+    EXPECT_EQ(problem("<SubIndex>0</SubIndex>", "<SubIndex>-1</SubIndex>"),
+              "line 41, column 38: SubIndex is '-1', which is not between 0 and 255");
+    EXPECT_EQ(problem("PdoAssign=\"1\"", "PdoAssign=\"maybe\""),
+              "line 61, column 12: attribute PdoAssign of CoE is 'maybe', which is neither true nor false");
+    EXPECT_EQ(problem("<Data>E903</Data>", "<Data>E9031</Data>"),
+              "line 62, column 121: Data has an odd number of hexadecimal digits");
+    EXPECT_EQ(problem("<Data>E903</Data>", "<Data>E9 0g</Data>"),
+              "line 62, column 121: Data has 'g', which is no hexadecimal digit");
+    EXPECT_EQ(problem("<Id>#xF00</Id>", "<Id>99999999999999999999</Id>"),
+              "line 3, column 12: Id is '99999999999999999999', which is no number of 64 bits");
+}
+
+TEST(EsiReader, WhatIsNoEsiIsRefused) {
+    EXPECT_EQ(problem("EtherCATInfo Version", "Other Version").substr(0, 30), "line 81, column 3: no well-for");
+    EXPECT_EQ(to_text(read_esi("<EtherCATConfig/>").problem),
+              "line 1, column 2: the root element is EtherCATConfig: an ESI has EtherCATInfo or EtherCATModule");
+    EXPECT_EQ(to_text(read_esi("<EtherCATInfo><Vendor><Id>1</Id></Vendor></EtherCATInfo>").problem),
+              "the file describes no device and no module");
+    EXPECT_EQ(to_text(read_esi("").problem).substr(0, 22), "line 1, column 1: no w");
+    EXPECT_EQ(to_text(read_esi("<EtherCATInfo>\n<Name>AB&T</Nam>").problem).substr(0, 7), "line 2,");
+}
+
+TEST(EsiReader, HostileXmlIsRefused) {
+    EXPECT_EQ(to_text(read_esi("<?xml version=\"1.0\"?>\n<!DOCTYPE x [<!ENTITY a \"b\"><!ENTITY c \"&a;&a;\">]>\n"
+                               "<EtherCATInfo>&c;</EtherCATInfo>")
+                          .problem),
+              "line 2, column 11: a document type (DOCTYPE, entities of its own) is not accepted");
+    std::string deep;
+    for (int n = 0; n < 100'000; ++n) deep += "<a>";
+    for (int n = 0; n < 100'000; ++n) deep += "</a>";
+    EXPECT_EQ(to_text(read_esi(deep).problem), "line 1, column 194: elements are nested deeper than 64 levels");
+    EXPECT_EQ(to_text(read_esi(std::string("<EtherCATInfo>\n\0</EtherCATInfo>", 31)).problem),
+              "line 2, column 1: a zero octet is no XML");
+    EXPECT_EQ(to_text(read_esi("\xFF\xFE<\0").problem),
+              "line 1, column 1: the file is UTF-16, which is not supported: convert it to UTF-8");
+    EXPECT_EQ(to_text(read_esi("<?xml version='1.0' encoding='EBCDIC'?><a/>").problem),
+              "line 1, column 1: the encoding 'ebcdic' is not supported: convert the file to UTF-8");
+}
+
+// Few octets that stand for many subindices: each object of a type has them all.
+TEST(EsiReader, AFileThatGrowsWithoutBoundIsRefused) {
+    std::string text =
+        "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type>a</Type><Profile>"
+        "<Dictionary><DataTypes><DataType><Name>T</Name>";
+    for (int n = 0; n < 255; ++n) text += "<SubItem><SubIdx>" + std::to_string(n) + "</SubIdx></SubItem>";
+    text += "</DataType></DataTypes><Objects>";
+    for (int n = 0; n < 5000; ++n) text += "<Object><Index>1</Index><Type>T</Type></Object>";
+    text += "</Objects></Dictionary></Profile></Device></Devices></Descriptions></EtherCATInfo>";
+    EXPECT_NE(to_text(read_esi(text).problem).find("the file stands for more than 1000000 commands"),
+              std::string::npos);
+}
+
+TEST(EsiReader, ADeviceWithAFaultLeavesTheOthers) {
+    std::string text = kExampleEsi;
+    const auto begin = text.find("    <Device ");
+    const auto end = text.find("</Device>") + 10;
+    std::string second = text.substr(begin, end - begin);
+    second.replace(second.find("<BitLen>16"), 10, "<BitLen>x6");
+    text.insert(end, second);
+    const auto esi = read_esi(text);
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    EXPECT_EQ(esi->devices.size(), 1U);
+    ASSERT_FALSE(esi.remarks.empty());
+    EXPECT_NE(esi.remarks.back().text.find("Device 'EX100' is left out: line "), std::string::npos)
+        << esi.remarks.back().text;
+}
+
+TEST(EsiReader, LatinOneAndByteOrderMarks) {
+    const auto latin = read_esi(
+        "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n<EtherCATInfo><Vendor><Id>1</Id><Name>\xB5"
+        "</Name></Vendor><Descriptions><Devices><Device><Type>a</Type></Device></Devices>"
+        "</Descriptions></EtherCATInfo>");
+    ASSERT_TRUE(latin);
+    EXPECT_EQ(latin->vendor_name, "µ");
+    const auto marked = read_esi("\xEF\xBB\xBF" + std::string(kExampleEsi));
+    ASSERT_TRUE(marked) << to_text(marked.problem);
+}
+
+TEST(EsiModel, FindsDevicesByTheirRevisionRule) {
+    const auto esi = read_example();
+    ASSERT_TRUE(esi);
+    EXPECT_NE(find_device(*esi, Identity{0x0F00, 0x1234, 0x00020001, 5}), nullptr);
+    EXPECT_NE(find_device(*esi, Identity{0x0F00, 0x1234, 0x00030000, 0}), nullptr);
+    EXPECT_EQ(find_device(*esi, Identity{0x0F00, 0x1234, 0x00010000, 0}), nullptr);
+    EXPECT_EQ(find_device(*esi, Identity{0x0F01, 0x1234, 0x00020001, 0}), nullptr);
+    EXPECT_TRUE(revision_fits(RevisionCheck::low_equal_high_equal_or_greater, 0x00020001, 0x00050001));
+    EXPECT_FALSE(revision_fits(RevisionCheck::low_equal_high_equal_or_greater, 0x00020001, 0x00010001));
+    EXPECT_FALSE(revision_fits(RevisionCheck::low_equal, 0x00020001, 0x00020002));
+}
+
+TEST(EsiModel, NamesEntriesAndTypes) {
+    const auto esi = read_example();
+    ASSERT_TRUE(esi);
+    const EsiDevice& device = esi->devices[0];
+    EXPECT_EQ(entry_name(device, Direction::outputs, 0x6040, 0), "Control word");
+    EXPECT_EQ(entry_name(device, Direction::inputs, 0x6040, 0), "");
+    EXPECT_EQ(entry_name(device, Direction::inputs, 0x2000, 2), "Gain I");  // the dictionary knows it
+    EXPECT_EQ(data_type_number("UINT"), 6);
+    EXPECT_EQ(data_type_number("BIT3"), 0x32);
+    EXPECT_EQ(data_type_number("STRING(20)"), 9);
+    EXPECT_EQ(data_type_number("BITX"), 0);
+    EXPECT_EQ(data_type_number("DT1018"), 0);
+}
+
+TEST(EsiModel, OperationModesBecomeSyncSettings) {
+    const auto esi = read_example();
+    ASSERT_TRUE(esi);
+    const EsiDevice& device = esi->devices[0];
+    EXPECT_EQ(sync_settings(device.modes[0], std::chrono::milliseconds(1)).source, SyncSettings::Source::none);
+    EXPECT_EQ(find_mode(device, "DC"), 1U);
+    EXPECT_EQ(find_mode(device, "nothing"), std::nullopt);
+    const SyncSettings sync = sync_settings(device.modes[1], std::chrono::milliseconds(4));
+    EXPECT_EQ(sync.source, SyncSettings::Source::application);
+    EXPECT_EQ(sync.assign_activate, 0x0300);
+    EXPECT_EQ(sync.sync0_cycle, std::chrono::milliseconds(2));  // factor -2: half of the cycle
+    EXPECT_EQ(sync.shift, std::chrono::nanoseconds(-3));
+    EXPECT_EQ(sync.sync1_cycle, Duration{0});
+}
+
+TEST(EsiConfiguration, DescribesTheSlave) {
+    const auto esi = read_example();
+    ASSERT_TRUE(esi);
+    HostConfiguration owner;
+    const auto made = configure(*esi, esi->devices[0], {.mode = 1}, owner);
+    ASSERT_NE(made.config, nullptr) << made.error;
+    const SlaveConfiguration& config = *made.config;
+    ASSERT_EQ(config.pdos().size(), 2U);
+    EXPECT_EQ(config.pdos()[0].sync_manager, 2);
+    ASSERT_EQ(config.pdos()[0].pdos.size(), 1U);
+    EXPECT_EQ(config.pdos()[0].pdos[0].index, 0x1600);
+    EXPECT_EQ(config.pdos()[0].pdos[0].entries[2], (PdoEntry{0x607A, 0, 32}));
+    ASSERT_EQ(config.startup().size(), 1U);
+    EXPECT_EQ(config.startup()[0].index, 0x2001);
+    EXPECT_EQ(config.startup()[0].octets().size(), 2U);
+    EXPECT_EQ(config.dc().assign_activate, 0x0300);
+    EXPECT_FALSE(config.fixed_pdos);
+    EXPECT_EQ(config.process_data_watchdog, std::chrono::milliseconds(100));
+    const auto wrong = configure(*esi, esi->devices[0], {.mode = 2}, owner);
+    EXPECT_EQ(wrong.config, nullptr);
+    EXPECT_EQ(wrong.error, "operation mode 2 does not exist: the device has 2");
+}
+
+}  // namespace
+}  // namespace margay::files
