@@ -196,6 +196,7 @@ typedef struct ec_slave {
     uint32 eep_man;
     uint32 eep_id;
     uint32 eep_rev;
+    uint32 eep_sn;
     uint16 Itype;
     uint16 Dtype;
     uint16 Obits;
@@ -252,6 +253,7 @@ typedef struct ec_slave {
     boolean islost;
     int (*PO2SOconfig)(uint16 slave);
     int (*PO2SOconfigx)(ecx_contextt *context, uint16 slave);
+    void *user;
     char name[EC_MAXNAME + 1];
 } ec_slavet;
 

@@ -1,7 +1,7 @@
-#include "common/segment_file.hpp"
+#include "source/segment_file.hpp"
 
-#include "common/ready_made.hpp"
-#include "common/segment_chip.hpp"
+#include "source/ready_made.hpp"
+#include "source/segment_chip.hpp"
 
 #include "sim/devices.hpp"
 #include "sim/library/quirks.hpp"
@@ -16,7 +16,7 @@
 #include <optional>
 #include <sstream>
 
-namespace margay::samples {
+namespace margay::hosted {
 
 namespace {
 
@@ -454,4 +454,4 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     return load_line_of_images(what, now);
 }
 
-}  // namespace margay::samples
+}  // namespace margay::hosted

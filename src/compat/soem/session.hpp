@@ -1,0 +1,130 @@
+// One master behind the functions of a SOEM interface: the source (interface or simulated segment), the context, and
+// the lock for programs that call the functions from several threads. Without the types of a version of the interface.
+#pragma once
+
+#include "compat/soem/priority_lock.hpp"
+
+#include "source/source.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <array>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace margay::soem {
+
+class Inbox;
+
+// Prints one sentence of the library to standard error.
+void say(const std::string& text);
+// The same, once for each text.
+void say_once(const char* text);
+
+class Session {
+  public:
+    // nullptr: the sentence why not was printed.
+    static std::unique_ptr<Session> open(const std::string& source, const Limits& limits);
+    ~Session();
+    Session(const Session&) = delete;
+    Session& operator=(const Session&) = delete;
+
+    // The lock of the context. The thread that has it is the owner of the context; nobody keeps it while he waits,
+    // except for the frames of a cycle.
+    class Guard {
+      public:
+        explicit Guard(Session& session) : session_(session) {
+            session_.lock_.lock();
+            static_cast<void>(take_ownership(session_.context_));
+        }
+        ~Guard() { session_.lock_.unlock(); }
+        Guard(const Guard&) = delete;
+        Guard& operator=(const Guard&) = delete;
+
+      private:
+        Session& session_;
+    };
+
+    // For a thread that has the lock.
+    [[nodiscard]] Context& context() { return context_; }
+    [[nodiscard]] const Slave& slave(std::size_t number) { return context_.slave(number); }
+
+    [[nodiscard]] Time now() { return source_->osal().now(); }
+    [[nodiscard]] bool virtual_time() const { return source_->virtual_time(); }
+
+    // What the calling thread does between two polls of a request, without the lock.
+    class Between {
+      public:
+        virtual void run() = 0;
+
+      protected:
+        ~Between() = default;
+    };
+    // Submits a request and polls until it is over. Other threads continue meanwhile.
+    Result<> run(Request& request, Between* between = nullptr);
+    // Waits for a point of time. All requests go on meanwhile.
+    void pause_until(Time until);
+    void pause(Duration duration) { pause_until(now() + duration); }
+    // Does at once what is due, and does not wait.
+    void poll_now();
+
+    // One datagram. Returns the working counter, or -1 when no frame came back within `timeout`.
+    int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
+                 bool again = true);
+
+    // What the facade remembers of a group, and of the SyncManagers that it has shown to the program.
+    struct GroupFacts {
+        unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
+    };
+    using ShownSyncManagers = std::array<std::byte, 64>;
+    [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group < facts_.size() ? group : 0]; }
+    [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
+
+    // Mail that no request waits for.
+    [[nodiscard]] Inbox& inbox() { return *inbox_; }
+
+  private:
+    Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
+    Time poll_once(const Request* request, bool& over);
+    void wait_for_work(Time until);
+
+    PriorityLock lock_;
+    std::unique_ptr<hosted::Source> source_;
+    HostContext context_;
+    std::unique_ptr<Inbox> inbox_;
+    std::vector<GroupFacts> facts_;
+    std::vector<ShownSyncManagers> shown_;
+};
+
+// ADP and ADO as one address of Session::exchange().
+[[nodiscard]] constexpr std::uint32_t address_of(std::uint16_t adp, std::uint16_t ado) {
+    return std::uint32_t{ado} << 16 | adp;
+}
+
+// The open sessions. A port of the application remembers its place here; a port that was never opened has any number in
+// its memory, therefore the owner is compared.
+class Sessions {
+  public:
+    static constexpr int kMost = 64;
+    static int add(std::unique_ptr<Session> session, const void* owner);
+    static void remove(int place, const void* owner);
+    [[nodiscard]] static Session* find(int place, const void* owner) {
+        const auto index = static_cast<unsigned>(place);
+        if (index >= kMost || places_[index].owner != owner) return nullptr;
+        return places_[index].session.get();
+    }
+    // Sleeps in the time of the open sessions: simulated segments in virtual time get it, otherwise the system.
+    static int sleep(std::uint32_t microseconds);
+
+  private:
+    struct Place {
+        const void* owner = nullptr;
+        std::unique_ptr<Session> session;
+    };
+    static std::array<Place, kMost> places_;
+};
+
+}  // namespace margay::soem
