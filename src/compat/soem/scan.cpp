@@ -1,5 +1,6 @@
 // Finding the slaves, and what is known of each of them before its process data is mapped.
 #include "compat/soem/facade.hpp"
+#include "compat/soem/inbox.hpp"
 
 #include <cstring>
 

@@ -32,6 +32,7 @@ std::uint16_t combined(ecx_contextt& context, Session& session) {
 }  // namespace margay::soem
 
 using namespace margay::soem;
+using margay::DatagramCommand;
 
 extern "C" {
 
