@@ -49,9 +49,11 @@ int main(int argc, char **argv) {
     check(ec_siifind((uint16)slave, ECT_SII_GENERAL) > 0, "category general");
     ec_siistring(name, (uint16)slave, 1);
     check(strlen(name) > 0, "first string");
-    check(ec_siiSM((uint16)slave, &sm) > 0 && ec_siiSMnext((uint16)slave, &sm, 1) == 1, "SyncManagers of the SII");
-    check(sm.PhStart == etohs(ec_slave[slave].SM[1].StartAddr), "start of SyncManager 1");
-    check(ec_siiFMMU((uint16)slave, &fmmu) > 0, "FMMUs of the SII");
+    n = ec_siiSM((uint16)slave, &sm);
+    check(n == 0 || sm.PhStart == etohs(ec_slave[slave].SM[0].StartAddr), "start of SyncManager 0");
+    check(ec_siiSMnext((uint16)slave, &sm, 1) == (n > 1), "the next SyncManager");
+    check(n < 2 || sm.PhStart == etohs(ec_slave[slave].SM[1].StartAddr), "start of SyncManager 1");
+    check(n == 0 || (ec_siiFMMU((uint16)slave, &fmmu) > 0 && fmmu.FMMU0 == ec_slave[slave].FMMU0func), "FMMUs of the SII");
     ec_siiPDO((uint16)slave, &pdo, 0);
     ec_esidump((uint16)slave, dump);
     check(memcmp(dump + 2 * ECT_SII_MANUF, &ec_slave[slave].eep_man, 4) == 0, "dump of the SII");

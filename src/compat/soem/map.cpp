@@ -65,12 +65,14 @@ void show_fmmu(ec_slavet& s, std::uint32_t start, std::uint32_t offset_bits, std
 struct Direct {
     std::uint32_t bits = 0;
     std::uint16_t physical = 0;
+    std::uint32_t image_bits = 0;  // in the image, with gaps between SyncManagers
 };
-Direct sum(const Slave& slave, Direction direction) {
+Direct sum(const Slave& slave, Direction direction, const ImagePart& part) {
     Direct d;
     for (const ProcessSm& sm : slave.config.used_sms()) {
         if (sm.direction != direction || sm.bits == 0) continue;
         if (d.bits == 0) d.physical = sm.start;
+        d.image_bits = d.bits == 0 ? sm.bits : part.bits;
         d.bits += sm.bits;
     }
     return d;
@@ -217,8 +219,8 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     const bool there = slave.image.group == group;
     const ImagePart& outputs = slave.image.outputs;
     const ImagePart& inputs = slave.image.inputs;
-    const Direct out = there && outputs.bits != 0 ? sum(slave, Direction::outputs) : Direct{};
-    const Direct in = there && inputs.bits != 0 ? sum(slave, Direction::inputs) : Direct{};
+    const Direct out = there && outputs.bits != 0 ? sum(slave, Direction::outputs, outputs) : Direct{};
+    const Direct in = there && inputs.bits != 0 ? sum(slave, Direction::inputs, inputs) : Direct{};
     const auto octets = [](std::uint32_t bits) { return bits < 8 ? 0U : (bits + 7) / 8; };
     s.Obits = static_cast<uint16>(out.bits);
     s.Obytes = octets(out.bits);
@@ -244,9 +246,8 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
     const std::uint32_t shift = mapped.config.overlapped ? mapped.output_bytes * 8 : 0;
     std::fill_n(s.FMMU, EC_MAXFMMU, ec_fmmut{});
     s.FMMUunused = 0;
-    show_fmmu(s, start, outputs.offset_bits, out.bits != 0 ? outputs.bits : 0, out.physical, true);
-    show_fmmu(s, start, inputs.offset_bits - (in.bits != 0 ? shift : 0), in.bits != 0 ? inputs.bits : 0, in.physical,
-              false);
+    show_fmmu(s, start, outputs.offset_bits, out.image_bits, out.physical, true);
+    show_fmmu(s, start, inputs.offset_bits - (in.bits != 0 ? shift : 0), in.image_bits, in.physical, false);
 }
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {

@@ -79,6 +79,10 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
         s.blockLRW = (from.dl.features & kNoLrw) != 0 || from.config.block_lrw ? 1 : 0;
     }
     read_more(session, s);
+    // The name of the interface is the first string of the SII, and not the string that the SII calls the name.
+    char first[EC_MAXNAME + 1] = "";
+    ecx_siistring(&context, first, number, 1);
+    if (first[0] != '\0') std::memcpy(s.name, first, sizeof(s.name));
     std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
     ec_slavet& all = slaves_of(context)[0];
     all.Ebuscurrent = static_cast<int16>(all.Ebuscurrent + s.Ebuscurrent);
