@@ -38,3 +38,47 @@ foreach(header IN LISTS headers)
   file(CONFIGURE OUTPUT ${forwarding}/${header} CONTENT "#include \"${PROJECT_SOURCE_DIR}/src/compat/soem1/include/${header}\"\n" @ONLY)
 endforeach()
 target_include_directories(margay_soem1 PUBLIC $<BUILD_INTERFACE:${forwarding}>)
+
+add_library(margay::margay_soem1 ALIAS margay_soem1)
+add_library(margay::margay_soem2 ALIAS margay_soem2)
+
+if(MARGAY_INSTALL)
+  # A program in C names all archives and the C++ library, because its linker is that of C.
+  set(soem_rest margay margay_sim margay_subdevice margay_filters margay_linux margay_pcap margay_wire)
+  set(soem_system pcap fmt tomlplusplus stdc++ m pthread)
+  install(TARGETS margay_soem1 margay_soem2 margay_soem_session margay_source ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  foreach(v 1 2)
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem${v}
+            FILES_MATCHING PATTERN *.h)
+    set(libs -lmargay_soem${v} -lmargay_soem_session -lmargay_source)
+    foreach(library IN LISTS soem_rest soem_system)
+      list(APPEND libs -l${library})
+    endforeach()
+    list(JOIN libs " " pc_libs)
+    set(pc_version 1.4)
+    if(v EQUAL 2)
+      set(pc_version 2.0)
+    endif()
+    file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/pkgconfig/margay-soem${v}.pc @ONLY CONTENT
+"prefix=\${pcfiledir}/@margay_prefix_from_pc@
+includedir=\${prefix}/@margay_includedir@/margay-soem@v@
+libdir=\${prefix}/@margay_libdir@
+
+Name: margay-soem@v@
+Description: interface SOEM @pc_version@ of the EtherCAT master library Margay
+Version: @PROJECT_VERSION@
+Cflags: -I\${includedir}
+Libs: -L\${libdir} @pc_libs@
+")
+    install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/margay-soem${v}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+  endforeach()
+  install(DIRECTORY ${forwarding}/soem ${forwarding}/soem_rsl ${forwarding}/soem_vendor
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem1 FILES_MATCHING PATTERN *.h)
+  # find_package(soem) finds it, as users of the originals have it in their builds.
+  list(JOIN soem_rest " " soem_rest_list)
+  list(JOIN soem_system ";" soem_system_list)
+  configure_file(${here}/soem-config.cmake.in ${PROJECT_BINARY_DIR}/soem-config.cmake @ONLY)
+  configure_file(${here}/soem-config-version.cmake ${PROJECT_BINARY_DIR}/soem-config-version.cmake COPYONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/soem-config.cmake ${PROJECT_BINARY_DIR}/soem-config-version.cmake
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/soem)
+endif()
