@@ -83,3 +83,8 @@ foreach(segment bits coupler dc_bench drives hot_connect mixed200 tree)
   endforeach()
 endforeach()
 set_tests_properties(${virtual} PROPERTIES ENVIRONMENT MARGAY_SIM_TIME=virtual)
+
+# The table of the README names every function.
+add_test(NAME compat/readme
+         COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/README.md
+                 "-DROWS=${compat}/soem1/rows.c;${compat}/soem2/rows.c" -P ${compat}/readme.cmake)

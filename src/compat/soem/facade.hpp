@@ -1,9 +1,9 @@
 // What the functions of both versions of the interface share. The sources of this folder that include this header are
-// compiled once for each version, with the header version.hpp of that version.
+// compiled once for each version, with the header soem_version.hpp of that version.
 #pragma once
 
 #include "compat/soem/session.hpp"
-#include "version.hpp"
+#include <soem_version.hpp>
 
 #include <algorithm>
 #include <atomic>

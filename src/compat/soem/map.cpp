@@ -113,7 +113,6 @@ int place_status(ecx_contextt& context, Session& session, std::uint8_t group, st
         if (!takes_part(s, group) || s.mbx_l == 0) continue;
         if (s.FMMUunused >= session.slave(static_cast<std::size_t>(n)).dl.fmmus) continue;
         set_status_slave(groups_of(context)[group], count, static_cast<std::uint16_t>(n));
-        at[count] = 0;
         set_status(s, at + count++);
     }
     set_status(groups_of(context)[group], count == 0 ? nullptr : at, count);

@@ -1,5 +1,5 @@
 // The functions of one global master: the same functions with the global context.
-#include "ethercat.h"
+#include <ethercat.h>
 
 extern "C" {
 

@@ -1,5 +1,5 @@
 // Times of SOEM 1.4: seconds and microseconds.
-#include "version.hpp"
+#include <soem_version.hpp>
 
 #include <ctime>
 

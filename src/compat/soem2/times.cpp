@@ -1,5 +1,5 @@
 // Times and mutexes of SOEM 2.0: those of the system.
-#include "version.hpp"
+#include <soem_version.hpp>
 
 #include <cstdlib>
 #include <ctime>

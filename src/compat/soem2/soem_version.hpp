@@ -1,8 +1,8 @@
 // How the shared sources reach what the structures of SOEM 2.0 contain: the context has all data itself.
 #pragma once
 
-#include "soem/soem.h"
-#include "oshw.h"
+#include <soem/soem.h>
+#include <oshw.h>
 
 #include <cstdint>
 

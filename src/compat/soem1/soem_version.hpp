@@ -1,8 +1,8 @@
 // How the shared sources reach what the structures of SOEM 1.4 contain: the context points to memory of the program.
 #pragma once
 
-#include "ethercat.h"
-#include "oshw.h"
+#include <ethercat.h>
+#include <oshw.h>
 
 #include <cstdint>
 
