@@ -10,7 +10,6 @@
 // same program made it with the same arguments. A recording of another master cannot be replayed.
 #pragma once
 
-#include "source/segment_file.hpp"
 #include "osal/linux/linux_osal.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filters/trace_nic.hpp"
@@ -18,6 +17,7 @@
 #include "oshw/pcap/recorder.hpp"
 #include "oshw/pcap/replay.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
+#include "source/segment_file.hpp"
 
 #include <memory>
 #include <optional>
@@ -27,9 +27,9 @@
 namespace margay::hosted {
 
 struct SourceOptions {
-    std::string record{};  // file for every frame sent and received; empty: none
+    std::string record{};    // file for every frame sent and received; empty: none
     bool real_time = false;  // a simulated segment runs in the time of the system, for programs with several threads
-    bool trace = false;    // prints a line for every datagram to standard error
+    bool trace = false;      // prints a line for every datagram to standard error
 };
 
 // A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.

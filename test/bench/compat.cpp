@@ -1,6 +1,6 @@
 // Measures what a cycle through the interface of another master costs more than the same cycle by the functions of the
-// library: user instructions by callgrind, of ec_send_processdata() and ec_receive_processdata(). Both cycles run on the
-// same simulated segment in virtual time, so the simulation costs the same in both and falls out of the difference.
+// library: user instructions by callgrind, of ec_send_processdata() and ec_receive_processdata(). Both cycles run on
+// the same simulated segment in virtual time, so the simulation costs the same in both and falls out of the difference.
 #include "source/source.hpp"
 
 #include <ethercat.h>
@@ -78,7 +78,8 @@ long per_cycle(const std::string& self, const char* mode) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc == 3) return std::strcmp(argv[1], "native") == 0 ? run_native(std::atoi(argv[2])) : run_facade(std::atoi(argv[2]));
+    if (argc == 3)
+        return std::strcmp(argv[1], "native") == 0 ? run_native(std::atoi(argv[2])) : run_facade(std::atoi(argv[2]));
     if (std::system("valgrind --version > /dev/null 2>&1") != 0) {
         std::puts("skipped: no valgrind");
         return kSkipped;
@@ -86,7 +87,8 @@ int main(int argc, char** argv) {
     const long native = per_cycle(argv[0], "native");
     const long facade = per_cycle(argv[0], "facade");
     if (native < 0 || facade < 0) return 1;
-    std::printf("a cycle of the library and of the simulation: %ld instructions; by SOEM 1.4: %ld, %ld more (at most %ld)\n",
-                native, facade, facade - native, kMost);
+    std::printf(
+        "a cycle of the library and of the simulation: %ld instructions; by SOEM 1.4: %ld, %ld more (at most %ld)\n",
+        native, facade, facade - native, kMost);
     return facade - native <= kMost ? 0 : 1;
 }

@@ -35,13 +35,11 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"clock", {"util"}},
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
-        {"source",
-         {"sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/pcap", "oshw/filters", "oshw/simulated"}},
+        {"source", {"sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/pcap", "oshw/filters", "oshw/simulated"}},
         {"compat", {"source"}},
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
-        {"samples",
-         {"api", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
+        {"samples", {"api", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
         {"test", {"samples", "compat"}},
     };
     return rows;

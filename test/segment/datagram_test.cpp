@@ -1,5 +1,5 @@
-// Single datagrams by the public API, before and after a scan, and the memory of an image that is given when its size is
-// known.
+// Single datagrams by the public API, before and after a scan, and the memory of an image that is given when its size
+// is known.
 #include "segment/bench.hpp"
 
 #include <margay/datagram.hpp>

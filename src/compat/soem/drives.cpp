@@ -7,7 +7,8 @@ namespace {
 
 constexpr int kDrives = 8;
 
-// The octets that the telegram of a drive has in the process data: the data of an IDN list, with what always belongs to it.
+// The octets that the telegram of a drive has in the process data: the data of an IDN list, with what always belongs to
+// it.
 unsigned telegram_bits(ecx_contextt* context, uint16 slave, uint8 drive, uint16 list) {
     ec_SoEmappingt mapping{};
     int size = sizeof(mapping);
@@ -30,8 +31,8 @@ unsigned telegram_bits(ecx_contextt* context, uint16 slave, uint8 drive, uint16 
 
 extern "C" {
 
-int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int* psize,
-                void* p, int timeout) {
+int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int* psize, void* p,
+                int timeout) {
     Session* const session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || *psize < 0) return 0;
     margay::SoeRead request;
@@ -46,8 +47,8 @@ int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elemen
     return mail_result(*context, slave, done.error(), idn, driveNo);
 }
 
-int ecx_SoEwrite(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int psize,
-                 void* p, int timeout) {
+int ecx_SoEwrite(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int psize, void* p,
+                 int timeout) {
     Session* const session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || psize < 0) return 0;
     margay::SoeWrite request;

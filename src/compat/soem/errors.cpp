@@ -40,7 +40,6 @@ char* kept(std::string_view text) {
     return kept_text;
 }
 
-
 std::string text_of(const ec_errort& e) {
     char line[200];
     switch (e.Etype) {
@@ -63,13 +62,13 @@ std::string text_of(const ec_errort& e) {
         }
         case EC_ERR_TYPE_SOE_ERROR: {
             const auto text = soe_error_text(e.ErrorCode);
-            std::snprintf(line, sizeof(line), "SoE slave:%d IDN:%4.4x error:%4.4x %.*s\n", e.Slave, e.Index, e.ErrorCode,
-                          static_cast<int>(text.size()), text.data());
+            std::snprintf(line, sizeof(line), "SoE slave:%d IDN:%4.4x error:%4.4x %.*s\n", e.Slave, e.Index,
+                          e.ErrorCode, static_cast<int>(text.size()), text.data());
             return line;
         }
         case EC_ERR_TYPE_PACKET_ERROR:
-            std::snprintf(line, sizeof(line), "PACKET slave:%d index:%4.4x.%2.2x error:%d\n", e.Slave, e.Index, e.SubIdx,
-                          e.ErrorCode);
+            std::snprintf(line, sizeof(line), "PACKET slave:%d index:%4.4x.%2.2x error:%d\n", e.Slave, e.Index,
+                          e.SubIdx, e.ErrorCode);
             return line;
         default:
             std::snprintf(line, sizeof(line), "slave:%d index:%4.4x.%2.2x type:%d error:%8.8x\n", e.Slave, e.Index,

@@ -2,8 +2,8 @@
 // compiled once for each version, with the header soem_version.hpp of that version.
 #pragma once
 
-#include "compat/soem/session.hpp"
 #include <soem_version.hpp>
+#include "compat/soem/session.hpp"
 
 #include <algorithm>
 #include <atomic>

@@ -40,7 +40,8 @@ int exchange_frame(ecx_portt& port, int index, Duration timeout) {
     if (session == nullptr) return EC_NOFRAME;
     const int length = port.txbuflength[index];
     if (length <= kHeaderOctets || length > EC_BUFSIZE) return EC_NOFRAME;
-    std::memcpy(port.rxbuf[index], port.txbuf[index] + ETH_HEADERSIZE, static_cast<std::size_t>(length) - ETH_HEADERSIZE);
+    std::memcpy(port.rxbuf[index], port.txbuf[index] + ETH_HEADERSIZE,
+                static_cast<std::size_t>(length) - ETH_HEADERSIZE);
     auto* const frame = reinterpret_cast<std::byte*>(port.rxbuf[index]);
     int wkc = EC_NOFRAME;
     for (int at = EC_ELENGTHSIZE; at + kDatagramHeader + EC_WKCSIZE <= length - ETH_HEADERSIZE;) {
@@ -145,7 +146,8 @@ int ecx_srconfirm(ecx_portt* port, FrameIndex idx, int timeout) {
 
 #ifdef EC_VER1
 int ecx_inframe(ecx_portt* port, int idx, int) {
-    return is_index(idx) && port->rxbufstat[idx] == EC_BUF_TX ? exchange_frame(*port, idx, us(EC_TIMEOUTRET)) : EC_NOFRAME;
+    return is_index(idx) && port->rxbufstat[idx] == EC_BUF_TX ? exchange_frame(*port, idx, us(EC_TIMEOUTRET))
+                                                              : EC_NOFRAME;
 }
 #endif
 

@@ -1,5 +1,5 @@
-// Hooks of the program in PREOP. A hook waits, and the library calls no function that waits: so the sequence of the slave
-// sleeps until the thread that waits for the request has called the hook.
+// Hooks of the program in PREOP. A hook waits, and the library calls no function that waits: so the sequence of the
+// slave sleeps until the thread that waits for the request has called the hook.
 #include "compat/soem/facade.hpp"
 
 namespace margay::soem {

@@ -5,8 +5,8 @@
 namespace margay::soem {
 
 Inbox::Inbox(Context& context) {
-    for (const MailboxType type : {MailboxType::aoe, MailboxType::eoe, MailboxType::coe, MailboxType::foe,
-                                   MailboxType::soe, MailboxType::voe})
+    for (const MailboxType type :
+         {MailboxType::aoe, MailboxType::eoe, MailboxType::coe, MailboxType::foe, MailboxType::soe, MailboxType::voe})
         static_cast<void>(listen(context, ears_.emplace_back(*this, type)));
 }
 

@@ -119,7 +119,8 @@ int place_status(ecx_contextt& context, Session& session, std::uint8_t group, st
     return count;
 }
 
-// The working counters of the group, so that twice those of the outputs and those of the inputs are what a cycle returns.
+// The working counters of the group, so that twice those of the outputs and those of the inputs are what a cycle
+// returns.
 void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) {
     ec_groupt& g = groups_of(context)[group];
     const Group& mapped = session.context().group(group);

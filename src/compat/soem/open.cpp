@@ -2,8 +2,8 @@
 #include "compat/soem/facade.hpp"
 
 #include <arpa/inet.h>
-#include <cstdlib>
 #include <net/if.h>
+#include <cstdlib>
 
 namespace margay::soem {
 namespace {

@@ -35,8 +35,8 @@ int exchange(ecx_portt* port, DatagramCommand command, std::uint32_t address, st
 
 int exchange_at(ecx_portt* port, DatagramCommand command, std::uint16_t adp, std::uint16_t ado, std::uint16_t length,
                 void* data, int timeout) {
-    const bool takes = command != DatagramCommand::bwr && command != DatagramCommand::apwr &&
-                       command != DatagramCommand::fpwr;
+    const bool takes =
+        command != DatagramCommand::bwr && command != DatagramCommand::apwr && command != DatagramCommand::fpwr;
     return exchange(port, command, address_of(adp, ado), length, data, timeout, takes);
 }
 

@@ -93,9 +93,12 @@ void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
 
 void clear(ecx_contextt& context) {
     slave_count(context) = 0;
-    std::memset(static_cast<void*>(slaves_of(context)), 0, sizeof(ec_slavet) * static_cast<std::size_t>(most_slaves(context)));
-    std::memset(static_cast<void*>(groups_of(context)), 0, sizeof(ec_groupt) * static_cast<std::size_t>(most_groups(context)));
-    for (int n = 0; n < most_groups(context); ++n) groups_of(context)[n].logstartaddr = static_cast<uint32>(n) << EC_LOGGROUPOFFSET;
+    std::memset(static_cast<void*>(slaves_of(context)), 0,
+                sizeof(ec_slavet) * static_cast<std::size_t>(most_slaves(context)));
+    std::memset(static_cast<void*>(groups_of(context)), 0,
+                sizeof(ec_groupt) * static_cast<std::size_t>(most_groups(context)));
+    for (int n = 0; n < most_groups(context); ++n)
+        groups_of(context)[n].logstartaddr = static_cast<uint32>(n) << EC_LOGGROUPOFFSET;
     context.esislave = 0;
     std::fill_n(sii_known(context), EC_MAXEEPBITMAP, 0U);
 }
@@ -113,8 +116,7 @@ int config_init(ecx_contextt& context) {
     clear(context);
     ScanRequest request;
     const auto scanned = session->run(request);
-    if (!scanned && no_slaves(scanned.error()))
-        return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
+    if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
     if (!scanned && scanned.error().slave == 0 && scanned.error().code == Errc::capacity) return EC_SLAVECOUNTEXCEEDED;
     int found = 0;
     {

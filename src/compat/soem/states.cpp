@@ -23,8 +23,7 @@ bool read_all(Session& session) {
 std::uint16_t combined(ecx_contextt& context, Session& session) {
     std::uint16_t all = 0;
     const Session::Guard guard(session);
-    for (int n = 1; n <= slave_count(context); ++n)
-        all |= raw_state(session.slave(static_cast<std::size_t>(n)).al);
+    for (int n = 1; n <= slave_count(context); ++n) all |= raw_state(session.slave(static_cast<std::size_t>(n)).al);
     return all;
 }
 

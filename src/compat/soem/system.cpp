@@ -1,10 +1,10 @@
 // Times and threads of the interface.
 #include "compat/soem/facade.hpp"
 
-#include <cstdio>
-#include <ctime>
 #include <pthread.h>
 #include <sched.h>
+#include <cstdio>
+#include <ctime>
 
 namespace margay::soem {
 namespace {

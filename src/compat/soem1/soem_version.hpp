@@ -8,8 +8,8 @@
 
 namespace margay::soem {
 
-inline constexpr bool kBytesUnlessPacked = false;  // slaves of less than an octet share octets
-inline constexpr bool kStatusOctets = false;       // no octets for the status of mailboxes in the image
+inline constexpr bool kBytesUnlessPacked = false;         // slaves of less than an octet share octets
+inline constexpr bool kStatusOctets = false;              // no octets for the status of mailboxes in the image
 inline constexpr bool kVersionCallsContextHooks = false;  // when a slave is configured again
 using MapBits = int;
 using PdoBits = int;

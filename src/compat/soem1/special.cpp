@@ -31,11 +31,30 @@ boolean EcatError = FALSE;
 int64 ec_DCtime;
 
 ecx_contextt ecx_context = {
-    &ecx_port,     ec_slave,       &ec_slavecount, EC_MAXSLAVE,       ec_group,
-    EC_MAXGROUP,   scratch.esibuf, scratch.esimap, 0,                 &scratch.errors,
-    &scratch.stack, &EcatError,    0,              0,                 &ec_DCtime,
-    scratch.types, scratch.assignments, scratch.descriptions, &scratch.sm, &scratch.fmmu,
-    nullptr,       nullptr,        0,              nullptr,
+    &ecx_port,
+    ec_slave,
+    &ec_slavecount,
+    EC_MAXSLAVE,
+    ec_group,
+    EC_MAXGROUP,
+    scratch.esibuf,
+    scratch.esimap,
+    0,
+    &scratch.errors,
+    &scratch.stack,
+    &EcatError,
+    0,
+    0,
+    &ec_DCtime,
+    scratch.types,
+    scratch.assignments,
+    scratch.descriptions,
+    &scratch.sm,
+    &scratch.fmmu,
+    nullptr,
+    nullptr,
+    0,
+    nullptr,
 };
 
 int ecx_config_init(ecx_contextt* context, uint8 usetable) {
@@ -92,7 +111,8 @@ int ec_init_redundant(const char* ifname, char* if2name) {
 int ecx_FPRD_multi(ecx_contextt* context, int n, uint16* configlst, ec_alstatust* slstatlst, int timeout) {
     int wkc = 0;
     for (int i = 0; i < n; ++i) {
-        const int read = ecx_FPRD(context->port, configlst[i], ECT_REG_ALSTAT, sizeof(ec_alstatust), &slstatlst[i], timeout);
+        const int read =
+            ecx_FPRD(context->port, configlst[i], ECT_REG_ALSTAT, sizeof(ec_alstatust), &slstatlst[i], timeout);
         if (read < 0) return read;
         wkc += read;
     }

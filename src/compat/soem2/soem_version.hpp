@@ -1,8 +1,8 @@
 // How the shared sources reach what the structures of SOEM 2.0 contain: the context has all data itself.
 #pragma once
 
-#include <soem/soem.h>
 #include <oshw.h>
+#include <soem/soem.h>
 
 #include <cstdint>
 
@@ -53,8 +53,6 @@ inline void set_status(ec_groupt& g, std::uint8_t* octets, int count) {
 }
 inline void set_status_slave(ec_groupt& g, int place, std::uint16_t number) { g.mbxstatuslookup[place] = number; }
 inline void begin_context(ecx_contextt& c) { ecx_initmbxpool(&c); }
-inline void before_hooks(ecx_contextt& c, std::uint16_t number) {
-    ecx_mbxENIinitcmds(&c, number, ECT_ESMTRANS_PS);
-}
+inline void before_hooks(ecx_contextt& c, std::uint16_t number) { ecx_mbxENIinitcmds(&c, number, ECT_ESMTRANS_PS); }
 
 }  // namespace margay::soem

@@ -1,9 +1,9 @@
 // Times and mutexes of SOEM 2.0: those of the system.
 #include <soem_version.hpp>
 
+#include <pthread.h>
 #include <cstdlib>
 #include <ctime>
-#include <pthread.h>
 
 extern "C" {
 
