@@ -59,11 +59,13 @@ Session::~Session() {
 }
 
 // One poll under the lock. Returns until when nothing is due.
-Time Session::poll_once(const Request* request, bool& over) {
+Time Session::poll_once(Request* request, Time until, bool& over) {
     const Guard guard(*this);
     over = request != nullptr && !request->busy();
     if (over) return Time{};
-    const Time next = std::min(poll(context_, now()), source_->nic().next_arrival());
+    const Time begin = now();
+    const Time next = std::min(poll(context_, begin), source_->nic().next_arrival());
+    if (request != nullptr && begin >= until) request->cancel();
     over = request != nullptr && !request->busy();
     // Another thread moves the virtual clock too, therefore only with the lock.
     if (!over && virtual_time()) source_->osal().wait(std::min(next, now() + std::chrono::milliseconds(1)), -1);
@@ -75,7 +77,8 @@ void Session::wait_for_work(Time until) {
     source_->osal().wait(until, source_->nic().wait_handle());
 }
 
-Result<> Session::run(Request& request, Between* between) {
+Result<> Session::run(Request& request, Between* between, Duration limit) {
+    const Time until = limit > Duration{0} ? later(now(), limit) : kNever;
     {
         const Guard guard(*this);
         const auto submitted = submit(context_, request);
@@ -84,10 +87,10 @@ Result<> Session::run(Request& request, Between* between) {
     // Another thread may receive the frame that this one waits for, therefore no wait is long.
     constexpr Duration kLook = std::chrono::milliseconds(1);
     for (bool over = false;;) {
-        const Time next = poll_once(&request, over);
-        if (over) break;
+        const Time next = poll_once(&request, until, over);
         if (between != nullptr) between->run();
-        wait_for_work(std::min(next, now() + kLook));
+        if (over) break;
+        wait_for_work(std::min({next, until, now() + kLook}));
     }
     return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
 }
@@ -96,7 +99,7 @@ void Session::pause_until(Time until) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
     while (now() < until) {
         bool over = false;
-        const Time next = poll_once(nullptr, over);
+        const Time next = poll_once(nullptr, kNever, over);
         wait_for_work(std::min({next, until, now() + kLook}));
     }
 }
@@ -115,8 +118,8 @@ int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<
     request.logical = {address};
     request.data = data;
     request.repeat = again;
-    request.timeout = std::max(timeout, Duration(std::chrono::microseconds(100)));
-    return run(request) ? request.wkc : -1;
+    constexpr Duration kLeast = std::chrono::microseconds(100);
+    return run(request, nullptr, std::max(timeout, kLeast)) ? request.wkc : -1;
 }
 
 std::array<Sessions::Place, Sessions::kMost> Sessions::places_;

@@ -63,8 +63,9 @@ class Session {
       protected:
         ~Between() = default;
     };
-    // Submits a request and polls until it is over. Other threads continue meanwhile.
-    Result<> run(Request& request, Between* between = nullptr);
+    // Submits a request and polls until it is over. Other threads continue meanwhile. The request is cancelled when it
+    // is not over after `limit`; what has arrived until then counts, however late this thread runs. Zero: no limit.
+    Result<> run(Request& request, Between* between = nullptr, Duration limit = Duration{0});
     // Waits for a point of time. All requests go on meanwhile.
     void pause_until(Time until);
     void pause(Duration duration) { pause_until(now() + duration); }
@@ -88,7 +89,7 @@ class Session {
 
   private:
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
-    Time poll_once(const Request* request, bool& over);
+    Time poll_once(Request* request, Time until, bool& over);
     void wait_for_work(Time until);
 
     PriorityLock lock_;
