@@ -31,7 +31,11 @@ int run_native(int cycles) {
     if (!init(ctx, source->nic(), source->osal())) return 1;
     ctx.group(0).config.packing = Packing::bits;
     ctx.group(0).config.acyclic_bytes = 0;
-    if (!config_init(ctx) || !config_map(ctx, std::as_writable_bytes(std::span(image)))) return 1;
+    if (!config_init(ctx)) return 1;
+    // The cycle of the interface carries the time of the first clock.
+    for (const Slave& slave : ctx.slaves())
+        if (slave.dl.dc && ctx.group(0).config.dc_reference == 0) ctx.group(0).config.dc_reference = slave.number;
+    if (!config_map(ctx, std::as_writable_bytes(std::span(image)))) return 1;
     std::uint32_t sum = 0;
     for (int n = 0; n < cycles; ++n) {
         if (!send_processdata(ctx)) return 1;

@@ -135,6 +135,7 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
         really_out += slave.image.outputs.bits != 0 ? 1U : 0U;
     }
     Session::GroupFacts& facts = session.facts(group);
+    facts.group = &mapped;
     facts.writing_datagrams = 0;
     const bool split = g.blockLRW != 0;
     unsigned written = 0;

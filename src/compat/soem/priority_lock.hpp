@@ -13,13 +13,16 @@ class PriorityLock {
     PriorityLock(const PriorityLock&) = delete;
     PriorityLock& operator=(const PriorityLock&) = delete;
 
-    void lock() noexcept {
+    // Returns the number of the calling thread.
+    std::uint32_t lock() noexcept {
         std::uint32_t nobody = 0;
-        if (!word_.compare_exchange_strong(nobody, thread(), std::memory_order_acquire)) [[unlikely]]
+        const std::uint32_t me = thread();
+        if (!word_.compare_exchange_strong(nobody, me, std::memory_order_acquire)) [[unlikely]]
             wait();
+        return me;
     }
-    void unlock() noexcept {
-        std::uint32_t mine = thread();
+    // `mine`: what lock() has returned.
+    void unlock(std::uint32_t mine) noexcept {
         if (!word_.compare_exchange_strong(mine, 0, std::memory_order_release)) [[unlikely]]
             pass_on();
     }

@@ -42,13 +42,16 @@ int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
         return EC_NOFRAME;
     const Session::Guard guard(*session);
     Context& master = session->context();
-    const auto received = receive_processdata(master, us(timeout), group);
-    int wkc = received ? static_cast<int>(*received) : partial_counter(*session, group, received.error());
-    if (wkc < 0) [[unlikely]]
-        return wkc;
-    if (const unsigned writing = session->facts(group).writing_datagrams; writing != 0) [[unlikely]]
-        wkc += counted_twice(*session, group, writing);
-    const RegisterReading& time = master.group(group).dc_time;
+    const auto received = receive_processdata(master, std::chrono::microseconds(timeout), group);
+    int wkc = static_cast<int>(*received);
+    if (!received) [[unlikely]] {
+        wkc = partial_counter(*session, group, received.error());
+        if (wkc < 0) return wkc;
+    }
+    const Session::GroupFacts& facts = session->facts(group);
+    if (facts.writing_datagrams != 0) [[unlikely]]
+        wkc += counted_twice(*session, group, facts.writing_datagrams);
+    const RegisterReading& time = facts.group->dc_time;
     if (time.came && time.slaves != 0) dc_time(context) = static_cast<int64>(time.value);
     return wkc;
 }

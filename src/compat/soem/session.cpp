@@ -58,6 +58,11 @@ Session::~Session() {
     inbox_.reset();
 }
 
+void Session::change_owner(std::uintptr_t thread) {
+    static_cast<void>(take_ownership(context_));
+    owner_ = thread;
+}
+
 // One poll under the lock. Returns until when nothing is due.
 Time Session::poll_once(Request* request, Time until, bool& over) {
     const Guard guard(*this);

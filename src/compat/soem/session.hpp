@@ -36,16 +36,26 @@ class Session {
     // except for the frames of a cycle.
     class Guard {
       public:
-        explicit Guard(Session& session) : session_(session) {
-            session_.lock_.lock();
-            static_cast<void>(take_ownership(session_.context_));
+        explicit Guard(Session& session) : session_(session), thread_(session.lock_.lock()) {
+            const std::uintptr_t me = identity(thread_);
+            if (session_.owner_ != me) [[unlikely]]
+                session_.change_owner(me);
         }
-        ~Guard() { session_.lock_.unlock(); }
+        ~Guard() { session_.lock_.unlock(thread_); }
         Guard(const Guard&) = delete;
         Guard& operator=(const Guard&) = delete;
 
       private:
+        // As the systems of the library distinguish threads.
+        static std::uintptr_t identity([[maybe_unused]] std::uint32_t thread) {
+#if defined(__x86_64__) || defined(__aarch64__)
+            return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#else
+            return thread;
+#endif
+        }
         Session& session_;
+        std::uint32_t thread_;
     };
 
     // For a thread that has the lock.
@@ -78,10 +88,12 @@ class Session {
 
     // What the facade remembers of a group, and of the SyncManagers that it has shown to the program.
     struct GroupFacts {
+        const Group* group = nullptr;    // after the first mapping
         unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
     };
     using ShownSyncManagers = std::array<std::byte, 64>;
-    [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group < facts_.size() ? group : 0]; }
+    // Only of a group that the library knows.
+    [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group]; }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
     // Mail that no request waits for.
@@ -89,10 +101,12 @@ class Session {
 
   private:
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
+    void change_owner(std::uintptr_t thread);
     Time poll_once(Request* request, Time until, bool& over);
     void wait_for_work(Time until);
 
     PriorityLock lock_;
+    std::uintptr_t owner_ = 0;  // the thread that owns the context; 0: not known
     std::unique_ptr<hosted::Source> source_;
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
