@@ -78,6 +78,11 @@ int main(int argc, char **argv) {
         ec_send_processdata();
         ec_receive_processdata(EC_TIMEOUTRET);
         ec_statecheck(0, EC_STATE_OPERATIONAL, 50000);
+        /* a busy host was too late for the watchdog of a slave */
+        if (ec_slave[0].state & EC_STATE_ERROR) {
+            ec_slave[0].state = EC_STATE_OPERATIONAL;
+            ec_writestate(0);
+        }
     } while (chk-- && (ec_slave[0].state != EC_STATE_OPERATIONAL));
     if (ec_slave[0].state != EC_STATE_OPERATIONAL) {
         ec_readstate();

@@ -63,9 +63,12 @@ int main(int argc, char **argv) {
     running = 1;
     start = osal_current_time();
     osal_thread_create(&cycle_thread, 128000, &cycle, NULL);
-    ctx.slavelist[0].state = EC_STATE_OPERATIONAL;
-    ecx_writestate(&ctx, 0);
-    ecx_statecheck(&ctx, 0, EC_STATE_OPERATIONAL, EC_TIMEOUTSTATE * 5);
+    n = 20; /* a busy host may be too late for the watchdog of a slave */
+    do {
+        ctx.slavelist[0].state = EC_STATE_OPERATIONAL;
+        ecx_writestate(&ctx, 0);
+        ecx_statecheck(&ctx, 0, EC_STATE_OPERATIONAL, EC_TIMEOUTSTATE / 4);
+    } while (ctx.slavelist[0].state != EC_STATE_OPERATIONAL && n-- > 0);
     n = ctx.slavelist[0].state;
     while (cycles < wanted) {
         uint32 value = 0;
