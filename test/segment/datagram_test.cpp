@@ -14,6 +14,7 @@ class SingleDatagrams : public SegmentTest {
     void SetUp() override {
         plug_line({"coupler", "digital_in_8", "digital_out_8"});
         switch_on();
+        ASSERT_TRUE(init(ctx, wire, osal));
     }
     Result<std::uint16_t> exchange(DatagramCommand command, std::uint16_t adp, std::uint16_t ado,
                                    std::span<std::byte> data) {
@@ -37,7 +38,7 @@ TEST_F(SingleDatagrams, ReachAllSlavesAndOneByItsPositionBeforeAScan) {
 
 TEST_F(SingleDatagrams, ReachTheLogicalAddressSpaceOfAMapping) {
     std::array<std::byte, 64> image{};
-    ASSERT_TRUE(bring_up());
+    ASSERT_TRUE(config_init(ctx));
     ASSERT_TRUE(config_map(ctx, image).ok());
     std::array<std::byte, 1> outputs{std::byte{0x5A}};
     DatagramRequest request;
@@ -69,7 +70,7 @@ struct Memory {
 };
 
 TEST_F(SingleDatagrams, TheMemoryOfAnImageIsAskedForWhenItsSizeIsKnown) {
-    ASSERT_TRUE(bring_up());
+    ASSERT_TRUE(config_init(ctx));
     Memory memory;
     memory.image.fill(std::byte{0x77});
     MapRequest request;
