@@ -191,6 +191,7 @@ enum class Step : std::uint8_t {
     configure_clocks,
     configure_sync,
     watch_latches,
+    exchange_datagram,
 };
 
 // The kind of a request: an error names the operation that prevents another one.
@@ -229,6 +230,7 @@ enum class Operation : std::uint8_t {
     configure_clocks,
     set_sync,
     watch_latches,
+    exchange_datagram,
 };
 
 // One error. Unused members are 0.

@@ -18,6 +18,7 @@
 #include <margay/coe.hpp>
 #include <margay/coe_stream.hpp>
 #include <margay/context.hpp>
+#include <margay/datagram.hpp>
 #include <margay/entry.hpp>
 #include <margay/eoe.hpp>
 #include <margay/expected.hpp>

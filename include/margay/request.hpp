@@ -181,6 +181,10 @@ struct MapRequest : Request {
     MapRequest();
     std::uint8_t group = 0;
     std::span<std::byte> image;
+    // Gives the memory of the image in place of `image`, when its size is known. poll() calls the function: it
+    // must neither wait nor call the library. Fewer octets: image_too_large. nullptr: `image` counts.
+    std::span<std::byte> (*memory)(std::size_t bytes, void* user) = nullptr;
+    void* memory_user = nullptr;
     std::size_t bytes = 0;  // result: how many octets of the image are used, also if some slave is not mapped
 };
 

@@ -1,48 +1,9 @@
-// Loads simulated segments from descriptions: TOML files (see samples/segments/README.md), "demo", or SII images in a
-// line.
+// Of the library part `source`, for the programs.
 #pragma once
 
-#include "sim/segment.hpp"
+#include "source/segment_file.hpp"
 
-#include <memory>
-#include <string>
-#include <vector>
-
+namespace margay::hosted {}
 namespace margay::samples {
-
-// A segment with the names of its slaves in the description. All slaves are switched on unless the description says
-// otherwise.
-struct SimulatedSegment {
-    sim::Segment segment;
-    std::vector<std::string> names;                        // by slave number; unique
-    Duration round_trip = std::chrono::microseconds(100);  // on the side of the master, as the file says
-};
-
-class LoadedSegment {
-  public:
-    explicit LoadedSegment(std::unique_ptr<SimulatedSegment> segment) : segment_(std::move(segment)) {}
-    explicit LoadedSegment(std::string error) : error_(std::move(error)) {}
-
-    [[nodiscard]] explicit operator bool() const noexcept { return segment_ != nullptr; }
-    // One sentence: the file, the line, and the error.
-    [[nodiscard]] const std::string& error() const noexcept { return error_; }
-    [[nodiscard]] SimulatedSegment* operator->() noexcept { return segment_.get(); }
-    [[nodiscard]] SimulatedSegment& operator*() noexcept { return *segment_; }
-    [[nodiscard]] std::unique_ptr<SimulatedSegment> take() noexcept { return std::move(segment_); }
-
-  private:
-    std::unique_ptr<SimulatedSegment> segment_;
-    std::string error_;
-};
-
-// Loads a segment. `what` is the name of a ready-made segment such as "demo", the path of a description (*.toml), or
-// paths of SII images or ESI files (FILE.xml, FILE.xml#TYPE) separated by commas, which form a line. `now` is the time
-// when the segment is switched on.
-[[nodiscard]] LoadedSegment load_segment(const std::string& what, Time now = Time{});
-
-// Loads a segment from the text of a description. Error texts call the description `origin`. Relative paths in it
-// start at `folder`.
-[[nodiscard]] LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder,
-                                          Time now = Time{});
-
+using namespace hosted;
 }  // namespace margay::samples

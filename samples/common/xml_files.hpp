@@ -1,27 +1,16 @@
 // ESI and ENI files as the programs use them.
 #pragma once
 
-#include <margay/files/eni.hpp>
-#include <margay/files/esi.hpp>
+#include "source/esi_image.hpp"
 
-#include <cstddef>
+#include <margay/files/eni.hpp>
+
+#include <optional>
 #include <string>
-#include <vector>
 
 namespace margay::samples {
 
-// Whether a path names an ESI: "FILE.xml", or "FILE.xml#TYPE" for one of its devices.
-[[nodiscard]] bool names_esi(const std::string& path);
-
-// The SII image of a device of an ESI. `type`: the order code or the name of the device; empty: the file has one only.
-struct EsiImage {
-    std::vector<std::byte> octets{};
-    std::string type{};
-    std::vector<std::string> remarks{};
-    std::string error{};  // a sentence with the name of the file
-};
-[[nodiscard]] EsiImage esi_image(const std::string& file, const std::string& type);
-[[nodiscard]] EsiImage esi_image(const std::string& path);  // "FILE.xml" or "FILE.xml#TYPE"
+using namespace hosted;
 
 // Reads an ENI for a program that brings a segment up by it. Remarks go to standard error as warnings.
 struct EniFile {

@@ -16,7 +16,8 @@ static Error check(Network& network, const MapRequest& request) {
 }
 
 static Task<Result<>> run(Network& network, MapRequest& request) {
-    auto mapped = co_await map_group(network, request.group, request.image);
+    const ImageMemory memory{.image = request.image, .provide = request.memory, .user = request.memory_user};
+    auto mapped = co_await map_group(network, request.group, memory);
     note_of_segment(network, mapped.error());
     request.bytes = mapped ? *mapped : network.process.groups[request.group].image.size();
     co_return mapped ? Result<>() : Result<>(mapped.error());

@@ -395,9 +395,17 @@ class Mapping {
     ProcessGroup& group_;
 };
 
+MutableBytes memory_of_image(Network& network, std::uint8_t number, const ImageMemory& memory) {
+    if (memory.provide == nullptr) return memory.image;
+    // Without memory, the layout ends with the size that it needs, or with an error that it finds again.
+    const auto measured = lay_out(network.slaves(), number, network.process.groups[number].config, {});
+    const bool too_large = !measured && measured.error().code == Errc::image_too_large;
+    return memory.provide(too_large ? measured.error().expected : 0, memory.user);
+}
+
 }  // namespace
 
-Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, MutableBytes image) {
+Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, const ImageMemory& memory) {
     if (network.count == 0) co_return Error{.code = Errc::wrong_state, .step = Step::map_process_data};
     if (number >= network.process.groups.size()) co_return fault(Errc::unknown_group, number);
     Mapping mapping(network, number);
@@ -406,6 +414,7 @@ Task<Result<std::size_t>> map_group(Network& network, std::uint8_t number, Mutab
     co_await required(for_each_slave(network, start));
     const auto find = [&network, number, &faults](Slave& s) { return discover(network, s, number, faults); };
     co_await required(for_each_slave(network, find));
+    const MutableBytes image = memory_of_image(network, number, memory);
     std::ranges::fill(image, std::byte{0});
     const auto laid_out = lay_out_group(network, number, image);
     if (!laid_out) {

@@ -178,6 +178,7 @@ std::string_view to_text(Step step) {
         case Step::configure_clocks: return "synchronising the clocks";
         case Step::configure_sync: return "activating SYNC";
         case Step::watch_latches: return "watching latch inputs";
+        case Step::exchange_datagram: return "exchanging a datagram";
         case Step::recover: return "recovering the slave";
         case Step::identify: return "comparing with what is expected";
         case Step::topology: return "finding the topology";
@@ -221,6 +222,7 @@ std::string_view to_text(Operation operation) {
         case Operation::configure_clocks: return "a synchronisation of the clocks";
         case Operation::set_sync: return "a change of SYNC signals";
         case Operation::watch_latches: return "the watch of latch inputs";
+        case Operation::exchange_datagram: return "a datagram";
     }
     return "";
 }

@@ -1,4 +1,4 @@
-#include "common/segment_chip.hpp"
+#include "source/segment_chip.hpp"
 
 #include "sim/devices.hpp"
 #include "wire/sii.hpp"
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <map>
 
-namespace margay::samples {
+namespace margay::hosted {
 
 namespace {
 
@@ -118,4 +118,4 @@ Fault adjust_chip(const DescriptionReader& reader, const toml::table& table, sim
     return dc(reader, table, chip);
 }
 
-}  // namespace margay::samples
+}  // namespace margay::hosted

@@ -1,10 +1,10 @@
-#include "common/ready_made.hpp"
+#include "source/ready_made.hpp"
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 
-namespace margay::samples {
+namespace margay::hosted {
 namespace {
 
 namespace fs = std::filesystem;
@@ -57,4 +57,4 @@ std::string ready_made_file(const std::string& name) {
     return fs::is_regular_file(file, error) ? file.string() : std::string();
 }
 
-}  // namespace margay::samples
+}  // namespace margay::hosted

@@ -1,11 +1,11 @@
-#include "common/source.hpp"
+#include "source/source.hpp"
 
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <string_view>
 
-namespace margay::samples {
+namespace margay::hosted {
 
 void Source::StandardError::line(std::string_view text) noexcept {
     std::fprintf(stderr, "%.*s\n", static_cast<int>(text.size()), text.data());
@@ -35,7 +35,7 @@ class SourceOpener {
         constexpr std::string_view kRecorded = "pcap:";
         std::string problem;
         if (text.starts_with(kSimulated))
-            problem = open_simulated(text.substr(kSimulated.size()));
+            problem = open_simulated(text.substr(kSimulated.size()), options.real_time);
         else if (text.starts_with(kRecorded))
             problem = open_recording(text.substr(kRecorded.size()), options.record);
         else
@@ -84,12 +84,15 @@ class SourceOpener {
         return nic.load(file) ? std::string() : nic.problem();
     }
 
-    std::string open_simulated(const std::string& what) {
-        auto loaded = load_segment(what);
+    std::string open_simulated(const std::string& what, bool real_time) {
+        if (real_time)
+            source_->osal_ = &source_->linux_osal_.emplace();
+        else
+            source_->osal_ = &source_->virtual_osal_.emplace();
+        Osal& osal = *source_->osal_;
+        auto loaded = load_segment(what, osal.now());
         if (!loaded) return loaded.error();
         source_->simulated_ = loaded.take();
-        auto& osal = source_->virtual_osal_.emplace();
-        source_->osal_ = &osal;
         source_->outermost_ = &source_->simulated_nic_.emplace(
             source_->simulated_->segment, osal,
             SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true});
@@ -121,4 +124,4 @@ OpenedSource open_source(const std::string& text, const SourceOptions& options) 
     return SourceOpener().open(text, options);
 }
 
-}  // namespace margay::samples
+}  // namespace margay::hosted

@@ -1,8 +1,8 @@
-#include "common/segment_file.hpp"
+#include "source/segment_file.hpp"
 
-#include "common/ready_made.hpp"
-#include "common/segment_chip.hpp"
-#include "common/xml_files.hpp"
+#include "source/esi_image.hpp"
+#include "source/ready_made.hpp"
+#include "source/segment_chip.hpp"
 
 #include "sim/devices.hpp"
 #include "sim/library/quirks.hpp"
@@ -17,7 +17,7 @@
 #include <optional>
 #include <sstream>
 
-namespace margay::samples {
+namespace margay::hosted {
 
 namespace {
 
@@ -460,4 +460,4 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     return load_line_of_images(what, now);
 }
 
-}  // namespace margay::samples
+}  // namespace margay::hosted

@@ -1,0 +1,210 @@
+// The list of errors, and the texts of errors.
+#include "compat/soem/facade.hpp"
+
+#include "wire/al_status_code.hpp"
+#include "wire/mailbox.hpp"
+
+#include <cstdio>
+#include <ctime>
+#include <mutex>
+#include <string>
+
+namespace margay::soem {
+namespace {
+
+// Several threads add entries, and a thread of the program takes them.
+std::mutex ring_mutex;
+
+std::int64_t wall_clock_ns() {
+    timespec now{};
+    clock_gettime(CLOCK_REALTIME, &now);
+    return static_cast<std::int64_t>(now.tv_sec) * 1000000000 + now.tv_nsec;
+}
+
+void add(ecx_contextt& context, const ec_errort& entry) {
+    const std::lock_guard<std::mutex> guard(ring_mutex);
+    ec_eringt& ring = error_ring(context);
+    ring.Error[ring.head] = entry;
+    ring.Error[ring.head].Signal = TRUE;
+    ring.head = static_cast<int16>(ring.head >= EC_MAXELIST ? 0 : ring.head + 1);
+    if (ring.head == ring.tail) ring.tail = static_cast<int16>(ring.tail >= EC_MAXELIST ? 0 : ring.tail + 1);
+    error_flag(context) = TRUE;
+}
+
+// A text that stays until the same thread asks again. The interface returns pointers that may be written.
+char* kept(std::string_view text) {
+    static thread_local char kept_text[256];
+    const std::size_t size = std::min(text.size(), sizeof(kept_text) - 1);
+    std::copy_n(text.data(), size, kept_text);
+    kept_text[size] = '\0';
+    return kept_text;
+}
+
+std::string text_of(const ec_errort& e) {
+    char line[200];
+    switch (e.Etype) {
+        case EC_ERR_TYPE_SDO_ERROR:
+        case EC_ERR_TYPE_SDOINFO_ERROR: {
+            const auto text = sdo_abort_text(static_cast<std::uint32_t>(e.AbortCode));
+            std::snprintf(line, sizeof(line), "SDO slave:%d index:%4.4x.%2.2x error:%8.8x %.*s\n", e.Slave, e.Index,
+                          e.SubIdx, static_cast<unsigned>(e.AbortCode), static_cast<int>(text.size()), text.data());
+            return line;
+        }
+        case EC_ERR_TYPE_EMERGENCY:
+            std::snprintf(line, sizeof(line), "EMERGENCY slave:%d error:%4.4x register:%2.2x\n", e.Slave, e.ErrorCode,
+                          e.ErrorReg);
+            return line;
+        case EC_ERR_TYPE_MBX_ERROR: {
+            const auto text = wire::to_text(static_cast<wire::MailboxErrorCode>(e.ErrorCode));
+            std::snprintf(line, sizeof(line), "MBX slave:%d error:%4.4x %.*s\n", e.Slave, e.ErrorCode,
+                          static_cast<int>(text.size()), text.data());
+            return line;
+        }
+        case EC_ERR_TYPE_SOE_ERROR: {
+            const auto text = soe_error_text(e.ErrorCode);
+            std::snprintf(line, sizeof(line), "SoE slave:%d IDN:%4.4x error:%4.4x %.*s\n", e.Slave, e.Index,
+                          e.ErrorCode, static_cast<int>(text.size()), text.data());
+            return line;
+        }
+        case EC_ERR_TYPE_PACKET_ERROR:
+            std::snprintf(line, sizeof(line), "PACKET slave:%d index:%4.4x.%2.2x error:%d\n", e.Slave, e.Index,
+                          e.SubIdx, e.ErrorCode);
+            return line;
+        default:
+            std::snprintf(line, sizeof(line), "slave:%d index:%4.4x.%2.2x type:%d error:%8.8x\n", e.Slave, e.Index,
+                          e.SubIdx, static_cast<int>(e.Etype), static_cast<unsigned>(e.AbortCode));
+            return line;
+    }
+}
+
+}  // namespace
+
+void push(ecx_contextt& context, ec_errort& entry) {
+    set_time(entry.Time, wall_clock_ns());
+    add(context, entry);
+}
+
+int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,
+                std::uint8_t subindex) {
+    push_emergencies(context, slave);
+    if (error.code == Errc::none) return 1;
+    ec_errort entry{};
+    entry.Slave = slave;
+    entry.Index = index;
+    entry.SubIdx = subindex;
+    switch (error.code) {
+        case Errc::sdo_abort:
+            entry.Etype = EC_ERR_TYPE_SDO_ERROR;
+            entry.AbortCode = static_cast<int32>(error.detail);
+            break;
+        case Errc::mailbox_error:
+            entry.Etype = EC_ERR_TYPE_MBX_ERROR;
+            entry.ErrorCode = static_cast<uint16>(error.detail);
+            break;
+        case Errc::soe_error:
+            entry.Etype = EC_ERR_TYPE_SOE_ERROR;
+            entry.ErrorCode = static_cast<uint16>(error.detail);
+            break;
+        case Errc::capacity:
+        case Errc::wrong_size:
+            entry.Etype = EC_ERR_TYPE_PACKET_ERROR;
+            entry.ErrorCode = 3;  // the buffer of the program is too small
+            break;
+        case Errc::protocol:
+            entry.Etype = EC_ERR_TYPE_PACKET_ERROR;
+            entry.ErrorCode = 1;  // unexpected answer
+            break;
+        default: return 0;  // no answer in time
+    }
+    push(context, entry);
+    return 0;
+}
+
+void push_emergencies(ecx_contextt& context, std::uint16_t slave) {
+    Session* const session = session_of(context);
+    if (session == nullptr) return;
+    for (;;) {
+        std::optional<Emergency> emergency;
+        {
+            const Session::Guard guard(*session);
+            emergency = emergencies(session->context(), slave).take();
+        }
+        if (!emergency) return;
+        const auto octet = [&](std::size_t n) { return std::to_integer<unsigned>(emergency->data[n]); };
+        ec_errort entry{};
+        entry.Slave = slave;
+        entry.Etype = EC_ERR_TYPE_EMERGENCY;
+        entry.ErrorCode = emergency->code;
+        entry.ErrorReg = emergency->error_register;
+        entry.b1 = static_cast<uint8>(octet(0));
+        entry.w1 = static_cast<uint16>(octet(1) | octet(2) << 8);
+        entry.w2 = static_cast<uint16>(octet(3) | octet(4) << 8);
+        push(context, entry);
+    }
+}
+
+}  // namespace margay::soem
+
+using namespace margay::soem;
+
+extern "C" {
+
+void ecx_pusherror(ecx_contextt* context, const ec_errort* Ec) { add(*context, *Ec); }
+
+boolean ecx_poperror(ecx_contextt* context, ec_errort* Ec) {
+    const std::lock_guard<std::mutex> guard(ring_mutex);
+    ec_eringt& ring = error_ring(*context);
+    const bool any = ring.head != ring.tail;
+    if (any) {
+        *Ec = ring.Error[ring.tail];
+        ring.Error[ring.tail].Signal = FALSE;
+        ring.tail = static_cast<int16>(ring.tail >= EC_MAXELIST ? 0 : ring.tail + 1);
+    } else {
+        error_flag(*context) = FALSE;
+    }
+    return any ? TRUE : FALSE;
+}
+
+boolean ecx_iserror(ecx_contextt* context) {
+    const std::lock_guard<std::mutex> guard(ring_mutex);
+    return error_ring(*context).head != error_ring(*context).tail ? TRUE : FALSE;
+}
+
+void ecx_packeterror(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubIdx, uint16 ErrorCode) {
+    ec_errort entry{};
+    entry.Slave = Slave;
+    entry.Index = Index;
+    entry.SubIdx = SubIdx;
+    entry.Etype = EC_ERR_TYPE_PACKET_ERROR;
+    entry.ErrorCode = ErrorCode;
+    push(*context, entry);
+}
+
+void ecx_SDOerror(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubIdx, int32 AbortCode) {
+    ec_errort entry{};
+    entry.Slave = Slave;
+    entry.Index = Index;
+    entry.SubIdx = SubIdx;
+    entry.Etype = EC_ERR_TYPE_SDO_ERROR;
+    entry.AbortCode = AbortCode;
+    push(*context, entry);
+}
+
+SdoText ec_sdoerror2string(uint32 sdoerrorcode) { return kept(margay::sdo_abort_text(sdoerrorcode)); }
+
+char* ec_ALstatuscode2string(uint16 ALstatuscode) { return kept(margay::wire::al_status_text(ALstatuscode)); }
+
+char* ec_soeerror2string(uint16 errorcode) { return kept(margay::soe_error_text(errorcode)); }
+
+char* ec_mbxerror2string(uint16 errorcode) {
+    return kept(margay::wire::to_text(static_cast<margay::wire::MailboxErrorCode>(errorcode)));
+}
+
+char* ecx_err2string(const ec_errort Ec) { return kept(text_of(Ec)); }
+
+char* ecx_elist2string(ecx_contextt* context) {
+    ec_errort entry{};
+    return ecx_poperror(context, &entry) != FALSE ? kept(text_of(entry)) : kept({});
+}
+
+}  // extern "C"

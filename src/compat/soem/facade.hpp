@@ -1,0 +1,105 @@
+// What the functions of both versions of the interface share. The sources of this folder that include this header are
+// compiled once for each version, with the header soem_version.hpp of that version.
+#pragma once
+
+#include <soem_version.hpp>
+#include "compat/soem/session.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <deque>
+
+namespace margay::soem {
+
+[[nodiscard]] inline Session* session_of(ecx_portt& port) { return Sessions::find(port.margay_session, &port); }
+[[nodiscard]] inline Session* session_of(ecx_contextt& context) { return session_of(port_of(context)); }
+[[nodiscard]] inline Session* session_of(ecx_contextt* context) { return session_of(port_of(*context)); }
+
+[[nodiscard]] inline Duration us(int timeout) { return std::chrono::microseconds(std::max(timeout, 0)); }
+// For all of a mailbox service: the time of one answer, and the time to send the request.
+[[nodiscard]] inline Duration mail_time(int timeout) { return us(timeout) + std::chrono::microseconds(EC_TIMEOUTTXM); }
+
+// The slave exists: a number from 1 to the number of slaves.
+[[nodiscard]] inline bool is_slave(ecx_contextt& context, int number) {
+    return number >= 1 && number <= slave_count(context) && number < most_slaves(context);
+}
+
+[[nodiscard]] inline std::span<std::byte> octets_at(void* data, std::size_t size) {
+    return {static_cast<std::byte*>(data), size};
+}
+[[nodiscard]] inline std::span<const std::byte> octets_at(const void* data, std::size_t size) {
+    return {static_cast<const std::byte*>(data), size};
+}
+
+// Host order of what the wire says, and back.
+inline std::uint16_t word_at(const std::byte* from) {
+    return static_cast<std::uint16_t>(std::to_integer<unsigned>(from[0]) | std::to_integer<unsigned>(from[1]) << 8);
+}
+inline void put_word(std::byte* to, unsigned value) {
+    to[0] = static_cast<std::byte>(value);
+    to[1] = static_cast<std::byte>(value >> 8);
+}
+
+// Raw AL status as the interface has it: state, and 0x10 for an error.
+[[nodiscard]] inline std::uint16_t raw_state(const AlStatus& status) {
+    return static_cast<std::uint16_t>(static_cast<unsigned>(status.state) | (status.error ? 0x10U : 0U));
+}
+
+// Registers of a slave by its station address; return the working counter, or -1.
+int read_registers(Session& session, std::uint16_t station, std::uint16_t address, std::span<std::byte> data,
+                   Duration timeout);
+int write_registers(Session& session, std::uint16_t station, std::uint16_t address, std::span<const std::byte> data,
+                    Duration timeout);
+
+// Adds the error of a mailbox service to the list of the program, and the emergencies that the slave has sent. Returns
+// what the service returns.
+int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, std::uint16_t index,
+                std::uint8_t subindex);
+void push_emergencies(ecx_contextt& context, std::uint16_t slave);
+// Adds an entry whose time is now.
+void push(ecx_contextt& context, ec_errort& entry);
+
+// Finds the slaves: the result of config_init().
+int config_init(ecx_contextt& context);
+// Maps a group: the result of config_map_group(). `bytes`: each slave begins on an octet.
+int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes);
+
+// Copies what the library knows about the state of a slave.
+void copy_state(ecx_contextt& context, Session& session, std::uint16_t number);
+// The cycle of a group.
+int send_group(ecx_contextt& context, std::uint8_t group);
+int receive_group(ecx_contextt& context, std::uint8_t group, int timeout);
+
+// Takes the SyncManagers that the program has changed as its configuration of the slave.
+void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number);
+// Fills the slave from its process data: sizes, pointers, SyncManagers, FMMUs.
+void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group,
+                       std::uint8_t* image);
+
+// Calls the hooks of slaves between two polls of a request, because a hook waits.
+class HookCaller final : public Session::Between {
+  public:
+    HookCaller(ecx_contextt& context, Session& session, bool with_context)
+        : context_(context), session_(session), with_context_(with_context) {}
+    ~HookCaller();
+    // Makes the library wait in PREOP until the hooks of the slave have been called.
+    void attach(std::uint16_t number);
+    void run() override;
+
+  private:
+    struct Call {
+        HookCaller* caller = nullptr;
+        std::uint16_t number = 0;
+        std::atomic<bool> wanted{false};
+        std::atomic<bool> done{false};
+    };
+    static Task<> wait_for_call(HookedSlave slave, void* user);
+
+    ecx_contextt& context_;
+    Session& session_;
+    bool with_context_;
+    std::deque<Call> calls_;
+};
+
+}  // namespace margay::soem

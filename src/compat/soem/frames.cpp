@@ -1,0 +1,154 @@
+// Frames that the program builds itself. The datagrams of such a frame are sent when the program waits for it.
+#include "compat/soem/facade.hpp"
+
+#include <cstring>
+
+extern "C" {
+const uint16 priMAC[3] = EC_PRIMARY_MAC_ARRAY;
+const uint16 secMAC[3] = EC_SECONDARY_MAC_ARRAY;
+}
+
+namespace margay::soem {
+namespace {
+
+constexpr int kHeaderOctets = ETH_HEADERSIZE + EC_ELENGTHSIZE;  // Ethernet and EtherCAT header
+constexpr int kDatagramHeader = EC_HEADERSIZE - EC_ELENGTHSIZE;
+
+bool is_index(int index) { return index >= 0 && index < EC_MAXBUF; }
+
+// Writes the header, the data and the working counter of a datagram behind `at`.
+void put_datagram(std::uint8_t* at, std::uint8_t command, std::uint8_t index, std::uint16_t adp, std::uint16_t ado,
+                  std::uint16_t length, const void* data) {
+    auto* const octets = reinterpret_cast<std::byte*>(at);
+    octets[0] = std::byte{command};
+    octets[1] = std::byte{index};
+    put_word(octets + 2, adp);
+    put_word(octets + 4, ado);
+    put_word(octets + 6, length);
+    put_word(octets + 8, 0);
+    const bool reads = command == EC_CMD_NOP || command == EC_CMD_APRD || command == EC_CMD_FPRD ||
+                       command == EC_CMD_BRD || command == EC_CMD_LRD;
+    if (length > 0 && reads) std::memset(octets + kDatagramHeader, 0, length);
+    if (length > 0 && !reads) std::memcpy(octets + kDatagramHeader, data, length);
+    put_word(octets + kDatagramHeader + length, 0);
+}
+
+// Sends the datagrams of a frame of the program one after the other, and builds the answer. Returns the working counter
+// of the last datagram.
+int exchange_frame(ecx_portt& port, int index, Duration timeout) {
+    Session* const session = session_of(port);
+    if (session == nullptr) return EC_NOFRAME;
+    const int length = port.txbuflength[index];
+    if (length <= kHeaderOctets || length > EC_BUFSIZE) return EC_NOFRAME;
+    std::memcpy(port.rxbuf[index], port.txbuf[index] + ETH_HEADERSIZE,
+                static_cast<std::size_t>(length) - ETH_HEADERSIZE);
+    auto* const frame = reinterpret_cast<std::byte*>(port.rxbuf[index]);
+    int wkc = EC_NOFRAME;
+    for (int at = EC_ELENGTHSIZE; at + kDatagramHeader + EC_WKCSIZE <= length - ETH_HEADERSIZE;) {
+        std::byte* const header = frame + at;
+        const unsigned size = word_at(header + 6) & 0x7FFU;
+        const bool more = (word_at(header + 6) & EC_DATAGRAMFOLLOWS) != 0;
+        if (size == 0 || at + kDatagramHeader + static_cast<int>(size) + EC_WKCSIZE > length - ETH_HEADERSIZE) break;
+        wkc = session->exchange(static_cast<DatagramCommand>(std::to_integer<unsigned>(header[0])),
+                                address_of(word_at(header + 2), word_at(header + 4)), {header + kDatagramHeader, size},
+                                timeout, false);
+        if (wkc < 0) return EC_NOFRAME;
+        put_word(header + kDatagramHeader + size, static_cast<unsigned>(wkc));
+        at += kDatagramHeader + static_cast<int>(size) + EC_WKCSIZE;
+        if (!more) break;
+    }
+    port.rxbufstat[index] = EC_BUF_COMPLETE;
+    return wkc;
+}
+
+}  // namespace
+}  // namespace margay::soem
+
+using namespace margay::soem;
+
+extern "C" {
+
+void ec_setupheader(void* p) {
+    auto* const octets = static_cast<std::byte*>(p);
+    std::memset(octets, 0xFF, 6);
+    for (int n = 0; n < 3; ++n) {
+        octets[6 + 2 * n] = static_cast<std::byte>(priMAC[n] >> 8);
+        octets[7 + 2 * n] = static_cast<std::byte>(priMAC[n]);
+    }
+    octets[12] = std::byte{ETH_P_ECAT >> 8};
+    octets[13] = std::byte{ETH_P_ECAT & 0xFF};
+}
+
+int ecx_setupdatagram(ecx_portt* port, void* frame, uint8 com, uint8 idx, uint16 ADP, uint16 ADO, uint16 length,
+                      void* data) {
+    auto* const octets = static_cast<std::uint8_t*>(frame);
+    put_word(reinterpret_cast<std::byte*>(octets + ETH_HEADERSIZE),
+             EC_ECATTYPE | static_cast<unsigned>(kDatagramHeader + length + EC_WKCSIZE));
+    put_datagram(octets + kHeaderOctets, com, idx, ADP, ADO, length, data);
+    if (is_index(idx)) port->txbuflength[idx] = kHeaderOctets + kDatagramHeader + length + EC_WKCSIZE;
+    return 0;
+}
+
+DatagramOffset ecx_adddatagram(ecx_portt* port, void* frame, uint8 com, uint8 idx, boolean more, uint16 ADP, uint16 ADO,
+                               uint16 length, void* data) {
+    if (!is_index(idx)) return 0;
+    auto* const octets = static_cast<std::uint8_t*>(frame);
+    auto* const bytes = reinterpret_cast<std::byte*>(frame);
+    const int end = port->txbuflength[idx];
+    // The datagrams before this one say that another one follows.
+    for (int at = kHeaderOctets; at + kDatagramHeader <= end;) {
+        const unsigned size = word_at(bytes + at + 6) & 0x7FFU;
+        put_word(bytes + at + 6, word_at(bytes + at + 6) | EC_DATAGRAMFOLLOWS);
+        at += kDatagramHeader + static_cast<int>(size) + EC_WKCSIZE;
+    }
+    put_datagram(octets + end, com, idx, ADP, ADO, length, data);
+    if (more != 0) put_word(bytes + end + 6, length | EC_DATAGRAMFOLLOWS);
+    const int added = kDatagramHeader + length + EC_WKCSIZE;
+    const unsigned elength = word_at(bytes + ETH_HEADERSIZE) & 0x7FFU;
+    put_word(bytes + ETH_HEADERSIZE, EC_ECATTYPE | (elength + static_cast<unsigned>(added)));
+    port->txbuflength[idx] = end + added;
+    return static_cast<DatagramOffset>(end - ETH_HEADERSIZE + kDatagramHeader);
+}
+
+void ecx_setbufstat(ecx_portt* port, FrameIndex idx, int bufstat) {
+    if (is_index(idx)) port->rxbufstat[idx] = bufstat;
+}
+
+FrameIndex ecx_getindex(ecx_portt* port) {
+    for (int n = 0; n < EC_MAXBUF; ++n) {
+        const int index = (port->lastidx + 1 + n) % EC_MAXBUF;
+        if (port->rxbufstat[index] != EC_BUF_EMPTY && n + 1 < EC_MAXBUF) continue;
+        port->rxbufstat[index] = EC_BUF_ALLOC;
+        port->lastidx = static_cast<FrameIndex>(index);
+        return static_cast<FrameIndex>(index);
+    }
+    return 0;
+}
+
+int ecx_outframe(ecx_portt* port, FrameIndex idx, int) {
+    if (!is_index(idx) || session_of(*port) == nullptr) return -1;
+    port->rxbufstat[idx] = EC_BUF_TX;
+    return port->txbuflength[idx];
+}
+
+int ecx_outframe_red(ecx_portt* port, FrameIndex idx) { return ecx_outframe(port, idx, 0); }
+
+int ecx_waitinframe(ecx_portt* port, FrameIndex idx, int timeout) {
+    if (!is_index(idx) || port->rxbufstat[idx] != EC_BUF_TX) return EC_NOFRAME;
+    return exchange_frame(*port, idx, us(timeout));
+}
+
+int ecx_srconfirm(ecx_portt* port, FrameIndex idx, int timeout) {
+    if (ecx_outframe(port, idx, 0) < 0) return EC_NOFRAME;
+    const int wkc = ecx_waitinframe(port, idx, timeout);
+    return wkc < 0 ? EC_NOFRAME : wkc;
+}
+
+#ifdef EC_VER1
+int ecx_inframe(ecx_portt* port, int idx, int) {
+    return is_index(idx) && port->rxbufstat[idx] == EC_BUF_TX ? exchange_frame(*port, idx, us(EC_TIMEOUTRET))
+                                                              : EC_NOFRAME;
+}
+#endif
+
+}  // extern "C"

@@ -1,0 +1,48 @@
+// Hooks of the program in PREOP. A hook waits, and the library calls no function that waits: so the sequence of the
+// slave sleeps until the thread that waits for the request has called the hook.
+#include "compat/soem/facade.hpp"
+
+namespace margay::soem {
+
+HookCaller::~HookCaller() {
+    const Session::Guard guard(session_);
+    for (Call& call : calls_) session_.slave(call.number).hooks.preop_to_safeop = nullptr;
+}
+
+void HookCaller::attach(std::uint16_t number) {
+    const Session::Guard guard(session_);
+    Call& call = calls_.emplace_back();
+    call.caller = this;
+    call.number = number;
+    const Slave& slave = session_.slave(number);
+    slave.hooks.preop_to_safeop = wait_for_call;
+    slave.hooks.user = &call;
+}
+
+Task<> HookCaller::wait_for_call(HookedSlave slave, void* user) {
+    Call& call = *static_cast<Call*>(user);
+    call.done = false;
+    call.wanted = true;
+    while (!call.done) co_await completion(slave.sleep(std::chrono::milliseconds(1)));
+    co_return Result<>();
+}
+
+void HookCaller::run() {
+    for (Call& call : calls_) {
+        if (!call.wanted.exchange(false)) continue;
+        ec_slavet& slave = slaves_of(context_)[call.number];
+        {
+            const Session::Guard guard(session_);
+            copy_state(context_, session_, call.number);
+        }
+        std::array<ec_smt, EC_MAXSM> before{};
+        std::copy_n(slave.SM, EC_MAXSM, before.begin());
+        before_hooks(context_, call.number);
+        call_hooks(context_, call.number, with_context_);
+        const bool changed = std::memcmp(before.data(), slave.SM, sizeof(slave.SM)) != 0;
+        if (changed) take_sync_managers(context_, session_, call.number);
+        call.done = true;
+    }
+}
+
+}  // namespace margay::soem

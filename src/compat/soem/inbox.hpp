@@ -1,0 +1,45 @@
+// Mailbox messages that no request waits for, kept for the program until it asks for them.
+#pragma once
+
+#include <margay/margay.hpp>
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+namespace margay::soem {
+
+struct Letter {
+    std::uint16_t slave = 0;
+    MailboxType type{};
+    std::vector<std::byte> data{};  // behind the mailbox header
+};
+
+// For a thread that owns the context.
+class Inbox {
+  public:
+    static constexpr std::size_t kMost = 256;  // older letters are dropped
+
+    explicit Inbox(Context& context);
+    // The oldest letter of the slave and, unless it is `error`, of the type.
+    std::optional<Letter> take(std::uint16_t slave, MailboxType type = MailboxType::error);
+    // The oldest of all.
+    std::optional<Letter> take_any(MailboxType type);
+    void clear() { letters_.clear(); }
+
+  private:
+    class Ear final : public MailListener {
+      public:
+        Ear(Inbox& inbox, MailboxType type) : MailListener(type), inbox_(inbox) {}
+
+      private:
+        bool take(const UnaskedMail& mail) override;
+        Inbox& inbox_;
+    };
+    std::deque<Ear> ears_;
+    std::deque<Letter> letters_;
+};
+
+}  // namespace margay::soem

@@ -1,0 +1,173 @@
+// Mailbox messages of the program itself.
+#include "compat/soem/mail.hpp"
+
+#include <cstring>
+
+namespace margay::soem {
+namespace {
+
+// Looks for mail that no request waits for, as long as the object lives.
+class Watch {
+  public:
+    explicit Watch(Session& session) : session_(session) { set(std::chrono::milliseconds(1)); }
+    ~Watch() { set(Duration{0}); }
+    Watch(const Watch&) = delete;
+    Watch& operator=(const Watch&) = delete;
+
+  private:
+    void set(Duration every) {
+        const Session::Guard guard(session_);
+        static_cast<void>(watch_mailboxes(session_.context(), every));
+    }
+    Session& session_;
+};
+
+// The hook has taken the fragment.
+bool eaten(ecx_contextt& context, Session& session, const Letter& letter) {
+    if (context.EOEhook == nullptr || letter.type != MailboxType::eoe) return false;
+    ec_mbxbuft buffer{};
+    put_letter(letter, slaves_of(context)[letter.slave].configadr, slaves_of(context)[letter.slave].mbx_cnt, buffer);
+    static_cast<void>(session);
+    return context.EOEhook(&context, letter.slave, &buffer) > 0;
+}
+
+}  // namespace
+
+void put_letter(const Letter& letter, std::uint16_t station, std::uint8_t counter, ec_mbxbuft& into) {
+    auto* const octets = reinterpret_cast<std::byte*>(into);
+    const std::size_t size = std::min(letter.data.size(), sizeof(ec_mbxbuft) - kMailHeader);
+    put_word(octets, static_cast<unsigned>(size));
+    put_word(octets + 2, station);
+    octets[4] = std::byte{0};
+    octets[5] = static_cast<std::byte>(static_cast<unsigned>(letter.type) | (counter & 7U) << 4);
+    std::memcpy(octets + kMailHeader, letter.data.data(), size);
+}
+
+std::optional<Letter> await_letter(ecx_contextt& context, Session& session, std::uint16_t slave, MailboxType type,
+                                   Duration timeout) {
+    const Watch watch(session);
+    const Time until = later(session.now(), timeout);
+    for (bool last = false;;) {
+        for (;;) {
+            std::optional<Letter> letter;
+            {
+                const Session::Guard guard(session);
+                letter = session.inbox().take(slave, type);
+            }
+            if (!letter) break;
+            if (!eaten(context, session, *letter)) return letter;
+        }
+        push_emergencies(context, slave);
+        if (last) return std::nullopt;
+        last = session.now() >= until;
+        session.pause(std::chrono::milliseconds(1));
+    }
+}
+
+void serve_eoe_hook(ecx_contextt& context, Session& session) {
+    if (context.EOEhook == nullptr) return;
+    for (int n = 0; n < 64; ++n) {
+        std::optional<Letter> letter;
+        {
+            const Session::Guard guard(session);
+            letter = session.inbox().take_any(MailboxType::eoe);
+        }
+        if (!letter) return;
+        static_cast<void>(eaten(context, session, *letter));
+    }
+}
+
+int send_mail(Session& session, std::uint16_t slave, const ec_mbxbuft& mail, Duration timeout) {
+    const auto* const octets = reinterpret_cast<const std::byte*>(mail);
+    const std::size_t size = word_at(octets);
+    if (size == 0 || size + kMailHeader > sizeof(ec_mbxbuft)) return 0;
+    RawMail request;
+    request.slave = slave;
+    request.type = static_cast<MailboxType>(std::to_integer<unsigned>(octets[5]) & 0xFU);
+    request.message = std::span<const std::byte>(octets + kMailHeader, size);
+    request.address = 0;
+    request.timeout = std::max(timeout, Duration(std::chrono::milliseconds(1)));
+    return session.run(request) ? 1 : 0;
+}
+
+}  // namespace margay::soem
+
+using namespace margay::soem;
+
+extern "C" {
+
+uint8 ec_nextmbxcnt(uint8 cnt) { return static_cast<uint8>(cnt >= 7 ? 1 : cnt + 1); }
+
+void ec_clearmbx(ec_mbxbuft* Mbx) { std::memset(Mbx, 0, sizeof(ec_mbxbuft)); }
+
+int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    const std::uint16_t station = slaves_of(*context)[slave].configadr;
+    const margay::Time until = margay::later(session->now(), us(timeout));
+    for (;;) {
+        std::array<std::byte, 1> status{};
+        const int wkc = read_registers(*session, station, ECT_REG_SM0STAT, status, us(EC_TIMEOUTRET));
+        if (wkc > 0 && (status[0] & std::byte{0x08}) == std::byte{0}) return 1;
+        if (session->now() >= until) return 0;
+        session->pause(std::chrono::microseconds(200));
+    }
+}
+
+#ifdef EC_VER1
+
+int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_l == 0) return 0;
+    return send_mail(*session, slave, *mbx, us(timeout));
+}
+
+int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
+    const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
+    if (!letter) return 0;
+    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, *mbx);
+    return 1;
+}
+
+#else
+
+int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
+    Session* const session = session_of(context);
+    const bool usable = session != nullptr && is_slave(*context, slave) && slaves_of(*context)[slave].mbx_l != 0;
+    const int sent = usable ? send_mail(*session, slave, *mbx, us(timeout)) : 0;
+    ecx_dropmbx(context, mbx);  // it belongs to the library from the call on
+    return sent;
+}
+
+int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int timeout) {
+    *mbx = nullptr;
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
+    const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
+    if (!letter) return 0;
+    *mbx = ecx_getmbx(context);
+    if (*mbx == nullptr) return 0;
+    put_letter(*letter, slaves_of(*context)[slave].configadr, slaves_of(*context)[slave].mbx_cnt, **mbx);
+    return 1;
+}
+
+int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
+    Session* const session = session_of(context);
+    if (session == nullptr) return 0;
+    if (context->EOEhook != nullptr) {
+        const Session::Guard guard(*session);
+        static_cast<void>(watch_mailboxes(session->context(), std::chrono::milliseconds(1)));
+    }
+    session->poll_now();
+    serve_eoe_hook(*context, *session);
+    for (int n = 1; n <= slave_count(*context); ++n)
+        if (slaves_of(*context)[n].mbxhandlerstate == ECT_MBXH_CYCLIC)
+            push_emergencies(*context, static_cast<uint16>(n));
+    return 0;
+}
+
+#endif
+
+}  // extern "C"

@@ -1,0 +1,289 @@
+// Mapping a group: the sizes, places and pointers of the interface from those of the library.
+#include "compat/soem/facade.hpp"
+
+#include <vector>
+
+namespace margay::soem {
+namespace {
+
+constexpr std::size_t kLongestSegment = EC_MAXLRWDATA;
+
+bool takes_part(const ec_slavet& slave, std::uint8_t group) { return group == 0 || slave.group == group; }
+
+// The memory of the program. The library sets it to zero, and the interface leaves it as it is.
+struct ImageOfProgram {
+    std::byte* begin = nullptr;
+    std::vector<std::byte> before{};
+
+    static std::span<std::byte> provide(std::size_t bytes, void* user) {
+        auto& self = *static_cast<ImageOfProgram*>(user);
+        self.before.assign(self.begin, self.begin + bytes);
+        return {self.begin, bytes};
+    }
+    void restore() const { std::ranges::copy(before, begin); }
+};
+
+// What the program wants of a slave, before the mapping.
+void prepare_slave(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group) {
+    const ec_slavet& s = slaves_of(context)[number];
+    const bool changed = std::memcmp(session.shown(number).data(), s.SM, sizeof(s.SM)) != 0;
+    {
+        const Session::Guard guard(session);
+        const Slave& slave = session.slave(number);
+        slave.config.group = group;
+        slave.config.block_lrw = s.blockLRW != 0;
+        slave.config.no_complete_access = (s.CoEdetails & ECT_COEDET_SDOCA) == 0;
+        slave.config.source = ConfigurationSource::none;
+        slave.config.sm_count = 0;
+    }
+    if (changed) take_sync_managers(context, session, number);
+}
+
+std::uint16_t first_clock(ecx_contextt& context) {
+    for (int n = 1; n <= slave_count(context); ++n)
+        if (slaves_of(context)[n].hasdc != 0) return static_cast<std::uint16_t>(n);
+    return 0;
+}
+
+// An FMMU as the interface shows it. `bits` may be 0: no FMMU.
+void show_fmmu(ec_slavet& s, std::uint32_t start, std::uint32_t offset_bits, std::uint32_t bits, std::uint16_t physical,
+               bool outputs) {
+    if (bits == 0 || s.FMMUunused >= EC_MAXFMMU) return;
+    ec_fmmut& fmmu = s.FMMU[s.FMMUunused++];
+    const std::uint32_t last = offset_bits + bits - 1;
+    fmmu = {};
+    fmmu.LogStart = htoel(start + offset_bits / 8);
+    fmmu.LogLength = htoes(static_cast<uint16>(last / 8 - offset_bits / 8 + 1));
+    fmmu.LogStartbit = static_cast<uint8>(offset_bits % 8);
+    fmmu.LogEndbit = static_cast<uint8>(last % 8);
+    fmmu.PhysStart = htoes(physical);
+    fmmu.FMMUtype = outputs ? 2 : 1;
+    fmmu.FMMUactive = 1;
+}
+
+// The sum of the SyncManagers of one direction, and where the first of them begins.
+struct Direct {
+    std::uint32_t bits = 0;
+    std::uint16_t physical = 0;
+    std::uint32_t image_bits = 0;  // in the image, with gaps between SyncManagers
+};
+Direct sum(const Slave& slave, Direction direction, const ImagePart& part) {
+    Direct d;
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        if (sm.direction != direction || sm.bits == 0) continue;
+        if (d.bits == 0) d.physical = sm.start;
+        d.image_bits = d.bits == 0 ? sm.bits : part.bits;
+        d.bits += sm.bits;
+    }
+    return d;
+}
+
+// How many slaves count in a direction. In the packed mode of SOEM 2.0 only those whose data ends an octet do.
+bool counts(const ecx_contextt& context, const ImagePart& part) {
+    if (part.bits == 0) return false;
+    if (!kBytesUnlessPacked || !packed(context)) return true;
+    return (part.offset_bits + part.bits) / 8 > part.offset_bits / 8;
+}
+
+// The frames of the group: octets of each, and where the inputs begin.
+void show_segments(ec_groupt& g, std::size_t octets, std::size_t inputs_at) {
+    g.nsegments = 0;
+    g.Isegment = 0;
+    g.Ioffset = static_cast<uint16>(inputs_at);
+    std::size_t room = kLongestSegment - EC_FIRSTDCDATAGRAM;
+    std::size_t at = 0;
+    while (at < octets && g.nsegments < EC_MAXIOSEGMENTS) {
+        const std::size_t size = std::min(octets - at, room);
+        if (inputs_at >= at && inputs_at < at + size) {
+            g.Isegment = g.nsegments;
+            g.Ioffset = static_cast<uint16>(inputs_at - at);
+        }
+        g.IOsegment[g.nsegments++] = static_cast<uint32>(size);
+        at += size;
+        room = kLongestSegment;
+    }
+}
+
+// The octets for the status of mailboxes behind the inputs: one of each slave with a mailbox and a free FMMU.
+int place_status(ecx_contextt& context, Session& session, std::uint8_t group, std::uint8_t* at) {
+    if (!kStatusOctets) return 0;
+    int count = 0;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        ec_slavet& s = slaves_of(context)[n];
+        if (!takes_part(s, group) || s.mbx_l == 0) continue;
+        if (s.FMMUunused >= session.slave(static_cast<std::size_t>(n)).dl.fmmus) continue;
+        set_status_slave(groups_of(context)[group], count, static_cast<std::uint16_t>(n));
+        set_status(s, at + count++);
+    }
+    set_status(groups_of(context)[group], count == 0 ? nullptr : at, count);
+    return count;
+}
+
+// The working counters of the group, so that twice those of the outputs and those of the inputs are what a cycle
+// returns.
+void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) {
+    ec_groupt& g = groups_of(context)[group];
+    const Group& mapped = session.context().group(group);
+    unsigned out = 0;
+    unsigned in = 0;
+    unsigned really_out = 0;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        const Slave& slave = session.slave(static_cast<std::size_t>(n));
+        if (slave.image.group != group) continue;
+        out += counts(context, slave.image.outputs) ? 1U : 0U;
+        in += counts(context, slave.image.inputs) ? 1U : 0U;
+        really_out += slave.image.outputs.bits != 0 ? 1U : 0U;
+    }
+    Session::GroupFacts& facts = session.facts(group);
+    facts.group = &mapped;
+    facts.writing_datagrams = 0;
+    const bool split = g.blockLRW != 0;
+    unsigned written = 0;
+    for (const DatagramStatus& datagram : mapped.datagrams) {
+        if (!split || written >= really_out) break;
+        written += datagram.full;
+        ++facts.writing_datagrams;
+    }
+    g.outputsWKC = static_cast<uint16>(out);
+    g.inputsWKC = static_cast<uint16>(in);
+    // Data of one slave in two frames counts in both.
+    const unsigned sum = mapped.expected_wkc + written;
+    if (mapped.datagrams.size() > (split ? 2U : 1U) && sum > 2 * out) g.inputsWKC = static_cast<uint16>(sum - 2 * out);
+}
+
+// Sizes and pointers of the group, and of the slave that stands for all. Returns the used octets.
+int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std::uint8_t* image, bool overlapped) {
+    ec_groupt& g = groups_of(context)[group];
+    const Session::Guard guard(session);
+    const Group& mapped = session.context().group(group);
+    g.logstartaddr = static_cast<uint32>(group) << EC_LOGGROUPOFFSET;
+    std::uint32_t begin = 0;  // of the slave in the logical address space, where its outputs and inputs overlap
+    std::uint32_t end = 0;
+    std::uint32_t inputs_end = 0;
+    for (int n = 1; n <= slave_count(context); ++n) {
+        if (!takes_part(slaves_of(context)[n], group)) continue;
+        fill_process_data(context, session, static_cast<std::uint16_t>(n), group, image);
+        const SlaveImage& data = session.slave(static_cast<std::size_t>(n)).image;
+        const std::uint32_t out = data.outputs.bits == 0 ? 0 : (data.outputs.offset_bits + data.outputs.bits + 7) / 8;
+        const std::uint32_t in =
+            data.inputs.bits == 0 ? 0 : (data.inputs.offset_bits + data.inputs.bits + 7) / 8 - mapped.output_bytes;
+        begin = end;
+        end = std::max({end, out, in});
+        inputs_end = data.inputs.bits == 0 ? begin : in;
+    }
+    g.Obytes = mapped.output_bytes;
+    // The interface tells where the inputs of the last slave end, or would begin.
+    g.Ibytes = overlapped ? inputs_end : mapped.input_bytes;
+    g.outputs = image;
+    g.inputs = image + g.Obytes;
+    const int status = place_status(context, session, group, image + g.Obytes + g.Ibytes);
+    const auto extra = static_cast<std::uint32_t>(status);
+    const std::uint32_t cyclic = overlapped ? std::max(g.Obytes, g.Ibytes + extra) : g.Obytes + g.Ibytes + extra;
+    show_segments(g, cyclic, overlapped ? 0 : g.Obytes);
+    show_counters(context, session, group);
+    if (group == 0) {
+        ec_slavet& all = slaves_of(context)[0];
+        all.outputs = g.outputs;
+        all.inputs = g.inputs;
+        all.Obytes = g.Obytes;
+        all.Ibytes = g.Ibytes + extra;
+    }
+    return static_cast<int>(g.Obytes + g.Ibytes + extra);
+}
+
+}  // namespace
+
+void take_sync_managers(ecx_contextt& context, Session& session, std::uint16_t number) {
+    ec_slavet& s = slaves_of(context)[number];
+    const Session::Guard guard(session);
+    const Slave& slave = session.slave(number);
+    slave.config.sm_count = 0;
+    for (std::uint8_t n = 0; n < EC_MAXSM; ++n) {
+        if (s.SMtype[n] != static_cast<uint8>(SmType::outputs) && s.SMtype[n] != static_cast<uint8>(SmType::inputs))
+            continue;
+        const bool outputs = s.SMtype[n] == static_cast<uint8>(SmType::outputs);
+        static_cast<void>(slave.config.add({.number = n,
+                                            .direction = outputs ? Direction::outputs : Direction::inputs,
+                                            .control = static_cast<std::uint8_t>(etohl(s.SM[n].SMflags)),
+                                            .start = etohs(s.SM[n].StartAddr),
+                                            .bits = etohs(s.SM[n].SMlength) * 8U}));
+    }
+    slave.config.source = ConfigurationSource::application;
+    std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
+}
+
+void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t number, std::uint8_t group,
+                       std::uint8_t* image) {
+    ec_slavet& s = slaves_of(context)[number];
+    const Slave& slave = session.slave(number);
+    const Group& mapped = session.context().group(group);
+    const bool there = slave.image.group == group;
+    const ImagePart& outputs = slave.image.outputs;
+    const ImagePart& inputs = slave.image.inputs;
+    const Direct out = there && outputs.bits != 0 ? sum(slave, Direction::outputs, outputs) : Direct{};
+    const Direct in = there && inputs.bits != 0 ? sum(slave, Direction::inputs, inputs) : Direct{};
+    const auto octets = [](std::uint32_t bits) { return bits < 8 ? 0U : (bits + 7) / 8; };
+    s.Obits = static_cast<uint16>(out.bits);
+    s.Obytes = octets(out.bits);
+    s.outputs = out.bits != 0 ? image + outputs.offset_bits / 8 : nullptr;
+    s.Ostartbit = static_cast<uint8>(out.bits != 0 ? outputs.offset_bits % 8 : 0);
+    s.Ibits = static_cast<uint16>(in.bits);
+    s.Ibytes = octets(in.bits);
+    s.inputs = in.bits != 0 ? image + inputs.offset_bits / 8 : nullptr;
+    s.Istartbit = static_cast<uint8>(in.bits != 0 ? inputs.offset_bits % 8 : 0);
+    set_offsets(s, out.bits != 0 ? outputs.offset_bits / 8 : 0, in.bits != 0 ? inputs.offset_bits / 8 : 0);
+    set_status(s, nullptr);
+
+    for (const ProcessSm& sm : slave.config.used_sms()) {
+        if (sm.number >= EC_MAXSM) continue;
+        s.SM[sm.number].StartAddr = htoes(sm.start);
+        s.SM[sm.number].SMlength = htoes(static_cast<uint16>(sm.bytes()));
+        s.SM[sm.number].SMflags = htoel(static_cast<uint32>(sm.control | (sm.bits != 0 ? 0x10000U : 0U)));
+        s.SMtype[sm.number] = sm.direction == Direction::outputs ? 3 : 4;
+    }
+    std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
+
+    const std::uint32_t start = static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET;
+    const std::uint32_t shift = mapped.config.overlapped ? mapped.output_bytes * 8 : 0;
+    std::fill_n(s.FMMU, EC_MAXFMMU, ec_fmmut{});
+    s.FMMUunused = 0;
+    show_fmmu(s, start, outputs.offset_bits, out.image_bits, out.physical, true);
+    show_fmmu(s, start, inputs.offset_bits - (in.bits != 0 ? shift : 0), in.image_bits, in.physical, false);
+}
+
+int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
+    Session* const session = session_of(context);
+    if (session == nullptr || image == nullptr || slave_count(context) < 1 || group >= most_groups(context)) return 0;
+    HookCaller hooks(context, *session, true);
+    for (int n = 1; n <= slave_count(context); ++n) {
+        if (!takes_part(slaves_of(context)[n], group)) continue;
+        const auto number = static_cast<std::uint16_t>(n);
+        prepare_slave(context, *session, number, group);
+        hooks.attach(number);
+    }
+    ImageOfProgram memory{.begin = static_cast<std::byte*>(image)};
+    MapRequest request;
+    request.group = group;
+    request.memory = &ImageOfProgram::provide;
+    request.memory_user = &memory;
+    {
+        const Session::Guard guard(*session);
+        GroupConfiguration& config = session->context().group(group).config;
+        config.packing = bytes ? Packing::bytes : Packing::bits;
+        config.overlapped = overlapped;
+        config.block_lrw = groups_of(context)[group].blockLRW != 0;
+        if (group != 0) config.start = {static_cast<std::uint32_t>(group) << EC_LOGGROUPOFFSET};
+        config.dc_reference = group == 0 ? first_clock(context) : 0;
+    }
+    static_cast<void>(session->run(request, &hooks));
+    const int used = show_group(context, *session, group, static_cast<std::uint8_t*>(image), overlapped);
+    memory.restore();
+    if (context.manualstatechange != 0) {
+        WriteStateRequest down;
+        down.wanted = AlState::preop;
+        static_cast<void>(session->run(down));
+    }
+    return used;
+}
+
+}  // namespace margay::soem

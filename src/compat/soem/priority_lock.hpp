@@ -1,0 +1,45 @@
+// A lock for two threads of different priority: a thread that waits lends its priority to the thread that has the lock.
+// Without contention it costs one instruction of the processor that compares and exchanges, and no system call.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace margay::soem {
+
+class PriorityLock {
+  public:
+    PriorityLock() = default;
+    PriorityLock(const PriorityLock&) = delete;
+    PriorityLock& operator=(const PriorityLock&) = delete;
+
+    // Returns the number of the calling thread.
+    std::uint32_t lock() noexcept {
+        std::uint32_t nobody = 0;
+        const std::uint32_t me = thread();
+        if (!word_.compare_exchange_strong(nobody, me, std::memory_order_acquire)) [[unlikely]]
+            wait();
+        return me;
+    }
+    // `mine`: what lock() has returned.
+    void unlock(std::uint32_t mine) noexcept {
+        if (!word_.compare_exchange_strong(mine, 0, std::memory_order_release)) [[unlikely]]
+            pass_on();
+    }
+
+  private:
+    // The number of the calling thread in the kernel.
+    static std::uint32_t thread() noexcept {
+        if (thread_ == 0) [[unlikely]]
+            thread_ = ask_thread();
+        return thread_;
+    }
+    static std::uint32_t ask_thread() noexcept;
+    void wait() noexcept;
+    void pass_on() noexcept;
+
+    static inline thread_local std::uint32_t thread_ [[gnu::tls_model("initial-exec")]] = 0;
+    std::atomic<std::uint32_t> word_{0};
+};
+
+}  // namespace margay::soem

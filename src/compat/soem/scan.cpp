@@ -1,0 +1,168 @@
+// Finding the slaves, and what is known of each of them before its process data is mapped.
+#include "compat/soem/facade.hpp"
+#include "compat/soem/inbox.hpp"
+
+#include <cstring>
+
+namespace margay::soem {
+namespace {
+
+void fill_sii(ec_slavet& s, const Slave& from) {
+    s.eep_man = from.identity.vendor;
+    s.eep_id = from.identity.product;
+    s.eep_rev = from.identity.revision;
+    set_serial(s, from.identity.serial);
+    s.mbx_l = from.mailbox.out_bytes;
+    s.mbx_wo = from.mailbox.out_start;
+    s.mbx_rl = from.mailbox.in_bytes;
+    s.mbx_ro = from.mailbox.in_start;
+    s.mbx_proto = from.mailbox.protocols;
+    s.CoEdetails = from.coe_details;
+    s.FoEdetails = from.foe_details;
+    s.EoEdetails = from.eoe_details;
+    s.Ebuscurrent = from.ebus_current_ma;
+    s.FMMU0func = static_cast<uint8>(from.fmmu_use[0]);
+    s.FMMU1func = static_cast<uint8>(from.fmmu_use[1]);
+    s.FMMU2func = static_cast<uint8>(from.fmmu_use[2]);
+    s.FMMU3func = static_cast<uint8>(from.fmmu_use[3]);
+    for (std::size_t n = 0; n < EC_MAXSM && n < from.sm_count; ++n) {
+        const SmInfo& sm = from.sync_managers[n];
+        s.SM[n].StartAddr = htoes(sm.start);
+        s.SM[n].SMlength = htoes(sm.length_bytes);
+        s.SM[n].SMflags = htoel(static_cast<uint32>(sm.control | (sm.enable & 1U) << 16));
+        s.SMtype[n] = static_cast<uint8>(sm.type);
+    }
+    const auto name = from.name();
+    const std::size_t size = std::min(name.size(), std::size_t{EC_MAXNAME});
+    std::copy_n(name.data(), size, s.name);
+    s.name[size] = '\0';
+}
+
+void fill_topology(ec_slavet& s, const Slave& from) {
+    for (std::size_t n = 0; n < from.ports.size(); ++n) {
+        if (from.ports[n].open) {
+            s.activeports = static_cast<uint8>(s.activeports | 1U << n);
+            ++s.topology;
+        }
+        s.ptype = static_cast<uint8>(s.ptype | static_cast<unsigned>(from.ports[n].type) << (2 * n));
+    }
+    s.consumedports = s.activeports;
+    s.parent = from.parent;
+    s.parentport = from.parent_port;
+    s.entryport = from.entry_port;
+}
+
+// What the interface has and no other part of the library reads.
+void read_more(Session& session, ec_slavet& s) {
+    std::array<std::byte, 2> word{};
+    if (read_registers(session, s.configadr, ECT_REG_PDICTL, word, us(EC_TIMEOUTRET3)) > 0)
+        s.Itype = word_at(word.data());
+    if (read_registers(session, s.configadr, ECT_REG_EEPSTAT, word, us(EC_TIMEOUTRET3)) > 0)
+        s.eep_8byte = (word_at(word.data()) & EC_ESTAT_R64) != 0 ? 1 : 0;
+    if (read_registers(session, s.configadr, ECT_REG_EEPCFG, std::span(word).first(1), us(EC_TIMEOUTRET3)) > 0)
+        s.eep_pdi = std::to_integer<uint8>(word[0] & std::byte{1});
+}
+
+void fill_slave(ecx_contextt& context, Session& session, std::uint16_t number) {
+    ec_slavet& s = slaves_of(context)[number];
+    {
+        const Session::Guard guard(session);
+        const Slave& from = session.slave(number);
+        s.configadr = from.station_address.value;
+        s.aliasadr = from.alias;
+        s.hasdc = from.dl.dc ? TRUE : FALSE;
+        s.state = from.al.state == AlState::none ? uint16{EC_STATE_NONE} : uint16{EC_STATE_INIT};
+        fill_sii(s, from);
+        fill_topology(s, from);
+        // Only what this chip refuses: the program may write more.
+        constexpr unsigned kNoLrw = 0x0800;  // of the features register
+        s.blockLRW = (from.dl.features & kNoLrw) != 0 || from.config.block_lrw ? 1 : 0;
+    }
+    read_more(session, s);
+    // The name of the interface is the first string of the SII, and not the string that the SII calls the name.
+    char first[EC_MAXNAME + 1] = "";
+    ecx_siistring(&context, first, number, 1);
+    if (first[0] != '\0') std::memcpy(s.name, first, sizeof(s.name));
+    std::memcpy(session.shown(number).data(), s.SM, sizeof(s.SM));
+    ec_slavet& all = slaves_of(context)[0];
+    all.Ebuscurrent = static_cast<int16>(all.Ebuscurrent + s.Ebuscurrent);
+    all.blockLRW = static_cast<uint8>(all.blockLRW + s.blockLRW);
+    if (s.blockLRW != 0) ++groups_of(context)[0].blockLRW;
+    groups_of(context)[0].Ebuscurrent = all.Ebuscurrent;
+}
+
+void clear(ecx_contextt& context) {
+    slave_count(context) = 0;
+    std::memset(static_cast<void*>(slaves_of(context)), 0,
+                sizeof(ec_slavet) * static_cast<std::size_t>(most_slaves(context)));
+    std::memset(static_cast<void*>(groups_of(context)), 0,
+                sizeof(ec_groupt) * static_cast<std::size_t>(most_groups(context)));
+    for (int n = 0; n < most_groups(context); ++n)
+        groups_of(context)[n].logstartaddr = static_cast<uint32>(n) << EC_LOGGROUPOFFSET;
+    context.esislave = 0;
+    std::fill_n(sii_known(context), EC_MAXEEPBITMAP, 0U);
+}
+
+bool no_slaves(const Error& error) {
+    return error.slave == 0 && (error.code == Errc::no_slaves || error.code == Errc::no_frame ||
+                                error.code == Errc::link_down || error.code == Errc::nic);
+}
+
+}  // namespace
+
+int config_init(ecx_contextt& context) {
+    Session* const session = session_of(context);
+    if (session == nullptr) return EC_NOFRAME;
+    clear(context);
+    ScanRequest request;
+    const auto scanned = session->run(request);
+    if (!scanned && no_slaves(scanned.error())) return scanned.error().code == Errc::no_slaves ? 0 : EC_NOFRAME;
+    if (!scanned && scanned.error().slave == 0 && scanned.error().code == Errc::capacity) return EC_SLAVECOUNTEXCEEDED;
+    int found = 0;
+    {
+        const Session::Guard guard(*session);
+        session->inbox().clear();
+        found = static_cast<int>(session->context().slaves().size());
+    }
+    if (found >= most_slaves(context)) return EC_SLAVECOUNTEXCEEDED;
+    slave_count(context) = found;
+    for (int n = 1; n <= found; ++n) fill_slave(context, *session, static_cast<std::uint16_t>(n));
+    if (context.manualstatechange != 0) {
+        WriteStateRequest down;
+        down.wanted = AlState::init;
+        static_cast<void>(session->run(down));
+    }
+    return found;
+}
+
+}  // namespace margay::soem
+
+using namespace margay::soem;
+
+extern "C" {
+
+int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    std::array<std::byte, 2> octets{};
+    const std::uint16_t station = slaves_of(*context)[slave].configadr;
+    if (read_registers(*session, station, ECT_REG_STADR, octets, us(timeout)) == 1) return 1;
+    margay::RecoverRequest request;
+    request.slave = slave;
+    return session->run(request) ? 1 : 0;
+}
+
+int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
+    Session* const session = session_of(context);
+    if (session == nullptr || !is_slave(*context, slave)) return 0;
+    HookCaller hooks(*context, *session, kVersionCallsContextHooks);
+    hooks.attach(slave);
+    margay::ReconfigRequest request;
+    request.slave = slave;
+    static_cast<void>(session->run(request, &hooks));
+    const Session::Guard guard(*session);
+    copy_state(*context, *session, slave);
+    return slaves_of(*context)[slave].state & 0xF;
+}
+
+}  // extern "C"

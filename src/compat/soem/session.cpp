@@ -1,0 +1,168 @@
+#include "compat/soem/session.hpp"
+
+#include "compat/soem/inbox.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <mutex>
+#include <set>
+
+namespace margay::soem {
+namespace {
+
+std::mutex sessions_mutex;
+
+bool wants_virtual_time() {
+    const char* const time = std::getenv("MARGAY_SIM_TIME");
+    return time != nullptr && std::string_view(time) == "virtual";
+}
+
+}  // namespace
+
+void say(const std::string& text) { std::fprintf(stderr, "margay: %s\n", text.c_str()); }
+
+void say_once(const char* text) {
+    static std::mutex mutex;
+    static std::set<std::string> said;
+    const std::lock_guard<std::mutex> guard(mutex);
+    if (said.insert(text).second) say(text);
+}
+
+std::unique_ptr<Session> Session::open(const std::string& source, const Limits& limits) {
+    auto opened = hosted::open_source(source, {.real_time = !wants_virtual_time()});
+    if (!opened) {
+        say(source + ": " + opened.error());
+        return nullptr;
+    }
+    std::unique_ptr<hosted::Source> owned = opened.take();
+    std::unique_ptr<Session> session(new Session(std::move(owned), limits));
+    const auto begun = init(session->context_, session->source_->nic(), session->source_->osal());
+    if (!begun) {
+        say(source + ": the master does not begin");
+        return nullptr;
+    }
+    // Each poll sends what is queued, and does not wait for the next cycle.
+    for (std::size_t n = 0; n < limits.groups; ++n) session->context_.group(n).config.acyclic_bytes = 0;
+    session->inbox_ = std::make_unique<Inbox>(session->context_);
+    return session;
+}
+
+Session::Session(std::unique_ptr<hosted::Source> source, const Limits& limits)
+    : source_(std::move(source)), context_(limits), facts_(limits.groups), shown_(limits.slaves + 1U) {}
+
+Session::~Session() {
+    static_cast<void>(take_ownership(context_));
+    inbox_.reset();
+}
+
+void Session::change_owner(std::uintptr_t thread) {
+    static_cast<void>(take_ownership(context_));
+    owner_ = thread;
+}
+
+// One poll under the lock. Returns until when nothing is due.
+Time Session::poll_once(Request* request, Time until, bool& over) {
+    const Guard guard(*this);
+    over = request != nullptr && !request->busy();
+    if (over) return Time{};
+    const Time begin = now();
+    const Time next = std::min(poll(context_, begin), source_->nic().next_arrival());
+    if (request != nullptr && begin >= until) request->cancel();
+    over = request != nullptr && !request->busy();
+    // Another thread moves the virtual clock too, therefore only with the lock.
+    if (!over && virtual_time()) source_->osal().wait(std::min(next, now() + std::chrono::milliseconds(1)), -1);
+    return next;
+}
+
+void Session::wait_for_work(Time until) {
+    if (virtual_time()) return;
+    source_->osal().wait(until, source_->nic().wait_handle());
+}
+
+Result<> Session::run(Request& request, Between* between, Duration limit) {
+    const Time until = limit > Duration{0} ? later(now(), limit) : kNever;
+    {
+        const Guard guard(*this);
+        const auto submitted = submit(context_, request);
+        if (!submitted) return submitted;
+    }
+    // Another thread may receive the frame that this one waits for, therefore no wait is long.
+    constexpr Duration kLook = std::chrono::milliseconds(1);
+    for (bool over = false;;) {
+        const Time next = poll_once(&request, until, over);
+        if (between != nullptr) between->run();
+        if (over) break;
+        wait_for_work(std::min({next, until, now() + kLook}));
+    }
+    return request.state() == RequestState::error ? Result<>(request.error()) : Result<>();
+}
+
+void Session::pause_until(Time until) {
+    constexpr Duration kLook = std::chrono::milliseconds(1);
+    while (now() < until) {
+        bool over = false;
+        const Time next = poll_once(nullptr, kNever, over);
+        wait_for_work(std::min({next, until, now() + kLook}));
+    }
+}
+
+void Session::poll_now() {
+    const Guard guard(*this);
+    static_cast<void>(poll(context_, now()));
+}
+
+int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
+                      bool again) {
+    DatagramRequest request;
+    request.command = command;
+    request.adp = static_cast<std::uint16_t>(address);
+    request.ado = static_cast<std::uint16_t>(address >> 16);
+    request.logical = {address};
+    request.data = data;
+    request.repeat = again;
+    constexpr Duration kLeast = std::chrono::microseconds(100);
+    return run(request, nullptr, std::max(timeout, kLeast)) ? request.wkc : -1;
+}
+
+std::array<Sessions::Place, Sessions::kMost> Sessions::places_;
+
+int Sessions::add(std::unique_ptr<Session> session, const void* owner) {
+    const std::lock_guard<std::mutex> guard(sessions_mutex);
+    for (Place& place : places_) {
+        if (place.owner != nullptr) continue;
+        place.session = std::move(session);
+        place.owner = owner;
+        return static_cast<int>(&place - places_.data());
+    }
+    return -1;
+}
+
+void Sessions::remove(int place, const void* owner) {
+    const std::lock_guard<std::mutex> guard(sessions_mutex);
+    if (find(place, owner) == nullptr) return;
+    Place& found = places_[static_cast<unsigned>(place)];
+    found.owner = nullptr;
+    found.session.reset();
+}
+
+int Sessions::sleep(std::uint32_t microseconds) {
+    Session* simulated = nullptr;
+    {
+        const std::lock_guard<std::mutex> guard(sessions_mutex);
+        for (Place& place : places_)
+            if (place.session != nullptr && place.session->virtual_time()) simulated = place.session.get();
+    }
+    if (simulated != nullptr) {
+        simulated->pause(std::chrono::microseconds(microseconds));
+        return 0;
+    }
+    timespec left{};
+    left.tv_sec = static_cast<time_t>(microseconds / 1000000);
+    left.tv_nsec = static_cast<long>(microseconds % 1000000) * 1000;
+    return clock_nanosleep(CLOCK_MONOTONIC, 0, &left, nullptr) == 0 ? 0 : -1;
+}
+
+}  // namespace margay::soem

@@ -1,0 +1,145 @@
+// One master behind the functions of a SOEM interface: the source (interface or simulated segment), the context, and
+// the lock for programs that call the functions from several threads. Without the types of a version of the interface.
+#pragma once
+
+#include "compat/soem/priority_lock.hpp"
+
+#include "source/source.hpp"
+
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <array>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace margay::soem {
+
+class Inbox;
+
+// Prints one sentence of the library to standard error.
+void say(const std::string& text);
+// The same, once for each text.
+void say_once(const char* text);
+
+class Session {
+  public:
+    // nullptr: the sentence why not was printed.
+    static std::unique_ptr<Session> open(const std::string& source, const Limits& limits);
+    ~Session();
+    Session(const Session&) = delete;
+    Session& operator=(const Session&) = delete;
+
+    // The lock of the context. The thread that has it is the owner of the context; nobody keeps it while he waits,
+    // except for the frames of a cycle.
+    class Guard {
+      public:
+        explicit Guard(Session& session) : session_(session), thread_(session.lock_.lock()) {
+            const std::uintptr_t me = identity(thread_);
+            if (session_.owner_ != me) [[unlikely]]
+                session_.change_owner(me);
+        }
+        ~Guard() { session_.lock_.unlock(thread_); }
+        Guard(const Guard&) = delete;
+        Guard& operator=(const Guard&) = delete;
+
+      private:
+        // As the systems of the library distinguish threads.
+        static std::uintptr_t identity([[maybe_unused]] std::uint32_t thread) {
+#if defined(__x86_64__) || defined(__aarch64__)
+            return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#else
+            return thread;
+#endif
+        }
+        Session& session_;
+        std::uint32_t thread_;
+    };
+
+    // For a thread that has the lock.
+    [[nodiscard]] Context& context() { return context_; }
+    [[nodiscard]] const Slave& slave(std::size_t number) { return context_.slave(number); }
+
+    [[nodiscard]] Time now() { return source_->osal().now(); }
+    [[nodiscard]] bool virtual_time() const { return source_->virtual_time(); }
+
+    // What the calling thread does between two polls of a request, without the lock.
+    class Between {
+      public:
+        virtual void run() = 0;
+
+      protected:
+        ~Between() = default;
+    };
+    // Submits a request and polls until it is over. Other threads continue meanwhile. The request is cancelled when it
+    // is not over after `limit`; what has arrived until then counts, however late this thread runs. Zero: no limit.
+    Result<> run(Request& request, Between* between = nullptr, Duration limit = Duration{0});
+    // Waits for a point of time. All requests go on meanwhile.
+    void pause_until(Time until);
+    void pause(Duration duration) { pause_until(now() + duration); }
+    // Does at once what is due, and does not wait.
+    void poll_now();
+
+    // One datagram. Returns the working counter, or -1 when no frame came back within `timeout`.
+    int exchange(DatagramCommand command, std::uint32_t address, std::span<std::byte> data, Duration timeout,
+                 bool again = true);
+
+    // What the facade remembers of a group, and of the SyncManagers that it has shown to the program.
+    struct GroupFacts {
+        const Group* group = nullptr;    // after the first mapping
+        unsigned writing_datagrams = 0;  // the first ones of a cycle: their working counter counts twice
+    };
+    using ShownSyncManagers = std::array<std::byte, 64>;
+    // Only of a group that the library knows.
+    [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group]; }
+    [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
+
+    // Mail that no request waits for.
+    [[nodiscard]] Inbox& inbox() { return *inbox_; }
+
+  private:
+    Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
+    void change_owner(std::uintptr_t thread);
+    Time poll_once(Request* request, Time until, bool& over);
+    void wait_for_work(Time until);
+
+    PriorityLock lock_;
+    std::uintptr_t owner_ = 0;  // the thread that owns the context; 0: not known
+    std::unique_ptr<hosted::Source> source_;
+    HostContext context_;
+    std::unique_ptr<Inbox> inbox_;
+    std::vector<GroupFacts> facts_;
+    std::vector<ShownSyncManagers> shown_;
+};
+
+// ADP and ADO as one address of Session::exchange().
+[[nodiscard]] constexpr std::uint32_t address_of(std::uint16_t adp, std::uint16_t ado) {
+    return std::uint32_t{ado} << 16 | adp;
+}
+
+// The open sessions. A port of the application remembers its place here; a port that was never opened has any number in
+// its memory, therefore the owner is compared.
+class Sessions {
+  public:
+    static constexpr int kMost = 64;
+    static int add(std::unique_ptr<Session> session, const void* owner);
+    static void remove(int place, const void* owner);
+    [[nodiscard]] static Session* find(int place, const void* owner) {
+        const auto index = static_cast<unsigned>(place);
+        if (index >= kMost || places_[index].owner != owner) return nullptr;
+        return places_[index].session.get();
+    }
+    // Sleeps in the time of the open sessions: simulated segments in virtual time get it, otherwise the system.
+    static int sleep(std::uint32_t microseconds);
+
+  private:
+    struct Place {
+        const void* owner = nullptr;
+        std::unique_ptr<Session> session;
+    };
+    static std::array<Place, kMost> places_;
+};
+
+}  // namespace margay::soem

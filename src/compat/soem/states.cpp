@@ -1,0 +1,114 @@
+// The AL states of the slaves.
+#include "compat/soem/facade.hpp"
+
+namespace margay::soem {
+
+void copy_state(ecx_contextt& context, Session& session, std::uint16_t number) {
+    ec_slavet& slave = slaves_of(context)[number];
+    const AlStatus& status = session.slave(number).al;
+    slave.state = raw_state(status);
+    slave.ALstatuscode = status.code;
+}
+
+namespace {
+
+// Reads the AL status of all slaves. False: no slave answers.
+bool read_all(Session& session) {
+    ReadStateRequest request;
+    const auto read = session.run(request);
+    return read.ok() || request.error().code != Errc::no_frame;
+}
+
+// The AL status of all slaves at once: combined by OR, as a broadcast reads it.
+std::uint16_t combined(ecx_contextt& context, Session& session) {
+    std::uint16_t all = 0;
+    const Session::Guard guard(session);
+    for (int n = 1; n <= slave_count(context); ++n) all |= raw_state(session.slave(static_cast<std::size_t>(n)).al);
+    return all;
+}
+
+}  // namespace
+}  // namespace margay::soem
+
+using namespace margay::soem;
+using margay::DatagramCommand;
+
+extern "C" {
+
+int ecx_readstate(ecx_contextt* context) {
+    Session* const session = session_of(context);
+    if (session == nullptr) return EC_STATE_NONE;
+    ec_slavet* const slaves = slaves_of(*context);
+    const bool answered = read_all(*session);
+    const Session::Guard guard(*session);
+    std::uint16_t lowest = 0;
+    std::uint16_t codes = 0;
+    for (int n = 1; n <= slave_count(*context); ++n) {
+        const auto number = static_cast<std::uint16_t>(n);
+        copy_state(*context, *session, number);
+        if (!answered) slaves[n].state = EC_STATE_NONE;
+        codes |= slaves[n].ALstatuscode;
+        if (n == 1 || (slaves[n].state & 0xF) < (lowest & 0xF)) lowest = slaves[n].state;
+    }
+    slaves[0].state = lowest;
+    slaves[0].ALstatuscode = codes;
+    return lowest & 0xF;
+}
+
+int ecx_writestate(ecx_contextt* context, uint16 slave) {
+    Session* const session = session_of(context);
+    if (session == nullptr || slave >= most_slaves(*context)) return EC_NOFRAME;
+    const std::uint16_t value = slaves_of(*context)[slave].state;
+    const auto state = static_cast<margay::AlState>(value & 0xF);
+    const bool known = session->slave(1).number == 1 && slave <= slave_count(*context);
+    if (!known || state == margay::AlState::none) {
+        std::array<std::byte, 2> octets{};
+        put_word(octets.data(), value);
+        const auto command = slave == 0 ? DatagramCommand::bwr : DatagramCommand::fpwr;
+        const std::uint16_t station = slave == 0 ? std::uint16_t{0} : slaves_of(*context)[slave].configadr;
+        return session->exchange(command, address_of(station, ECT_REG_ALCTL), octets, us(EC_TIMEOUTRET3));
+    }
+    const int all = slave == 0 ? slave_count(*context) : 1;
+    if (state == margay::AlState::boot) {
+        int changed = 0;
+        for (int n = slave == 0 ? 1 : slave; n <= (slave == 0 ? slave_count(*context) : slave); ++n) {
+            margay::StateRequest request;
+            request.slave = static_cast<std::uint16_t>(n);
+            request.wanted = state;
+            changed += session->run(request) ? 1 : 0;
+        }
+        return changed;
+    }
+    margay::WriteStateRequest request;
+    request.slave = slave;
+    request.wanted = state;
+    const auto written = session->run(request);
+    if (written) return all;
+    if (written.error().code == margay::Errc::no_frame) return EC_NOFRAME;
+    // The request was sent to all slaves that can be asked.
+    if (slave == 0) return std::max(all - 1, 0);
+    return 0;
+}
+
+uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int timeout) {
+    Session* const session = session_of(context);
+    if (session == nullptr || slave > slave_count(*context) || slave >= most_slaves(*context)) return 0;
+    ec_slavet& asked = slaves_of(*context)[slave];
+    const margay::Time until = margay::later(session->now(), us(timeout));
+    for (;;) {
+        const bool answered = read_all(*session);
+        if (!answered) {
+            asked.state = EC_STATE_NONE;
+        } else if (slave == 0) {
+            asked.state = combined(*context, *session);
+        } else {
+            const Session::Guard guard(*session);
+            copy_state(*context, *session, slave);
+        }
+        const auto low = static_cast<uint16>(asked.state & 0xF);
+        if (low == (reqstate & 0xF) || session->now() >= until) return low;
+        session->pause(std::chrono::milliseconds(1));
+    }
+}
+
+}  // extern "C"

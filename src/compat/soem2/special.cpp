@@ -1,0 +1,103 @@
+// What only SOEM 2.0 has: mailbox buffers, the handler of mailboxes, commands of a network description.
+#include "compat/soem/facade.hpp"
+
+#include <cstdlib>
+
+using namespace margay::soem;
+
+extern "C" {
+
+int ecx_config_init(ecx_contextt* context) {
+    const int found = config_init(*context);
+    for (uint8 n = 0; n < EC_MAXGROUP; ++n) ecx_initmbxqueue(context, n);
+    return found;
+}
+
+int ecx_config_map_group(ecx_contextt* context, void* pIOmap, uint8 group) {
+    return config_map(*context, pIOmap, group, context->overlappedMode != 0,
+                      context->overlappedMode != 0 || context->packedMode == 0);
+}
+
+int ecx_initmbxpool(ecx_contextt* context) {
+    ec_mbxpoolt& pool = context->mbxpool;
+    if (pool.mbxmutex == nullptr) pool.mbxmutex = static_cast<osal_mutext*>(osal_mutex_create());
+    for (int n = 0; n < EC_MBXPOOLSIZE; ++n) pool.mbxemptylist[n] = n;
+    pool.listhead = 0;
+    pool.listtail = 0;
+    pool.listcount = EC_MBXPOOLSIZE;
+    return 0;
+}
+
+int ecx_initmbxqueue(ecx_contextt* context, uint8 group) {
+    if (group >= EC_MAXGROUP) return 0;
+    ec_mbxqueuet& queue = context->grouplist[group].mbxtxqueue;
+    queue.listhead = 0;
+    queue.listtail = 0;
+    queue.listcount = 0;
+    return 0;
+}
+
+ec_mbxbuft* ecx_getmbx(ecx_contextt* context) {
+    ec_mbxpoolt& pool = context->mbxpool;
+    if (pool.mbxmutex == nullptr) return nullptr;
+    osal_mutex_lock(pool.mbxmutex);
+    ec_mbxbuft* buffer = nullptr;
+    if (pool.listcount > 0) {
+        buffer = &pool.mbx[pool.mbxemptylist[pool.listtail]];
+        pool.listtail = (pool.listtail + 1) % EC_MBXPOOLSIZE;
+        --pool.listcount;
+    }
+    osal_mutex_unlock(pool.mbxmutex);
+    return buffer;
+}
+
+int ecx_dropmbx(ecx_contextt* context, ec_mbxbuft* mbx) {
+    ec_mbxpoolt& pool = context->mbxpool;
+    const auto place = mbx - pool.mbx;
+    if (pool.mbxmutex == nullptr || mbx == nullptr || mbx < pool.mbx || place >= EC_MBXPOOLSIZE) return 0;
+    osal_mutex_lock(pool.mbxmutex);
+    const bool room = pool.listcount < EC_MBXPOOLSIZE;
+    if (room) {
+        pool.mbxemptylist[pool.listhead] = static_cast<int>(place);
+        pool.listhead = (pool.listhead + 1) % EC_MBXPOOLSIZE;
+        ++pool.listcount;
+    }
+    osal_mutex_unlock(pool.mbxmutex);
+    return room ? 1 : 0;
+}
+
+int ecx_slavembxcyclic(ecx_contextt* context, uint16 slave) {
+    if (!is_slave(*context, slave) || context->slavelist[slave].mbxstatus == nullptr) return 0;
+    context->slavelist[slave].mbxhandlerstate = ECT_MBXH_CYCLIC;
+    return 1;
+}
+
+int ecx_mbxENIinitcmds(ecx_contextt* context, uint16 slave, uint16_t transition) {
+    if (context->ENI == nullptr || !is_slave(*context, slave)) return 1;
+    const ec_slavet& here = context->slavelist[slave];
+    int right = 1;
+    for (int n = 0; n < context->ENI->slavecount; ++n) {
+        const ec_enislavet& wanted = context->ENI->slave[n];
+        if (wanted.Slave != slave || wanted.VendorId != here.eep_man || wanted.ProductCode != here.eep_id ||
+            wanted.RevisionNo != here.eep_rev)
+            continue;
+        for (int c = 0; c < wanted.CoECmdCount; ++c) {
+            ec_enicoecmdt& command = wanted.CoECmds[c];
+            if ((command.Transition & transition) == 0) continue;
+            int done = 0;
+            if (command.Ccs == 1) {
+                uint8 value[1024];
+                int size = sizeof(value);
+                done = ecx_SDOread(context, slave, command.Index, command.SubIdx, command.CA, &size, value,
+                                   command.Timeout);
+            } else {
+                done = ecx_SDOwrite(context, slave, command.Index, command.SubIdx, command.CA, command.DataSize,
+                                    command.Data, command.Timeout);
+            }
+            if (done <= 0) right = 0;
+        }
+    }
+    return right;
+}
+
+}  // extern "C"

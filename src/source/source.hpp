@@ -1,0 +1,118 @@
+// SOURCE, the argument of all programs with a master, selects the segment.
+//
+//     eth0            a network interface
+//     eth0+eth1       two network interfaces at both ends of a ring
+//     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or SII
+//                     images in a line (sim:a.bin,b.bin)
+//     pcap:FILE       a recording
+//
+// A simulated segment whose description has a `ring` has two NICs. Two NICs cannot be recorded or replayed yet.
+//
+// Simulated segments and recordings use virtual time: they run as fast as the machine allows, and the output is the
+// same every time. A recording answers only what the recorded master asked. Thus a recording can be replayed when the
+// same program made it with the same arguments. A recording of another master cannot be replayed.
+#pragma once
+
+#include "osal/linux/linux_osal.hpp"
+#include "osal/virtual/virtual_osal.hpp"
+#include "oshw/filters/trace_nic.hpp"
+#include "oshw/linux/packet_nic.hpp"
+#include "oshw/pcap/recorder.hpp"
+#include "oshw/pcap/replay.hpp"
+#include "oshw/simulated/simulated_nic.hpp"
+#include "source/segment_file.hpp"
+
+#include <margay/margay.hpp>
+#include <margay/redundancy.hpp>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace margay::hosted {
+
+struct SourceOptions {
+    std::string record{};    // file for every frame sent and received; empty: none
+    bool real_time = false;  // a simulated segment runs in the time of the system, for programs with several threads
+    bool trace = false;      // prints a line for every datagram to standard error
+};
+
+// A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
+class Source {
+  public:
+    [[nodiscard]] Nic& nic() noexcept { return *outermost_; }
+    [[nodiscard]] Osal& osal() noexcept { return *osal_; }
+    // The NIC at the other end of the ring; nullptr: there is one NIC.
+    [[nodiscard]] Nic* second() noexcept { return second_outermost_; }
+    // What Osal::wait() takes.
+    [[nodiscard]] WaitHandles wait_handles() const noexcept {
+        return {outermost_->wait_handle(), second_outermost_ == nullptr ? -1 : second_outermost_->wait_handle()};
+    }
+    // The limits of a context for this source.
+    [[nodiscard]] Limits limits(Limits wanted) const noexcept {
+        wanted.redundancy = second_outermost_ != nullptr;
+        return wanted;
+    }
+    // init() or init_redundant() with the NICs of this source.
+    [[nodiscard]] Result<> begin(Context& ctx) {
+        return second_outermost_ == nullptr ? init(ctx, *outermost_, *osal_)
+                                            : init_redundant(ctx, *outermost_, *second_outermost_, *osal_);
+    }
+
+    // True when time moves only while the program waits.
+    [[nodiscard]] bool virtual_time() const noexcept { return !linux_osal_; }
+
+    // Call it at the end, also after an error of the master. Closes the recording and returns a remark about the
+    // source itself: the recording is not complete, or the first request that a replay had no answer for. Empty when
+    // there is no remark.
+    [[nodiscard]] std::string finish();
+    // After finish(): true when the recording is not complete.
+    [[nodiscard]] bool recording_lost() const noexcept { return recording_lost_; }
+
+  private:
+    friend class SourceOpener;
+
+    struct StandardError final : TraceSink {
+        void line(std::string_view text) noexcept override;
+    };
+
+    std::optional<LinuxOsal> linux_osal_;
+    std::optional<VirtualOsal> virtual_osal_;
+    Osal* osal_ = nullptr;
+
+    std::optional<PacketNic> packet_;
+    std::optional<PcapReplayNic> replay_;
+    std::unique_ptr<SimulatedSegment> simulated_;
+    std::optional<SimulatedNic> simulated_nic_;
+    std::optional<PcapRecorder> recorder_;
+    StandardError standard_error_;
+    std::optional<TraceNic> trace_;
+    Nic* outermost_ = nullptr;
+    std::optional<PacketNic> second_packet_;
+    std::optional<SimulatedNic> second_simulated_nic_;
+    std::optional<TraceNic> second_trace_;
+    Nic* second_outermost_ = nullptr;
+    bool recording_lost_ = false;
+};
+
+// A source, or a sentence that says why the source could not be opened.
+class OpenedSource {
+  public:
+    explicit OpenedSource(std::unique_ptr<Source> source) : source_(std::move(source)) {}
+    explicit OpenedSource(std::string error) : error_(std::move(error)) {}
+
+    [[nodiscard]] explicit operator bool() const noexcept { return source_ != nullptr; }
+    [[nodiscard]] const std::string& error() const noexcept { return error_; }
+    [[nodiscard]] Source* operator->() noexcept { return source_.get(); }
+    [[nodiscard]] Source& operator*() noexcept { return *source_; }
+    [[nodiscard]] std::unique_ptr<Source> take() noexcept { return std::move(source_); }
+
+  private:
+    std::unique_ptr<Source> source_;
+    std::string error_;
+};
+
+[[nodiscard]] OpenedSource open_source(const std::string& text, const SourceOptions& options = {});
+
+}  // namespace margay::hosted
