@@ -35,7 +35,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"clock", {"util"}},
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
-        {"compat", {"include"}},
+        {"compat", {"include", "wire", "sim", "osal/linux", "oshw/linux", "oshw/simulated"}},
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
         {"samples",
@@ -78,7 +78,7 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
     if (begins("fmt/") || begins("CLI/") || begins("nlohmann/") || begins("toml++/"))
         return leaf ? "" : "belongs to samples/ and test/ only";
     if (begins("pcap")) return layer == "oshw/pcap" ? "" : "belongs to oshw/pcap/ only";
-    if (leaf || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/pcap")
+    if (leaf || layer == "compat" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" || layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
     if (freestanding_headers().count(header) != 0) return "";

@@ -1,0 +1,115 @@
+// Domains, and how their data is exchanged.
+//
+// A domain is memory of its own: SyncManagers one after the other, in the order in which the program registers their
+// entries, so that the offset of an entry is known at once. The library exchanges groups. Domains that have a slave in
+// common are exchanged by one group, because a slave belongs to one group; all others have a group each.
+// ecrt_domain_process() copies inputs from the image of the group, and ecrt_master_send() copies outputs into it.
+#pragma once
+
+#include <margay/result.hpp>
+#include <margay/time.hpp>
+
+#include <ecrt.h>
+
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+class Bus;
+
+// A SyncManager of a slave in a domain.
+struct DomainPart {
+    ec_slave_config* config = nullptr;
+    std::uint8_t sync_manager = 0;
+    bool output = false;
+    std::uint32_t offset = 0;
+    std::uint32_t bytes = 0;
+    unsigned share = 0;  // of the working counter, see plan_counters()
+};
+
+struct Copy {
+    std::uint8_t* to = nullptr;
+    const std::uint8_t* from = nullptr;
+    std::uint32_t bytes = 0;
+};
+
+// Copies of few octets are made without a call.
+inline void execute(const std::vector<Copy>& copies) {
+    for (const Copy& copy : copies) {
+        const std::uint32_t n = copy.bytes;
+        if (n == 1) {
+            *copy.to = *copy.from;
+        } else if (n - 2 <= 2) {
+            std::uint16_t head = 0;
+            std::uint16_t tail = 0;
+            std::memcpy(&head, copy.from, 2);
+            std::memcpy(&tail, copy.from + n - 2, 2);
+            std::memcpy(copy.to, &head, 2);
+            std::memcpy(copy.to + n - 2, &tail, 2);
+        } else if (n - 5 <= 3) {
+            std::uint32_t head = 0;
+            std::uint32_t tail = 0;
+            std::memcpy(&head, copy.from, 4);
+            std::memcpy(&tail, copy.from + n - 4, 4);
+            std::memcpy(copy.to, &head, 4);
+            std::memcpy(copy.to + n - 4, &tail, 4);
+        } else if (n - 9 <= 7) {
+            std::uint64_t head = 0;
+            std::uint64_t tail = 0;
+            std::memcpy(&head, copy.from, 8);
+            std::memcpy(&tail, copy.from + n - 8, 8);
+            std::memcpy(copy.to, &head, 8);
+            std::memcpy(copy.to + n - 8, &tail, 8);
+        } else {
+            std::memcpy(copy.to, copy.from, n);
+        }
+    }
+}
+
+// The exchange of one group of the library, with the domains that it serves.
+struct Exchange {
+    std::uint8_t group = 0;
+    bool mapped = false;
+    bool on_wire = false;   // sent and not received yet
+    bool wanted = false;    // a domain was queued since the last send
+    bool complete = false;  // the last answer was complete
+    std::uint32_t answers = 0;
+    Errc error = Errc::none;
+    std::vector<ec_domain*> domains;
+    std::vector<std::byte> image;
+};
+
+}  // namespace margay::compat::ecrt
+
+struct ec_domain {
+    explicit ec_domain(margay::compat::ecrt::Bus& owner) : bus(owner) {}
+
+    margay::compat::ecrt::Bus& bus;
+    std::vector<margay::compat::ecrt::DomainPart> parts;
+    std::uint32_t size = 0;
+    unsigned expected = 0;  // the working counter if all slaves take part
+
+    // After activation.
+    std::uint8_t* data = nullptr;
+    std::vector<std::uint8_t> memory;
+    margay::compat::ecrt::Exchange* exchange = nullptr;
+    std::vector<margay::compat::ecrt::Copy> outputs;
+    std::vector<margay::compat::ecrt::Copy> inputs;
+    bool queued = false;
+    std::uint32_t seen = 0;  // Exchange::answers at the last process
+    ec_domain_state_t state{};
+};
+
+namespace margay::compat::ecrt {
+
+// Where the copies of a domain go, after the group was mapped. For the owner of the context.
+void plan_copies(Bus& bus, ec_domain& domain);
+// Counts `expected` as the interface does: a domain is cut into datagrams between SyncManagers; in a datagram with both
+// directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
+void plan_counters(ec_domain& domain);
+// The state of a domain whose answer is not complete. For the owner of the context.
+void judge(ec_domain& domain);
+
+}  // namespace margay::compat::ecrt
