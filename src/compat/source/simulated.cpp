@@ -4,6 +4,7 @@
 #include "osal/linux/linux_osal.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
 #include "sim/devices.hpp"
+#include "wire/sii.hpp"
 
 #include <algorithm>
 #include <fstream>
@@ -69,8 +70,15 @@ class SimulatedSource final : public Source {
             delay = delay_from(text.substr(at + 1));
             if (!delay) return "'" + text + "': behind @ is a time, for example 3s or 500ms";
         }
+        std::optional<std::uint16_t> alias;
+        if (const auto hash = name.find('#'); hash != std::string::npos) {
+            alias = alias_from(name.substr(hash + 1));
+            if (!alias) return "'" + text + "': behind # is an alias, 1 to 65535";
+            name.resize(hash);
+        }
         auto device = device_by(name);
         if (!device) return "'" + name + "' is neither a simulated device nor a file; devices: " + known_devices();
+        if (alias) set_alias(device->sii, *alias);
         const sim::EscDescription chip = device->chip;
         const std::uint32_t number = segment_.add(std::move(*device).assemble());
         if (!connect(number, chip)) return "'" + name + "' cannot be connected: the slave before it has no free port";
@@ -97,6 +105,20 @@ class SimulatedSource final : public Source {
                 if (segment_.connect({number - 1, port}, {number, 0})) return true;
             }
         return false;
+    }
+    static std::optional<std::uint16_t> alias_from(const std::string& text) {
+        if (text.empty() || text.size() > 5 || text.find_first_not_of("0123456789") != std::string::npos)
+            return std::nullopt;
+        const int alias = std::stoi(text);
+        if (alias < 1 || alias > 0xFFFF) return std::nullopt;
+        return static_cast<std::uint16_t>(alias);
+    }
+    static void set_alias(std::vector<std::byte>& image, std::uint16_t alias) {
+        namespace sii = wire::sii;
+        if (image.size() < sii::kConfigurationBytes) return;
+        auto configuration = sii::load_configuration(image);
+        configuration.alias = alias;
+        sii::store_configuration(image, configuration);
     }
     static std::optional<Duration> delay_from(const std::string& text) {
         std::size_t digits = 0;

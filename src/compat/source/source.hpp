@@ -3,7 +3,8 @@
 //     eth0                          a network interface
 //     sim:demo                      a simulated segment: a coupler with digital and analogue terminals
 //     sim:coupler,drive,drive@3s    simulated slaves in a line, by the names of sim::device_names(); one that is
-//                                   switched on 3 s (or 500ms) after the program has opened the segment
+//                                   switched on 3 s (or 500ms) after the program has opened the segment; drive#16 has
+//                                   the alias 16
 //     sim:FILE.bin,FILE.bin         the same by SII images
 //
 // Simulated segments run in real time, because the threads of the program do.
