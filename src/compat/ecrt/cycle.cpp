@@ -21,7 +21,7 @@ inline void be_owner(Bus& bus) {
         change_owner(bus);
 }
 
-void receive_group(Bus& bus, Exchange& exchange, Duration timeout) {
+inline void receive_group(Bus& bus, Exchange& exchange, Duration timeout) {
     const auto counter = receive_processdata(*bus.ctx, timeout, exchange.group);
     if (!counter && counter.error().code == Errc::invalid_argument) return;  // still on the wire
     exchange.on_wire = false;
@@ -35,7 +35,7 @@ void send_group(Bus& bus, Exchange& exchange, Time now) {
     for (ec_domain* domain : exchange.domains) {
         if (!domain->queued) continue;
         domain->queued = false;
-        execute(domain->outputs);
+        domain->outputs.execute();
     }
     exchange.wanted = false;
     exchange.on_wire = send_processdata(*bus.ctx, now, exchange.group).ok();
@@ -98,7 +98,7 @@ int ecrt_domain_process(ec_domain_t* domain) {
     if (domain->seen == exchange->answers) return 0;
     domain->seen = exchange->answers;
     if (exchange->complete) {
-        execute(domain->inputs);
+        domain->inputs.execute();
         domain->state.working_counter = domain->expected;
         domain->state.wc_state = domain->expected != 0 ? EC_WC_COMPLETE : EC_WC_ZERO;
     } else {

@@ -28,26 +28,44 @@ std::span<std::byte> place_of(Bus& bus, const DomainPart& part) {
     return {};
 }
 
-// Joins copies of octets that follow each other on both sides.
-void join(std::vector<Copy>& copies) {
-    std::ranges::sort(copies, {}, &Copy::to);
-    std::vector<Copy> joined;
-    for (const Copy& copy : copies) {
-        if (copy.bytes == 0) continue;
-        if (!joined.empty() && joined.back().to + joined.back().bytes == copy.to &&
-            joined.back().from + joined.back().bytes == copy.from)
-            joined.back().bytes += copy.bytes;
-        else
-            joined.push_back(copy);
-    }
-    copies = std::move(joined);
-}
-
 }  // namespace
 
+Copies::Kind Copies::kind_of(std::uint32_t bytes) {
+    switch (bytes) {
+        case 1: return Kind::one;
+        case 2: return Kind::two;
+        case 4: return Kind::four;
+        case 8: return Kind::eight;
+        default: break;
+    }
+    if (bytes < 4) return Kind::up_to_4;
+    if (bytes < 8) return Kind::up_to_8;
+    return bytes <= 16 ? Kind::up_to_16 : Kind::more;
+}
+
+void Copies::set(std::vector<Copy> copies) {
+    std::ranges::sort(copies, {}, &Copy::to);
+    copies_.clear();
+    for (const Copy& copy : copies) {
+        if (copy.bytes == 0) continue;
+        Copy* last = copies_.empty() ? nullptr : &copies_.back();
+        if (last != nullptr && last->to + last->bytes == copy.to && last->from + last->bytes == copy.from)
+            last->bytes += copy.bytes;
+        else
+            copies_.push_back(copy);
+    }
+    const auto kind = [](const Copy& copy) { return kind_of(copy.bytes); };
+    std::ranges::stable_sort(copies_, {}, kind);
+    runs_.clear();
+    for (const Copy& copy : copies_) {
+        if (runs_.empty() || runs_.back().kind != kind(copy)) runs_.push_back({&copy, &copy, kind(copy)});
+        ++runs_.back().end;
+    }
+}
+
 void plan_copies(Bus& bus, ec_domain& domain) {
-    domain.outputs.clear();
-    domain.inputs.clear();
+    std::vector<Copy> outputs;
+    std::vector<Copy> inputs;
     for (const DomainPart& part : domain.parts) {
         const auto place = place_of(bus, part);
         if (place.empty()) {
@@ -59,12 +77,12 @@ void plan_copies(Bus& bus, ec_domain& domain) {
         auto* const in_image = reinterpret_cast<std::uint8_t*>(place.data());
         std::uint8_t* const in_domain = domain.data + part.offset;
         if (part.output)
-            domain.outputs.push_back({in_image, in_domain, part.bytes});
+            outputs.push_back({in_image, in_domain, part.bytes});
         else
-            domain.inputs.push_back({in_domain, in_image, part.bytes});
+            inputs.push_back({in_domain, in_image, part.bytes});
     }
-    join(domain.outputs);
-    join(domain.inputs);
+    domain.outputs.set(std::move(outputs));
+    domain.inputs.set(std::move(inputs));
 }
 
 void plan_counters(ec_domain& domain) {
@@ -109,7 +127,7 @@ void judge(ec_domain& domain) {
     }
     // Some slave has answered, and which one is not known yet.
     if (counter == 0 && came && domain.expected > 1) counter = 1;
-    if (counter != 0) execute(domain.inputs);
+    if (counter != 0) domain.inputs.execute();
     domain.state.working_counter = counter;
     domain.state.wc_state = counter == 0 ? EC_WC_ZERO : counter >= domain.expected ? EC_WC_COMPLETE : EC_WC_INCOMPLETE;
 }

@@ -35,37 +35,53 @@ struct Copy {
     std::uint32_t bytes = 0;
 };
 
-// Copies of few octets are made without a call.
-inline void execute(const std::vector<Copy>& copies) {
-    for (const Copy& copy : copies) {
-        const std::uint32_t n = copy.bytes;
-        if (n == 1) {
-            *copy.to = *copy.from;
-        } else if (n - 2 <= 2) {
-            std::uint16_t head = 0;
-            std::uint16_t tail = 0;
-            std::memcpy(&head, copy.from, 2);
-            std::memcpy(&tail, copy.from + n - 2, 2);
-            std::memcpy(copy.to, &head, 2);
-            std::memcpy(copy.to + n - 2, &tail, 2);
-        } else if (n - 5 <= 3) {
-            std::uint32_t head = 0;
-            std::uint32_t tail = 0;
-            std::memcpy(&head, copy.from, 4);
-            std::memcpy(&tail, copy.from + n - 4, 4);
-            std::memcpy(copy.to, &head, 4);
-            std::memcpy(copy.to + n - 4, &tail, 4);
-        } else if (n - 9 <= 7) {
-            std::uint64_t head = 0;
-            std::uint64_t tail = 0;
-            std::memcpy(&head, copy.from, 8);
-            std::memcpy(&tail, copy.from + n - 8, 8);
-            std::memcpy(copy.to, &head, 8);
-            std::memcpy(copy.to + n - 8, &tail, 8);
-        } else {
-            std::memcpy(copy.to, copy.from, n);
+// Copies, those of the same kind one after the other: most of them have few octets and are made without a call.
+class Copies {
+  public:
+    // Octets that follow each other on both sides become one copy.
+    void set(std::vector<Copy> copies);
+    void execute() const;
+
+  private:
+    enum class Kind : std::uint8_t { one, two, four, eight, up_to_4, up_to_8, up_to_16, more };
+    struct Run {
+        const Copy* begin = nullptr;
+        const Copy* end = nullptr;
+        Kind kind = Kind::more;
+    };
+    [[nodiscard]] static Kind kind_of(std::uint32_t bytes);
+    template <class Word>
+    static void exact(const Run& run) {
+        for (const Copy* copy = run.begin; copy != run.end; ++copy) std::memcpy(copy->to, copy->from, sizeof(Word));
+    }
+    // A first and a last part, which overlap.
+    template <class Word>
+    static void twice(const Run& run) {
+        for (const Copy* copy = run.begin; copy != run.end; ++copy) {
+            const std::size_t tail = copy->bytes - sizeof(Word);
+            std::memcpy(copy->to, copy->from, sizeof(Word));
+            std::memcpy(copy->to + tail, copy->from + tail, sizeof(Word));
         }
     }
+
+    std::vector<Copy> copies_;
+    std::vector<Run> runs_;
+};
+
+inline void Copies::execute() const {
+    for (const Run& run : runs_) switch (run.kind) {
+            case Kind::one: exact<std::uint8_t>(run); break;
+            case Kind::two: exact<std::uint16_t>(run); break;
+            case Kind::four: exact<std::uint32_t>(run); break;
+            case Kind::eight: exact<std::uint64_t>(run); break;
+            case Kind::up_to_4: twice<std::uint16_t>(run); break;
+            case Kind::up_to_8: twice<std::uint32_t>(run); break;
+            case Kind::up_to_16: twice<std::uint64_t>(run); break;
+            case Kind::more:
+                for (const Copy* copy = run.begin; copy != run.end; ++copy)
+                    std::memcpy(copy->to, copy->from, copy->bytes);
+                break;
+        }
 }
 
 // The exchange of one group of the library, with the domains that it serves.
@@ -95,8 +111,8 @@ struct ec_domain {
     std::uint8_t* data = nullptr;
     std::vector<std::uint8_t> memory;
     margay::compat::ecrt::Exchange* exchange = nullptr;
-    std::vector<margay::compat::ecrt::Copy> outputs;
-    std::vector<margay::compat::ecrt::Copy> inputs;
+    margay::compat::ecrt::Copies outputs;
+    margay::compat::ecrt::Copies inputs;
     bool queued = false;
     std::uint32_t seen = 0;  // Exchange::answers at the last process
     ec_domain_state_t state{};
