@@ -1,4 +1,4 @@
 // ecrt.h as C++.
-#include "header.h"
+#include <header.h>
 
 int main() { return check_header(); }

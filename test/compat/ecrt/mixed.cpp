@@ -1,7 +1,7 @@
 // A C++ program that builds its configuration from classes, SyncManager by SyncManager, and addresses slaves by alias.
 // The slave with the alias 16 is the third one; the one with the alias 99 appears later, wherever it is. Ends with 0
 // when all of them exchange what was mapped.
-#include "cycle.h"
+#include <cycle.h>
 
 #include <ecrt.h>
 
@@ -106,7 +106,8 @@ int run() {
         for (const auto& drive : drives) all = all && drive.operational() && (drive.status(data) & 0x6F) == 0x21;
         good = all ? good + 1 : 0;
     }
-    for (const auto& drive : drives) std::cout << drive.operational() << " 0x" << std::hex << drive.status(data) << '\n';
+    for (const auto& drive : drives)
+        std::cout << drive.operational() << " 0x" << std::hex << drive.status(data) << '\n';
     if (good < 100) return 3;
     // The watchdog of the configuration: ESC registers 0x0400 and 0x0420.
     ec_reg_request_t* const request = drives[1].request();
