@@ -58,3 +58,9 @@ foreach(segment nosuch0 eth0+eth1 sim:nosuch "")
   margay_ecrt_test(${name} ecrt_user "${segment}")
   set_tests_properties(compat/ecrt/${name} PROPERTIES PASS_REGULAR_EXPRESSION "margay ecrt: master 0: [^\n]+")
 endforeach()
+
+# The installed package.
+if(MARGAY_INSTALL)
+  add_test(NAME compat/ecrt/package COMMAND ${CMAKE_COMMAND} -DBUILD=${PROJECT_BINARY_DIR} -DWORK=${CMAKE_CURRENT_BINARY_DIR}/ecrt_package
+    -DPROGRAM=${folder}/information.c -P ${folder}/package.cmake)
+endif()
