@@ -1,0 +1,141 @@
+// A master of the facade: its segment, its context, who polls it, and what the program has configured.
+//
+// Phases. Until activation a thread of the facade polls (idle.cpp): it scans, looks for slaves that come and go, and
+// lets other threads access slaves. ecrt_master_activate() ends that thread. From then on the thread that calls
+// receive and send polls: it becomes the owner of the context by its first call, and the start-up of the segment
+// (operation.hpp) runs as requests inside these calls. Nothing in them waits.
+//
+// Locks. `turn` is held by the thread that uses the context before activation. `config` guards the objects of the
+// program. `facts` guards the copies of the slaves; the cyclic thread only tries it. The cyclic thread waits for none.
+#pragma once
+
+#include "compat/ecrt/domain.hpp"
+#include "compat/ecrt/operation.hpp"
+#include "compat/ecrt/pdos.hpp"
+#include "compat/ecrt/slave_config.hpp"
+#include "compat/source/source.hpp"
+
+#include <margay/application_time.hpp>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <ecrt.h>
+
+#include <pthread.h>
+#include <atomic>
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+// The request that looks for slaves before activation.
+struct Search {
+    ScanRequest scan;
+    SuperviseRequest watch;
+    bool scanning = false;
+    bool again = false;  // the watch has seen slaves come or go
+    Time retry{};
+};
+
+// What the program has told about time.
+struct AppTime {
+    std::atomic<std::uint64_t> now_ns{0};
+    std::uint64_t first_ns = 0;
+    Time at{};  // when it was told, in the time of the osal; only kept until the start-up is over
+    std::atomic<bool> known{false};
+};
+
+class Bus {
+  public:
+    Bus(unsigned number, std::string name) : index(number), source_name(std::move(name)) {}
+    ~Bus();
+    Bus(const Bus&) = delete;
+    Bus& operator=(const Bus&) = delete;
+
+    // Opens the segment and returns after the first scan. False: the reason was said.
+    [[nodiscard]] bool open();
+
+    // --- Before activation (idle.cpp) ---
+    void start_idle();
+    void stop_idle();  // the calling thread owns the context afterwards
+    // Executes `work` in the calling thread as owner of the context. Only before activation.
+    template <class Work>
+    void as_owner(Work work) {
+        wanted.fetch_add(1);
+        const std::lock_guard lock(turn);
+        wanted.fetch_sub(1);
+        (void)take_ownership(*ctx);
+        work();
+    }
+
+    // Gives listeners of mail the numbers of their slaves. For the owner (voe.cpp).
+    void attach_mail();
+
+    // --- Facts (facts.cpp) ---
+    // Copies the slaves for other threads, and the states for the cyclic thread. For the owner.
+    void refresh_facts(Time now);
+    // The number of the slave at this place of the ring, the first is 0; 0: there is none. Any thread.
+    [[nodiscard]] std::uint16_t number_at(std::uint16_t position);
+    [[nodiscard]] bool slave_at(std::uint16_t position, Slave& copy);
+    // The slave of a configuration, as far as it is there. Any thread; before activation by address and identity.
+    [[nodiscard]] bool slave_of(const ec_slave_config& config, Slave& copy);
+
+    const unsigned index;
+    const std::string source_name;
+    int lock_socket = -1;
+    std::unique_ptr<Source> source;
+    std::unique_ptr<HostContext> ctx;
+    bool reserved = false;
+
+    std::mutex turn;
+    std::atomic<int> wanted{0};
+    std::atomic<bool> stop{false};
+    std::thread idle;
+    std::thread reporter;  // says the errors of the context
+    std::atomic<bool> closing{false};
+    Search search;
+    bool first_scan_over = false;  // guarded by facts_mutex
+    std::condition_variable scanned;
+
+    std::mutex facts_mutex;
+    std::vector<Slave> facts;
+    std::atomic<bool> dirty{true};
+    Time refresh_at{};
+    std::atomic<std::uint32_t> responding{0};
+    std::atomic<std::uint32_t> al_states{0};
+    std::atomic<bool> link_up{false};
+    std::atomic<bool> scan_busy{true};
+
+    std::mutex config_mutex;
+    std::vector<std::unique_ptr<ec_domain>> domains;
+    std::vector<std::unique_ptr<ec_slave_config>> configs;
+    ec_slave_config* reference = nullptr;
+    std::mutex known_mutex;
+    std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;  // by position in the ring
+
+    std::atomic<bool> active{false};
+    pthread_t owner{};  // of the context, after activation
+    std::vector<std::unique_ptr<Exchange>> exchanges;
+    std::unique_ptr<Operation> operation;
+    AppTime app_time;
+    std::unique_ptr<ApplicationTime> clocks;
+    bool clocks_pending = false;  // datagrams for the clocks wait for the next send
+
+  private:
+    void idle_loop();
+    void step_search(Time now);
+    void report_loop();
+};
+
+}  // namespace margay::compat::ecrt
+
+// The handle of a program.
+struct ec_master {
+    std::shared_ptr<margay::compat::ecrt::Bus> bus;
+    bool reserved = false;
+};

@@ -1,0 +1,131 @@
+// Domains, and how their data is exchanged.
+//
+// A domain is memory of its own: SyncManagers one after the other, in the order in which the program registers their
+// entries, so that the offset of an entry is known at once. The library exchanges groups. Domains that have a slave in
+// common are exchanged by one group, because a slave belongs to one group; all others have a group each.
+// ecrt_domain_process() copies inputs from the image of the group, and ecrt_master_send() copies outputs into it.
+#pragma once
+
+#include <margay/result.hpp>
+#include <margay/time.hpp>
+
+#include <ecrt.h>
+
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+class Bus;
+
+// A SyncManager of a slave in a domain.
+struct DomainPart {
+    ec_slave_config* config = nullptr;
+    std::uint8_t sync_manager = 0;
+    bool output = false;
+    std::uint32_t offset = 0;
+    std::uint32_t bytes = 0;
+    unsigned share = 0;  // of the working counter, see plan_counters()
+};
+
+struct Copy {
+    std::uint8_t* to = nullptr;
+    const std::uint8_t* from = nullptr;
+    std::uint32_t bytes = 0;
+};
+
+// Copies, those of the same kind one after the other: most of them have few octets and are made without a call.
+class Copies {
+  public:
+    // Octets that follow each other on both sides become one copy.
+    void set(std::vector<Copy> copies);
+    void execute() const;
+
+  private:
+    enum class Kind : std::uint8_t { one, two, four, eight, up_to_4, up_to_8, up_to_16, more };
+    struct Run {
+        const Copy* begin = nullptr;
+        const Copy* end = nullptr;
+        Kind kind = Kind::more;
+    };
+    [[nodiscard]] static Kind kind_of(std::uint32_t bytes);
+    template <class Word>
+    static void exact(const Run& run) {
+        for (const Copy* copy = run.begin; copy != run.end; ++copy) std::memcpy(copy->to, copy->from, sizeof(Word));
+    }
+    // A first and a last part, which overlap.
+    template <class Word>
+    static void twice(const Run& run) {
+        for (const Copy* copy = run.begin; copy != run.end; ++copy) {
+            const std::size_t tail = copy->bytes - sizeof(Word);
+            std::memcpy(copy->to, copy->from, sizeof(Word));
+            std::memcpy(copy->to + tail, copy->from + tail, sizeof(Word));
+        }
+    }
+
+    std::vector<Copy> copies_;
+    std::vector<Run> runs_;
+};
+
+inline void Copies::execute() const {
+    for (const Run& run : runs_) switch (run.kind) {
+            case Kind::one: exact<std::uint8_t>(run); break;
+            case Kind::two: exact<std::uint16_t>(run); break;
+            case Kind::four: exact<std::uint32_t>(run); break;
+            case Kind::eight: exact<std::uint64_t>(run); break;
+            case Kind::up_to_4: twice<std::uint16_t>(run); break;
+            case Kind::up_to_8: twice<std::uint32_t>(run); break;
+            case Kind::up_to_16: twice<std::uint64_t>(run); break;
+            case Kind::more:
+                for (const Copy* copy = run.begin; copy != run.end; ++copy)
+                    std::memcpy(copy->to, copy->from, copy->bytes);
+                break;
+        }
+}
+
+// The exchange of one group of the library, with the domains that it serves.
+struct Exchange {
+    std::uint8_t group = 0;
+    bool mapped = false;
+    bool on_wire = false;   // sent and not received yet
+    bool wanted = false;    // a domain was queued since the last send
+    bool complete = false;  // the last answer was complete
+    std::uint32_t answers = 0;
+    Errc error = Errc::none;
+    std::vector<ec_domain*> domains;
+    std::vector<std::byte> image;
+};
+
+}  // namespace margay::compat::ecrt
+
+struct ec_domain {
+    explicit ec_domain(margay::compat::ecrt::Bus& owner) : bus(owner) {}
+
+    margay::compat::ecrt::Bus& bus;
+    std::vector<margay::compat::ecrt::DomainPart> parts;
+    std::uint32_t size = 0;
+    unsigned expected = 0;  // the working counter if all slaves take part
+
+    // After activation.
+    std::uint8_t* data = nullptr;
+    std::vector<std::uint8_t> memory;
+    margay::compat::ecrt::Exchange* exchange = nullptr;
+    margay::compat::ecrt::Copies outputs;
+    margay::compat::ecrt::Copies inputs;
+    bool queued = false;
+    std::uint32_t seen = 0;  // Exchange::answers at the last process
+    ec_domain_state_t state{};
+};
+
+namespace margay::compat::ecrt {
+
+// Where the copies of a domain go, after the group was mapped. For the owner of the context.
+void plan_copies(Bus& bus, ec_domain& domain);
+// Counts `expected` as the interface does: a domain is cut into datagrams between SyncManagers; in a datagram with both
+// directions a slave counts 2 for outputs and 1 for inputs, otherwise 1.
+void plan_counters(ec_domain& domain);
+// The state of a domain whose answer is not complete. For the owner of the context.
+void judge(ec_domain& domain);
+
+}  // namespace margay::compat::ecrt

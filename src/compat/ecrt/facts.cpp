@@ -1,0 +1,97 @@
+// What other threads, and calls that must not wait, know about the slaves.
+#include "compat/ecrt/bus.hpp"
+
+#include <chrono>
+
+namespace margay::compat::ecrt {
+
+using namespace std::chrono_literals;
+
+namespace {
+
+bool present(const Slave& slave) { return slave.ring_position != 0 && slave.al.state != AlState::none; }
+
+bool same_device(const ec_slave_config& config, const Slave& slave) {
+    return slave.identity.vendor == config.vendor && slave.identity.product == config.product;
+}
+
+std::uint32_t state_of(const Slave& slave, bool online, bool active) {
+    if (!online) return 0;
+    const auto state = static_cast<std::uint32_t>(slave.al.state);
+    const bool operational = active && slave.al.state == AlState::op && !slave.al.error && !slave.held;
+    return 1U | (operational ? 2U : 0U) | state << 4;
+}
+
+}  // namespace
+
+void Bus::refresh_facts(Time now) {
+    std::unique_lock lock(facts_mutex, std::try_to_lock);
+    if (!lock.owns_lock()) return;  // the next call does it
+    dirty = false;
+    refresh_at = now + (active && operation != nullptr && operation->running() ? 100ms : 10ms);
+    const auto slaves = ctx->slaves();
+    facts.assign(slaves.begin(), slaves.end());
+    std::uint32_t count = 0;
+    std::uint32_t states = 0;
+    for (const Slave& slave : slaves) {
+        if (!present(slave)) continue;
+        ++count;
+        states |= static_cast<std::uint32_t>(slave.al.state);
+    }
+    responding.store(count, std::memory_order_relaxed);
+    al_states.store(states, std::memory_order_relaxed);
+    link_up.store(count != 0 || source->nic().link_state() == LinkState::up, std::memory_order_relaxed);
+    lock.unlock();
+    if (!active) return;  // a program may be adding configurations; ecrt_slave_config_state() looks them up
+    for (const auto& config : configs) {
+        const Slave& slave = ctx->slave(config->number.load(std::memory_order_relaxed));
+        const bool online = slave.number != 0 && present(slave) && !slave.held && same_device(*config, slave);
+        config->state.store(state_of(slave, online, true), std::memory_order_relaxed);
+    }
+}
+
+std::uint16_t Bus::number_at(std::uint16_t position) {
+    const std::lock_guard lock(facts_mutex);
+    for (const Slave& slave : facts)
+        if (slave.ring_position == position + 1 && present(slave)) return slave.number;
+    return 0;
+}
+
+bool Bus::slave_at(std::uint16_t position, Slave& copy) {
+    const std::lock_guard lock(facts_mutex);
+    for (const Slave& slave : facts)
+        if (slave.ring_position == position + 1 && present(slave)) {
+            copy = slave;
+            return true;
+        }
+    return false;
+}
+
+bool Bus::slave_of(const ec_slave_config& config, Slave& copy) {
+    const std::lock_guard lock(facts_mutex);
+    if (active) {
+        const std::uint16_t number = config.number.load(std::memory_order_relaxed);
+        for (const Slave& slave : facts)
+            if (number != 0 && slave.number == number && present(slave) && same_device(config, slave)) {
+                copy = slave;
+                return true;
+            }
+        return false;
+    }
+    int first = 0;  // position of the slave from which the configuration counts
+    if (config.alias != 0) {
+        first = -1;
+        for (const Slave& slave : facts)
+            if (slave.alias == config.alias && present(slave) && (first < 0 || slave.ring_position <= first))
+                first = slave.ring_position - 1;
+        if (first < 0) return false;
+    }
+    for (const Slave& slave : facts)
+        if (slave.ring_position == first + config.position + 1 && present(slave) && same_device(config, slave)) {
+            copy = slave;
+            return true;
+        }
+    return false;
+}
+
+}  // namespace margay::compat::ecrt

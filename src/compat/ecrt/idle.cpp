@@ -1,0 +1,84 @@
+// The thread that polls before activation: it scans the segment, scans it again when slaves come or go, and serves the
+// requests of other threads.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+namespace margay::compat::ecrt {
+
+using namespace std::chrono_literals;
+
+void Bus::start_idle() {
+    if (idle.joinable()) return;
+    stop = false;
+    idle = std::thread([this] { idle_loop(); });
+}
+
+void Bus::stop_idle() {
+    if (!idle.joinable()) return;
+    stop = true;
+    source->osal().wake();
+    idle.join();
+    (void)take_ownership(*ctx);
+}
+
+void Bus::step_search(Time now) {
+    if (search.scanning) {
+        if (search.scan.busy()) return;
+        search.scanning = false;
+        scan_busy = false;
+        refresh_at = now;
+        if (search.scan.state() == RequestState::error && search.scan.slaves == 0) {
+            search.retry = now + 500ms;
+        } else {
+            search.watch.target = AlState::preop;
+            search.watch.interval = 20ms;
+            if (const auto begun = submit(*ctx, search.watch); !begun) search.retry = now + 500ms;
+        }
+        {
+            const std::lock_guard lock(known_mutex);
+            known_pdos.clear();
+        }
+        refresh_facts(now);
+        const std::lock_guard lock(facts_mutex);
+        first_scan_over = true;
+        scanned.notify_all();
+        return;
+    }
+    if (search.watch.busy()) {
+        if (!search.again) return;
+        search.watch.cancel();
+    } else if (now < search.retry) {
+        return;
+    }
+    search.again = false;
+    if (!submit(*ctx, search.scan)) {
+        search.retry = now + 500ms;
+        return;
+    }
+    search.scanning = true;
+    scan_busy = true;
+}
+
+void Bus::idle_loop() {
+    std::unique_lock lock(turn);
+    (void)take_ownership(*ctx);
+    Osal& osal = source->osal();
+    Nic& nic = source->nic();
+    while (!stop) {
+        Time now = osal.now();
+        Time next = poll(*ctx, now);
+        step_search(now);
+        if (dirty || now >= refresh_at) refresh_facts(now);
+        next = std::min({next, nic.next_arrival(), now + 50ms});
+        lock.unlock();
+        osal.wait(next, nic.wait_handle());
+        while (wanted.load() != 0 && !stop) std::this_thread::yield();
+        lock.lock();
+        (void)take_ownership(*ctx);
+    }
+}
+
+}  // namespace margay::compat::ecrt

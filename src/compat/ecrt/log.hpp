@@ -1,0 +1,17 @@
+// What the facade says on stderr. Not for the cycle, except where a thing is said once.
+#pragma once
+
+#include <margay/error.hpp>
+
+namespace margay::compat::ecrt {
+
+// One line, in the manner of printf.
+[[gnu::format(printf, 1, 2)]] void say(const char* format, ...);
+
+// "MASTER: WHAT: the error in words".
+void say_error(unsigned master, const char* what, const Error& error);
+
+// Says once that a function does not work here; returns -ENOSYS.
+int not_there(const char* function, const char* reason);
+
+}  // namespace margay::compat::ecrt

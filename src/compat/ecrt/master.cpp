@@ -1,0 +1,219 @@
+// The life of a master: request, activate, deactivate, release.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+#include "compat/ecrt/requests.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <map>
+
+using namespace margay;
+using namespace margay::compat;
+using namespace margay::compat::ecrt;
+
+namespace {
+
+constexpr unsigned kMostMasters = 32;
+
+// The masters of this process that are open.
+struct Open {
+    std::mutex mutex;
+    std::map<unsigned, std::weak_ptr<Bus>> buses;
+};
+Open& open_masters() {
+    static Open* const all = new Open;  // threads may still use it while the process ends
+    return *all;
+}
+
+std::shared_ptr<Bus> bus_of(unsigned index) {
+    Open& all = open_masters();
+    if (auto known = all.buses[index].lock()) return known;
+    const std::string name = bound_source(index);
+    if (name.empty()) {
+        say("master %u: no segment is bound to it: set MARGAY_MASTER%u to a network interface (eth0) or a simulated "
+            "segment (sim:demo), or write that into /etc/margay/masters.conf",
+            index, index);
+        return nullptr;
+    }
+    auto bus = std::make_shared<Bus>(index, name);
+    if (!bus->open()) return nullptr;
+    all.buses[index] = bus;
+    return bus;
+}
+
+ec_master* open_handle(unsigned index, bool reserve) {
+    if (index >= kMostMasters) {
+        say("master %u: the highest number is %u", index, kMostMasters - 1);
+        return nullptr;
+    }
+    const std::lock_guard lock(open_masters().mutex);
+    auto bus = bus_of(index);
+    if (bus == nullptr) return nullptr;
+    if (reserve && bus->reserved) {
+        say("master %u is reserved already", index);
+        return nullptr;
+    }
+    if (reserve) bus->reserved = true;
+    return new ec_master{std::move(bus), reserve};
+}
+
+// Ends the operation: slaves go to PREOP, the objects of the program are gone, and the idle thread continues.
+void end_operation(Bus& bus) {
+    if (bus.active) {
+        (void)take_ownership(*bus.ctx);
+        bus.operation->cancel();
+        if (!bus.ctx->slaves().empty()) (void)writestate(*bus.ctx, 0, AlState::preop);
+        bus.active = false;
+    } else {
+        bus.stop_idle();
+    }
+    bus.search.scan.cancel();
+    bus.search.watch.cancel();
+    const std::lock_guard lock(bus.config_mutex);
+    bus.configs.clear();
+    bus.domains.clear();
+    bus.operation.reset();
+    bus.exchanges.clear();
+    bus.reference = nullptr;
+    bus.app_time.known = false;
+    bus.clocks_pending = false;
+    bus.search.scanning = false;
+    bus.search.again = true;
+    (void)expect(*bus.ctx, {});
+}
+
+}  // namespace
+
+extern "C" {
+
+ec_master_t* ecrt_request_master(unsigned int master_index) { return open_handle(master_index, true); }
+ec_master_t* ecrt_open_master(unsigned int master_index) { return open_handle(master_index, false); }
+
+unsigned int ecrt_version_magic(void) { return ECRT_VERSION_MAGIC; }
+
+int ecrt_master_reserve(ec_master_t* master) {
+    const std::lock_guard lock(open_masters().mutex);
+    if (master->reserved) return 0;
+    if (master->bus->reserved) {
+        say("master %u is reserved already", master->bus->index);
+        return -EBUSY;
+    }
+    master->reserved = master->bus->reserved = true;
+    return 0;
+}
+
+void ecrt_release_master(ec_master_t* master) {
+    if (master == nullptr) return;
+    const std::lock_guard lock(open_masters().mutex);
+    if (master->reserved) {
+        end_operation(*master->bus);
+        master->bus->reserved = false;
+        if (master->bus.use_count() > 1) master->bus->start_idle();
+    }
+    delete master;
+}
+
+ec_domain_t* ecrt_master_create_domain(ec_master_t* master) {
+    Bus& bus = *master->bus;
+    const std::lock_guard lock(bus.config_mutex);
+    if (bus.active) {
+        say("master %u is active: no domain can be created", bus.index);
+        return nullptr;
+    }
+    if (bus.domains.size() >= bus.ctx->limits().groups) {
+        say("master %u: %zu domains at most", bus.index, bus.domains.size());
+        return nullptr;
+    }
+    bus.domains.push_back(std::make_unique<ec_domain>(bus));
+    return bus.domains.back().get();
+}
+
+ec_slave_config_t* ecrt_master_slave_config(ec_master_t* master, uint16_t alias, uint16_t position, uint32_t vendor_id,
+                                            uint32_t product_code) {
+    Bus& bus = *master->bus;
+    const std::lock_guard lock(bus.config_mutex);
+    for (const auto& config : bus.configs) {
+        if (config->alias != alias || config->position != position) continue;
+        if (config->vendor == vendor_id && config->product == product_code) return config.get();
+        say("configuration %u:%u is for 0x%08x/0x%08x, not for 0x%08x/0x%08x", alias, position, config->vendor,
+            config->product, vendor_id, product_code);
+        return nullptr;
+    }
+    if (bus.active) {
+        say("master %u is active: no configuration can be created", bus.index);
+        return nullptr;
+    }
+    bus.configs.push_back(std::make_unique<ec_slave_config>(bus, alias, position, vendor_id, product_code));
+    return bus.configs.back().get();
+}
+
+int ecrt_master_select_reference_clock(ec_master_t* master, ec_slave_config_t* sc) {
+    master->bus->reference = sc;
+    return 0;
+}
+
+int ecrt_master_set_send_interval(ec_master_t* master, size_t send_interval) {
+    // The library measures the interval of the cycle itself.
+    return send_interval == 0 ? -EINVAL : (static_cast<void>(master), 0);
+}
+
+int ecrt_master_setup_domain_memory(ec_master_t* master) {
+    Bus& bus = *master->bus;
+    if (bus.active) return 0;
+    for (const auto& domain : bus.domains) {
+        domain->memory.resize(std::max<std::size_t>(domain->size, 1), 0);
+        domain->data = domain->memory.data();
+    }
+    return 0;
+}
+
+int ecrt_master_activate(ec_master_t* master) {
+    Bus& bus = *master->bus;
+    const std::lock_guard lock(bus.config_mutex);
+    if (bus.active) {
+        say("master %u is active already", bus.index);
+        return 0;
+    }
+    bus.stop_idle();
+    bus.search.scan.cancel();
+    bus.search.watch.cancel();
+    bus.exchanges.clear();
+    bus.operation = std::make_unique<compat::ecrt::Operation>(bus);
+    if (const int error = bus.operation->plan(); error != 0) {
+        bus.operation.reset();
+        bus.start_idle();
+        return error;
+    }
+    for (const auto& domain : bus.domains) {
+        domain->memory.assign(std::max<std::size_t>(domain->size, 1), 0);
+        domain->data = domain->memory.data();
+        domain->state = {};
+        plan_counters(*domain);
+    }
+    bool emergencies_wanted = false;
+    for (const auto& config : bus.configs) emergencies_wanted |= config->emergencies != 0;
+    (void)watch_mailboxes(*bus.ctx, emergencies_wanted ? std::chrono::milliseconds(10) : std::chrono::milliseconds(0));
+    bus.owner = pthread_self();
+    bus.active = true;
+    return 0;
+}
+
+int ecrt_master_deactivate(ec_master_t* master) {
+    Bus& bus = *master->bus;
+    if (!bus.active) {
+        say("master %u is not active", bus.index);
+        return -EINVAL;
+    }
+    end_operation(bus);
+    bus.start_idle();
+    return 0;
+}
+
+void ecrt_master_deactivate_slaves(ec_master_t* master) {
+    Bus& bus = *master->bus;
+    if (!bus.active || !bus.operation->running()) return;
+    if (pthread_equal(bus.owner, pthread_self()) != 0) (void)set_target(*bus.ctx, 0, AlState::preop);
+}
+
+}  // extern "C"

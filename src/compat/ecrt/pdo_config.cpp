@@ -1,0 +1,275 @@
+// PDOs and SyncManagers of a configuration, and the registration of entries in domains.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <optional>
+
+using namespace margay;
+using namespace margay::compat::ecrt;
+
+namespace {
+
+bool valid_sync(std::uint8_t index) { return index < EC_MAX_SYNC_MANAGERS; }
+
+// The slave's own PDOs, where the program has set none. Waits for the slave; once for a configuration.
+void ask_slave(ec_slave_config& config) {
+    Slave slave;
+    if (config.asked || !config.bus.slave_of(config, slave)) return;
+    config.asked = true;
+    const auto known = pdos_of(config.bus, slave);
+    for (std::size_t n = 0; n < known->syncs.size(); ++n)
+        if (!config.syncs[n].set) config.syncs[n] = known->syncs[n];
+}
+
+// The entries of a PDO without a list: those of the slave.
+void complete(ec_slave_config& config, PdoWish& pdo) {
+    Slave slave;
+    if (pdo.listed || !config.bus.slave_of(config, slave)) return;
+    pdo.entries = read_pdo(config.bus, slave, *pdos_of(config.bus, slave), pdo.index);
+    pdo.listed = !pdo.entries.empty();
+}
+
+std::uint32_t bits_of(const PdoWish& pdo) {
+    std::uint32_t bits = 0;
+    for (const PdoEntry& entry : pdo.entries) bits += entry.bits;
+    return bits;
+}
+
+// Where an entry is in its SyncManager.
+struct Place {
+    std::uint8_t sync_manager = 0;
+    std::uint32_t bit = 0;
+};
+
+std::optional<Place> find(ec_slave_config& config, std::uint16_t index, std::uint8_t subindex) {
+    for (std::uint8_t sm = 0; sm < EC_MAX_SYNC_MANAGERS; ++sm) {
+        std::uint32_t bit = 0;
+        for (PdoWish& pdo : config.syncs[sm].pdos) {
+            complete(config, pdo);
+            for (const PdoEntry& entry : pdo.entries) {
+                if (entry.index == index && entry.subindex == subindex) return Place{sm, bit};
+                bit += entry.bits;
+            }
+        }
+    }
+    return std::nullopt;
+}
+
+// The SyncManager in the domain, added at its first entry.
+const DomainPart& part_of(ec_domain& domain, ec_slave_config& config, std::uint8_t sm) {
+    for (const DomainPart& part : domain.parts)
+        if (part.config == &config && part.sync_manager == sm) return part;
+    std::uint32_t bits = 0;
+    for (PdoWish& pdo : config.syncs[sm].pdos) {
+        complete(config, pdo);
+        bits += bits_of(pdo);
+    }
+    const std::uint32_t bytes = bits / 8 + (bits % 8 != 0 ? 1 : 0);
+    domain.parts.push_back({&config, sm, config.syncs[sm].direction == EC_DIR_OUTPUT, domain.size, bytes});
+    domain.size += bytes;
+    return domain.parts.back();
+}
+
+int put(ec_slave_config& config, ec_domain& domain, Place place, unsigned int* bit_position) {
+    if (bit_position == nullptr && place.bit % 8 != 0) {
+        say("configuration %u:%u: an entry of SyncManager %u does not begin on an octet, and there is no bit position",
+            config.alias, config.position, place.sync_manager);
+        return -EFAULT;
+    }
+    const DomainPart& part = part_of(domain, config, place.sync_manager);
+    if (bit_position != nullptr) *bit_position = place.bit % 8;
+    return static_cast<int>(part.offset + place.bit / 8);
+}
+
+PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
+    for (SyncWish& sync : config.syncs)
+        for (PdoWish& pdo : sync.pdos)
+            if (pdo.index == index) return &pdo;
+    return nullptr;
+}
+
+bool refuse_active(const ec_slave_config& config) {
+    if (config.bus.active) say("configuration %u:%u: the master is active", config.alias, config.position);
+    return config.bus.active;
+}
+
+int take(ec_slave_config& config, const ec_sync_info_t& from) {
+    if (const int error = ecrt_slave_config_sync_manager(&config, from.index, from.dir, from.watchdog_mode); error != 0)
+        return error;
+    SyncWish& sync = config.syncs[from.index];
+    sync.pdos.clear();
+    for (unsigned n = 0; from.pdos != nullptr && n < from.n_pdos; ++n) {
+        const ec_pdo_info_t& pdo = from.pdos[n];
+        PdoWish wish{.index = pdo.index, .listed = false, .entries = {}};
+        for (unsigned m = 0; pdo.entries != nullptr && m < pdo.n_entries; ++m) {
+            wish.listed = true;
+            wish.entries.push_back({pdo.entries[m].index, pdo.entries[m].subindex, pdo.entries[m].bit_length});
+        }
+        sync.pdos.push_back(std::move(wish));
+    }
+    return 0;
+}
+
+}  // namespace
+
+extern "C" {
+
+int ecrt_slave_config_sync_manager(ec_slave_config_t* sc, uint8_t sync_index, ec_direction_t direction,
+                                   ec_watchdog_mode_t watchdog_mode) {
+    if (!valid_sync(sync_index)) {
+        say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
+        return -ENOENT;
+    }
+    if (direction != EC_DIR_OUTPUT && direction != EC_DIR_INPUT) {
+        say("configuration %u:%u: SyncManager %u: invalid direction %d", sc->alias, sc->position, sync_index,
+            static_cast<int>(direction));
+        return -EINVAL;
+    }
+    if (refuse_active(*sc)) return -EBUSY;
+    if (!sc->syncs[sync_index].set && !sc->asked) ask_slave(*sc);  // its PDOs stay until the program clears them
+    SyncWish& sync = sc->syncs[sync_index];
+    sync.set = true;
+    sync.from_slave = false;
+    sync.direction = direction;
+    sync.watchdog = watchdog_mode;
+    return 0;
+}
+
+int ecrt_slave_config_pdo_assign_clear(ec_slave_config_t* sc, uint8_t sync_index) {
+    if (!valid_sync(sync_index)) return -EINVAL;
+    if (refuse_active(*sc)) return -EBUSY;
+    SyncWish& sync = sc->syncs[sync_index];
+    sync.set = true;
+    sync.from_slave = false;
+    if (sync.direction == EC_DIR_INVALID) {
+        Slave slave;
+        const bool found = sc->bus.slave_of(*sc, slave) && sync_index < slave.sm_count;
+        sync.direction = found ? direction_of(slave.sync_managers[sync_index])
+                               : (sync_index % 2 == 0 ? EC_DIR_OUTPUT : EC_DIR_INPUT);
+    }
+    sync.pdos.clear();
+    return 0;
+}
+
+int ecrt_slave_config_pdo_assign_add(ec_slave_config_t* sc, uint8_t sync_index, uint16_t index) {
+    if (!valid_sync(sync_index)) return -EINVAL;
+    if (refuse_active(*sc)) return -EBUSY;
+    SyncWish& sync = sc->syncs[sync_index];
+    if (sync.direction == EC_DIR_INVALID) sync.direction = index >= 0x1A00 ? EC_DIR_INPUT : EC_DIR_OUTPUT;
+    sync.set = true;
+    sync.from_slave = false;
+    for (const SyncWish& other : sc->syncs)
+        for (const PdoWish& pdo : other.pdos)
+            if (other.set && pdo.index == index) {
+                say("configuration %u:%u: PDO 0x%04x is assigned already", sc->alias, sc->position, index);
+                return -EEXIST;
+            }
+    sync.pdos.push_back({.index = index, .listed = false, .entries = {}});
+    return 0;
+}
+
+int ecrt_slave_config_pdo_mapping_clear(ec_slave_config_t* sc, uint16_t pdo_index) {
+    if (refuse_active(*sc)) return -EBUSY;
+    PdoWish* pdo = assigned(*sc, pdo_index);
+    if (pdo == nullptr) {
+        say("configuration %u:%u: PDO 0x%04x is not assigned", sc->alias, sc->position, pdo_index);
+        return -ENOENT;
+    }
+    pdo->listed = true;
+    pdo->entries.clear();
+    return 0;
+}
+
+int ecrt_slave_config_pdo_mapping_add(ec_slave_config_t* sc, uint16_t pdo_index, uint16_t entry_index,
+                                      uint8_t entry_subindex, uint8_t entry_bit_length) {
+    if (refuse_active(*sc)) return -EBUSY;
+    PdoWish* pdo = assigned(*sc, pdo_index);
+    if (pdo == nullptr) {
+        say("configuration %u:%u: PDO 0x%04x is not assigned", sc->alias, sc->position, pdo_index);
+        return -ENOENT;
+    }
+    complete(*sc, *pdo);
+    pdo->listed = true;
+    pdo->entries.push_back({entry_index, entry_subindex, entry_bit_length});
+    return 0;
+}
+
+int ecrt_slave_config_pdos(ec_slave_config_t* sc, unsigned int n_syncs, const ec_sync_info_t syncs[]) {
+    if (refuse_active(*sc)) return -EBUSY;
+    for (unsigned int n = 0; syncs != nullptr && n < n_syncs; ++n) {
+        if (syncs[n].index == 0xFF) break;
+        if (!valid_sync(syncs[n].index)) {
+            say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, syncs[n].index);
+            return -ENOENT;
+        }
+        sc->syncs[syncs[n].index].set = true;  // nothing of the slave is needed for it
+        if (const int error = take(*sc, syncs[n]); error != 0) return error;
+    }
+    return 0;
+}
+
+void ecrt_slave_config_overlapping_pdos(ec_slave_config_t*, uint8_t allow_overlapping_pdos) {
+    if (allow_overlapping_pdos != 0)
+        (void)not_there("ecrt_slave_config_overlapping_pdos",
+                        "inputs and outputs have places of their own in a domain");
+}
+
+int ecrt_slave_config_reg_pdo_entry(ec_slave_config_t* sc, uint16_t entry_index, uint8_t entry_subindex,
+                                    ec_domain_t* domain, unsigned int* bit_position) {
+    if (refuse_active(*sc)) return -EBUSY;
+    auto place = find(*sc, entry_index, entry_subindex);
+    if (!place) {
+        ask_slave(*sc);
+        place = find(*sc, entry_index, entry_subindex);
+    }
+    if (!place) {
+        say("configuration %u:%u: entry 0x%04x:%02x is not mapped%s", sc->alias, sc->position, entry_index,
+            entry_subindex, sc->asked ? "" : ", and the slave is not there to be asked for its PDOs");
+        return -ENOENT;
+    }
+    return put(*sc, *domain, *place, bit_position);
+}
+
+int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_index, unsigned int pdo_pos,
+                                        unsigned int entry_pos, ec_domain_t* domain, unsigned int* bit_position) {
+    if (refuse_active(*sc)) return -EBUSY;
+    if (!valid_sync(sync_index)) {
+        say("configuration %u:%u: there is no SyncManager %u", sc->alias, sc->position, sync_index);
+        return -EINVAL;
+    }
+    if (!sc->syncs[sync_index].set) ask_slave(*sc);
+    SyncWish& sync = sc->syncs[sync_index];
+    Place place{sync_index, 0};
+    for (unsigned n = 0; n < sync.pdos.size() && n <= pdo_pos; ++n) {
+        complete(*sc, sync.pdos[n]);
+        if (n < pdo_pos) {
+            place.bit += bits_of(sync.pdos[n]);
+            continue;
+        }
+        const auto& entries = sync.pdos[n].entries;
+        if (entry_pos >= entries.size()) break;
+        for (unsigned m = 0; m < entry_pos; ++m) place.bit += entries[m].bits;
+        return put(*sc, *domain, place, bit_position);
+    }
+    say("configuration %u:%u: SyncManager %u has no entry %u in its PDO %u", sc->alias, sc->position, sync_index,
+        entry_pos, pdo_pos);
+    return -ENOENT;
+}
+
+int ecrt_domain_reg_pdo_entry_list(ec_domain_t* domain, const ec_pdo_entry_reg_t* pdo_entry_regs) {
+    ec_master handle{std::shared_ptr<Bus>(std::shared_ptr<Bus>(), &domain->bus), false};
+    for (const ec_pdo_entry_reg_t* reg = pdo_entry_regs; reg->index != 0; ++reg) {
+        ec_slave_config_t* config =
+            ecrt_master_slave_config(&handle, reg->alias, reg->position, reg->vendor_id, reg->product_code);
+        if (config == nullptr) return -ENOENT;
+        const int offset =
+            ecrt_slave_config_reg_pdo_entry(config, reg->index, reg->subindex, domain, reg->bit_position);
+        if (offset < 0) return offset;
+        if (reg->offset != nullptr) *reg->offset = static_cast<unsigned int>(offset);
+    }
+    return 0;
+}
+
+}  // extern "C"

@@ -1,0 +1,198 @@
+// What the library is told at activation: the groups, the expected slaves and their configuration.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+#include "compat/ecrt/operation.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <map>
+#include <set>
+
+namespace margay::compat::ecrt {
+namespace {
+
+constexpr std::size_t kImageBytes = 65536;
+constexpr std::uint16_t kUsualDivider = 2498;  // 100 us
+constexpr std::uint16_t kUsualIntervals = 1000;
+
+bool registered(const Bus& bus, const ec_slave_config& config, std::uint8_t sm) {
+    for (const auto& domain : bus.domains)
+        for (const DomainPart& part : domain->parts)
+            if (part.config == &config && part.sync_manager == sm) return true;
+    return false;
+}
+
+// The process data watchdog of the slave; nothing: as the slave has it.
+std::optional<SlaveConfiguration::Watchdog> watchdog_of(const ec_slave_config& config) {
+    bool enable = config.watchdog_intervals != 0;
+    bool disable = false;
+    for (const SyncWish& sync : config.syncs) {
+        if (!sync.set || sync.direction != EC_DIR_OUTPUT || sync.pdos.empty()) continue;
+        enable |= sync.watchdog == EC_WD_ENABLE;
+        disable |= sync.watchdog == EC_WD_DISABLE;
+    }
+    if (!enable && disable) return SlaveConfiguration::Watchdog{0};
+    if (!enable) return std::nullopt;
+    const std::uint32_t unit_ns = (config.times.watchdog_divider.value_or(kUsualDivider) + 2U) * 40U;
+    const std::uint32_t intervals = config.watchdog_intervals != 0 ? config.watchdog_intervals : kUsualIntervals;
+    const std::uint64_t time_ns = std::uint64_t{unit_ns} * intervals;
+    return SlaveConfiguration::Watchdog(static_cast<std::uint32_t>((time_ns + 500) / 1000));
+}
+
+StartupCommand command_of(const StartupWrite& write) {
+    const Transition when =
+        write.parameter && write.state == EC_AL_STATE_SAFEOP ? Transition::safeop_to_op : Transition::init_to_preop;
+    const Borrowed<std::byte> data(write.data);
+    if (write.parameter) return write_parameter(when, write.subindex, Idn{write.index}, data);
+    if (write.complete) return write_whole_object(when, write.index, data);
+    return write_object(when, write.index, write.subindex, data);
+}
+
+}  // namespace
+
+void Operation::plan_groups() {
+    std::map<const ec_slave_config*, ec_domain*> first;  // a domain of each slave
+    std::map<ec_domain*, ec_domain*> root;
+    for (const auto& domain : bus_.domains) root[domain.get()] = domain.get();
+    const auto find = [&](ec_domain* domain) {
+        while (root[domain] != domain) domain = root[domain];
+        return domain;
+    };
+    for (const auto& domain : bus_.domains)
+        for (const DomainPart& part : domain->parts) {
+            const auto [known, added] = first.try_emplace(part.config, domain.get());
+            if (!added) root[find(domain.get())] = find(known->second);
+        }
+    std::map<ec_domain*, Exchange*> exchange_of;
+    for (const auto& domain : bus_.domains) {
+        Exchange*& exchange = exchange_of[find(domain.get())];
+        if (exchange == nullptr) {
+            bus_.exchanges.push_back(std::make_unique<Exchange>());
+            exchange = bus_.exchanges.back().get();
+            exchange->group = static_cast<std::uint8_t>(bus_.exchanges.size() - 1);
+        }
+        exchange->domains.push_back(domain.get());
+        domain->exchange = exchange;
+    }
+    // Slaves without an entry in a domain come to OP too, with the first group.
+    if (bus_.exchanges.empty()) bus_.exchanges.push_back(std::make_unique<Exchange>());
+    for (const auto& exchange : bus_.exchanges) exchange->image.assign(kImageBytes, std::byte{0});
+    for (const auto& config : bus_.configs) {
+        const auto known = first.find(config.get());
+        config->group = known == first.end() ? std::uint8_t{0} : known->second->exchange->group;
+    }
+}
+
+void Operation::plan_slave(ec_slave_config& config) {
+    SlavePlan& plan = config.plan;
+    plan = {};
+    plan.pdos.resize(EC_MAX_SYNC_MANAGERS);
+    for (std::uint8_t sm = 0; sm < EC_MAX_SYNC_MANAGERS; ++sm) {
+        const SyncWish& sync = config.syncs[sm];
+        if (!sync.set && !(sync.from_slave && registered(bus_, config, sm))) continue;
+        if (sync.pdos.empty() && sm < 2) continue;  // the mailboxes in lists that name all SyncManagers
+        for (const PdoWish& pdo : sync.pdos) plan.pdos[sm].push_back({pdo.index, Borrowed<PdoEntry>(pdo.entries)});
+        plan.sms.push_back({sm, Borrowed<Pdo>(plan.pdos[sm])});
+    }
+    for (const StartupWrite& write : config.startup) plan.startup.push_back(command_of(write));
+    if (!plan.sms.empty()) plan.setup.pdos = PdoLists(plan.sms);
+    if (!plan.startup.empty()) plan.setup.startup = StartupCommands(plan.startup);
+    plan.setup.times = config.times;
+    if (config.dc.set && config.dc.assign_activate != 0)
+        plan.setup.dc = {.source = SyncSettings::Source::application,
+                         .assign_activate = config.dc.assign_activate,
+                         .sync0_cycle = Duration(config.dc.sync0_cycle),
+                         .sync1_cycle = Duration(config.dc.sync1_cycle),
+                         .shift = Duration(config.dc.sync0_shift)};
+    plan.configuration.group = config.group;
+    plan.configuration.process_data_watchdog = watchdog_of(config);
+    plan.configuration.setup = &plan.setup;
+}
+
+// A slave that is identified by its place.
+void Operation::add_expected(ec_slave_config& config) {
+    int number = config.position + 1;
+    if (config.alias != 0) {
+        const std::lock_guard lock(bus_.facts_mutex);
+        int head = -1;
+        for (const Slave& slave : bus_.facts)
+            if (slave.alias == config.alias && slave.ring_position != 0 && (head < 0 || slave.ring_position < head))
+                head = slave.ring_position;
+        if (head < 0) return;  // add_by_alias()
+        number += head - 1;
+    }
+    for (const ExpectedSlave& other : expected_)
+        if (other.number == number) {
+            say("configurations for the same slave at position %d: %u:%u is left out", number - 1, config.alias,
+                config.position);
+            return;
+        }
+    ExpectedSlave slave{.number = static_cast<std::uint16_t>(number),
+                        .vendor = config.vendor,
+                        .product = config.product,
+                        .config = &config.plan.configuration};
+    if (config.alias != 0 && config.position == 0) slave.alias = config.alias;
+    expected_.push_back(slave);
+    config.expected = &expected_.back();
+}
+
+// The slaves with and behind an alias that no slave has at present: they may appear anywhere.
+void Operation::add_by_alias(ec_slave_config& config) {
+    if (config.expected != nullptr || config.alias == 0) return;
+    std::map<std::uint16_t, ec_slave_config*> at;
+    for (const auto& other : bus_.configs)
+        if (other->alias == config.alias) at[other->position] = other.get();
+    const std::uint16_t last = at.rbegin()->first;
+    const bool alone = last == 0;
+    std::uint8_t group = 0;
+    for (const ExpectedSlave& other : expected_) group = std::max(group, other.hot_connect);
+    ++group;
+    for (std::uint16_t position = 0; position <= last; ++position) {
+        ExpectedSlave slave{.hot_connect = alone ? std::uint8_t{0} : group};
+        if (position == 0) slave.alias = config.alias;
+        const auto found = at.find(position);
+        if (found != at.end()) {
+            slave.vendor = found->second->vendor;
+            slave.product = found->second->product;
+            slave.config = &found->second->plan.configuration;
+        }
+        expected_.push_back(slave);
+        if (found != at.end()) found->second->expected = &expected_.back();
+    }
+}
+
+int Operation::plan() {
+    plan_groups();
+    if (bus_.exchanges.size() > bus_.ctx->limits().groups) {
+        say("master %u: %zu domains, %u at most", bus_.index, bus_.domains.size(), bus_.ctx->limits().groups);
+        return -ENOMEM;
+    }
+    std::size_t most = bus_.configs.size();
+    for (const auto& config : bus_.configs)
+        if (config->alias != 0) most += config->position;
+    expected_.clear();
+    expected_.reserve(most);  // configurations point into it
+    for (const auto& config : bus_.configs) {
+        config->expected = nullptr;
+        plan_slave(*config);
+    }
+    for (const auto& config : bus_.configs) add_expected(*config);
+    for (const auto& config : bus_.configs) add_by_alias(*config);
+    std::ranges::stable_sort(expected_, {}, [](const ExpectedSlave& slave) {
+        return slave.number == 0 ? 0x10000 + (slave.hot_connect != 0 ? 1 : 0) : slave.number;
+    });
+    for (const auto& config : bus_.configs) {  // the order has changed
+        config->expected = nullptr;
+        for (const ExpectedSlave& slave : expected_)
+            if (slave.config == &config->plan.configuration) config->expected = &slave;
+    }
+    (void)tolerate(*bus_.ctx, {.unexpected_slaves = true});
+    const auto told = expect(*bus_.ctx, expected_);
+    if (!told) {
+        say_error(bus_.index, "the configured slaves", told.error());
+        return -EINVAL;
+    }
+    return 0;
+}
+
+}  // namespace margay::compat::ecrt

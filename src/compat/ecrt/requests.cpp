@@ -1,0 +1,232 @@
+// Asynchronous requests for objects (SDO), drive parameters (SoE) and registers.
+#include "compat/ecrt/requests.hpp"
+
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+
+using namespace margay;
+using namespace margay::compat::ecrt;
+
+namespace {
+
+// Room for values that are longer than the program has announced.
+constexpr std::size_t kLeastRoom = 512;
+
+std::chrono::milliseconds ms(std::uint32_t timeout) { return std::chrono::milliseconds(timeout); }
+
+template <class Wish>
+int start(Wish& wish, SlaveRequest& request, Transfer what) {
+    wish.last = begin(wish.config, request) ? what : Transfer::refused;
+    return 0;
+}
+
+template <class Wish>
+bool busy(const Wish& wish, const Request& one, const Request& other) {
+    return (wish.last == Transfer::read || wish.last == Transfer::write) && (one.busy() || other.busy());
+}
+
+std::uint8_t* memory_of(const std::vector<std::byte>& memory) {
+    return reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(memory.data()));
+}
+
+// Octets that the program sees: those of the last upload, otherwise those of a write.
+template <class Read>
+std::size_t size_of(Transfer last, const Read& read, std::size_t size) {
+    return last == Transfer::read && read.state() == RequestState::success ? read.bytes : size;
+}
+
+}  // namespace
+
+namespace margay::compat::ecrt {
+
+bool begin(ec_slave_config& config, SlaveRequest& request) {
+    Bus& bus = config.bus;
+    std::uint16_t number = 0;
+    if (bus.active) {
+        number = config.number.load(std::memory_order_relaxed);
+    } else {
+        Slave slave;
+        if (bus.slave_of(config, slave)) number = slave.number;
+    }
+    if (number == 0) return false;
+    request.slave = number;
+    return submit(*bus.ctx, request).ok();
+}
+
+}  // namespace margay::compat::ecrt
+
+extern "C" {
+
+// ------------------------------------------------------------------ SDO
+
+ec_sdo_request_t* ecrt_slave_config_create_sdo_request(ec_slave_config_t* sc, uint16_t index, uint8_t subindex,
+                                                       size_t size) {
+    const std::lock_guard lock(sc->bus.config_mutex);
+    auto request = std::make_unique<ec_sdo_request>(*sc);
+    request->index = index;
+    request->subindex = subindex;
+    request->memory.resize(std::max(size, kLeastRoom));
+    request->size = size;
+    sc->sdo_requests.push_back(std::move(request));
+    return sc->sdo_requests.back().get();
+}
+
+ec_sdo_request_t* ecrt_slave_config_create_sdo_request_complete(ec_slave_config_t* sc, uint16_t index, size_t size) {
+    ec_sdo_request_t* request = ecrt_slave_config_create_sdo_request(sc, index, 0, size);
+    request->complete = true;
+    return request;
+}
+
+int ecrt_sdo_request_index(ec_sdo_request_t* req, uint16_t index, uint8_t subindex) {
+    if (busy(*req, req->upload, req->download)) return -EBUSY;
+    req->index = index;
+    req->subindex = subindex;
+    req->complete = false;
+    return 0;
+}
+
+void ecrt_sdo_request_index_complete(ec_sdo_request_t* req, uint16_t index) {
+    if (ecrt_sdo_request_index(req, index, 0) == 0) req->complete = true;
+}
+
+int ecrt_sdo_request_timeout(ec_sdo_request_t* req, uint32_t timeout) {
+    req->timeout_ms = timeout;
+    return 0;
+}
+
+uint8_t* ecrt_sdo_request_data(const ec_sdo_request_t* req) { return memory_of(req->memory); }
+
+size_t ecrt_sdo_request_data_size(const ec_sdo_request_t* req) { return size_of(req->last, req->upload, req->size); }
+
+ec_request_state_t ecrt_sdo_request_state(const ec_sdo_request_t* req) {
+    return state_of(req->last, req->upload, req->download);
+}
+
+void ecrt_sdo_request_write_with_size(ec_sdo_request_t* req, size_t size) {
+    if (size > req->memory.size()) {
+        req->last = Transfer::refused;
+        return;
+    }
+    req->size = size;
+    (void)ecrt_sdo_request_write(req);
+}
+
+int ecrt_sdo_request_write(ec_sdo_request_t* req) {
+    if (busy(*req, req->upload, req->download)) return -EBUSY;
+    req->download.index = req->index;
+    req->download.subindex = req->subindex;
+    req->download.complete_access = req->complete;
+    req->download.timeout = ms(req->timeout_ms);
+    req->download.data = Borrowed<std::byte>(req->memory.data(), req->size);
+    return start(*req, req->download, Transfer::write);
+}
+
+int ecrt_sdo_request_read(ec_sdo_request_t* req) {
+    if (busy(*req, req->upload, req->download)) return -EBUSY;
+    req->upload.index = req->index;
+    req->upload.subindex = req->subindex;
+    req->upload.complete_access = req->complete;
+    req->upload.timeout = ms(req->timeout_ms);
+    req->upload.data = req->memory;
+    return start(*req, req->upload, Transfer::read);
+}
+
+// ------------------------------------------------------------------ SoE
+
+ec_soe_request_t* ecrt_slave_config_create_soe_request(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
+                                                       size_t size) {
+    if (drive_no > 7) {
+        say("IDN 0x%04x: there is no drive %u", idn, drive_no);
+        return nullptr;
+    }
+    const std::lock_guard lock(sc->bus.config_mutex);
+    auto request = std::make_unique<ec_soe_request>(*sc);
+    request->drive = drive_no;
+    request->idn = idn;
+    request->memory.resize(std::max(size, kLeastRoom));
+    request->size = size;
+    sc->soe_requests.push_back(std::move(request));
+    return sc->soe_requests.back().get();
+}
+
+int ecrt_soe_request_idn(ec_soe_request_t* req, uint8_t drive_no, uint16_t idn) {
+    if (drive_no > 7) return -EINVAL;
+    if (busy(*req, req->read, req->write)) return -EBUSY;
+    req->drive = drive_no;
+    req->idn = idn;
+    return 0;
+}
+
+int ecrt_soe_request_timeout(ec_soe_request_t* req, uint32_t timeout) {
+    req->timeout_ms = timeout;
+    return 0;
+}
+
+uint8_t* ecrt_soe_request_data(const ec_soe_request_t* req) { return memory_of(req->memory); }
+
+size_t ecrt_soe_request_data_size(const ec_soe_request_t* req) { return size_of(req->last, req->read, req->size); }
+
+ec_request_state_t ecrt_soe_request_state(const ec_soe_request_t* req) {
+    return state_of(req->last, req->read, req->write);
+}
+
+int ecrt_soe_request_write(ec_soe_request_t* req) {
+    if (busy(*req, req->read, req->write)) return -EBUSY;
+    req->write.drive = req->drive;
+    req->write.idn = Idn{req->idn};
+    req->write.timeout = ms(req->timeout_ms);
+    req->write.data = Borrowed<std::byte>(req->memory.data(), req->size);
+    return start(*req, req->write, Transfer::write);
+}
+
+int ecrt_soe_request_read(ec_soe_request_t* req) {
+    if (busy(*req, req->read, req->write)) return -EBUSY;
+    req->read.drive = req->drive;
+    req->read.idn = Idn{req->idn};
+    req->read.timeout = ms(req->timeout_ms);
+    req->read.data = req->memory;
+    return start(*req, req->read, Transfer::read);
+}
+
+// ------------------------------------------------------------------ registers
+
+ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, size_t size) {
+    const std::lock_guard lock(sc->bus.config_mutex);
+    auto request = std::make_unique<ec_reg_request>(*sc);
+    request->memory.resize(size);
+    sc->reg_requests.push_back(std::move(request));
+    return sc->reg_requests.back().get();
+}
+
+uint8_t* ecrt_reg_request_data(const ec_reg_request_t* req) { return memory_of(req->memory); }
+
+ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
+    return state_of(req->last, req->read, req->write);
+}
+
+int ecrt_reg_request_write(ec_reg_request_t* req, uint16_t address, size_t size) {
+    if (size > req->memory.size()) return -EINVAL;
+    if (busy(*req, req->read, req->write)) return -EBUSY;
+    req->write.address = address;
+    req->write.data = Borrowed<std::byte>(req->memory.data(), size);
+    return start(*req, req->write, Transfer::write);
+}
+
+int ecrt_reg_request_read(ec_reg_request_t* req, uint16_t address, size_t size) {
+    if (size > req->memory.size()) return -EINVAL;
+    if (busy(*req, req->read, req->write)) return -EBUSY;
+    req->read.address = address;
+    req->read.data = std::span(req->memory).first(size);
+    return start(*req, req->read, Transfer::read);
+}
+
+void ecrt_reg_request_readwrite(ec_reg_request_t* req, uint16_t, size_t) {
+    (void)not_there("ecrt_reg_request_readwrite", "use a read and then a write");
+    req->last = Transfer::refused;
+}
+
+}  // extern "C"

@@ -1,0 +1,110 @@
+// The asynchronous requests of a slave's configuration, each a request of the library with memory of its own.
+#pragma once
+
+#include <margay/coe.hpp>
+#include <margay/foe.hpp>
+#include <margay/registers.hpp>
+#include <margay/soe.hpp>
+#include <margay/voe.hpp>
+
+#include <ecrt.h>
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+[[nodiscard]] inline ec_request_state_t to_ec(RequestState state) {
+    switch (state) {
+        case RequestState::busy: return EC_REQUEST_BUSY;
+        case RequestState::success: return EC_REQUEST_SUCCESS;
+        case RequestState::error: return EC_REQUEST_ERROR;
+        default: return EC_REQUEST_UNUSED;
+    }
+}
+
+// What the last transfer of a request was, and whether it could not even begin.
+enum class Transfer : std::uint8_t { none, read, write, refused };
+
+// The state of a request that has one object of the library for reading and one for writing.
+template <class Read, class Write>
+[[nodiscard]] ec_request_state_t state_of(Transfer last, const Read& read, const Write& write) {
+    switch (last) {
+        case Transfer::read: return to_ec(read.state());
+        case Transfer::write: return to_ec(write.state());
+        case Transfer::refused: return EC_REQUEST_ERROR;
+        default: return EC_REQUEST_UNUSED;
+    }
+}
+
+// Submits a request to the slave of a configuration; false: the slave is not there, or the request was refused.
+[[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request);
+
+}  // namespace margay::compat::ecrt
+
+struct ec_sdo_request {
+    explicit ec_sdo_request(ec_slave_config& owner) : config(owner) {}
+    ec_slave_config& config;
+    std::uint16_t index = 0;
+    std::uint8_t subindex = 0;
+    bool complete = false;
+    std::uint32_t timeout_ms = 0;
+    std::vector<std::byte> memory;
+    std::size_t size = 0;  // of a write
+    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    margay::SdoUpload upload;
+    margay::SdoDownload download;
+};
+
+struct ec_soe_request {
+    explicit ec_soe_request(ec_slave_config& owner) : config(owner) {}
+    ec_slave_config& config;
+    std::uint8_t drive = 0;
+    std::uint16_t idn = 0;
+    std::uint32_t timeout_ms = 0;
+    std::vector<std::byte> memory;
+    std::size_t size = 0;
+    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    margay::SoeRead read;
+    margay::SoeWrite write;
+};
+
+struct ec_foe_request {
+    explicit ec_foe_request(ec_slave_config& owner) : config(owner) {}
+    ec_slave_config& config;
+    std::string file;
+    std::uint32_t password = 0;
+    std::uint32_t timeout_ms = 0;
+    std::vector<std::byte> memory;
+    std::size_t size = 0;
+    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    margay::FoeRead read;
+    margay::FoeWrite write;
+};
+
+struct ec_reg_request {
+    explicit ec_reg_request(ec_slave_config& owner) : config(owner) {}
+    ec_slave_config& config;
+    std::vector<std::byte> memory;
+    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    margay::RegisterReadRequest read;
+    margay::RegisterWriteRequest write;
+};
+
+struct ec_voe_handler {
+    explicit ec_voe_handler(ec_slave_config& owner)
+        : config(owner), inbox_memory(4096), inbox(std::span<std::byte>(inbox_memory)) {}
+    ec_slave_config& config;
+    margay::VoeHeader header;
+    margay::VoeHeader received;
+    std::vector<std::byte> memory;
+    std::size_t size = 0;
+    margay::compat::ecrt::Transfer last = margay::compat::ecrt::Transfer::none;
+    bool waiting = false;  // for a message
+    margay::Time give_up{};
+    ec_request_state_t read_state = EC_REQUEST_UNUSED;
+    std::vector<std::byte> inbox_memory;
+    margay::VoeInbox inbox;
+    margay::VoeSend send;
+};

@@ -1,0 +1,90 @@
+// The configuration of a slave, as a program states it.
+#pragma once
+
+#include "compat/ecrt/pdos.hpp"
+
+#include <margay/configuration.hpp>
+#include <margay/expected.hpp>
+#include <margay/startup.hpp>
+
+#include <ecrt.h>
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+class Bus;
+
+// A download at each start-up of the slave.
+struct StartupWrite {
+    bool parameter = false;  // an IDN, not an object
+    bool complete = false;
+    std::uint16_t index = 0;
+    std::uint8_t subindex = 0;  // or the number of the drive
+    ec_al_state_t state = EC_AL_STATE_PREOP;
+    std::vector<std::byte> data;
+};
+
+struct DcWish {
+    bool set = false;
+    std::uint16_t assign_activate = 0;
+    std::uint32_t sync0_cycle = 0;
+    std::int32_t sync0_shift = 0;
+    std::uint32_t sync1_cycle = 0;
+};
+
+// What the library gets of a configuration. The lists stay as long as the master is active.
+struct SlavePlan {
+    std::vector<std::vector<Pdo>> pdos;
+    std::vector<SmPdos> sms;
+    std::vector<StartupCommand> startup;
+    SlaveSetup setup;
+    SlaveConfiguration configuration;
+};
+
+}  // namespace margay::compat::ecrt
+
+struct ec_sdo_request;
+struct ec_soe_request;
+struct ec_foe_request;
+struct ec_voe_handler;
+struct ec_reg_request;
+
+struct ec_slave_config {
+    ec_slave_config(margay::compat::ecrt::Bus& owner, std::uint16_t its_alias, std::uint16_t its_position,
+                    std::uint32_t its_vendor, std::uint32_t its_product);
+    ~ec_slave_config();
+    ec_slave_config(const ec_slave_config&) = delete;
+    ec_slave_config& operator=(const ec_slave_config&) = delete;
+
+    margay::compat::ecrt::Bus& bus;
+    const std::uint16_t alias;
+    const std::uint16_t position;
+    const std::uint32_t vendor;
+    const std::uint32_t product;
+
+    margay::compat::ecrt::SyncWishes syncs;
+    bool asked = false;  // the slave was asked for what the program has not set
+    std::vector<margay::compat::ecrt::StartupWrite> startup;
+    margay::compat::ecrt::DcWish dc;
+    margay::SlaveTimes times;
+    std::uint16_t watchdog_intervals = 0;
+    std::size_t emergencies = 0;
+    std::uint32_t emergencies_cleared = 0;  // dropped before the last clear
+
+    // Results, set by the owner of the context. `state`: bit 0 online, bit 1 operational, bits 4 to 7 AL state.
+    std::atomic<std::uint32_t> state{0};
+    std::atomic<std::uint16_t> number{0};
+    margay::compat::ecrt::SlavePlan plan;
+    const margay::ExpectedSlave* expected = nullptr;
+    std::uint8_t group = 0;
+
+    std::vector<std::unique_ptr<ec_sdo_request>> sdo_requests;
+    std::vector<std::unique_ptr<ec_soe_request>> soe_requests;
+    std::vector<std::unique_ptr<ec_foe_request>> foe_requests;
+    std::vector<std::unique_ptr<ec_voe_handler>> voe_handlers;
+    std::vector<std::unique_ptr<ec_reg_request>> reg_requests;
+};

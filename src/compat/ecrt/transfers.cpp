@@ -1,0 +1,140 @@
+// Transfers that wait: objects and drive parameters of a slave, by its position in the ring.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/log.hpp"
+
+#include <cerrno>
+
+using namespace margay;
+using namespace margay::compat::ecrt;
+
+namespace {
+
+int errno_of(const Error& error) {
+    switch (error.code) {
+        case Errc::unknown_slave: return -EINVAL;
+        case Errc::capacity: return -EOVERFLOW;
+        case Errc::timeout: return -ETIMEDOUT;
+        case Errc::canceled: return -EINTR;
+        case Errc::unsupported: return -EPROTONOSUPPORT;
+        default: return -EIO;
+    }
+}
+
+// Submits, waits, and says what failed. The request is gone afterwards.
+template <class Request>
+int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
+    request.slave = bus.number_at(position);
+    if (request.slave == 0) {
+        say("master %u: there is no slave at position %u", bus.index, position);
+        return -EINVAL;
+    }
+    auto done = submit(*bus.ctx, request);
+    if (done) done = wait(*bus.ctx, request);
+    if (done) return 0;
+    error = done.error();
+    say_error(bus.index, "transfer", error);
+    return errno_of(error);
+}
+
+// The PDOs of the slave may be others now.
+void forget_pdos(Bus& bus, std::uint16_t position, std::uint16_t index) {
+    const bool concerns = (index >= 0x1600 && index <= 0x1BFF) || (index >= 0x1C10 && index <= 0x1C2F);
+    if (!concerns) return;
+    const std::lock_guard lock(bus.known_mutex);
+    bus.known_pdos.erase(position);
+}
+
+int download(ec_master_t* master, std::uint16_t position, SdoDownload& request, std::uint32_t* abort_code) {
+    Error error;
+    const int result = transfer(*master->bus, position, request, error);
+    if (abort_code != nullptr) *abort_code = error.code == Errc::sdo_abort ? error.detail : 0;
+    forget_pdos(*master->bus, position, request.index);
+    return result;
+}
+
+int upload(ec_master_t* master, std::uint16_t position, SdoUpload& request, std::size_t* result_size,
+           std::uint32_t* abort_code) {
+    Error error;
+    const int result = transfer(*master->bus, position, request, error);
+    if (abort_code != nullptr) *abort_code = error.code == Errc::sdo_abort ? error.detail : 0;
+    if (result_size != nullptr) *result_size = result == 0 ? request.bytes : 0;
+    return result;
+}
+
+Borrowed<std::byte> octets(const std::uint8_t* data, std::size_t size) {
+    return {reinterpret_cast<const std::byte*>(data), size};
+}
+std::span<std::byte> room(std::uint8_t* target, std::size_t size) {
+    return {reinterpret_cast<std::byte*>(target), size};
+}
+
+}  // namespace
+
+extern "C" {
+
+int ecrt_master_sdo_download(ec_master_t* master, uint16_t slave_position, uint16_t index, uint8_t subindex,
+                             const uint8_t* data, size_t data_size, uint32_t* abort_code) {
+    SdoDownload request;
+    request.index = index;
+    request.subindex = subindex;
+    request.data = octets(data, data_size);
+    return download(master, slave_position, request, abort_code);
+}
+
+int ecrt_master_sdo_download_complete(ec_master_t* master, uint16_t slave_position, uint16_t index, const uint8_t* data,
+                                      size_t data_size, uint32_t* abort_code) {
+    SdoDownload request;
+    request.index = index;
+    request.complete_access = true;
+    request.data = octets(data, data_size);
+    return download(master, slave_position, request, abort_code);
+}
+
+int ecrt_master_sdo_upload(ec_master_t* master, uint16_t slave_position, uint16_t index, uint8_t subindex,
+                           uint8_t* target, size_t target_size, size_t* result_size, uint32_t* abort_code) {
+    SdoUpload request;
+    request.index = index;
+    request.subindex = subindex;
+    request.data = room(target, target_size);
+    return upload(master, slave_position, request, result_size, abort_code);
+}
+
+int ecrt_master_sdo_upload_complete(ec_master_t* master, uint16_t slave_position, uint16_t index, uint8_t* target,
+                                    size_t target_size, size_t* result_size, uint32_t* abort_code) {
+    SdoUpload request;
+    request.index = index;
+    request.complete_access = true;
+    request.data = room(target, target_size);
+    return upload(master, slave_position, request, result_size, abort_code);
+}
+
+int ecrt_master_write_idn(ec_master_t* master, uint16_t slave_position, uint8_t drive_no, uint16_t idn,
+                          const uint8_t* data, size_t data_size, uint16_t* error_code) {
+    if (drive_no > 7) return -EINVAL;
+    SoeWrite request;
+    request.drive = drive_no;
+    request.idn = Idn{idn};
+    request.data = octets(data, data_size);
+    Error error;
+    const int result = transfer(*master->bus, slave_position, request, error);
+    if (error_code != nullptr)
+        *error_code = error.code == Errc::soe_error ? static_cast<std::uint16_t>(error.detail) : std::uint16_t{0};
+    return result;
+}
+
+int ecrt_master_read_idn(ec_master_t* master, uint16_t slave_position, uint8_t drive_no, uint16_t idn, uint8_t* target,
+                         size_t target_size, size_t* result_size, uint16_t* error_code) {
+    if (drive_no > 7) return -EINVAL;
+    SoeRead request;
+    request.drive = drive_no;
+    request.idn = Idn{idn};
+    request.data = room(target, target_size);
+    Error error;
+    const int result = transfer(*master->bus, slave_position, request, error);
+    if (error_code != nullptr)
+        *error_code = error.code == Errc::soe_error ? static_cast<std::uint16_t>(error.detail) : std::uint16_t{0};
+    if (result_size != nullptr) *result_size = result == 0 ? request.bytes : 0;
+    return result;
+}
+
+}  // extern "C"

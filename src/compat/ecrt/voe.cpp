@@ -1,0 +1,110 @@
+// VoE handlers: a program sends vendor messages, and waits for them cycle by cycle.
+#include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/requests.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+
+using namespace margay;
+using namespace margay::compat::ecrt;
+
+namespace {
+
+constexpr Duration kLook = std::chrono::milliseconds(2);
+constexpr Duration kPatience = std::chrono::milliseconds(1000);  // for a message of the slave
+
+// Gives the inbox the number of its slave. For the owner.
+void attach(ec_voe_handler& voe, std::uint16_t number) {
+    Context& ctx = *voe.config.bus.ctx;
+    if (voe.inbox.listening()) (void)unlisten(ctx, voe.inbox);
+    if (number == 0) return;
+    voe.inbox.only_slave = number;
+    voe.inbox.look_every = kLook;
+    (void)listen(ctx, voe.inbox);
+}
+
+}  // namespace
+
+namespace margay::compat::ecrt {
+
+void Bus::attach_mail() {
+    for (const auto& config : configs)
+        for (const auto& voe : config->voe_handlers) attach(*voe, config->number);
+}
+
+}  // namespace margay::compat::ecrt
+
+extern "C" {
+
+ec_voe_handler_t* ecrt_slave_config_create_voe_handler(ec_slave_config_t* sc, size_t size) {
+    Bus& bus = sc->bus;
+    const std::lock_guard lock(bus.config_mutex);
+    if (bus.active) return nullptr;
+    auto handler = std::make_unique<ec_voe_handler>(*sc);
+    handler->memory.resize(std::max<std::size_t>(size, 1486));  // the longest message that a mailbox can have
+    Slave slave;
+    if (bus.slave_of(*sc, slave)) bus.as_owner([&] { attach(*handler, slave.number); });
+    sc->voe_handlers.push_back(std::move(handler));
+    return sc->voe_handlers.back().get();
+}
+
+int ecrt_voe_handler_send_header(ec_voe_handler_t* voe, uint32_t vendor_id, uint16_t vendor_type) {
+    voe->header = {vendor_id, vendor_type};
+    return 0;
+}
+
+int ecrt_voe_handler_received_header(const ec_voe_handler_t* voe, uint32_t* vendor_id, uint16_t* vendor_type) {
+    if (vendor_id != nullptr) *vendor_id = voe->received.vendor_id;
+    if (vendor_type != nullptr) *vendor_type = voe->received.vendor_type;
+    return 0;
+}
+
+uint8_t* ecrt_voe_handler_data(const ec_voe_handler_t* voe) {
+    return reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(voe->memory.data()));
+}
+
+size_t ecrt_voe_handler_data_size(const ec_voe_handler_t* voe) { return voe->size; }
+
+int ecrt_voe_handler_write(ec_voe_handler_t* voe, size_t size) {
+    if (size > voe->memory.size()) return -ENOBUFS;
+    if (voe->send.busy()) return -EBUSY;
+    voe->waiting = false;
+    voe->size = size;
+    voe->send.header = voe->header;
+    voe->send.data = Borrowed<std::byte>(voe->memory.data(), size);
+    voe->last = begin(voe->config, voe->send) ? Transfer::write : Transfer::refused;
+    return 0;
+}
+
+int ecrt_voe_handler_read(ec_voe_handler_t* voe) {
+    if (voe->send.busy()) return -EBUSY;
+    voe->last = Transfer::read;
+    voe->waiting = true;
+    voe->give_up = voe->config.bus.source->osal().now() + kPatience;
+    return 0;
+}
+
+// The library always looks at the mailbox first.
+int ecrt_voe_handler_read_nosync(ec_voe_handler_t* voe) { return ecrt_voe_handler_read(voe); }
+
+ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
+    switch (voe->last) {
+        case Transfer::none: return EC_REQUEST_UNUSED;
+        case Transfer::refused: return EC_REQUEST_ERROR;
+        case Transfer::write: return to_ec(voe->send.state());
+        case Transfer::read: break;
+    }
+    if (!voe->waiting) return voe->read_state;
+    if (const auto message = voe->inbox.take(voe->memory)) {
+        voe->waiting = false;
+        voe->received = message->header;
+        voe->size = std::min(message->bytes, voe->memory.size());
+        return voe->read_state = EC_REQUEST_SUCCESS;
+    }
+    if (voe->config.bus.source->osal().now() < voe->give_up) return EC_REQUEST_BUSY;
+    voe->waiting = false;
+    return voe->read_state = EC_REQUEST_ERROR;
+}
+
+}  // extern "C"

@@ -1,0 +1,26 @@
+/* A cycle of 1 ms for the programs of this folder. */
+#ifndef CYCLE_H
+#define CYCLE_H
+
+#ifndef _POSIX_C_SOURCE
+#define _POSIX_C_SOURCE 200809L
+#endif
+
+#include <stdint.h>
+#include <time.h>
+
+#define CYCLE_NS 1000000L
+
+/* Sleeps at least for a period after the cycle before: on a busy machine cycles come later, never several at once. */
+static inline void next_cycle(void) {
+    const struct timespec period = {0, CYCLE_NS};
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &period, NULL);
+}
+
+static inline uint64_t now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000U + (uint64_t)now.tv_nsec;
+}
+
+#endif

@@ -1,0 +1,66 @@
+# Programs for ecrt.h, in C as their users write them, each a test of its own: it ends with 0 when it has seen what it expects.
+# The segment is simulated and runs in real time, because the programs do.
+if(NOT TARGET margay_ecrt OR MARGAY_SANITIZE)
+  return()
+endif()
+set(folder ${CMAKE_CURRENT_LIST_DIR})
+
+# margay_ecrt_program(NAME SOURCE …): with the warnings that users switch on.
+function(margay_ecrt_program name)
+  list(TRANSFORM ARGN PREPEND ${folder}/)
+  add_executable(${name} ${ARGN})
+  target_link_libraries(${name} PRIVATE margay_ecrt)
+  target_include_directories(${name} PRIVATE ${folder})
+  target_compile_options(${name} PRIVATE -Wall -Wextra -pedantic -Werror -O1)
+  set_target_properties(${name} PROPERTIES C_STANDARD 99 C_EXTENSIONS OFF CXX_STANDARD 11)
+endfunction()
+
+# margay_ecrt_test(NAME PROGRAM SEGMENT [ARGUMENT …])
+function(margay_ecrt_test name program segment)
+  add_test(NAME compat/ecrt/${name} COMMAND ${program} ${ARGN})
+  set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
+endfunction()
+
+foreach(program user information dc two_domains requests later mail)
+  margay_ecrt_program(ecrt_${program} ${program}.c)
+endforeach()
+margay_ecrt_program(ecrt_mixed mixed.cpp)
+find_package(Threads REQUIRED)
+target_link_libraries(ecrt_requests PRIVATE Threads::Threads)
+
+margay_ecrt_test(user ecrt_user sim:demo)
+margay_ecrt_test(information ecrt_information sim:demo 5 22)
+margay_ecrt_test(information_of_drives ecrt_information sim:drive,pulse_axis 2 18)
+margay_ecrt_test(dc ecrt_dc sim:pulse_axis,pulse_axis,drive)
+margay_ecrt_test(two_domains ecrt_two_domains sim:drive,digital_in_8,digital_out_8)
+margay_ecrt_test(requests ecrt_requests sim:drive,digital_in_8)
+margay_ecrt_test(later ecrt_later sim:drive,drive@4s)
+margay_ecrt_test(mail ecrt_mail sim:drive,soe_drive,voe_device)
+margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
+
+# The header in every version of the languages, with types, constants and macros.
+margay_ecrt_program(ecrt_header_c99 header.c)
+margay_ecrt_test(header_c99 ecrt_header_c99 "")
+foreach(standard 11 14 17 20 23)
+  margay_ecrt_program(ecrt_header_cpp${standard} header.cpp)
+  set_target_properties(ecrt_header_cpp${standard} PROPERTIES CXX_STANDARD ${standard})
+  margay_ecrt_test(header_cpp${standard} ecrt_header_cpp${standard} "")
+endforeach()
+
+# Each function with its signature; the table of the README.
+margay_ecrt_program(ecrt_signatures signatures.c)
+add_test(NAME compat/ecrt/readme COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/ecrt/README.md
+  -DLIBRARY=$<TARGET_FILE:margay_ecrt> -DNM=${CMAKE_NM} -DSIGNATURES=$<TARGET_FILE:ecrt_signatures> -P ${folder}/readme.cmake)
+
+# A master without a segment, and one that is not there yet.
+foreach(segment nosuch0 eth0+eth1 sim:nosuch "")
+  string(MAKE_C_IDENTIFIER "refused_${segment}" name)
+  margay_ecrt_test(${name} ecrt_user "${segment}")
+  set_tests_properties(compat/ecrt/${name} PROPERTIES PASS_REGULAR_EXPRESSION "margay ecrt: master 0: [^\n]+")
+endforeach()
+
+# The installed package.
+if(MARGAY_INSTALL)
+  add_test(NAME compat/ecrt/package COMMAND ${CMAKE_COMMAND} -DBUILD=${PROJECT_BINARY_DIR} -DWORK=${CMAKE_CURRENT_BINARY_DIR}/ecrt_package
+    -DPROGRAM=${folder}/information.c -P ${folder}/package.cmake)
+endif()

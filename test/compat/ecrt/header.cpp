@@ -1,0 +1,4 @@
+// ecrt.h as C++.
+#include <header.h>
+
+int main() { return check_header(); }
