@@ -7,6 +7,7 @@
 #include "common/source_arguments.hpp"
 #include "common/xml_files.hpp"
 
+#include <margay/files/esi.hpp>
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
 
