@@ -16,7 +16,7 @@ namespace sii = wire::sii;
 constexpr std::size_t kConfigurationBytes = 14;
 
 // How many of the names go into the image: its strings have numbers of one octet.
-enum class Names : std::uint8_t { all, without_entries, of_the_device };
+enum class SiiNames : std::uint8_t { all, without_entries, of_the_device };
 
 std::uint32_t code_point(std::string_view text, std::size_t& at) {
     const auto lead = static_cast<unsigned char>(text[at++]);
@@ -30,7 +30,7 @@ std::uint32_t code_point(std::string_view text, std::size_t& at) {
 
 class Builder {
   public:
-    Builder(const EsiDevice& device, Names names) : device_(device), names_(names) {}
+    Builder(const EsiDevice& device, SiiNames names) : device_(device), names_(names) {}
 
     sii::Description describe() {
         fixed_part();
@@ -144,7 +144,7 @@ class Builder {
             if (pdo.is_virtual) flags |= sii::pdo_flag::kVirtual;
             into.push_back({.index = pdo.index,
                             .sync_manager = pdo.sync_manager.value_or(sii::Pdo::kNoSyncManager),
-                            .name = names_ == Names::of_the_device ? std::string_view{} : text(pdo.name),
+                            .name = names_ == SiiNames::of_the_device ? std::string_view{} : text(pdo.name),
                             .flags = static_cast<std::uint16_t>(flags),
                             .entries = entries});
         }
@@ -159,7 +159,7 @@ class Builder {
                      " bits, and the SII has room for 255";
         into.push_back({.index = entry.index,
                         .subindex = entry.index == 0 ? std::uint8_t{0} : entry.subindex,
-                        .name = names_ == Names::all && entry.index != 0 ? text(entry.name) : std::string_view{},
+                        .name = names_ == SiiNames::all && entry.index != 0 ? text(entry.name) : std::string_view{},
                         .data_type = entry.index == 0 ? std::uint8_t{0} : data_type_number(entry.data_type),
                         .bit_length = static_cast<std::uint8_t>(left)});
     }
@@ -203,7 +203,7 @@ class Builder {
     }
 
     const EsiDevice& device_;
-    Names names_;
+    SiiNames names_;
     sii::Description d_;
     std::deque<std::string> texts_;
     std::vector<FmmuUse> fmmus_;
@@ -242,7 +242,7 @@ SiiImage make_sii(const EsiDevice& device) {
     if (bytes % 128 != 0 || bytes > 4U * 1024 * 1024)
         return failed("ByteSize of the EEPROM is " + std::to_string(bytes) +
                       ": it must be a multiple of 128, and at most 4194304");
-    for (const Names names : {Names::all, Names::without_entries, Names::of_the_device}) {
+    for (const SiiNames names : {SiiNames::all, SiiNames::without_entries, SiiNames::of_the_device}) {
         Builder builder(device, names);
         const sii::Description description = builder.describe();
         if (!builder.error().empty()) return failed(builder.error());
@@ -256,13 +256,13 @@ SiiImage make_sii(const EsiDevice& device) {
         }
         image.used = written.value;
         if (written.ok()) {
-            if (names == Names::without_entries)
+            if (names == SiiNames::without_entries)
                 image.remarks.emplace_back("the names of entries do not fit and are left out");
-            if (names == Names::of_the_device)
+            if (names == SiiNames::of_the_device)
                 image.remarks.emplace_back("the names of PDOs and entries do not fit and are left out");
             return image;
         }
-        if (names == Names::of_the_device)
+        if (names == SiiNames::of_the_device)
             return failed("the image of " + device.type + " cannot be made for an EEPROM of " + std::to_string(bytes) +
                           " octets: " + std::string(to_text(written.fault)));
     }
