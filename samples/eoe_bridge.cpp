@@ -103,12 +103,25 @@ class Bridge {
         }
     }
 
+    // Ends the lines whose interface was deleted.
+    void end_deleted() {
+        std::erase_if(lines_, [](const std::unique_ptr<Line>& line) {
+            if (!line->tap.gone()) return false;
+            warn(fmt::format("the interface {} was deleted: its frames are not exchanged any more", line->name));
+            line->port.cancel();
+            report(*line);
+            return true;
+        });
+    }
+
     int exchange() {
         const Duration interval = std::chrono::seconds(options_.statistics_s);
         Time report_at = options_.statistics_s == 0 ? kNever : source_.osal().now() + interval;
         print_out("running\n");
         while (!stop_asked()) {
             pass();
+            end_deleted();
+            if (lines_.empty()) return fail("all interfaces were deleted", exit_code::kSystem);
             const Time next = poll(ctx_, source_.osal().now());
             print_events();
             if (source_.osal().now() >= report_at) {

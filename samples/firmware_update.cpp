@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <optional>
+#include <vector>
 
 namespace {
 
@@ -47,14 +48,14 @@ std::string words(const Known& known) {
 
 class Update {
   public:
-    Update(Source& source, const Options& options)
-        : source_(source), options_(options), number_(options.position), ctx_({.slaves = 2048}) {}
+    Update(Source& source, const Options& options) : source_(source), options_(options), number_(options.position) {}
 
     int run(FirmwareFile* file, FirmwareCopy* copy);
 
   private:
     [[nodiscard]] std::string scan();
     [[nodiscard]] const Slave& slave() { return ctx_.slave(number_); }
+    [[nodiscard]] std::string other_segment();
     [[nodiscard]] Known look();
     [[nodiscard]] std::string why_not();
     [[nodiscard]] Result<> bring(AlState state);
@@ -70,10 +71,12 @@ class Update {
     Source& source_;
     const Options& options_;
     std::uint16_t number_;
-    HostContext ctx_{source_.limits({})};
+    HostContext ctx_{source_.limits({.slaves = 2048})};
+    std::vector<Identity> segment_;  // all slaves, as they were at the start
     ProgressLine line_;
     std::string what_;
     std::size_t total_ = 0;
+    bool sent_ = false;   // the device has been asked
     bool begun_ = false;  // the device has accepted a part of the file
 };
 
@@ -85,6 +88,21 @@ std::string Update::scan() {
     if (number_ >= 1 && number_ <= count) return {};
     return count == 1 ? "POSITION: there is 1 slave, the first is 1"
                       : fmt::format("POSITION: there are slaves 1 to {}", count);
+}
+
+// While the device restarts, other slaves may have its number. Returns what differs from the segment at the start; the
+// device itself may have another product or revision.
+std::string Update::other_segment() {
+    const auto slaves = ctx_.slaves();
+    if (slaves.size() != segment_.size())
+        return fmt::format("there are {} slaves, and there were {} before", slaves.size(), segment_.size());
+    for (const Slave& one : slaves) {
+        const Identity& before = segment_[one.number - 1U];
+        const bool same = one.number == number_ ? one.identity.vendor == before.vendor : one.identity == before;
+        if (!same)
+            return fmt::format("slave {} is another device than before: {}", one.number, words({one.identity, {}}));
+    }
+    return {};
 }
 
 Known Update::look() {
@@ -142,7 +160,9 @@ Result<> Update::transfer(FoeRequest& request) {
         self.show(progress, self.what_);
     };
     begun_ = false;
+    sent_ = false;
     if (const auto submitted = submit(ctx_, request); !submitted) return submitted;
+    sent_ = true;
     Osal& osal = source_.osal();
     while (request.busy()) {
         if (stop_asked()) request.cancel();
@@ -167,6 +187,14 @@ std::string Update::told(const FoeRequest& request, const std::string& own) {
 }
 
 int Update::leave_after_failure(bool begun) {
+    (void)readstate(ctx_);
+    if (begun && slave().al.state == AlState::none) {
+        warn(fmt::format(
+            "slave {} does not answer any more, and has no complete firmware. When it answers again, execute "
+            "the same command again to write the whole file",
+            number_));
+        return exit_code::kSegment;
+    }
     if (begun) {
         warn(
             fmt::format("slave {} is left in BOOT without a complete firmware. Do not switch it off. Execute the same "
@@ -191,8 +219,8 @@ int Update::write(FirmwareFile& file) {
     if (!written) {
         const bool of_file = written.error().code == Errc::stream_failed;
         const bool refused = written.error().code == Errc::foe_error && !begun_;
-        fail(told(request, file.error()));
-        const int status = leave_after_failure(!refused);
+        fail(sent_ ? told(request, file.error()) : sentence(written.error()));
+        const int status = leave_after_failure(sent_ && !refused);
         return of_file ? exit_code::kSystem : status;
     }
     print_out("slave {}: {} octets written as '{}'\n", number_, request.bytes(), options_.name);
@@ -249,6 +277,7 @@ int Update::restart(const Known& before, const std::string& not_verified) {
             osal.wait(std::min(next, until), source_.wait_handles());
         }
         error = scan();
+        if (error.empty()) error = other_segment();
         if (error.empty() && slave().al.state != AlState::preop)
             error = slave().error.code != Errc::none ? sentence(slave().error)
                                                      : fmt::format("slave {} is not in PREOP", number_);
@@ -271,6 +300,7 @@ int Update::run(FirmwareFile* file, FirmwareCopy* copy) {
     if (const auto ready = source_.begin(ctx_); !ready) return fail(sentence(ready.error()));
     if (const auto error = scan(); !error.empty()) return fail(error);
     if (const auto reason = why_not(); !reason.empty()) return fail(reason);
+    for (const Slave& one : ctx_.slaves()) segment_.push_back(one.identity);
     const Known before = look();
     print_out("slave {}: {}, {}\n", number_, slave().name(), words(before));
     if (stop_asked()) return fail("stopped before anything was changed");

@@ -91,8 +91,17 @@ std::string FirmwareComparison::difference() const {
 FirmwareCopy::FirmwareCopy(const std::string& path) : path_(path), beside_(path + ".new") {
     std::error_code ignored;
     const auto kind = fs::status(path, ignored).type();
-    if (kind != fs::file_type::regular && kind != fs::file_type::not_found) beside_ = path_;
-    file_.reset(std::fopen(beside_.c_str(), "wb"));
+    if (kind != fs::file_type::regular && kind != fs::file_type::not_found) {
+        beside_ = path_;
+        file_.reset(std::fopen(path_.c_str(), "wb"));
+    } else {  // no file of the user is overwritten
+        constexpr int kMost = 100;
+        for (int n = 1; n <= kMost && file_ == nullptr; ++n) {
+            file_.reset(std::fopen(beside_.c_str(), "wbx"));
+            if (file_ == nullptr && errno != EEXIST) break;
+            if (file_ == nullptr) beside_ = path_ + ".new" + std::to_string(n);
+        }
+    }
     if (file_ == nullptr) fail();
 }
 

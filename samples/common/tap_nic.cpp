@@ -47,6 +47,7 @@ SendStatus TapNic::send(std::span<const std::byte> frame) noexcept {
 
 std::size_t TapNic::receive(std::span<std::byte> into) noexcept {
     const auto size = ::read(device_, into.data(), into.size());
+    gone_ |= size < 0 && errno != EAGAIN && errno != EINTR;
     return size < 0 ? 0 : static_cast<std::size_t>(size);
 }
 

@@ -23,10 +23,13 @@ class TapNic final : public Nic {
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     [[nodiscard]] int wait_handle() const noexcept override { return device_; }
     [[nodiscard]] int last_error() const noexcept override { return last_error_; }
+    // The interface was deleted: receive() has failed.
+    [[nodiscard]] bool gone() const noexcept { return gone_; }
 
   private:
     int device_ = -1;
     int last_error_ = 0;
+    bool gone_ = false;
 };
 
 }  // namespace margay::samples

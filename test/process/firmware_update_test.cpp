@@ -65,6 +65,14 @@ TEST_F(FirmwareUpdate, AFullDiskLeavesTheOldFile) {
     EXPECT_FALSE(std::filesystem::exists(folder.path() / "copy.bin.new"));
 }
 
+TEST_F(FirmwareUpdate, ReadingOverwritesNoOtherFile) {
+    folder.write("copy.bin.new", "of the user");
+    EXPECT_EQ(update("sim:bootloader 3 copy.bin --read --name firmware").status, 0);
+    EXPECT_EQ(content_of(folder.path() / "copy.bin").size(), 4112U);
+    EXPECT_EQ(content_of(folder.path() / "copy.bin.new"), "of the user");
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "copy.bin.new1"));
+}
+
 TEST_F(FirmwareUpdate, ADeviceFileIsWrittenAndNotReplaced) {
     const auto ran = update("sim:bootloader 3 /dev/full --read --name firmware");
     EXPECT_EQ(ran.status, 3);
