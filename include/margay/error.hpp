@@ -50,7 +50,7 @@ enum class Errc : std::uint8_t {
     aoe_result,        // the device has executed the AoE command, and its result is an error (the same members)
     eoe_error,         // the slave refused an EoE request (detail: the result code)
     unsupported,       // the slave does not support it
-    // the identity of a slave that was away could not be read yet, so that it may be another one
+    // the identity of a slave that was away was not compared yet, or could not be read: it may be another device
     identity_unread,
     other_slave,    // another slave than expected (subindex: what differs, see IdentityField; expected, actual; detail:
                     // vendor of the present slave)

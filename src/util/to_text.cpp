@@ -38,7 +38,9 @@ std::string_view to_text(Errc code) {
         case Errc::stream_failed: return "the source or sink of the application has failed";
         case Errc::command_failed: return "the command could not be executed";
         case Errc::unsupported: return "not supported by the slave";
-        case Errc::identity_unread: return "the slave was away, and its identity could not be read since";
+        case Errc::identity_unread:
+            return "the slave was away, and its identity was not compared since: recover_slave() or a supervision does "
+                   "it";
         case Errc::other_slave: return "another slave than expected";
         case Errc::missing_slave: return "an expected slave is missing";
         case Errc::unexpected_slave: return "the slave is not in the list of expected slaves";

@@ -225,5 +225,26 @@ TEST(RequestThreads, OtherThreadsSubmitAndWaitWhileTheOwnerCycles) {
     EXPECT_EQ(good.load(), 60U);
 }
 
+// Without a supervision. Another device may be at the address of a slave that was away.
+TEST(RequestsToASlaveThatWasAway, AreRefusedUntilItsIdentityIsCompared) {
+    MailboxBus bus;
+    for (int n = 0; n < 2; ++n) bus.add_device(sim::make_device("digital_io_16").value());
+    bus.start();
+    const auto read = [&] { return bus.words(SDOread<std::uint32_t>(*bus.ctx, 2, 0x1018, 2).error()); };
+    EXPECT_EQ(read(), "no error");
+    bus.segment.disconnect({1, 0});
+    bus.idle(5ms);
+    (void)readstate(*bus.ctx);
+    EXPECT_EQ(read(), "slave 2: SDO upload of 0x1018:2: an expected slave is missing");
+    ASSERT_TRUE(bus.segment.connect({0, 1}, {1, 0}));
+    bus.idle(5ms);
+    (void)readstate(*bus.ctx);
+    EXPECT_EQ(read(),
+              "slave 2: SDO upload of 0x1018:2: the slave was away, and its identity was not compared since: "
+              "recover_slave() or a supervision does it");
+    EXPECT_TRUE(recover_slave(*bus.ctx, 2).ok());
+    EXPECT_EQ(read(), "no error");
+}
+
 }  // namespace
 }  // namespace margay
