@@ -174,9 +174,9 @@ Result<AlStatus> statecheck(Context& ctx, std::uint16_t slave, AlState state, Du
 //
 // recover_slave() finds slaves that have lost their station address, for example after a loss of power, and assigns the
 // address again. With slave 0 it succeeds if it found at least one slave. With another number it succeeds if that slave
-// answers now. Errors: missing_slave (the slave does not answer; slave 0: no lost slave was found), unknown_slave (no
-// slave has this number), other_slave (another slave is in its place), unstable (the ring has changed during the
-// search), no_frame, capacity.
+// answers now. The identity of a slave that was away is compared. Errors: missing_slave (the slave does not answer;
+// slave 0: no lost slave was found), unknown_slave (no slave has this number), other_slave (another slave is in its
+// place), unstable (the ring has changed during the search), no_frame, capacity.
 //
 // Both wait.
 Result<> reconfigure_slave(Context& ctx, std::uint16_t slave);

@@ -101,7 +101,8 @@ Result<> reach(Context& ctx, AlState state, Duration timeout, const CycleSetting
 // once.
 [[nodiscard]] bool all_right(Context& ctx);
 // The first reason why all_right() is false, by slave number; code none if all_right() is true. Codes: missing_slave,
-// other_slave, unexpected_slave, unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
+// other_slave, unexpected_slave, identity_unread (the slave was away, and its identity was not compared since),
+// unknown_group (the group of the slave is not mapped), no_place, al_status, other_state
 // (the slave is in another state than its target), start_up_unfinished (the slave is in its state, but the commands or
 // the hook after the transition have not ended, have failed or were ended), remapping_needed (when it is started
 // again), every error of the slave's start-up, working_counter (the slave does not take part in the cycle, or the
