@@ -36,7 +36,8 @@ class PdoWrite {
     PdoWrite(const PdoWrite&) = delete;
     PdoWrite& operator=(const PdoWrite&) = delete;
     ~PdoWrite() {
-        if (decides_) marks_.pdos_written = true;
+        // What a hook writes belongs to the start-up of the slave, as with HookedSlave.
+        if (decides_ && !marks_.in_hook) marks_.pdos_written = true;
     }
     // The slave has refused the whole request.
     void refused() { decides_ = false; }

@@ -162,6 +162,28 @@ class CycleReader {
         });
     }
 
+    // How many bits of a range the commands of one direction exchange.
+    [[nodiscard]] std::uint64_t exchanged(const EniFmmu& fmmu) const {
+        std::uint64_t bits = 0;
+        for (const CyclicCmd& one : commands_)
+            if (one.cmd == EniCmd::lrw || (one.cmd == EniCmd::lwr) == fmmu.writes)
+                if (fmmu.begin_bit < one.end && one.begin < fmmu.end_bit)
+                    bits += std::min(fmmu.end_bit, one.end) - std::max(fmmu.begin_bit, one.begin);
+        return bits;
+    }
+
+    // The library exchanges all data of a slave in one group.
+    bool check_exchanged(std::uint8_t number) {
+        for (const EniSlaveData& slave : slaves_)
+            for (const auto& [index, fmmu] : slave.fmmus)
+                if (slave.group == number && exchanged(fmmu) < fmmu.end_bit - fmmu.begin_bit) {
+                    r_.fail(fmmu.node, "the commands of the Cyclic element do not exchange all data of FMMU " +
+                                           std::to_string(index) + " of the slave, which is not supported");
+                    return false;
+                }
+        return true;
+    }
+
     bool lay_out(std::uint8_t number, EniGroup& group) {
         Span out;
         Span in;
@@ -177,6 +199,7 @@ class CycleReader {
                 if (fmmu.begin_bit % 8 != 0 || fmmu.end_bit % 8 != 0) group.config.packing = Packing::bits;
             }
         }
+        if (!check_exchanged(number)) return false;
         const bool any = !out.empty() || !in.empty();
         if (any) place(number, group, out, in);
         return any || group.config.al_status;
@@ -253,8 +276,14 @@ class Places {
     Places(const std::deque<EniSlaveData>& slaves, Direction direction) {
         for (const EniSlaveData& s : slaves) {
             std::uint32_t before = 0;
+            // No variable is placed behind the data that the slave exchanges.
+            std::uint64_t most = s.has_inits ? 0 : std::numeric_limits<std::uint32_t>::max();
+            for (const ProcessSm& sm : s.config.used_sms())
+                if (sm.direction == direction) most = up_to_octet(most) + sm.bits;
             for (const EniBits& part : direction == Direction::outputs ? s.outputs : s.inputs) {
-                places_.push_back({part.begin, part.bits, before, s.slave.number});
+                const std::uint64_t left = most - std::min<std::uint64_t>(most, before);
+                const auto bits = static_cast<std::uint32_t>(std::min<std::uint64_t>(part.bits, left));
+                places_.push_back({part.begin, bits, before, s.slave.number});
                 before += part.bits;
             }
         }
@@ -321,10 +350,13 @@ void read_eni_cycles(Reader& r, Node config, std::deque<EniSlaveData>& slaves, E
         cycles.read(cyclic);
         if (r.failed()) return;
     }
+    for (const EniSlaveData& s : slaves) cycles.bytes += s.config.mailbox_status ? 2 : 0;  // bits, maybe in both halves
     into.image_bytes = static_cast<std::uint32_t>(std::min<std::uint64_t>(cycles.bytes, 0xFFFF'FFFF));
     bool wanted = cycles.carries_time;
     for (const EniSlaveData& s : slaves) wanted |= s.uses_clock;
     if (!wanted) return;
+    // A Cyclic element that carries the time alone is no group.
+    if (cycles.time_group >= into.groups.size()) cycles.time_group = 0;
     ClockSettings clocks{.group = cycles.time_group, .by_position = cycles.by_position};
     if (!into.groups.empty() && into.groups[clocks.group].cycle > Duration{0})
         clocks.cycle = into.groups[clocks.group].cycle;

@@ -107,6 +107,7 @@ Transition read_transitions(Reader& r, Node command) {
                      "the transition '" + Reader::text(content(node)) + "' is not supported: nothing is sent then");
         all = all | one;
     }
+    if (!command.child("Transition")) r.remark(command, "the command has no Transition: it is never sent");
     return all;
 }
 

@@ -56,6 +56,18 @@ std::string declared_encoding(std::string_view octets) {
     return name;
 }
 
+bool is_text(Node node) { return node.type() == pugi::node_pcdata || node.type() == pugi::node_cdata; }
+
+// Comments and CDATA sections divide a text into several nodes: the first gets all of it.
+void merge_text(Node first) {
+    std::string all = first.value();
+    for (Node next = first.next_sibling(); is_text(next); next = first.next_sibling()) {
+        all += next.value();
+        first.parent().remove_child(next);
+    }
+    first.set_value(all.c_str());
+}
+
 std::string from_latin1(std::string_view octets) {
     std::string utf8;
     utf8.reserve(octets.size() + octets.size() / 16);
@@ -217,6 +229,7 @@ bool Reader::check_tree() {
             return refuse(offset < 0 ? 0 : static_cast<std::size_t>(offset),
                           "a document type (DOCTYPE, entities of its own) is not accepted");
         }
+        if (is_text(at) && is_text(at.next_sibling())) merge_text(at);
         if (at.first_child()) {
             at = at.first_child();
             if (++depth > kMostDepth) {

@@ -132,6 +132,7 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
         if (moved) move_positions(out, static_cast<std::uint16_t>(-pair.shift));
     }
     add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
+    busy_[nic].store(status == SendStatus::busy, kRelaxed);
     if (status != SendStatus::busy) refused_[nic].store(status == SendStatus::failed, kRelaxed);
     if (status != SendStatus::sent)
         pair.sent.fetch_and(static_cast<std::uint8_t>(~bit(nic)), std::memory_order_release);
@@ -156,7 +157,7 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     pair->state.store(FramePair::open, std::memory_order_release);
     number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);
     // The NIC that has refused the last frame is the second one, so that the reply of the other one finds its bit.
-    const unsigned first = refused_[0].load(kRelaxed) ? 1 : 0;
+    const unsigned first = refused_[0].load(kRelaxed) || busy_[0].load(kRelaxed) ? 1 : 0;
     const SendStatus one = send_by(first, *pair, frame);
     const SendStatus two = one == SendStatus::busy ? SendStatus::busy : send_by(1 - first, *pair, frame);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
@@ -209,9 +210,12 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     missed_[from] = 0;
     const bool idle = crossed && !marked && !is_counted(frame);
     FramePair* const pair = pair_of(std::to_integer<std::uint8_t>(frame[kIndexOffset]));
-    if (pair == nullptr || !hold(*pair)) {
-        if (pair != nullptr) note_late(*pair, at, from, idle, marked);
-        if (!idle && (pair == nullptr || (pair->came & bit(from)) != 0)) add(counters_[at].late);
+    // The pair may have been opened for another index since.
+    const auto index = std::to_integer<std::uint8_t>(frame[kIndexOffset]);
+    const bool its = pair != nullptr && pair->index == index;
+    if (!its || !hold(*pair)) {
+        if (its) note_late(*pair, at, from, idle, marked);
+        if (!idle && (!its || (pair->came & bit(from)) != 0)) add(counters_[at].late);
         return 0;
     }
     const bool known = (pair->came & bit(from)) == 0 && is_reply_to(Bytes(pair->out).first(pair->size), frame);
@@ -277,8 +281,9 @@ void Redundancy::note_two_ends(const FramePair& pair) noexcept {
     if (pair.circulated == bit(0) || pair.circulated == bit(1)) {
         head_.store(pair.circulated == bit(0) ? 1 : 0, kRelaxed);
         ever_parted_ = true;
+        two_beginnings_ = 0;
         if (fault_ == CablingFault::second_segment) set_fault(CablingFault::none);
-    } else if (pair.circulated == 0 && !ever_whole_ && !ever_parted_) {
+    } else if (pair.circulated == 0 && ((!ever_whole_ && !ever_parted_) || ++two_beginnings_ >= kTwoBeginnings)) {
         set_fault(CablingFault::second_segment);
     }
 }
@@ -342,6 +347,10 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
 void Redundancy::give_up(std::uint8_t index) noexcept {
     FramePair* const pair = pair_of(index);
     if (pair == nullptr || !hold(*pair)) return;
+    if (pair->index != index) {  // opened for another frame since
+        pair->state.store(FramePair::open, std::memory_order_release);
+        return;
+    }
     const std::uint8_t sent = pair->sent.load(kRelaxed);
     for (unsigned nic = 0; nic < 2; ++nic) {
         if ((sent & bit(nic)) == 0 || (pair->came & bit(nic)) != 0) continue;

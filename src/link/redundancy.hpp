@@ -120,6 +120,7 @@ class Redundancy final : public Nic, public Cables {
 
     // Written by the receiving thread, some of it by the sending threads.
     std::array<std::atomic<bool>, 2> refused_{};  // the NIC has not accepted the last frame
+    std::array<std::atomic<bool>, 2> busy_{};     // the NIC was busy for the last frame: the other one is the first
     std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};
@@ -130,6 +131,8 @@ class Redundancy final : public Nic, public Cables {
     std::array<bool, 2> count_is_new_{};
     unsigned turn_ = 0;  // the NIC that is asked first
     unsigned clean_ = 0;
+    static constexpr unsigned kTwoBeginnings = 8;
+    unsigned two_beginnings_ = 0;
     RingState ring_ = RingState::unknown;
     CablingFault fault_ = CablingFault::none;
     bool ever_whole_ = false;

@@ -118,8 +118,11 @@ Task<Result<>> check_register_of(Station station, const StartupCommand& command)
 // Repeats the access while the slave does not take part, as often as the command says.
 Task<Result<>> access_register(Station station, const StartupCommand& command) {
     for (std::uint16_t left = command.retries;; --left) {
-        const bool writes = command.kind == StartupCommand::Kind::write_register;
-        auto done = co_await (writes ? write_register_of(station, command) : check_register_of(station, command));
+        Result<> done;
+        if (command.kind == StartupCommand::Kind::write_register)
+            done = co_await write_register_of(station, command);
+        else
+            done = co_await check_register_of(station, command);
         const bool absent = done.error().code == Errc::working_counter;
         if (absent && left != 0) {
             co_await station.engine.sleep_for(kBetweenLooks);

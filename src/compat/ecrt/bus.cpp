@@ -108,6 +108,8 @@ Bus::~Bus() {
     domains.clear();
     exchanges.clear();
     ctx.reset();
+    old_operations.clear();
+    old_configs.clear();
     if (lock_socket >= 0) ::close(lock_socket);
 }
 

@@ -120,8 +120,12 @@ class Bus {
 
     std::atomic<bool> active{false};
     pthread_t owner{};  // of the context, after activation
+    std::atomic<bool> cycling{false};  // the cycle has begun
     std::vector<std::unique_ptr<Exchange>> exchanges;
     std::unique_ptr<Operation> operation;
+    // Of the operation before: the slaves of the context point to them until a scan with another list has ended.
+    std::vector<std::unique_ptr<ec_slave_config>> old_configs;
+    std::vector<std::unique_ptr<Operation>> old_operations;
     AppTime app_time;
     std::unique_ptr<ApplicationTime> clocks;
     bool clocks_pending = false;  // datagrams for the clocks wait for the next send

@@ -15,6 +15,7 @@ constexpr Duration kDoNotWait{-1};
 [[gnu::noinline]] void change_owner(Bus& bus) {
     (void)take_ownership(*bus.ctx);
     bus.owner = pthread_self();
+    bus.cycling = true;
 }
 inline void be_owner(Bus& bus) {
     if (pthread_equal(bus.owner, pthread_self()) == 0) [[unlikely]]

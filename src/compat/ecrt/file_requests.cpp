@@ -18,7 +18,7 @@ void start(ec_foe_request& req, FoeRequest& request, Transfer what) {
     request.name = req.file;
     request.password = req.password;
     request.timeout = std::chrono::milliseconds(req.timeout_ms);
-    req.last = begin(req.config, request) ? what : Transfer::refused;
+    begin_or_later(req, request, what);
 }
 
 }  // namespace
@@ -47,11 +47,15 @@ size_t ecrt_foe_request_data_size(const ec_foe_request_t* req) {
     return req->last == Transfer::read ? req->read.bytes() : req->size;
 }
 
-ec_request_state_t ecrt_foe_request_state(ec_foe_request_t* req) { return state_of(req->last, req->read, req->write); }
+ec_request_state_t ecrt_foe_request_state(ec_foe_request_t* req) {
+    begin_if_due(*req, req->read, req->write);
+    return state_of(req->last, req->read, req->write);
+}
 
 ec_foe_error_t ecrt_foe_request_result(const ec_foe_request_t* req) {
     if (req->last == Transfer::none) return FOE_IDLE;
     if (req->last == Transfer::refused) return FOE_WC_ERROR;
+    if (req->last == Transfer::read_later || req->last == Transfer::write_later) return FOE_BUSY;
     const FoeRequest& request = last_of(*req);
     if (request.busy()) return FOE_BUSY;
     switch (request.error().code) {

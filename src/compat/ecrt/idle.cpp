@@ -29,6 +29,8 @@ void Bus::step_search(Time now) {
         if (search.scan.busy()) return;
         search.scanning = false;
         scan_busy = false;
+        old_operations.clear();
+        old_configs.clear();
         refresh_at = now;
         if (search.scan.state() == RequestState::error && search.scan.slaves == 0) {
             search.retry = now + 500ms;

@@ -58,6 +58,20 @@ ec_master* open_handle(unsigned index, bool reserve) {
     return new ec_master{std::move(bus), reserve};
 }
 
+// The slaves of the context point to lists of the configurations and of the operation until the next scan has ended.
+void retire(Bus& bus) {
+    for (auto& config : bus.configs) {
+        config->sdo_requests.clear();
+        config->soe_requests.clear();
+        config->foe_requests.clear();
+        config->voe_handlers.clear();
+        config->reg_requests.clear();
+        bus.old_configs.push_back(std::move(config));
+    }
+    bus.configs.clear();
+    if (bus.operation != nullptr) bus.old_operations.push_back(std::move(bus.operation));
+}
+
 // Ends the operation: slaves go to PREOP, the objects of the program are gone, and the idle thread continues.
 void end_operation(Bus& bus) {
     if (bus.active) {
@@ -71,9 +85,8 @@ void end_operation(Bus& bus) {
     bus.search.scan.cancel();
     bus.search.watch.cancel();
     const std::lock_guard lock(bus.config_mutex);
-    bus.configs.clear();
+    retire(bus);
     bus.domains.clear();
-    bus.operation.reset();
     bus.exchanges.clear();
     bus.reference = nullptr;
     bus.app_time.known = false;
@@ -194,7 +207,11 @@ int ecrt_master_activate(ec_master_t* master) {
     bool emergencies_wanted = false;
     for (const auto& config : bus.configs) emergencies_wanted |= config->emergencies != 0;
     (void)watch_mailboxes(*bus.ctx, emergencies_wanted ? std::chrono::milliseconds(10) : std::chrono::milliseconds(0));
-    bus.owner = pthread_self();
+    // Nobody polls until the cycle begins: a transfer of this thread must not, because the cyclic thread may begin
+    // meanwhile. The thread that calls receive or send becomes the owner.
+    bus.owner = {};
+    bus.cycling = false;
+    std::thread([&bus] { (void)take_ownership(*bus.ctx); }).join();
     bus.active = true;
     return 0;
 }

@@ -61,9 +61,14 @@ void Operation::step(Time now) {
         case Stage::clocking:
             if (clock_.busy()) return;
             has_clock_ = clock_.reference != 0;
-            if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock)
-                say_error(bus_.index, "clocks", clock_.error());
             stage_ = Stage::map;
+            if (clock_.state() == RequestState::error && clock_.error().code != Errc::no_clock) {
+                say_error(bus_.index, "clocks", clock_.error());
+                if (clock_.settings.reference == 0) return;
+                say("master %u: the first clock of the ring is the reference clock", bus_.index);
+                bus_.reference = nullptr;
+                stage_ = Stage::clock;
+            }
             return;
         case Stage::map:
             map_.group = bus_.exchanges[map_next_]->group;
@@ -83,7 +88,10 @@ void Operation::step(Time now) {
 
 void Operation::end_scan(Time now) {
     bus_.scan_busy = false;
-    if (scan_.slaves == 0 || ctx_has_no_slaves()) {
+    bus_.old_operations.clear();
+    bus_.old_configs.clear();
+    empty_ = scan_.slaves == 0 || ctx_has_no_slaves();
+    if (empty_) {
         retry_ = now + kRetry;
         stage_ = Stage::scan;
         return;

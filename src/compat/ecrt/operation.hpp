@@ -9,6 +9,7 @@
 
 #include <ecrt.h>
 
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -28,7 +29,8 @@ class Operation {
     [[nodiscard]] bool running() const { return stage_ == Stage::running; }
     // Called now and then while running.
     void check(Time now);
-    [[nodiscard]] bool scanning() const { return stage_ <= Stage::scanning; }
+    // The slaves have no numbers yet.
+    [[nodiscard]] bool scanning() const { return stage_ <= Stage::scanning && !empty_; }
     [[nodiscard]] bool has_clock() const { return has_clock_; }
     // Ends all requests. For the owner.
     void cancel();
@@ -47,7 +49,8 @@ class Operation {
     [[nodiscard]] bool ctx_has_no_slaves() const;
 
     Bus& bus_;
-    Stage stage_ = Stage::scan;
+    std::atomic<Stage> stage_{Stage::scan};  // transfers of other threads wait for the scan
+    std::atomic<bool> empty_{false};         // no slave has answered
     Time retry_{};
     unsigned waited_ = 0;  // cycles without an application time
     bool has_clock_ = false;

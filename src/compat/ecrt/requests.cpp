@@ -20,12 +20,13 @@ std::chrono::milliseconds ms(std::uint32_t timeout) { return std::chrono::millis
 
 template <class Wish>
 int start(Wish& wish, SlaveRequest& request, Transfer what) {
-    wish.last = begin(wish.config, request) ? what : Transfer::refused;
+    begin_or_later(wish, request, what);
     return 0;
 }
 
 template <class Wish>
 bool busy(const Wish& wish, const Request& one, const Request& other) {
+    if (wish.last == Transfer::read_later || wish.last == Transfer::write_later) return true;
     return (wish.last == Transfer::read || wish.last == Transfer::write) && (one.busy() || other.busy());
 }
 
@@ -43,11 +44,18 @@ std::size_t size_of(Transfer last, const Read& read, std::size_t size) {
 
 namespace margay::compat::ecrt {
 
+bool too_early(const ec_slave_config& config) {
+    const Bus& bus = config.bus;
+    return bus.active && (bus.operation->scanning() || (!bus.operation->running() && bus.dirty));
+}
+
 bool begin(ec_slave_config& config, SlaveRequest& request) {
     Bus& bus = config.bus;
     std::uint16_t number = 0;
     if (bus.active) {
-        number = config.number.load(std::memory_order_relaxed);
+        // Another device may be in its place.
+        if ((config.state.load(std::memory_order_relaxed) & 1U) != 0)
+            number = config.number.load(std::memory_order_relaxed);
     } else {
         Slave slave;
         if (bus.slave_of(config, slave)) number = slave.number;
@@ -103,6 +111,8 @@ uint8_t* ecrt_sdo_request_data(const ec_sdo_request_t* req) { return memory_of(r
 size_t ecrt_sdo_request_data_size(const ec_sdo_request_t* req) { return size_of(req->last, req->upload, req->size); }
 
 ec_request_state_t ecrt_sdo_request_state(const ec_sdo_request_t* req) {
+    auto& request = const_cast<ec_sdo_request&>(*req);
+    begin_if_due(request, request.upload, request.download);
     return state_of(req->last, req->upload, req->download);
 }
 
@@ -171,6 +181,8 @@ uint8_t* ecrt_soe_request_data(const ec_soe_request_t* req) { return memory_of(r
 size_t ecrt_soe_request_data_size(const ec_soe_request_t* req) { return size_of(req->last, req->read, req->size); }
 
 ec_request_state_t ecrt_soe_request_state(const ec_soe_request_t* req) {
+    auto& request = const_cast<ec_soe_request&>(*req);
+    begin_if_due(request, request.read, request.write);
     return state_of(req->last, req->read, req->write);
 }
 
@@ -205,6 +217,8 @@ ec_reg_request_t* ecrt_slave_config_create_reg_request(ec_slave_config_t* sc, si
 uint8_t* ecrt_reg_request_data(const ec_reg_request_t* req) { return memory_of(req->memory); }
 
 ec_request_state_t ecrt_reg_request_state(const ec_reg_request_t* req) {
+    auto& request = const_cast<ec_reg_request&>(*req);
+    begin_if_due(request, request.read, request.write);
     return state_of(req->last, req->read, req->write);
 }
 

@@ -25,7 +25,8 @@ namespace margay::compat::ecrt {
 }
 
 // What the last transfer of a request was, and whether it could not even begin.
-enum class Transfer : std::uint8_t { none, read, write, refused };
+// …_later: it begins when the scan of the start-up is over; the state function of the request sees to that.
+enum class Transfer : std::uint8_t { none, read, write, refused, read_later, write_later };
 
 // The state of a request that has one object of the library for reading and one for writing.
 template <class Read, class Write>
@@ -34,12 +35,34 @@ template <class Read, class Write>
         case Transfer::read: return to_ec(read.state());
         case Transfer::write: return to_ec(write.state());
         case Transfer::refused: return EC_REQUEST_ERROR;
+        case Transfer::read_later:
+        case Transfer::write_later: return EC_REQUEST_BUSY;
         default: return EC_REQUEST_UNUSED;
     }
 }
 
+// The slaves have no numbers yet, because the segment is scanned after activation.
+[[nodiscard]] bool too_early(const ec_slave_config& config);
+
 // Submits a request to the slave of a configuration; false: the slave is not there, or the request was refused.
 [[nodiscard]] bool begin(ec_slave_config& config, SlaveRequest& request);
+
+// `what` is read or write.
+template <class Wish>
+void begin_or_later(Wish& wish, SlaveRequest& request, Transfer what) {
+    if (too_early(wish.config))
+        wish.last = what == Transfer::read ? Transfer::read_later : Transfer::write_later;
+    else
+        wish.last = begin(wish.config, request) ? what : Transfer::refused;
+}
+template <class Wish, class Read, class Write>
+void begin_if_due(Wish& wish, Read& read, Write& write) {
+    if (wish.last != Transfer::read_later && wish.last != Transfer::write_later) return;
+    if (wish.last == Transfer::read_later)
+        begin_or_later(wish, read, Transfer::read);
+    else
+        begin_or_later(wish, write, Transfer::write);
+}
 
 }  // namespace margay::compat::ecrt
 

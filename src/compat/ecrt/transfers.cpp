@@ -3,6 +3,7 @@
 #include "compat/ecrt/log.hpp"
 
 #include <cerrno>
+#include <chrono>
 
 using namespace margay;
 using namespace margay::compat::ecrt;
@@ -20,9 +21,19 @@ int errno_of(const Error& error) {
     }
 }
 
+// While the segment starts up after activation, its slaves have no numbers: a transfer waits for them.
+void await_scan(Bus& bus) {
+    for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
+        if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
+        if (!bus.operation->scanning() && !bus.dirty) return;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+}
+
 // Submits, waits, and says what failed. The request is gone afterwards.
 template <class Request>
 int transfer(Bus& bus, std::uint16_t position, Request& request, Error& error) {
+    await_scan(bus);
     request.slave = bus.number_at(position);
     if (request.slave == 0) {
         say("master %u: there is no slave at position %u", bus.index, position);

@@ -73,7 +73,7 @@ int ecrt_voe_handler_write(ec_voe_handler_t* voe, size_t size) {
     voe->size = size;
     voe->send.header = voe->header;
     voe->send.data = Borrowed<std::byte>(voe->memory.data(), size);
-    voe->last = begin(voe->config, voe->send) ? Transfer::write : Transfer::refused;
+    begin_or_later(*voe, voe->send, Transfer::write);
     return 0;
 }
 
@@ -93,6 +93,10 @@ ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
         case Transfer::none: return EC_REQUEST_UNUSED;
         case Transfer::refused: return EC_REQUEST_ERROR;
         case Transfer::write: return to_ec(voe->send.state());
+        case Transfer::read_later: return EC_REQUEST_BUSY;
+        case Transfer::write_later:
+            begin_or_later(*voe, voe->send, Transfer::write);
+            return EC_REQUEST_BUSY;
         case Transfer::read: break;
     }
     if (!voe->waiting) return voe->read_state;

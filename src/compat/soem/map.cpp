@@ -137,7 +137,9 @@ void show_counters(ecx_contextt& context, Session& session, std::uint8_t group) 
     Session::GroupFacts& facts = session.facts(group);
     facts.group = &mapped;
     facts.writing_datagrams = 0;
-    const bool split = g.blockLRW != 0;
+    // Also a group without inputs, and slaves that refuse LRW: the first datagram is an LWR.
+    constexpr std::uint8_t kLwr = 11;
+    const bool split = process_datagram(session.context(), 0, group).command == kLwr;
     unsigned written = 0;
     for (const DatagramStatus& datagram : mapped.datagrams) {
         if (!split || written >= really_out) break;
