@@ -41,9 +41,9 @@ class IdentityChecks {
         if (init.ado == kControl && init.writes() && init.data.size() >= 6)
             word_ = static_cast<std::uint32_t>(init.value(2, 4));
         if (init.ado != kData || !init.validates) return;
-        const bool whole = init.wanted.size() >= 4 && std::ranges::all_of(std::span(init.mask).first(4), [](std::byte one) {
-                               return one == std::byte{0xFF};
-                           });
+        const bool whole =
+            init.wanted.size() >= 4 &&
+            std::ranges::all_of(std::span(init.mask).first(4), [](std::byte one) { return one == std::byte{0xFF}; });
         const bool identity = word_ == 0x08 || word_ == 0x0A || word_ == 0x0C || word_ == 0x0E;
         if (!whole && identity) {
             r.fail(init.node, "the check of SII word " + hex(word_) +
@@ -51,7 +51,8 @@ class IdentityChecks {
             return;
         }
         std::uint32_t value = 0;
-        for (unsigned n = 0; n < 4 && n < init.wanted.size(); ++n) value |= std::to_integer<std::uint32_t>(init.wanted[n]) << (8 * n);
+        for (unsigned n = 0; n < 4 && n < init.wanted.size(); ++n)
+            value |= std::to_integer<std::uint32_t>(init.wanted[n]) << (8 * n);
         any = true;
         if (init.at_least && word_ != 0x0C)
             r.remark(init.node, "EQ_OR_G is supported for the revision only: the value is compared for equality");
@@ -119,8 +120,8 @@ void see_fmmus(Reader& r, const EniInit& init, EniSlaveData& s) {
 
 void see_sync_managers(Reader& r, const EniInit& init, EniSlaveData& s) {
     // Outputs with OpOnly are set, or enabled, at SO.
-    const bool in_time = contains(init.transitions, Transition::preop_to_safeop) ||
-                         contains(init.transitions, Transition::safeop_to_op);
+    const bool in_time =
+        contains(init.transitions, Transition::preop_to_safeop) || contains(init.transitions, Transition::safeop_to_op);
     if (!init.writes() || !in_time) return;
     const std::size_t offset = init.ado - reg::kSyncManagerBase;
     if (init.is_zero()) return;

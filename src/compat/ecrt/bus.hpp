@@ -119,7 +119,7 @@ class Bus {
     std::map<std::uint16_t, std::shared_ptr<KnownPdos>> known_pdos;  // by position in the ring
 
     std::atomic<bool> active{false};
-    pthread_t owner{};  // of the context, after activation
+    pthread_t owner{};                 // of the context, after activation
     std::atomic<bool> cycling{false};  // the cycle has begun
     std::vector<std::unique_ptr<Exchange>> exchanges;
     std::unique_ptr<Operation> operation;

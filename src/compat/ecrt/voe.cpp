@@ -94,9 +94,7 @@ ec_request_state_t ecrt_voe_handler_execute(ec_voe_handler_t* voe) {
         case Transfer::refused: return EC_REQUEST_ERROR;
         case Transfer::write: return to_ec(voe->send.state());
         case Transfer::read_later: return EC_REQUEST_BUSY;
-        case Transfer::write_later:
-            begin_or_later(*voe, voe->send, Transfer::write);
-            return EC_REQUEST_BUSY;
+        case Transfer::write_later: begin_or_later(*voe, voe->send, Transfer::write); return EC_REQUEST_BUSY;
         case Transfer::read: break;
     }
     if (!voe->waiting) return voe->read_state;
