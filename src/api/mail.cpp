@@ -14,7 +14,7 @@ Error check_mailbox(Network& network, Error where) {
         where.code = Errc::unsupported;
     else if (slave.al.state == AlState::none)
         where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
-    else if (network.marks(slave).unproved && slave.al.state != AlState::boot)
+    else if (network.marks(slave).was_away && slave.al.state != AlState::boot)
         where.code = Errc::identity_unread;  // another device may be there
     else if (network.marks(slave).in_hook && slave.al.state == AlState::init)
         where.code = Errc::wrong_state;  // a hook around INIT would wait in vain

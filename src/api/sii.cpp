@@ -48,7 +48,9 @@ static Error check(Network& network, const SiiReadRequest& request) {
     return check_words(network, request, Step::read_sii);
 }
 static Error check(Network& network, const SiiWriteRequest& request) {
-    return check_words(network, request, Step::write_sii);
+    const Error refused = check_words(network, request, Step::write_sii);
+    if (refused.code != Errc::none || !network.marks(request.slave).was_away) return refused;
+    return {.code = Errc::identity_unread, .step = Step::write_sii, .slave = request.slave};
 }
 
 // Both sequences give the EEPROM back to the slave at the end, also after cancel() and when the timeout is over:

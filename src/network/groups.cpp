@@ -199,7 +199,8 @@ bool is_there_to_map(const Slave& slave) { return slave.al.state != AlState::non
 
 // The start-up of a slave that was held, that is still in INIT, or whose commands were set after it has left INIT.
 Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, FirstFault& faults) {
-    if (slave.al.state != AlState::none || slave.seen) {
+    const bool ours = slave.config.group == number || slave.image.group == number;
+    if (ours && (slave.al.state != AlState::none || slave.seen)) {
         auto now = co_await read_anew(network, slave);  // nothing may have read the state for long
         if (!now && !does_not_answer(now.error())) faults.note(network, slave, now.error());
     }
@@ -214,6 +215,17 @@ Task<Result<>> start_up(Network& network, Slave& slave, std::uint8_t number, Fir
     // working counter.
     if (slave.config.group == number && exchanges(slave) && slave.al.state != AlState::none) {
         co_await completion(clear_fmmus(network, slave));  // a slave that does not answer maps nothing
+    }
+    // Where only the identity is in question, the slave is compared, and not started again.
+    const bool doubted = network.marks(slave).unproved && slave.seen && slave.config.group == number && !slave.held &&
+                         is_there_to_map(slave) && slave.al.state != AlState::init;
+    if (doubted) {
+        const SlaveToken token(network.marks(slave));
+        auto same = co_await prove(network, slave);
+        if (!same) {
+            faults.note(network, slave, same.error());
+            co_return Nothing{};
+        }
     }
     const bool unread = !slave.seen && !slave.held && slave.config.group == number && is_there_to_map(slave);
     if (unread) {  // it came, or could be read, after the scan
@@ -306,6 +318,9 @@ Task<Result<>> configure(Network& network, Slave& slave, std::uint8_t number, Fi
             auto same = co_await prove(network, slave);
             network.marks(slave).unproved |= !same.ok();
             if (!same) faults.note(network, slave, same.error());
+            if (same && !slave.seen)  // another revision
+                faults.note(network, slave,
+                            {.code = Errc::remapping_needed, .step = Step::map_process_data, .slave = slave.number});
         }
     }
     const bool unfinished = is_unfinished(network, slave);

@@ -102,7 +102,7 @@ struct Network {
     EmergencyListener emergency_listener{*this};
     const OverlapFeature* overlap = nullptr;       // see <margay/features.hpp>
     const BootFeature* boot = nullptr;             // the same
-    RedundancyPart* redundancy = nullptr;           // given by init_redundant()
+    RedundancyPart* redundancy = nullptr;          // given by init_redundant()
     const Expectation* expectation = nullptr;      // given by expect()
     std::span<const ExpectedSlave> expected_next;  // by expect(): used from the next scan on
     std::span<const ExpectedSlave> expected;
@@ -121,7 +121,9 @@ struct Network {
     AlState target_read = AlState::none;            // its target when the supervision has read it last
     // For how long what was read last, or exchanged last, is believed.
     static constexpr Duration kBelieved = std::chrono::seconds(1);
-    Time states_read = Time::min();       // when the states of all slaves were read last
+    Time states_read = Time::min();  // when the states of all slaves were read last
+    // Until then nobody has stopped looking for longer than kBelieved since all identities were compared last.
+    Time compared = Time::min();
     bool supervision_ended = false;       // not reported yet: the next poll() does
     Error supervision_error;              // why it has ended
     bool segment_in_use = false;          // a request that needs the whole segment is executing

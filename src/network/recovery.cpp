@@ -188,7 +188,9 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
 
 Task<Result<>> restart(Network& network, Slave& slave) {
     // Another slave may answer at this address: not every reading of the states sees that a slave was away.
-    auto same = co_await prove(network, slave);
+    // A slave in BOOT is compared when it is in PREOP: its firmware may use the EEPROM.
+    Result<> same;
+    if (slave.al.state != AlState::boot) same = co_await prove(network, slave);
     if (same && !slave.seen) same = co_await read_missing_slave(network, slave);
     if (!same) co_return same;
     co_await required(back_to_init(network, slave));

@@ -227,7 +227,7 @@ Task<Result<std::uint16_t>> scan(Network& network) {
     const auto start = [&network, &faults](Slave& s) { return start_mailbox(network, s, faults); };
     co_await required(for_each_slave(network, start));
     scanning.done();
-    network.states_read = network.engine.now();
+    network.states_read = network.compared = network.engine.now();
     if (faults.error().code != Errc::none) co_return faults.error();
     co_return count;
 }

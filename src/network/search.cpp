@@ -169,6 +169,7 @@ bool accept_revision(Network& network, Slave& slave, const Error& differs) {
         return false;
     }
     revise(network, slave);
+    set_takes_part(network, slave, false);  // its place in the image is for the PDOs of the other revision
     return true;
 }
 
@@ -306,11 +307,15 @@ Task<Result<std::uint16_t>> find_lost(Network& network) {
     co_return found == 0 && error.code != Errc::none ? Result<std::uint16_t>(error) : Result<std::uint16_t>(found);
 }
 
-void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen) {
+void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, bool own) {
     if (!network.supervised) {
         if (seen ? seen->state != slave.al.state : does_not_answer(seen.error())) drop_work(network, slave);
-        const bool by_itself = seen && seen->state != slave.al.state && !is_requested(network, slave, seen->state);
+        const bool worked_on = !own && (network.marks(slave).in_use || is_being_mapped(network, slave));
+        const bool by_itself =
+            seen && seen->state != slave.al.state && !worked_on && !is_requested(network, slave, seen->state);
         network.marks(slave).unproved |= is_known(slave) && (slave.al.state == AlState::none || by_itself);
+        network.marks(slave).was_away |= is_known(slave) && slave.al.state == AlState::none;
+        network.marks(slave).from_boot |= seen && seen->state == AlState::boot;
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);
@@ -343,12 +348,12 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
     // Nobody has looked for so long that the device may have been exchanged for another one in the same state.
-    const bool stale = !network.supervised && later(network.states_read, Network::kBelieved) < network.engine.now();
+    const bool stale = !network.supervised && later(network.compared, Network::kBelieved) < network.engine.now();
     network.marks(slave).unproved |= stale && is_known(slave);
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;
     if (!network.supervised) {
-        note_reading(network, slave, seen);
+        note_reading(network, slave, seen, true);
     } else if (before.state != AlState::none) {  // the supervision readmits a slave that was lost
         update_al_status(slave.al, seen);
         note_change(network, slave, before);
@@ -360,6 +365,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     auto same = co_await compare_identity(network, slave);
     if (accept_revision(network, slave, same.error())) same = Nothing{};
     network.marks(slave).unproved &= !same.ok();
+    network.marks(slave).was_away &= !same.ok();
     if (slave.al.state >= AlState::preop && slave.al.state != AlState::boot)
         network.marks(slave).from_boot &= !same.ok();
     if (same.error().code != Errc::other_slave) co_return same;

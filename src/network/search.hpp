@@ -30,7 +30,8 @@ void note_lost(Network& network, Slave& slave);
 
 // Keeps a reading of the AL status that a request has made. While the segment is supervised, changes are reported by
 // events, a slave that answers again is left to the supervision, and so is a slave that the supervision works on.
-void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen);
+// `own`: the request that works on the slave has read.
+void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, bool own = false);
 
 // Reads the AL status of a slave that a request is for. While the segment is supervised, a lost slave stays lost: the
 // supervision readmits it.

@@ -38,6 +38,7 @@ struct SlaveMarks {
     // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
     // now. Its identity is compared before anything else is done with it.
     bool unproved : 1 = false;
+    bool was_away : 1 = false;   // unproved because it did not answer: mail to it is refused
     bool joining : 1 = false;    // no cycle behind joined_after was received yet
     bool from_boot : 1 = false;  // it was in BOOT, and may have other firmware: compared again in PREOP
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out

@@ -133,6 +133,8 @@ Task<Result<AlStatus>> read_states(Network& network) {
     if (network.scans != scans) co_return kOtherSlaves;
     if (first.code != Errc::none) co_return first;
     network.states_read = network.engine.now();
+    // After a pause a reading alone does not show that the slaves are the same.
+    if (later(network.compared, Network::kBelieved) >= network.states_read) network.compared = network.states_read;
     co_return lowest(network);
 }
 

@@ -333,7 +333,12 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
         co_return Nothing{};
     }
     (void)count_lost_frames(watch);
-    network.states_read = network.engine.now();
+    const Time now = network.engine.now();
+    if (later(network.compared, Network::kBelieved) < now) {  // nobody has looked: perhaps another machine
+        watch.last = {};
+        for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;
+    }
+    network.states_read = network.compared = now;
     if (std::exchange(watch.network.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};
@@ -386,7 +391,7 @@ Task<Result<>> supervise(Network& network, const SuperviseRequest& wanted) {
     Watch watch{network, wanted};
     watch.reported_count = answering(network);
     watch.walked = network.ring_count;
-    network.silent = false;
+    if (std::exchange(network.silent, false)) network.compared = Time::min();  // a supervision has ended meanwhile
     constexpr std::uint16_t kMarks = 0x0F00;
     network.stranger_mark = static_cast<std::uint16_t>(kMarks | ((network.stranger_mark + 1) & 0xFF));
     for (Slave& slave : network.slaves()) {

@@ -158,7 +158,7 @@ Error state_error(Network& network, const Slave& slave) {
 
 Error start_up_refusal(const Network& network, const Slave& slave) {
     const bool again = slave.al.state <= AlState::preop && slave.al.state != AlState::none;
-    if (again && network.marks(slave).pdos_written && exchanges(slave))
+    if ((again || !slave.seen) && network.marks(slave).pdos_written && exchanges(slave))
         return fault(slave, Errc::remapping_needed, Step::map_process_data);
     const bool unfinished = is_unfinished(network, slave);
     if (!slave.hook_failed && !slave.pdos_failed && !unfinished) return {};

@@ -304,5 +304,23 @@ TEST_F(ExchangedDevices, AStrangerIsNotTakenForASlaveThatIsLostLater) {
     EXPECT_TRUE(until([&] { return in_op(3); })) << joined(events());
 }
 
+// The application takes its time between the scan and the mapping: the slaves are compared, and not started again.
+TEST_F(ExchangedDevices, HealthySlavesAreNotStartedAgainByALateMapping) {
+    build();
+    ASSERT_TRUE(config_init(*ctx).ok());
+    int starts = 0;
+    for (std::size_t n = 1; n <= 3; ++n) {
+        ctx->slave(n).hooks.user = &starts;
+        ctx->slave(n).hooks.transition = [](HookedSlave, Transition which, Moment, void* user) -> Result<> {
+            *static_cast<int*>(user) += which == Transition::init_to_preop ? 1 : 0;
+            return {};
+        };
+    }
+    osal.advance(3s);
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    EXPECT_EQ(starts, 0);
+    EXPECT_TRUE(reach(*ctx, AlState::op, 5s).ok());
+}
+
 }  // namespace
 }  // namespace margay
