@@ -28,7 +28,13 @@ static Error check(Network& network, const RegisterReadRequest& request) {
     return check_registers(network, request, Step::read_register);
 }
 static Error check(Network& network, const RegisterWriteRequest& request) {
-    return check_registers(network, request, Step::write_register);
+    Error refused = check_registers(network, request, Step::write_register);
+    if (refused.code == Errc::none && network.marks(request.slave).was_away)
+        refused = {.code = Errc::identity_unread,
+                   .step = Step::write_register,
+                   .slave = request.slave,
+                   .index = request.address};
+    return refused;
 }
 
 static Task<Result<>> run(Network& network, RegisterReadRequest& request) {

@@ -3,6 +3,7 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
+#include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/states.hpp"
@@ -73,6 +74,10 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
     request.found = 0;
     Slave* const wanted = request.slave == 0 ? nullptr : &network.slave(request.slave);
     if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};  // of an earlier search
+    if (!network.supervised && network.is_unobserved()) {
+        for (Slave& slave : network.slaves()) network.marks(slave).unproved |= is_known(slave);
+        network.compared = network.engine.now();
+    }
     co_await required(read_states(network));
     const auto readmit = [&network](Slave& s) { return readmit_if_there(network, s); };
     Error refused;

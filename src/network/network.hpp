@@ -141,6 +141,8 @@ struct Network {
     Crew requests;
 
     [[nodiscard]] Arena& arena() { return engine.arena(); }
+    // Nobody has looked for so long that a slave may have been exchanged for another one in the same state.
+    [[nodiscard]] bool is_unobserved() const { return later(compared, kBelieved) < engine.now(); }
     // The slaves were compared with the list that expect() has set last.
     [[nodiscard]] bool is_expected_list() const { return !expected_is_new; }
     [[nodiscard]] std::span<Slave> slaves() const { return table.first(count); }

@@ -220,7 +220,8 @@ Task<Result<>> discover(Network& network, Slave& slave, EntrySink* sink) {
     network.marks(slave).pdos_compared = true;
     const bool said = is_by_application(config);
     // The SII does not change, so it need not be read again.
-    const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr;
+    const bool known = config.source == ConfigurationSource::sii && config.pdos().empty() && sink == nullptr &&
+                       !network.marks(slave).pdos_in_doubt;
     const detail::PdoPart* const lists = pdo_part(slave);
     Error wrong = invalid_setting(slave);
     if (wrong.code == Errc::none && lists != nullptr) wrong = lists->check(slave);

@@ -54,14 +54,16 @@ Error compare_with_place(const Slave& slave, std::span<const ProcessSm> kept) {
 }
 
 // While the process data of a slave that comes back is being found: its configuration is not complete. The values of a
-// reserved place are taken out of the configuration, so that the hook and the search for PDOs find it empty, as at the
-// first start-up. They are put back unless accept() was called, or the application has set others meanwhile.
+// reserved place, and those of its former firmware, are taken out of the configuration, so that the hook and the search
+// for PDOs find it empty, as at the first start-up. They are put back unless accept() was called, or the application
+// has set others meanwhile.
 class Finding {
   public:
     Finding(SlaveMarks& marks, Slave& slave)
-        : marks_(marks), slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept) {
+        : marks_(marks), slave_(slave), sms_(slave.config.sms), kept_(slave.place_kept || marks.pdos_in_doubt) {
         marks_.finding = true;
         count_ = kept_ ? slave.config.used_sms().size() : 0U;
+        slave.place_kept = kept_;
         forget_kept_place(slave);
     }
     Finding(const Finding&) = delete;
@@ -76,7 +78,7 @@ class Finding {
     }
     [[nodiscard]] bool is_kept() const { return kept_; }
     [[nodiscard]] std::span<const ProcessSm> sms() const { return std::span(sms_).first(count_); }
-    void accept() { kept_ = false; }
+    void accept() { kept_ = marks_.pdos_in_doubt = false; }
 
   private:
     SlaveMarks& marks_;
@@ -127,7 +129,12 @@ Task<Result<>> find_process_data(Network& network, Slave& slave) {
 
 // From PREOP to SAFEOP.
 Task<Result<>> back_to_safeop(Network& network, Slave& slave) {
+    const bool new_firmware = network.marks(slave).pdos_in_doubt;
     co_await required(find_process_data(network, slave));
+    // Some firmware writes its identity into the EEPROM when it has started.
+    if (new_firmware) {
+        co_await required(prove(network, slave));
+    }
     if (!is_mapped(network, slave) || wanted_state(network, slave) < AlState::safeop)
         co_return Nothing{};  // the hook may have changed the group, or the highest state
     if (needs_mapping(network, slave))
@@ -182,7 +189,7 @@ ChangeReport::~ChangeReport() { note_change(network_, slave_, before_); }
 void note_state(Network& network, Slave& slave, const AlStatus& now) {
     if (slave.al == now || now.state == AlState::none) return;
     network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
-    network.marks(slave).from_boot |= now.state == AlState::boot;
+    if (now.state == AlState::boot) note_boot(network, slave);
     slave.al = now;
 }
 

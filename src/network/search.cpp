@@ -315,7 +315,7 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
             seen && seen->state != slave.al.state && !worked_on && !is_requested(network, slave, seen->state);
         network.marks(slave).unproved |= is_known(slave) && (slave.al.state == AlState::none || by_itself);
         network.marks(slave).was_away |= is_known(slave) && slave.al.state == AlState::none;
-        network.marks(slave).from_boot |= seen && seen->state == AlState::boot;
+        if (seen && seen->state == AlState::boot) note_boot(network, slave);
         update_al_status(slave.al, seen);
         if (slave.al.state != AlState::none) return;
         leave_exchange(network, slave);
@@ -347,9 +347,7 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 }
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
-    // Nobody has looked for so long that the device may have been exchanged for another one in the same state.
-    const bool stale = !network.supervised && later(network.compared, Network::kBelieved) < network.engine.now();
-    network.marks(slave).unproved |= stale && is_known(slave);
+    network.marks(slave).unproved |= !network.supervised && network.is_unobserved() && is_known(slave);
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;
     if (!network.supervised) {

@@ -41,6 +41,7 @@ struct SlaveMarks {
     bool was_away : 1 = false;   // unproved because it did not answer: mail to it is refused
     bool joining : 1 = false;    // no cycle behind joined_after was received yet
     bool from_boot : 1 = false;  // it was in BOOT, and may have other firmware: compared again in PREOP
+    bool pdos_in_doubt : 1 = false;  // it was in BOOT since its PDOs were read from it
     bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
 };
 

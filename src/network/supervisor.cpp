@@ -102,11 +102,6 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     }
     if (seen->state == AlState::init || seen->state == AlState::preop) set_takes_part(network, slave, false);
     note_state(network, slave, *seen);
-    if (network.marks(slave).unproved && seen->state != AlState::boot) {  // firmware may use the EEPROM
-        const SlaveToken token(network.marks(slave));
-        auto same = co_await prove(network, slave);
-        if (same.error().code == Errc::other_slave) co_return Nothing{};
-    }
     if (!network.is_reserved()) settle_request(network, slave);
     co_return Nothing{};
 }
@@ -125,6 +120,7 @@ Task<Result<>> check_fmmus(Network& network, Slave& slave) {
 bool needs_help(const Network& network, const Slave& slave) {
     if (network.marks(slave).in_use || slave.al.state == AlState::none || is_being_mapped(network, slave)) return false;
     if (stays_in_boot(network, slave)) return false;
+    if (network.marks(slave).unproved && slave.al.state != AlState::boot) return true;
     const AlState to = goal(network, slave);
     if (slave.al.error || slave.al.state != to || is_to_be_asked(network, slave)) return true;
     if (is_unfinished(network, slave)) return true;
@@ -141,9 +137,15 @@ bool is_well(const Network& network, const Slave& slave) {
 // The application may change wanted.target at any time.
 void apply_target(Watch& watch) {
     const AlState target = watch.wanted.target;
-    if (target == watch.network.target_read || !can_be_target(target)) return;
+    if (target == watch.network.target_read) return;
     watch.network.target_read = target;
-    watch.network.target = target;
+    if (can_be_target(target)) {
+        watch.network.target = target;
+        return;
+    }
+    Error error{.code = Errc::invalid_argument, .step = Step::supervise};
+    error.actual = static_cast<std::uint32_t>(Argument::state);
+    watch.network.note(error);
 }
 
 Task<Result<>> help(Watch& watch, Slave& slave) {
@@ -162,8 +164,8 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Nothing{};
     }
-    // That the slave is gone again is reported by the next look.
-    if (!does_not_answer(done.error())) {
+    // That the slave is gone again is reported by the next look; another slave, by the search.
+    if (!does_not_answer(done.error()) && slave.al.state != AlState::none) {
         Event event{.kind = EventKind::recovery_failed, .slave = slave.number, .now = slave.al};
         event.error = done.error();
         if (network.marks(slave).attempts == 0 || !network.marks(slave).failure_reported) {
@@ -334,7 +336,7 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     }
     (void)count_lost_frames(watch);
     const Time now = network.engine.now();
-    if (later(network.compared, Network::kBelieved) < now) {  // nobody has looked: perhaps another machine
+    if (network.is_unobserved()) {  // perhaps another machine
         watch.last = {};
         for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;
     }

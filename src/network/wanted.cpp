@@ -5,6 +5,7 @@
 #include "network/image_layout.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
+#include "network/pdo_lists.hpp"
 #include "network/settings.hpp"
 #include "network/transition.hpp"
 
@@ -97,6 +98,11 @@ bool has_place(const Slave& slave) {
 
 bool needs_mapping(const Network& network, const Slave& slave) {
     return exchanges(slave) && (!is_as_mapped(slave) || network.marks(slave).pdos_written);
+}
+
+void note_boot(Network& network, const Slave& slave) {
+    network.marks(slave).from_boot = true;
+    network.marks(slave).pdos_in_doubt = !is_by_application(slave.config);
 }
 
 bool may_be_exchanged(const Network& network, const Slave& slave) {

@@ -322,5 +322,69 @@ TEST_F(ExchangedDevices, HealthySlavesAreNotStartedAgainByALateMapping) {
     EXPECT_TRUE(reach(*ctx, AlState::op, 5s).ok());
 }
 
+// Nobody has looked for two seconds. Then the tool is in the place of slave 2, with its station address and in OP.
+struct AfterAPause : ExchangedDevices {
+    void SetUp() override {
+        build();
+        take_out(line[1]);
+        osal.advance(1s);
+        set(tool, 0x0010, 0x1002);
+        for (const std::uint16_t state : {std::uint16_t{1}, std::uint16_t{2}}) {
+            set(tool, 0x0120, state);
+            settle_devices();
+        }
+        put_in(tool);
+        osal.advance(1s);
+    }
+};
+TEST_F(AfterAPause, RecoverSlaveComparesItsIdentity) {
+    EXPECT_EQ(recover_slave(*ctx, 2).error().code, Errc::other_slave);
+    EXPECT_FALSE(gets_outputs(tool));
+}
+TEST_F(AfterAPause, RecoverSlaveSaysThatTheSiiCannotBeRead) {
+    segment.slave(tool).sii().fail_next(1'000'000);
+    const auto recovered = recover_slave(*ctx, 2);
+    EXPECT_FALSE(recovered.ok());
+    EXPECT_FALSE(gets_outputs(tool));
+}
+TEST_F(AfterAPause, TheSupervisionReportsThatTheSiiCannotBeRead) {
+    segment.slave(tool).sii().fail_next(1'000'000);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(500);
+    EXPECT_EQ(what_is_wrong(*ctx).slave, 2U) << in_words(what_is_wrong(*ctx));
+    const auto said = events();
+    EXPECT_EQ(told(said, "recovery failed: slave 2"), 1) << joined(said) << joined(errors());
+}
+
+// A register that the application writes must not reach the device that has the address of a lost slave now.
+TEST_F(ExchangedDevices, NoRegisterOfASlaveThatWasAwayIsWritten) {
+    build();
+    take_out(line[1]);
+    for (int n = 0; n < 20; ++n) {
+        (void)cycle();
+        (void)readstate(*ctx);
+    }
+    set(tool, 0x0010, 0x1002);
+    put_in(tool);
+    (void)readstate(*ctx);
+    const auto written = write_register(*ctx, 2, 0x0F80, std::uint16_t{0x1234});
+    EXPECT_EQ(written.error().code, Errc::identity_unread) << in_words(written.error());
+    EXPECT_EQ(segment.slave(tool).peek(0x0F80, 2)[0], std::byte{0});
+}
+
+TEST_F(ExchangedDevices, ATargetOfTheSupervisionThatDoesNotExistIsAnError) {
+    build();
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(100);
+    (void)errors();
+    supervision.target = static_cast<AlState>(6);
+    cycles(100);
+    const auto said = errors();
+    EXPECT_EQ(told(said, "supervising"), 1) << joined(said);
+    EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+    supervision.target = AlState::preop;
+    EXPECT_TRUE(until([&] { return ctx->slave(1).al.state == AlState::preop; }));
+}
+
 }  // namespace
 }  // namespace margay

@@ -266,6 +266,24 @@ TEST_F(Boot, TheSupervisionBringsItThereAndBack) {
     EXPECT_EQ(std::string(text.data(), *read), "3.1");
 }
 
+// This firmware writes its revision into the EEPROM when it has reached PREOP.
+TEST_F(Boot, FirmwareThatWritesItsIdentityLateIsNotDrivenByTheOldMapping) {
+    start({"bootloader_open", "digital_io_16"});
+    ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+    SuperviseRequest supervision;
+    ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
+    ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::boot).ok());
+    bus.idle(300ms);
+    ASSERT_EQ(state(), AlState::boot);
+    const auto firmware = Bootloader::make_image(2, 0, 4096, Bootloader::kOpenProduct);
+    ASSERT_TRUE(FOEwrite(*bus.ctx, 1, "firmware", 0, Bytes(firmware)).ok());
+    ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::op).ok());
+    EXPECT_FALSE(reach(*bus.ctx, AlState::op, 2s).ok());
+    EXPECT_EQ(state(), AlState::preop);
+    EXPECT_EQ(what_is_wrong(*bus.ctx).code, Errc::remapping_needed) << bus.words(what_is_wrong(*bus.ctx));
+    EXPECT_EQ(bus.ctx->slave(1).identity.revision, 0x0002'0000U);
+}
+
 TEST_F(Boot, TheSupervisionDoesNotPullASlaveOutOfIt) {
     start({"bootloader", "digital_io_16"});
     ASSERT_TRUE(config_map(*bus.ctx, image).ok());
@@ -321,6 +339,77 @@ TEST_F(Boot, AfterALossOfPowerItIsBroughtThereAgain) {
     bus.idle(3s);
     EXPECT_EQ(state(2), AlState::boot);
     EXPECT_TRUE(FOEwrite(*bus.ctx, 2, "firmware", kPassword, Bytes(firmware)).ok());
+}
+
+// A device whose SII alone says what it exchanges, with mailboxes for BOOT; `bits` of outputs and of inputs.
+std::vector<std::byte> sii_with_boot(std::uint8_t bits) {
+    namespace sii = wire::sii;
+    const auto bytes = static_cast<std::uint16_t>(bits / 8);
+    const std::array rx_entries{sii::PdoEntryDescription{.index = 0x7000, .subindex = 1, .bit_length = bits}};
+    const std::array tx_entries{sii::PdoEntryDescription{.index = 0x6000, .subindex = 1, .bit_length = bits}};
+    const std::array rx{sii::PdoDescription{.index = 0x1600, .sync_manager = 2, .entries = rx_entries}};
+    const std::array tx{sii::PdoDescription{.index = 0x1A00, .sync_manager = 3, .entries = tx_entries}};
+    const std::array sms{
+        SmInfo{0x1000, 64, 0x26, 1, SmType::mailbox_out}, SmInfo{0x1080, 64, 0x22, 1, SmType::mailbox_in},
+        SmInfo{0x1100, bytes, 0x64, 1, SmType::outputs}, SmInfo{0x1400, bytes, 0x20, 1, SmType::inputs}};
+    const std::array fmmus{FmmuUse::outputs, FmmuUse::inputs};
+    constexpr MailboxInfo kMailbox{.out_start = 0x1000, .out_bytes = 64, .in_start = 0x1080, .in_bytes = 64};
+    std::vector<std::byte> octets(2048);
+    const auto written = sii::write_image({.configuration = {.pdi_control = 0x0005},
+                                           .identity = {.vendor = 0x4D47, .product = 0x0100, .revision = 1},
+                                           .mailbox = kMailbox,
+                                           .boot_mailbox = kMailbox,
+                                           .name = "MG BOOT",
+                                           .fmmus = fmmus,
+                                           .sync_managers = sms,
+                                           .tx_pdos = tx,
+                                           .rx_pdos = rx},
+                                          octets);
+    EXPECT_TRUE(written.ok());
+    return octets;
+}
+
+class BootWithoutCoe : public Boot {
+  protected:
+    SuperviseRequest supervision;
+    void SetUp() override {
+        bus.add_device(sim::device_from_sii(sii_with_boot(16)));
+        bus.add_device(sim::make_device("digital_io_16").value());
+        bus.start();
+        ASSERT_TRUE(config_map(*bus.ctx, image).ok());
+        ASSERT_TRUE(submit(*bus.ctx, supervision).ok());
+        ASSERT_TRUE(reach(*bus.ctx, AlState::op, 5s).ok());
+        ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::boot).ok());
+        run(300ms);
+        ASSERT_EQ(state(), AlState::boot);
+    }
+    void run(Duration time) {
+        const Time end = bus.osal.now() + time;
+        (void)run_cycle(*bus.ctx, {}, [&](const CycleInfo&) { return bus.osal.now() < end; });
+    }
+};
+
+TEST_F(BootWithoutCoe, WithTheSamePdosItGoesBackToOp) {
+    ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::op).ok());
+    run(2s);
+    EXPECT_EQ(state(), AlState::op);
+    EXPECT_TRUE(all_right(*bus.ctx)) << bus.words(what_is_wrong(*bus.ctx));
+    EXPECT_EQ(bus.ctx->slave(1).config.source, ConfigurationSource::sii);
+}
+
+// The developer of the firmware has changed its PDOs and left its revision as it was.
+TEST_F(BootWithoutCoe, WithPdosOfAnotherSizeItStaysInPreop) {
+    const auto newer = sii_with_boot(24);
+    std::ranges::copy(newer, bus.segment.slave(0).sii().image().begin());
+    ASSERT_TRUE(set_target(*bus.ctx, 1, AlState::op).ok());
+    run(2s);
+    EXPECT_EQ(state(), AlState::preop);
+    const Error why = what_is_wrong(*bus.ctx);
+    EXPECT_EQ(why.code, Errc::pdo_size) << bus.words(why);
+    EXPECT_EQ(why.slave, 1U);
+    EXPECT_FALSE(inputs_fresh(*bus.ctx, 1));
+    (void)config_map(*bus.ctx, image);
+    EXPECT_EQ(bus.ctx->slave(1).image.inputs.bits, 24U);
 }
 
 // ------------------------------------------------------------------ the registers on the wire

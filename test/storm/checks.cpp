@@ -200,8 +200,10 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
                          (spy->shown().empty() ? "nothing" : hex(spy->shown().back().value)) +
                          ", sending said: " + std::string(to_text(cycle.send_error)));
         } else if (!zero(value)) {
-            // Without such a device the image has the last input received, which cannot be checked.
-            bool known = devices.empty();
+            // Without such a device the image has the last input received, which cannot be checked. So it has while the
+            // slave does not take part: another device may have its address then.
+            const auto before = inputs_.find(slave.number);
+            bool known = devices.empty() || (!slave.takes_part && before != inputs_.end() && before->second == value);
             for (std::uint32_t n = 0; n < spies_.size() && !known; ++n)
                 known = spies_[n] != nullptr && cycle.station[n] == slave.station_address.value &&
                         spies_[n]->has_ever_shown(value, part.bits);
@@ -210,6 +212,7 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
             if (!known && watched)
                 fail("an input is in the image that the slave never had", place(slave.number) + ": " + hex(value));
         }
+        inputs_[slave.number] = value;
     }
 }
 
