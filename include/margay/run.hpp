@@ -35,8 +35,8 @@ Result<> tolerate(Context& ctx, const Tolerance& tolerance);
 //
 // BOOT: the slave goes to INIT first, gets the mailboxes of BOOT, and leaves the exchange of process data. Nothing but
 // a later call for this slave takes it out of BOOT, where its firmware may be incomplete: neither the supervision nor
-// the target of all slaves. The way back is the whole start-up; PDOs that were read from the slave are read again. Where
-// their sizes differ from the mapping, the slave stays in PREOP with pdo_size, and needs config_map().
+// the target of all slaves. The way back is the whole start-up; PDOs that were read from the slave are read again.
+// Where their sizes differ from the mapping, the slave stays in PREOP with pdo_size, and needs config_map().
 //
 // A slave with a target below SAFEOP is not wanted in the exchange of process data: the expected working counters do
 // not count it. With a target of SAFEOP or OP they count it at once: until the slave takes part, each cycle of its

@@ -40,8 +40,8 @@ void update_held(Network& network);
 // The slave has no place in the image because nobody could read what it exchanges, which may be nothing.
 [[nodiscard]] bool is_to_be_asked(const Network& network, const Slave& slave);
 
-// The slave is in BOOT, where it may receive other firmware: its identity is compared when it is in PREOP again, and its
-// PDOs are read again.
+// The slave is in BOOT, where it may receive other firmware: its identity is compared when it is in PREOP again, and
+// its PDOs are read again.
 void note_boot(Network& network, const Slave& slave);
 
 // Whether the expected working counter includes the slave, even if it does not take part.
