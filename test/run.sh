@@ -28,7 +28,7 @@ done
 
 needed='g++ make cmake ccache libgtest-dev libbenchmark-dev libpcap-dev libfmt-dev libcli11-dev nlohmann-json3-dev
         libtomlplusplus-dev libncurses-dev libpugixml-dev'
-useful='binutils iproute2 libbpf-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
+useful='binutils iproute2 libbpf-dev libxdp-dev valgrind tshark clang-16 libclang-rt-16-dev gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib
         pkg-config qemu-system-arm gnuplot-nox gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf g++-s390x-linux-gnu
         qemu-user-static googletest'
 # shellcheck disable=SC2086  # lists of words

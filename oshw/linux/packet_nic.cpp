@@ -1,6 +1,5 @@
 #include "oshw/linux/packet_nic.hpp"
 
-#include "util/text_writer.hpp"
 #include "wire/ethernet.hpp"
 
 #include <arpa/inet.h>
@@ -12,8 +11,6 @@
 #include <linux/net_tstamp.h>
 #include <linux/sockios.h>
 #include <net/if.h>
-#include <net/if_arp.h>
-#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -25,7 +22,6 @@ namespace margay {
 namespace {
 
 constexpr int kReceiveBufferBytes = 4 << 20;  // room for a burst of more than a thousand full-size frames
-constexpr int kNeededMtu = static_cast<int>(wire::kMaxFrameBytes - wire::kEthernetHeaderBytes);
 
 // Accepts incoming EtherCAT frames without a VLAN tag. The kernel has already removed the tag from the frame, and only
 // the ancillary word shows it. A tagged frame belongs to another virtual network.
@@ -49,18 +45,12 @@ bool set_option(int socket, int level, int option, int value) {
     return ::setsockopt(socket, level, option, &value, sizeof value) == 0;
 }
 
-ifreq request_for(const std::array<char, 16>& name) {
-    ifreq request{};
-    static_assert(sizeof request.ifr_name == std::tuple_size_v<std::array<char, 16>>);
-    std::memcpy(request.ifr_name, name.data(), name.size());
-    return request;
-}
-
 }  // namespace
 
 PacketNic::~PacketNic() { close(); }
 
 void PacketNic::close() noexcept {
+    interface_.close();
     if (socket_ >= 0) ::close(socket_);
     socket_ = -1;
 }
@@ -68,15 +58,13 @@ void PacketNic::close() noexcept {
 Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
     close();
     last_error_ = 0;
-    problem_size_ = 0;
     overruns_ = 0;
     stamps_ = Stamps::off;
     send_times_ = {};
-    name_ = {};
-    if (interface.size() >= name_.size()) return fail_no_interface(interface);
-    std::copy(interface.begin(), interface.end(), name_.begin());
-    if (::if_nametoindex(name_.data()) == 0) return fail_no_interface(interface);
-    auto done = set_up(side);
+    auto done = interface_.open(interface);
+    if (!done) last_error_ = static_cast<int>(done.error().actual);
+    if (!done) return done;
+    done = set_up(side);
     if (!done) close();
     return done;
 }
@@ -84,11 +72,20 @@ Result<> PacketNic::open(std::string_view interface, Side side) noexcept {
 Result<> PacketNic::set_up(Side side) noexcept {
     // Protocol 0 receives nothing until bind(), so no frame can arrive before the filter is installed.
     socket_ = ::socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-    if (socket_ < 0 && (errno == EPERM || errno == EACCES)) return fail_no_permission();
+    if (socket_ < 0 && (errno == EPERM || errno == EACCES)) {
+        last_error_ = EPERM;
+        return interface_.fail_no_permission("no permission for raw frames, the capability CAP_NET_RAW is missing",
+                                             "cap_net_raw");
+    }
     if (socket_ < 0 && errno == EAFNOSUPPORT)
         return fail(errno, "this kernel has no packet sockets", "load the module af_packet");
     if (socket_ < 0) return fail(errno, "no packet socket");
-    if (auto checked = check_interface(side); !checked) return checked;
+    if (auto checked = interface_.check(); !checked) {
+        last_error_ = static_cast<int>(checked.error().actual);
+        return checked;
+    }
+    source_mac_ = interface_.address();
+    if (side == Side::master) source_mac_[0] &= 0xFC;
 
     if (!attach_filter(socket_)) return fail(errno, "the receive filter was refused");
     // Avoids a copy of each sent frame. Kernels before 4.20 do not support the option; then only the filter drops these
@@ -105,7 +102,7 @@ Result<> PacketNic::set_up(Side side) noexcept {
     // Not the EtherCAT protocol: a socket bound to one protocol receives a frame after the kernel has removed its VLAN
     // tag, so that the tag can no longer be detected, and after a bridge that may consume all frames.
     address.sll_protocol = htons(ETH_P_ALL);
-    address.sll_ifindex = static_cast<int>(::if_nametoindex(name_.data()));
+    address.sll_ifindex = interface_.index();
     if (side == Side::segment) {
         packet_mreq all{};
         all.mr_ifindex = address.sll_ifindex;
@@ -118,69 +115,9 @@ Result<> PacketNic::set_up(Side side) noexcept {
     return {};
 }
 
-Result<> PacketNic::check_interface(Side side) noexcept {
-    auto request = request_for(name_);
-    if (::ioctl(socket_, SIOCGIFHWADDR, &request) != 0) return fail(errno, "it vanished while it was opened");
-    if (request.ifr_hwaddr.sa_family != ARPHRD_ETHER)
-        return fail(EOPNOTSUPP, "it is not an Ethernet interface", "EtherCAT needs a wired Ethernet port");
-    std::memcpy(source_mac_.data(), request.ifr_hwaddr.sa_data, source_mac_.size());
-    if (side == Side::master) source_mac_[0] &= 0xFC;
-
-    request = request_for(name_);
-    if (::ioctl(socket_, SIOCGIFFLAGS, &request) != 0) return fail(errno, "it vanished while it was opened");
-    if ((request.ifr_flags & IFF_UP) == 0) {
-        std::array<char, 64> advice{};
-        TextWriter text(advice);
-        text << "bring it up with: ip link set " << name_.data() << " up";
-        return fail(ENETDOWN, "it is switched off", text.text());
-    }
-    request = request_for(name_);
-    if (::ioctl(socket_, SIOCGIFMTU, &request) != 0) return fail(errno, "it vanished while it was opened");
-    if (request.ifr_mtu < kNeededMtu) {
-        std::array<char, 64> advice{};
-        TextWriter text(advice);
-        text << "widen it with: ip link set " << name_.data() << " mtu " << std::uint64_t{kNeededMtu};
-        return fail(EMSGSIZE, "its MTU is too small for EtherCAT frames", text.text());
-    }
-    return {};
-}
-
 Result<> PacketNic::fail(int error, std::string_view what, std::string_view advice) noexcept {
     last_error_ = error;
-    TextWriter text(problem_);
-    text << "interface " << name_.data() << ": " << what;
-    if (advice.empty())
-        text << " (" << ::strerror(error) << ")";
-    else
-        text << "; " << advice;
-    problem_size_ = text.text().size();
-    return Error{.code = Errc::nic, .step = Step::open_nic, .actual = static_cast<std::uint32_t>(error)};
-}
-
-Result<> PacketNic::fail_no_interface(std::string_view asked) noexcept {
-    std::array<char, 256> there{};
-    TextWriter text(there);
-    text << "there are:";
-    if (auto* all = ::if_nameindex(); all != nullptr) {
-        for (const auto* one = all; one->if_index != 0; ++one) text << " " << one->if_name;
-        ::if_freenameindex(all);
-    }
-    last_error_ = ENODEV;
-    TextWriter sentence(problem_);
-    sentence << "there is no interface \"" << asked << "\"; " << text.text();
-    problem_size_ = sentence.text().size();
-    return Error{.code = Errc::nic, .step = Step::open_nic, .actual = ENODEV};
-}
-
-Result<> PacketNic::fail_no_permission() noexcept {
-    std::array<char, 256> program{};
-    const auto length = ::readlink("/proc/self/exe", program.data(), program.size());
-    std::array<char, 400> advice{};
-    TextWriter text(advice);
-    text << "give it once with: sudo setcap cap_net_raw+ep "
-         << (length > 0 ? std::string_view(program.data(), static_cast<std::size_t>(length)) : "PROGRAM")
-         << " (or run with sudo)";
-    return fail(EPERM, "no permission for raw frames, the capability CAP_NET_RAW is missing", text.text());
+    return interface_.fail(error, what, advice);
 }
 
 std::uint64_t PacketNic::overruns() noexcept {
@@ -212,11 +149,11 @@ std::size_t PacketNic::receive(std::span<std::byte> into) noexcept {
 
 // Whether the driver has these time stamps. The kernel accepts the socket option for every driver.
 bool PacketNic::has_stamps(Stamps stamps) noexcept {
-    auto request = request_for(name_);
+    ifreq request{};
     ethtool_ts_info info{};
     info.cmd = ETHTOOL_GET_TS_INFO;
     request.ifr_data = reinterpret_cast<char*>(&info);
-    if (::ioctl(socket_, SIOCETHTOOL, &request) != 0) return false;
+    if (!interface_.request(SIOCETHTOOL, request)) return false;
     constexpr unsigned kSoftware = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE;
     constexpr unsigned kHardware = SOF_TIMESTAMPING_TX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE;
     const unsigned wanted = stamps == Stamps::hardware ? kHardware : kSoftware;
@@ -224,17 +161,17 @@ bool PacketNic::has_stamps(Stamps stamps) noexcept {
 }
 
 Result<> PacketNic::stamp_frames(Stamps stamps) noexcept {
-    problem_size_ = 0;
+    interface_.forget_problem();
     if (socket_ < 0) return fail(EBADF, "it is not open");
     if (stamps != Stamps::off && !has_stamps(stamps))
         return fail(EOPNOTSUPP, stamps == Stamps::hardware ? "its driver has no hardware time stamps of sent frames"
                                                            : "its driver has no time stamps of sent frames");
     if (stamps == Stamps::hardware) {
-        auto request = request_for(name_);
+        ifreq request{};
         hwtstamp_config config{};
         config.tx_type = HWTSTAMP_TX_ON;
         request.ifr_data = reinterpret_cast<char*>(&config);
-        if (::ioctl(socket_, SIOCSHWTSTAMP, &request) != 0)
+        if (!interface_.request(SIOCSHWTSTAMP, request))
             return fail(errno, "its time stamps cannot be switched on", "CAP_NET_ADMIN is needed");
     }
     int flags = 0;
@@ -276,20 +213,6 @@ std::optional<std::uint64_t> PacketNic::send_time_ns(std::span<const std::byte> 
     if (stamps_ == Stamps::off) return std::nullopt;
     read_stamps();
     return send_times_.find(head);
-}
-
-// Reads the carrier from the driver, because IFF_RUNNING changes up to one second later.
-LinkState PacketNic::link_state() noexcept {
-    auto request = request_for(name_);
-    ethtool_value carrier{};
-    carrier.cmd = ETHTOOL_GLINK;
-    request.ifr_data = reinterpret_cast<char*>(&carrier);
-    if (::ioctl(socket_, SIOCETHTOOL, &request) == 0) return carrier.data != 0 ? LinkState::up : LinkState::down;
-    if (errno != EOPNOTSUPP) return LinkState::down;  // interface removed, or never opened
-    request = request_for(name_);
-    constexpr auto kBoth = IFF_UP | IFF_RUNNING;
-    const bool up = ::ioctl(socket_, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & kBoth) == kBoth;
-    return up ? LinkState::up : LinkState::down;
 }
 
 }  // namespace margay

@@ -2,12 +2,12 @@
 // frame. After open(), several threads may call send(), receive(), link_state() and last_error() at the same time.
 #pragma once
 
+#include "oshw/linux/interface.hpp"
 #include "oshw/nic.hpp"
 
 #include <margay/result.hpp>
 #include <margay/send_clock.hpp>
 
-#include <array>
 #include <atomic>
 #include <string_view>
 
@@ -36,7 +36,7 @@ class PacketNic final : public Nic, public SendClock {
     void close() noexcept;
 
     // One sentence about the last failed open(); empty after success. Valid until the next open().
-    [[nodiscard]] std::string_view problem() const noexcept { return {problem_.data(), problem_size_}; }
+    [[nodiscard]] std::string_view problem() const noexcept { return interface_.problem(); }
 
     // Where the time of a sent frame is taken.
     enum class Stamps : std::uint8_t {
@@ -65,7 +65,7 @@ class PacketNic final : public Nic, public SendClock {
     [[nodiscard]] SendStatus send(std::span<const std::byte> frame) noexcept override;
     [[nodiscard]] std::size_t receive(std::span<std::byte> into) noexcept override;
     // One system call; do not call it in every cycle.
-    [[nodiscard]] LinkState link_state() noexcept override;
+    [[nodiscard]] LinkState link_state() noexcept override { return interface_.link_state(); }
     // The kernel marks the frames that this interface has sent (PACKET_OUTGOING), and the receive filter drops them.
     [[nodiscard]] bool hides_own_frames() const noexcept override { return true; }
     // The address of the interface with bits 0 (group) and 1 (mark of the first ESC) of the first octet cleared.
@@ -75,13 +75,11 @@ class PacketNic final : public Nic, public SendClock {
 
   private:
     [[nodiscard]] Result<> set_up(Side side) noexcept;
-    [[nodiscard]] Result<> check_interface(Side side) noexcept;
     [[nodiscard]] bool has_stamps(Stamps stamps) noexcept;
     void read_stamps() noexcept;
     Result<> fail(int error, std::string_view what, std::string_view advice = {}) noexcept;
-    Result<> fail_no_interface(std::string_view asked) noexcept;
-    Result<> fail_no_permission() noexcept;
 
+    Interface interface_;
     int socket_ = -1;
     std::atomic<int> last_error_{0};
     bool qdisc_bypassed_ = false;
@@ -89,9 +87,6 @@ class PacketNic final : public Nic, public SendClock {
     std::uint64_t overruns_ = 0;
     Stamps stamps_ = Stamps::off;
     SendTimes send_times_;
-    std::array<char, 16> name_{};  // IFNAMSIZ
-    std::array<char, 512> problem_{};
-    std::size_t problem_size_ = 0;
 };
 
 }  // namespace margay

@@ -6,18 +6,16 @@
 //   bench_roundtrip check     fails when a cycle needs more than two system calls; measures no time
 #include "common/far_end.hpp"
 #include "common/mapped_bus.hpp"
+#include "common/system_calls.hpp"
 #include "oshw/linux/packet_nic.hpp"
 
 #include <poll.h>
-#include <sys/ptrace.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
-#include <optional>
+#include <memory>
 #include <string>
 
 namespace {
@@ -110,47 +108,14 @@ bool compare(const Load& load, std::string& why) {
     return true;
 }
 
-// The number of system calls of a child process between two stops that the child makes.
-std::optional<long> calls_between_stops(pid_t child) {
-    int status = 0;
-    if (::waitpid(child, &status, 0) != child || !WIFSTOPPED(status)) return std::nullopt;
-    (void)::ptrace(PTRACE_SETOPTIONS, child, nullptr, PTRACE_O_TRACESYSGOOD);
-    long stops = 0;
-    for (;;) {
-        if (::ptrace(PTRACE_SYSCALL, child, nullptr, nullptr) != 0) return std::nullopt;
-        if (::waitpid(child, &status, 0) != child || WIFEXITED(status)) return std::nullopt;
-        if (!WIFSTOPPED(status)) continue;
-        if (WSTOPSIG(status) == SIGSTOP) return stops / 2;  // one stop at the entry of a call, one at the exit
-        if (WSTOPSIG(status) == (SIGTRAP | 0x80)) ++stops;
-    }
-}
-
-// System calls for this number of cycles, counted in a traced child process; negative when tracing is not possible.
-long count_calls(const Load& load, unsigned cycles) {
-    const pid_t child = ::fork();
-    if (child == 0) {
+// System calls per cycle; negative when nothing could be counted.
+double calls_with(const Load& load) {
+    return calls_per_cycle([&load]() -> std::function<bool()> {
+        auto near = std::make_shared<Near>();
         std::string why;
-        Near near;
-        if (!near.open(load, why) || ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) ::_exit(1);
-        (void)::raise(SIGSTOP);
-        for (unsigned n = 0; n < cycles; ++n)
-            if (!near.cycle()) ::_exit(1);
-        (void)::raise(SIGSTOP);
-        near.far.reset();
-        ::_exit(0);
-    }
-    const auto calls = calls_between_stops(child);
-    (void)::kill(child, SIGKILL);
-    (void)::waitpid(child, nullptr, 0);
-    return calls.value_or(-1);
-}
-
-// System calls per cycle, the difference of two runs; negative when nothing could be counted.
-double calls_per_cycle(const Load& load) {
-    constexpr unsigned kCycles = 500;
-    const long once = count_calls(load, kCycles);
-    const long twice = count_calls(load, 2 * kCycles);
-    return once < 0 || twice < 0 ? -1 : static_cast<double>(twice - once) / kCycles;
+        if (!near->open(load, why)) return {};
+        return [near] { return near->cycle(); };
+    });
 }
 
 constexpr Load kSmall{1, 16};
@@ -165,7 +130,7 @@ int main(int argc, char** argv) {
         std::printf("nothing was measured: %s\n", why.c_str());
         return kSkipped;
     }
-    const double calls = calls_per_cycle(kSmall);
+    const double calls = calls_with(kSmall);
     if (argc == 2 && std::strcmp(argv[1], "check") == 0) {
         if (calls < 0) {
             std::printf("nothing was counted: no cable, or no permission to watch a process\n");

@@ -44,7 +44,7 @@ const std::set<std::string>& timeless_layers() {
 const std::set<std::string>& library_layers() {
     static const auto names = [] {
         auto all = timeless_layers();
-        all.insert({"osal/linux", "osal/posix", "oshw/linux", "oshw/pcap"});
+        all.insert({"osal/linux", "osal/posix", "oshw/linux", "oshw/xdp", "oshw/pcap"});
         return all;
     }();
     return names;

@@ -25,6 +25,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"osal/freertos", {"osal", "util"}},
         {"oshw", {"nic contract", "osal contract", "wire"}},
         {"oshw/linux", {"oshw"}},
+        {"oshw/xdp", {"oshw/linux"}},
         {"oshw/pcap", {"oshw"}},
         {"oshw/lan9118", {"oshw"}},
         {"oshw/filters", {"oshw"}},
@@ -36,7 +37,8 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
         {"source",
-         {"files", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/pcap", "oshw/filters", "oshw/simulated"}},
+         {"files", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/xdp", "oshw/pcap", "oshw/filters",
+          "oshw/simulated"}},
         {"compat", {"source", "wire"}},
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
@@ -79,10 +81,12 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
     if (begins("fmt/") || begins("CLI/") || begins("nlohmann/") || begins("toml++/"))
         return leaf ? "" : "belongs to samples/ and test/ only";
     if (begins("pcap")) return layer == "oshw/pcap" ? "" : "belongs to oshw/pcap/ only";
+    if (begins("xdp/") || begins("bpf/"))
+        return layer == "oshw/xdp" || layer == "test" ? "" : "belongs to oshw/xdp/ only";
     if (begins("pugixml")) return layer == "files" ? "" : "belongs to src/files/ only";
     if (layer == "compat") return "";
     if (leaf || layer == "files" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" ||
-        layer == "oshw/pcap")
+        layer == "oshw/xdp" || layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
     if (freestanding_headers().count(header) != 0) return "";

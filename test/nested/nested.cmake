@@ -67,6 +67,10 @@ if(TARGET margay_files)
   add_test(NAME install/consumer_of_files_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_files)
   set_tests_properties(install/consumer_of_files_runs PROPERTIES FIXTURES_REQUIRED consumer)
 endif()
+if(TARGET margay_xdp)
+  add_test(NAME install/consumer_of_xdp_runs COMMAND ${PROJECT_BINARY_DIR}/nested/install_consumer_builds/consumer_xdp)
+  set_tests_properties(install/consumer_of_xdp_runs PROPERTIES FIXTURES_REQUIRED consumer)
+endif()
 
 # The installation in another place.
 foreach(check pkg_config component programs)
