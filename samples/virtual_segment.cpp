@@ -23,7 +23,9 @@ int main(int argc, char** argv) {
                         "it runs; \"help\" lists them. SIGUSR1 breaks the last cable, SIGUSR2 reconnects all cables.");
     ServerOptions options;
     std::string description;
-    arguments.positional("IFNAME", options.interface, "network interface, or the name of the TAP device with --tap");
+    arguments.positional("IFNAME", options.interface,
+                         "network interface, or the name of the TAP device with --tap; two with '+' between "
+                         "them at both ends of a ring");
     arguments.positional("SEGMENT", description,
                          "ready-made segment (demo, drives), segment description (FILE.toml), or SII images separated "
                          "by commas");

@@ -22,6 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 constexpr Duration kSilence = 2s;     // a master that sends again after such a pause is reported again
 constexpr Duration kStateLook = 5ms;  // interval for the detection of state changes
+constexpr Duration kLinkLook = 10ms;  // interval for the detection of cables that are out
 constexpr std::size_t kMaxMasters = 64;
 
 }  // namespace
@@ -40,20 +41,15 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     if (!loaded) return loaded.error();
     simulated_ = loaded.take();
     quiet_ = options.quiet;
-    if (options.tap) {
-        if (const auto problem = tap_.open(options.interface); !problem.empty()) return problem;
-        nic_ = &tap_;
-    } else {
-        if (!packet_.open(options.interface, PacketNic::Side::segment)) return std::string(packet_.problem());
-        nic_ = &packet_;
-    }
+    if (const auto problem = open_ends(options); !problem.empty()) return problem;
     if (!options.ports.empty())
         if (auto problem = ports_.open(*simulated_, options.ports); !problem.empty()) return problem;
     if (!options.record.empty()) {
-        auto& recorder = recorder_.emplace(*nic_, osal_);
+        if (end_count_ > 1) return "--record: two interfaces cannot be recorded yet";
+        auto& recorder = recorder_.emplace(*ends_[0].nic, osal_);
         const auto epoch = std::chrono::system_clock::now().time_since_epoch() - osal_.now().time_since_epoch();
         if (!recorder.open(options.record, std::chrono::duration_cast<Duration>(epoch))) return recorder.problem();
-        nic_ = &recorder;
+        ends_[0].nic = &recorder;
     }
     sigset_t set;
     sigemptyset(&set);
@@ -68,8 +64,50 @@ std::string SegmentServer::open(const std::string& description, const ServerOpti
     return {};
 }
 
+// Opens one interface, or two with '+' between their names. A ring whose second interface is not given is served with
+// that cable out.
+std::string SegmentServer::open_ends(const ServerOptions& options) {
+    const auto plus = options.interface.find('+');
+    ends_[0].name = options.interface.substr(0, plus);
+    end_count_ = plus == std::string::npos ? 1 : 2;
+    const bool ring = simulated_->segment.master_link(1);
+    if (end_count_ == 2) {
+        ends_[1].name = options.interface.substr(plus + 1);
+        if (ends_[0].name.empty() || ends_[1].name.empty())
+            return fmt::format("'{}': the name of an interface is missing beside '+'", options.interface);
+        if (ends_[0].name == ends_[1].name)
+            return fmt::format("'{}': both interfaces are the same, a ring needs two", options.interface);
+        if (!ring) return "the segment has one end: two interfaces need a description with 'ring'";
+    } else if (ring) {
+        simulated_->segment.set_master_cable(1, false);
+        say("the cable at the second end of the ring is out: no second interface is given (IFNAME+IFNAME)");
+    }
+    for (End& end : std::span(ends_).first(end_count_)) {
+        if (options.tap) {
+            if (auto problem = end.tap.open(end.name); !problem.empty()) return problem;
+            end.nic = &end.tap;
+        } else {
+            if (!end.packet.open(end.name, PacketNic::Side::segment)) return std::string(end.packet.problem());
+            end.nic = &end.packet;
+        }
+    }
+    return {};
+}
+
+// At a port without a link a slave returns the frames to the other side of the ring.
+void SegmentServer::look_at_links() {
+    for (unsigned n = 0; n < end_count_; ++n) {
+        const bool linked = ends_[n].nic->link_state() != LinkState::down;
+        if (linked == ends_[n].linked) continue;
+        ends_[n].linked = linked;
+        simulated_->segment.set_master_cable(n, linked);
+        say(fmt::format("{}: the cable is {}", ends_[n].name, linked ? "plugged in" : "out"));
+    }
+}
+
 bool SegmentServer::run() {
     Time next_look = quiet_ ? kNever : osal_.now();
+    Time next_links = end_count_ > 1 ? osal_.now() : kNever;
     while (!output_lost()) {
         const Time now = osal_.now();
         simulated_->segment.advance(now);
@@ -77,20 +115,27 @@ bool SegmentServer::run() {
             print_states();
             next_look = now + kStateLook;
         }
-        files_.assign(
-            {{nic_->wait_handle(), POLLIN, 0}, {signals_, POLLIN, 0}, {commands_open_ ? STDIN_FILENO : -1, POLLIN, 0}});
+        if (now >= next_links) {
+            look_at_links();
+            next_links = now + kLinkLook;
+        }
+        files_.assign({{ends_[0].nic->wait_handle(), POLLIN, 0},
+                       {end_count_ > 1 ? ends_[1].nic->wait_handle() : -1, POLLIN, 0},
+                       {signals_, POLLIN, 0},
+                       {commands_open_ ? STDIN_FILENO : -1, POLLIN, 0}});
         ports_.add_files(files_);
-        const Duration wait =
-            std::clamp<Duration>(std::min(simulated_->segment.next_event(), next_look) - now, 0ns, 100ms);
+        const Time next = std::min({simulated_->segment.next_event(), next_look, next_links});
+        const Duration wait = std::clamp<Duration>(next - now, 0ns, 100ms);
         const timespec timeout{0, static_cast<long>(wait.count())};
         if (::ppoll(files_.data(), files_.size(), &timeout, nullptr) < 0 && errno != EINTR) {
             say(fmt::format("waiting failed: {}", std::strerror(errno)));
             return false;
         }
-        if (files_[0].revents != 0) serve();
+        for (unsigned n = 0; n < end_count_; ++n)
+            if (files_[n].revents != 0) serve(n);
         ports_.serve(osal_.now());
-        if (files_[1].revents != 0 && handle_signal()) break;
-        if (files_[2].revents != 0 && read_commands()) break;
+        if (files_[2].revents != 0 && handle_signal()) break;
+        if (files_[3].revents != 0 && read_commands()) break;
     }
     say(fmt::format("{} frames answered, {} lost in the segment", answered_, lost_));
     if (recorder_ && !recorder_->close()) {
@@ -100,22 +145,22 @@ bool SegmentServer::run() {
     return true;
 }
 
-void SegmentServer::serve() {
+void SegmentServer::serve(unsigned port) {
     std::array<std::byte, 1600> buffer;
-    while (const auto size = nic_->receive(buffer)) {
+    while (const auto size = ends_[port].nic->receive(buffer)) {
         const auto frame = MutableBytes(buffer).first(size);
         if (size < wire::kEthernetHeaderBytes) continue;
         look(frame);
-        const auto passage = simulated_->segment.process(frame, osal_.now());
-        if (!passage.returned) {
+        const auto passage = simulated_->segment.process(frame, osal_.now(), port);
+        if (!passage.returned || passage.master_port >= end_count_) {
             ++lost_;
             continue;
         }
-        const auto sent = nic_->send(frame);
-        if (sent == SendStatus::sent)
+        Nic& out = *ends_[passage.master_port].nic;
+        if (out.send(frame) == SendStatus::sent)
             ++answered_;
         else
-            say(fmt::format("an answer could not be sent: {}", std::strerror(nic_->last_error())));
+            say(fmt::format("an answer could not be sent: {}", std::strerror(out.last_error())));
     }
 }
 

@@ -9,6 +9,7 @@
 #include "oshw/linux/packet_nic.hpp"
 #include "oshw/pcap/recorder.hpp"
 
+#include <array>
 #include <map>
 #include <optional>
 #include <string>
@@ -16,7 +17,7 @@
 namespace margay::samples {
 
 struct ServerOptions {
-    std::string interface {};
+    std::string interface {};  // or two, with '+' between their names: both ends of a ring
     bool tap = false;
     std::string record{};
     std::string ports{};  // TAP devices of the Ethernet ports of devices have this prefix; empty: there are none
@@ -33,7 +34,18 @@ class SegmentServer {
     [[nodiscard]] bool run();
 
   private:
-    void serve();
+    // The interface at one end of the segment.
+    struct End {
+        PacketNic packet;
+        TapNic tap;
+        Nic* nic = nullptr;
+        std::string name{};
+        bool linked = true;
+    };
+
+    [[nodiscard]] std::string open_ends(const ServerOptions& options);
+    void look_at_links();
+    void serve(unsigned port);
     void look(std::span<const std::byte> frame);
     void print_states();
     bool read_commands();
@@ -42,12 +54,11 @@ class SegmentServer {
 
     LinuxOsal osal_;
     std::unique_ptr<SimulatedSegment> simulated_;
-    PacketNic packet_;
-    TapNic tap_;
+    std::array<End, 2> ends_;
+    unsigned end_count_ = 0;
     OuterPorts ports_;
     std::vector<pollfd> files_;
     std::optional<PcapRecorder> recorder_;
-    Nic* nic_ = nullptr;
     int signals_ = -1;
     bool quiet_ = false;
     bool commands_open_ = true;

@@ -90,6 +90,11 @@ void Segment::set_cable(PortRef end, bool intact) {
     update_all_ports();
 }
 
+void Segment::set_master_cable(unsigned master_port, bool intact) {
+    const Cable& cable = masters_[master_port];
+    if (cable.peer == Peer::slave) set_cable(cable.to, intact);
+}
+
 void Segment::set_noise(const Noise& noise) {
     noise_ = noise;
     random_ = noise.seed * 0x9E3779B97F4A7C15u + 1;

@@ -71,6 +71,7 @@ class Segment {
 
     // --- Faults ---
     void set_cable(PortRef end, bool intact);  // breaks or repairs the wire
+    void set_master_cable(unsigned master_port, bool intact);
     void set_power(std::uint32_t slave, bool on, Time now);
     void set_noise(const Noise& noise);
     [[nodiscard]] const Noise& noise() const { return noise_; }

@@ -199,6 +199,65 @@ TEST_F(VirtualSegmentTest, ServesATapDevice) {
     EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
 }
 
+// A ring: a master with two interfaces at one side, virtual_segment with two interfaces at the other.
+struct VirtualRingTest : VirtualSegmentTest {
+    const std::string both = std::string(Cable::kMaster) + "+ecat-m2";
+    const std::string both_ends = std::string(Cable::kSegment) + "+ecat-s2 ";
+
+    void SetUp() override {
+        VirtualSegmentTest::SetUp();
+        if (IsSkipped()) return;
+        const auto& master = cable.master_namespace();
+        ASSERT_TRUE(
+            cable.ip(master, "link add ecat-m2 type veth peer name ecat-s2 netns " + cable.segment_namespace()));
+        ASSERT_TRUE(cable.ip(master, "link set ecat-m2 up"));
+        ASSERT_TRUE(cable.ip(cable.segment_namespace(), "link set ecat-s2 up"));
+        std::ofstream(file("ring.toml")) << "ring = { slave = \"last\", port = 1 }\n"
+                                            "[[slave]]\ndevice = \"junction\"\ncount = 3\n"
+                                            "[[slave]]\nname = \"last\"\ndevice = \"digital_io_16\"\n";
+    }
+};
+
+TEST_F(VirtualRingTest, AMasterWithTwoInterfacesFindsAllSlavesWithAnyCableOut) {
+    Child segment(cable.segment_namespace(), serve(both_ends + file("ring.toml")));
+    ASSERT_TRUE(segment.says("serving 4 slaves on", 10s)) << segment.errors();
+    const auto found = [&] { return run_master({kSlaveinfo, both, "--take-over"}); };
+    EXPECT_NE(found().find("4 slaves found"), std::string::npos);
+    command("break 3");
+    ASSERT_TRUE(segment.says("3", 10s));
+    EXPECT_NE(found().find("4 slaves found"), std::string::npos);
+    command("heal all");
+    ASSERT_TRUE(cable.ip(cable.segment_namespace(), "link set ecat-s2 down"));
+    ASSERT_TRUE(segment.says("ecat-s2: the cable is out", 10s));
+    EXPECT_NE(found().find("4 slaves found"), std::string::npos);
+    ASSERT_TRUE(cable.ip(cable.segment_namespace(), "link set ecat-s2 up"));
+    ASSERT_TRUE(segment.says("ecat-s2: the cable is plugged in", 10s));
+    EXPECT_NE(run_master({kSimpleIo, both, "--take-over", "--cycles", "200"}).find("OP"), std::string::npos);
+    command("quit");
+    EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
+}
+
+TEST_F(VirtualRingTest, OneInterfaceServesARingWithTheOtherCableOut) {
+    Child segment(cable.segment_namespace(), serve(std::string(Cable::kSegment) + " " + file("ring.toml")));
+    ASSERT_TRUE(segment.says("second end of the ring is out", 10s)) << segment.errors();
+    EXPECT_NE(run_master({kSlaveinfo, Cable::kMaster}).find("4 slaves found"), std::string::npos);
+    command("quit");
+    EXPECT_EQ(segment.wait(10s), 0) << segment.errors();
+}
+
+TEST_F(VirtualRingTest, WhatIsWrongIsTold) {
+    const auto told = [&](const std::string& arguments) {
+        Child child(cable.segment_namespace(), serve(arguments));
+        EXPECT_EQ(child.wait(20s), 3) << child.output();
+        return child.errors();
+    };
+    EXPECT_NE(told(both_ends + "demo").find("the segment has one end"), std::string::npos);
+    EXPECT_NE(told("ecat-s2+ecat-s2 " + file("ring.toml")).find("both interfaces are the same"), std::string::npos);
+    EXPECT_NE(told("ecat-s2+ " + file("ring.toml")).find("missing beside '+'"), std::string::npos);
+    EXPECT_NE(told(both_ends + file("ring.toml") + " --record " + file("two.pcap")).find("cannot be recorded yet"),
+              std::string::npos);
+}
+
 TEST_F(VirtualSegmentTest, WhatIsWrongIsTold) {
     const auto told = [&](const std::string& arguments) {
         Child child(cable.segment_namespace(), serve(arguments));
