@@ -5,6 +5,7 @@
 #include "network/entries.hpp"
 #include "network/expectation.hpp"
 #include "network/hooks.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
@@ -184,6 +185,7 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     network.marks(slave).from_boot |= now.state == AlState::boot;
     slave.al = now;
+    update_mailbox(network, slave);
 }
 
 Task<Result<>> restart(Network& network, Slave& slave) {
