@@ -196,9 +196,10 @@ void MailboxChannel::end_exchanges(Errc why) {
     ++epoch_;
     cut_by_ = why;
     pump_.end();
-    const Error ended{.code = why, .step = Step::mailbox_send, .slave = number_};
-    for (List<MailTurn>* list : {&queue_, &awaiting_})
-        while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), ended);
+    Error ended{.code = why, .step = Step::mailbox_receive, .slave = number_};
+    while (MailTurn* turn = awaiting_.front()) finish(static_cast<MailExchange&>(*turn), ended);
+    ended.step = Step::mailbox_send;
+    while (MailTurn* turn = queue_.front()) finish(static_cast<MailExchange&>(*turn), ended);
     while (MailTurn* turn = tickets_.pop_front()) {
         auto& session = static_cast<MailSession&>(*turn);
         session.error_ = ended;
