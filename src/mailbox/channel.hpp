@@ -57,6 +57,8 @@ class MailboxChannel {
     // Also deletes everything known about the slave: another slave may be there from now on.
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
+    // Since forget(): the slave has a mailbox that works, though it may be closed now.
+    [[nodiscard]] bool was_open() const { return was_open_; }
     // The slave does not answer any more: ends all exchanges and waiting sessions with Errc::missing_slave. The channel
     // stays open, but refuses messages and looks for no mail until resume(): another device may get this address.
     void interrupt();
@@ -185,6 +187,7 @@ class MailboxChannel {
 
     // A context has a channel for each slave, so the members are in the order of their sizes.
     bool open_ = false;
+    bool was_open_ = false;
     bool away_ = false;  // interrupted
     bool dozing_ = false;
     std::uint8_t status_bit_ = 0;

@@ -155,6 +155,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     number_ = station.number;
     info_ = info;
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
+    was_open_ |= open_;
     counts_ = true;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
@@ -165,6 +166,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
 
 void MailboxChannel::forget() {
     close();
+    was_open_ = false;
     statistics_ = {};
     emergencies_.clear();
     no_complete_access = false;
