@@ -268,6 +268,8 @@ void write_argument(TextWriter& out, const Error& e) {
         out << " is " << e.actual << ", it must be 1 to " << e.expected;
     else if (argument == Argument::sii_words && e.expected != UINT32_MAX)
         out << ", which has " << e.expected << (e.expected == 1 ? " word" : " words");
+    else if (argument == Argument::mail_size && e.actual == 0)
+        out << " is empty";
     else if (argument == Argument::mail_size || argument == Argument::aoe_size)
         out << " is " << e.actual << " octets, at most " << e.expected << " are possible";
 }

@@ -94,11 +94,12 @@ enum class Errc : std::uint8_t {
     datagram_size,      // more data than a datagram can carry: it was not sent
     no_cycle,           // receive_processdata() was called, but no cycle is on the wire: send_processdata() was not
                         // called before it, or the cycle was received already
-    mailbox_closed,     // the mailbox was closed while a message waited: the slave starts up or was found by a new scan
-    reply_lost,         // the slave's reply was lost on the wire, and the slave cannot repeat it
-    entry_not_mapped,   // no exchanged PDO of the slave contains the entry (index, subindex; by place: index of the
-                        // assignment object, subindex: number of the PDO in it, detail: number of the entry in the PDO)
-    entry_direction,    // the entry is an input but an output was requested, or the reverse (place as above)
+    mailbox_closed,  // the mailbox was closed while a message waited: the slave is in INIT, starts up, or was found by
+                     // a new scan
+    reply_lost,      // the slave's reply was lost on the wire, and the slave cannot repeat it
+    entry_not_mapped,  // no exchanged PDO of the slave contains the entry (index, subindex; by place: index of the
+                       // assignment object, subindex: number of the PDO in it, detail: number of the entry in the PDO)
+    entry_direction,   // the entry is an input but an output was requested, or the reverse (place as above)
     entry_size,   // the type does not match the entry (place as above; expected: bits of the type, actual: bits of the
                   // entry)
     entry_type,   // the entry is a real number and the type is not, or the reverse (place as above; actual: CoE data

@@ -57,8 +57,19 @@ class MailboxChannel {
     // Also deletes everything known about the slave: another slave may be there from now on.
     void forget();
     [[nodiscard]] bool is_open() const { return open_; }
-    // Another number after each close().
+    // Since forget(): the slave has a mailbox that works, though it may be closed now.
+    [[nodiscard]] bool was_open() const { return was_open_; }
+    // The slave does not answer any more: ends all exchanges and waiting sessions with Errc::missing_slave. The channel
+    // stays open, but refuses messages and looks for no mail until resume(): another device may get this address.
+    void interrupt();
+    // The slave is there again, and it is the same one. Mail from before is fetched before the first message is sent.
+    void resume();
+    // Open, and not interrupted.
+    [[nodiscard]] bool is_reachable() const { return open_ && !away_; }
+    // Another number after each close() and interrupt().
     [[nodiscard]] std::uint32_t epoch() const { return epoch_; }
+    // The error of a sequence that finds another epoch than that of its beginning.
+    [[nodiscard]] Errc cut_by() const { return cut_by_; }
 
     // Sends the message before all others, and repeats it for a second where frames are lost: it ends an operation in
     // the slave that was given up. The channel keeps a copy of at most kFinalBytes octets. Without memory for the
@@ -136,6 +147,7 @@ class MailboxChannel {
     [[nodiscard]] bool try_enter(MailSession& session);
     void wait_turn(MailSession& session);
     void leave(MailSession& session);
+    void end_exchanges(Errc why);
 
     // channel.cpp: the pump
     Task<Result<>> pump();
@@ -165,6 +177,7 @@ class MailboxChannel {
     // channel_dispatch.cpp: received mail
     void receive_mail(Bytes mailbox);
     void dispatch(const wire::MailboxMessage& mail);
+    [[nodiscard]] bool answers(const wire::MailboxMessage& mail, std::uint16_t to);
     void malformed(const wire::MailboxHeader& header);
     void error_reply(Bytes data);
     [[nodiscard]] Time now() const { return engine_->now(); }
@@ -174,6 +187,8 @@ class MailboxChannel {
 
     // A context has a channel for each slave, so the members are in the order of their sizes.
     bool open_ = false;
+    bool was_open_ = false;
+    bool away_ = false;  // interrupted
     bool dozing_ = false;
     std::uint8_t status_bit_ = 0;
 
@@ -181,6 +196,7 @@ class MailboxChannel {
     bool resend_ = false;
     std::uint8_t out_counter_ = 0;  // of the last message that was sent
     std::uint8_t trial_counter_ = 0;
+    Errc cut_by_ = Errc::mailbox_closed;
     Errc last_failure_ = Errc::none;  // the reason why messages cannot be sent or mail cannot be fetched
 
     // Receiving.

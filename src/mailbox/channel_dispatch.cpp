@@ -25,20 +25,32 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
     // exchange.
     const std::uint16_t to = mail.header.address;
     if (to != 0 && to != address_.value) {
+        if (answers(mail, to)) return;
         ++(mailboxes_->route(*this, mail) ? statistics_.routed : statistics_.unexpected);
         return;
     }
     if (mail.header.type == wire::MailboxType::error) return error_reply(mail.data);
-    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
-        auto& exchange = static_cast<MailExchange&>(*turn);
-        if (exchange.type_ != mail.header.type) continue;
-        const MailClient::Taken taken = exchange.client_.accept(mail);
-        if (taken == MailClient::Taken::more) return prolong(exchange);
-        if (taken == MailClient::Taken::all) return finish(exchange, {});
-    }
+    if (answers(mail, 0)) return;
     if (mailboxes_->offer({.slave = number_, .type = mail.header.type, .data = mail.data, .at = now()})) return;
     ++statistics_.unexpected;
     owed_until_ = Time::min();  // most likely this was the late reply
+}
+
+// A slave answers to the address in the header of the message. `to`: 0, or the address that an exchange must have
+// named.
+bool MailboxChannel::answers(const wire::MailboxMessage& mail, std::uint16_t to) {
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
+        auto& exchange = static_cast<MailExchange&>(*turn);
+        if (exchange.type_ != mail.header.type || (to != 0 && exchange.options_.address != to)) continue;
+        const MailClient::Taken taken = exchange.client_.accept(mail);
+        if (taken == MailClient::Taken::no) continue;
+        if (taken == MailClient::Taken::more)
+            prolong(exchange);
+        else
+            finish(exchange, {});
+        return true;
+    }
+    return false;
 }
 
 // Mail longer than the mailbox, or empty: ends the oldest exchange of this type with an error.

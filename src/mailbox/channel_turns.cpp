@@ -19,9 +19,9 @@ MailExchange::~MailExchange() {
 
 bool MailExchange::await_suspend(std::coroutine_handle<> h) noexcept {
     const bool over = session_ != nullptr && !session_->holds();
-    if (over || !channel_.is_open()) {
+    if (over || !channel_.is_reachable()) {
         state_ = State::over;
-        error_.code = over ? Errc::mailbox_closed : Errc::wrong_state;
+        error_.code = over || channel_.is_open() ? channel_.cut_by() : Errc::wrong_state;
         return false;
     }
     state_ = State::queued;
@@ -92,8 +92,8 @@ MailSession::~MailSession() {
 bool MailSession::holds() const { return granted_ && epoch_ == channel_.epoch(); }
 
 bool MailSession::await_ready() noexcept {
-    if (!channel_.is_open()) {
-        error_.code = Errc::wrong_state;
+    if (!channel_.is_reachable()) {
+        error_.code = channel_.is_open() ? channel_.cut_by() : Errc::wrong_state;
         return true;
     }
     return channel_.try_enter(*this);
@@ -155,6 +155,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
     number_ = station.number;
     info_ = info;
     open_ = info.out_bytes > wire::kMailboxHeaderBytes && info.in_bytes > wire::kMailboxHeaderBytes;
+    was_open_ |= open_;
     counts_ = true;
     in_counter_ = out_counter_ = 0;
     silent_looks_ = 0;
@@ -165,6 +166,7 @@ void MailboxChannel::open(Mailboxes& mailboxes, const Station& station, Slave& s
 
 void MailboxChannel::forget() {
     close();
+    was_open_ = false;
     statistics_ = {};
     emergencies_.clear();
     no_complete_access = false;
@@ -173,15 +175,36 @@ void MailboxChannel::forget() {
 
 void MailboxChannel::close() {
     if (engine_ == nullptr) return;
-    open_ = false;
+    open_ = away_ = false;
+    end_exchanges(Errc::mailbox_closed);
+}
+
+void MailboxChannel::interrupt() {
+    if (!is_reachable()) return;
+    // The slave may have the message on the wire: the next one needs another counter.
+    if (sending_ != nullptr) out_counter_ = trial_counter_;
+    away_ = true;
+    end_exchanges(Errc::missing_slave);
+}
+
+void MailboxChannel::resume() {
+    if (!open_ || !std::exchange(away_, false)) return;
+    silent_looks_ = 0;
+    glance_ = true;
+    stale_ = kMostStale;
+}
+
+void MailboxChannel::end_exchanges(Errc why) {
     ++epoch_;
+    cut_by_ = why;
     pump_.end();
-    const Error closed{.code = Errc::mailbox_closed, .step = Step::mailbox_send, .slave = number_};
-    for (List<MailTurn>* list : {&queue_, &awaiting_})
-        while (MailTurn* turn = list->front()) finish(static_cast<MailExchange&>(*turn), closed);
+    Error ended{.code = why, .step = Step::mailbox_receive, .slave = number_};
+    while (MailTurn* turn = awaiting_.front()) finish(static_cast<MailExchange&>(*turn), ended);
+    ended.step = Step::mailbox_send;
+    while (MailTurn* turn = queue_.front()) finish(static_cast<MailExchange&>(*turn), ended);
     while (MailTurn* turn = tickets_.pop_front()) {
         auto& session = static_cast<MailSession&>(*turn);
-        session.error_ = closed;
+        session.error_ = ended;
         engine_->wake(session.timer_);
     }
     busy_types_ = 0;
@@ -220,20 +243,20 @@ Task<Result<>> MailboxChannel::deliver(FinalMessage message) {
     constexpr MailPriority kBeforeAll = 3;
     exchange.priority = kBeforeAll;
     const Error failed = co_await exchange;
-    if (failed.code != Errc::none && failed.code != Errc::mailbox_closed) co_return failed;
+    if (failed.code != Errc::none && failed.code != cut_by_) co_return failed;
     co_return Nothing{};
 }
 
 void MailboxChannel::send_final_message(wire::MailboxType type, Bytes data) {
     FinalMessage message{.type = type, .bytes = static_cast<std::uint8_t>(data.size())};
-    if (!open_ || data.size() > message.octets.size()) return;
+    if (!is_reachable() || data.size() > message.octets.size()) return;
     std::ranges::copy(data, message.octets.begin());
     const TaskReference task = deliver(message);
     if (task) (void)mailboxes_->tasks_.start(task);
 }
 
 void MailboxChannel::glance() {
-    if (!open_) return;
+    if (!is_reachable()) return;
     glance_ = true;
     look_at_ = now();
     watched_by_mailboxes_ = false;

@@ -33,7 +33,7 @@ Error misfit(MailboxChannel& channel, const SdoObject& object, Step step, Errc c
 // The accesses that together are one transfer: the mailbox was opened again since the first one.
 bool is_cut(const MailboxChannel& channel, std::uint32_t epoch) { return channel.epoch() != epoch; }
 Error cut_error(MailboxChannel& channel, const SdoObject& object, Step step) {
-    return misfit(channel, object, step, Errc::mailbox_closed, 0, 0);
+    return misfit(channel, object, step, channel.cut_by(), 0, 0);
 }
 
 Task<Result<std::uint8_t>> read_count(MailboxChannel& channel, std::uint16_t index, const MailPatience& patience) {

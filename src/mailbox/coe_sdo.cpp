@@ -65,7 +65,7 @@ Task<Result<>> run_transfer(MailboxChannel& channel, SdoTransfer& transfer, cons
             if (now >= patience.give_up) co_return complete({.code = Errc::timeout}, channel, transfer.object(), step);
             co_await channel.engine().sleep_until(std::min(patience.give_up, later(now, kUntilReady)));
             if (session.holds()) continue;
-            co_return complete({.code = Errc::mailbox_closed}, channel, transfer.object(), step);
+            co_return complete({.code = channel.cut_by()}, channel, transfer.object(), step);
         }
         if (transfer.over()) break;
         MailExchange exchange(session, transfer, {.patience = patience, .key = transfer.key()});

@@ -66,7 +66,7 @@ namespace {
 // Not in BOOT, and not when a scan has found another slave.
 bool carries_frames(const MailboxChannel& channel) {
     const Slave& slave = channel.slave();
-    return channel.is_open() && slave.al.state != AlState::boot &&
+    return channel.is_reachable() && slave.al.state != AlState::boot &&
            (slave.mailbox.protocols & mailbox_protocol::kEoE) != 0;
 }
 

@@ -70,7 +70,7 @@ Task<Result<>> transfer_file(MailboxChannel& channel, MailSession& session, FoeT
     BusySlave busy(transfer.request(), patience.give_up);
     unsigned again = 0;
     while (!transfer.over()) {
-        if (!session.holds()) co_return of_file({.code = Errc::mailbox_closed}, channel, step);
+        if (!session.holds()) co_return of_file({.code = channel.cut_by()}, channel, step);
         const bool ready = transfer.prepare();
         if (transfer.over()) break;
         if (!ready) {  // the application has no octets, or no room for octets, at present

@@ -119,7 +119,7 @@ MailClient::Taken FoeTransfer::wait_for_slave(Bytes data) {
 // ------------------------------------------------------------------ read
 
 FoeReadTransfer::FoeReadTransfer(FoeRead& request, ByteSink& sink, MutableBytes packet)
-    : FoeTransfer(request, Opcode::read, Opcode::data, packet), sink_(sink) {
+    : FoeTransfer(request, Opcode::read, Opcode::data, packet), sink_(sink), to_memory_(request.sink == nullptr) {
     number_ = 1;
 }
 
@@ -138,7 +138,8 @@ bool FoeReadTransfer::prepare() {
         const auto rest = Bytes(packet_).subspan(pushed_, filled_ - pushed_);
         const ByteSink::Taken taken = sink_.push(rest);
         if (taken.failure != 0) {
-            const bool full = taken.failure == MemorySink::kFull;
+            // A sink of the application may fail with any code; only the sink in memory is known to be full.
+            const bool full = to_memory_;
             fail({.code = full ? Errc::capacity : Errc::stream_failed, .detail = full ? 0 : taken.failure},
                  foe::ErrorCode::disk_full);
             return true;

@@ -92,7 +92,7 @@ class FoeTransfer : public MailClient {
 
 class FoeReadTransfer final : public FoeTransfer {
   public:
-    // `sink` outlives the transfer.
+    // `sink` outlives the transfer. Without a sink in the request, it is a MemorySink.
     FoeReadTransfer(FoeRead& request, ByteSink& sink, MutableBytes packet);
     [[nodiscard]] bool prepare() override;
 
@@ -103,6 +103,7 @@ class FoeReadTransfer final : public FoeTransfer {
 
     ByteSink& sink_;
     std::size_t pushed_ = 0;  // octets of the packet that the sink has accepted
+    bool to_memory_;          // `sink` is the memory of the request
     bool fresh_ = false;      // the packet has not been pushed as a whole
 };
 

@@ -48,7 +48,7 @@ void Mailboxes::look_for(const MailListener& listener) {
 }
 
 void MailboxChannel::look_once() {
-    if (!open_ || (pump_ && expecting())) return;
+    if (!is_reachable() || (pump_ && expecting())) return;
     if (bit_is_trusted() && !bit_is_set()) return;
     glance();
     silent_looks_ = kMostSilentLooks - 1;

@@ -44,6 +44,8 @@ Mailboxes::Mailboxes(Engine& engine, std::span<MailboxChannel> channels, std::sp
 Mailboxes::~Mailboxes() {
     close_all();
     listeners_.take_back(new_listeners_);
+    listeners_.take_back(last_listeners_);
+    next_listener_ = nullptr;
     while (MailListener* listener = listeners_.front()) unlisten(*listener);
 }
 
@@ -68,8 +70,13 @@ void Mailboxes::listen(MailListener& listener) {
     new_listeners_.push_back(listener);
 }
 
+void Mailboxes::listen_last(MailListener& listener) {
+    listener.mailboxes_ = this;
+    last_listeners_.push_back(listener);
+}
+
 void Mailboxes::unlisten(MailListener& listener) {
-    if (next_listener_ == &listener) next_listener_ = listeners_.after(listener);
+    if (next_listener_ == &listener) next_listener_ = asked_->after(listener);
     listener.mailboxes_ = nullptr;
     listener.unlink();
 }
@@ -85,8 +92,13 @@ bool Mailboxes::is_heard(std::uint16_t slave, MailboxType type) {
 // move to the end of the list would be asked without end.
 bool Mailboxes::offer(const UnaskedMail& mail) {
     listeners_.take_back(new_listeners_);
-    for (MailListener* listener = listeners_.front(); listener != nullptr; listener = next_listener_) {
-        next_listener_ = listeners_.after(*listener);
+    return offer_to(listeners_, mail) || offer_to(last_listeners_, mail);
+}
+
+bool Mailboxes::offer_to(List<MailListener>& listeners, const UnaskedMail& mail) {
+    asked_ = &listeners;
+    for (MailListener* listener = listeners.front(); listener != nullptr; listener = next_listener_) {
+        next_listener_ = listeners.after(*listener);
         const bool right =
             listener->type_ == mail.type && (listener->only_slave == 0 || listener->only_slave == mail.slave);
         if (right && listener->take(mail)) return true;
@@ -164,7 +176,7 @@ void Mailboxes::wake_channels(bool surely) {
     for (std::size_t n = 0; n < channels_.size() && at_once > 0; ++n) {
         MailboxChannel& channel = channels_[survey_];
         survey_ = (survey_ + 1) % channels_.size();
-        if (!channel.is_open() || channel.pump_) continue;
+        if (!channel.is_reachable() || channel.pump_) continue;
         channel.glance();
         --at_once;
     }
@@ -172,7 +184,7 @@ void Mailboxes::wake_channels(bool surely) {
 
 void Mailboxes::by_status_bits() {
     for (MailboxChannel& channel : channels_) {
-        if (!channel.is_open() || channel.pump_ || channel.status_octet_ == nullptr) continue;
+        if (!channel.is_reachable() || channel.pump_ || channel.status_octet_ == nullptr) continue;
         if (channel.bit_is_set()) channel.glance();
     }
 }
@@ -191,7 +203,7 @@ bool RoutingFeature::forward(Mailboxes& mailboxes, MailboxChannel& from, const w
 
 bool Mailboxes::forward_mail(MailboxChannel& from, const wire::MailboxMessage& mail) {
     const auto is_addressed = [&](const MailboxChannel& c) {
-        return c.is_open() && c.address_.value == mail.header.address;
+        return c.is_reachable() && c.address_.value == mail.header.address;
     };
     const auto to = std::ranges::find_if(channels_, is_addressed);
     if (to == channels_.end()) return false;

@@ -35,6 +35,8 @@ class Mailboxes {
 
     // Mail that no exchange takes is offered to the listeners of its slave and type, in the order of listen().
     void listen(MailListener& listener);
+    // The same, but it is asked after all listeners of the application, also after those that come later.
+    void listen_last(MailListener& listener);
     void unlisten(MailListener& listener);
     // Whether a listener for this slave alone takes mail of the type.
     [[nodiscard]] bool is_heard(std::uint16_t slave, MailboxType type);
@@ -71,6 +73,7 @@ class Mailboxes {
     void look_for(const MailListener& listener);
     [[nodiscard]] bool start_forward(MailboxChannel& to, MailboxChannel& from, const wire::MailboxMessage& mail);
     Task<Result<>> forward(MailboxChannel& to, MailboxChannel& from, wire::MailboxHeader header, MutableBytes message);
+    [[nodiscard]] bool offer_to(List<MailListener>& listeners, const UnaskedMail& mail);
     void ensure_watch();
     [[nodiscard]] std::size_t waiting() const;
     void wake_channels(bool surely);
@@ -83,8 +86,10 @@ class Mailboxes {
     TaskHandle watch_;
     Engine::Sleep::Timer nap_;
     List<MailListener> listeners_;
-    List<MailListener> new_listeners_;       // since the last mail
+    List<MailListener> new_listeners_;  // since the last mail
+    List<MailListener> last_listeners_;
     MailListener* next_listener_ = nullptr;  // the listener that offer() asks next
+    List<MailListener>* asked_ = nullptr;    // the list in which it is
     TaskHandle listening_;                   // look_for_listeners()
     std::uint8_t routing_ = 0;
     Crew tasks_;  // pumps, the watch, mail being forwarded

@@ -47,7 +47,7 @@ class RawListener final : public MailListener {
     RawListener(MailboxChannel& channel, RawMail& request)
         : MailListener(request.type), channel_(channel), request_(request) {
         only_slave = channel.station().number;
-        channel.mailboxes().listen(*this);
+        channel.mailboxes().listen_last(*this);
     }
     // Awaitable.
     bool await_ready() const noexcept { return false; }
@@ -98,9 +98,10 @@ Task<Result<>> await_raw(MailboxChannel& channel, RawMail& request, const MailPa
     constexpr Duration kLookEvery = std::chrono::milliseconds(1);
     RawListener listener(channel, request);
     const Time end = patience.for_one(channel.engine().now());
+    const std::uint32_t epoch = channel.epoch();
     while (!listener.arrived) {
         const Time now = channel.engine().now();
-        if (!channel.is_open()) co_return channel.station().error(Errc::mailbox_closed, Step::mailbox_receive);
+        if (channel.epoch() != epoch) co_return channel.station().error(channel.cut_by(), Step::mailbox_receive);
         if (now >= end) co_return channel.station().error(Errc::timeout, Step::mailbox_receive);
         channel.look_once();
         listener.until = std::min(end, now + kLookEvery);

@@ -117,7 +117,7 @@ Task<Result<>> soe_execute(MailboxChannel& channel, SoeTarget target, const Mail
     for (Duration pause = std::chrono::milliseconds(1);; pause = std::min(2 * pause, kLongestPause)) {
         // The slave has started again and does not execute the command any more.
         if (channel.epoch() != epoch)
-            co_return complete({.code = Errc::mailbox_closed}, channel, target, Step::soe_command);
+            co_return complete({.code = channel.cut_by()}, channel, target, Step::soe_command);
         auto read = co_await soe_read(channel, state, octets, patience);
         if (!read) co_return complete(read.error(), channel, target, Step::soe_command);
         seen = load_le<std::uint16_t>(octets);

@@ -111,7 +111,7 @@ void configure(const Slave& slave, const DriveBits& all, FoundSms& found) {
 }  // namespace
 
 Task<Result<bool>> find_sms_by_soe(MailboxChannel& channel, const Slave& slave, FoundSms& found) {
-    if (!channel.is_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
+    if (!channel.was_open() || (slave.mailbox.protocols & mailbox_protocol::kSoE) == 0) co_return false;
     DriveBits all;
     for (std::uint8_t drive = 0; drive < wire::soe::kDrives; ++drive) {
         const auto one = co_await required(drive_bits(channel, drive));

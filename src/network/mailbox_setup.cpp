@@ -33,4 +33,17 @@ void open_mailbox(Network& network, Slave& slave, const MailboxInfo& info) {
         network.mailbox(slave).open(network.mailboxes, network.station(slave), slave, info);
 }
 
+void update_mailbox(Network& network, const Slave& slave) {
+    if (!network.has_mailbox(slave)) return;
+    MailboxChannel& channel = network.mailbox(slave);
+    const AlState now = slave.al.state;
+    if (now == AlState::none) {
+        channel.interrupt();
+    } else if (now == AlState::init) {
+        if (channel.is_open()) channel.close();
+    } else if (now == AlState::boot || !network.marks(slave).was_away) {
+        channel.resume();
+    }
+}
+
 }  // namespace margay

@@ -14,6 +14,11 @@ using MailboxSyncManagers = std::array<std::byte, 2 * wire::reg::kSyncManagerStr
 // none is wanted.
 void open_mailbox(Network& network, Slave& slave, const MailboxInfo& info);
 
+// Call it when slave.al has changed, or the slave was proved to be the same one. In INIT the mailbox is closed. Mail to
+// a slave that does not answer ends with Errc::missing_slave, and none goes to its address until the slave is there
+// again and is the same one (SlaveMarks::was_away).
+void update_mailbox(Network& network, const Slave& slave);
+
 // Whether the slave has normal mailboxes that are to be used.
 [[nodiscard]] inline bool uses_mailbox(const Slave& slave) {
     return slave.mailbox.present() && !slave.config.no_mailbox;

@@ -1,6 +1,7 @@
 #include "network/members.hpp"
 
 #include "network/expectation.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/wanted.hpp"
 
 #include <algorithm>
@@ -102,6 +103,7 @@ bool head_is_there(const Network& network, std::uint8_t hot_connect) {
 }
 
 void leave_exchange(Network& network, Slave& lost) {
+    update_mailbox(network, lost);
     set_takes_part(network, lost, false);
     if (lost.wanted == nullptr || lost.wanted->hot_connect == 0) return;
     if (head_is_there(network, lost.wanted->hot_connect)) return;

@@ -30,8 +30,8 @@ void leave_counters(Network& network, Slave& slave);
 [[nodiscard]] bool head_is_there(const Network& network, std::uint8_t hot_connect);
 void await_slave(Network& network, Slave& slave);
 
-// Call it when a slave is lost, after slave.al is NONE: the slave does not take part. Without its head the whole hot
-// connect group may be missing.
+// Call it when a slave is lost, after slave.al is NONE: the slave does not take part, and mail to it ends. Without its
+// head the whole hot connect group may be missing.
 void leave_exchange(Network& network, Slave& lost);
 
 // Call it when a slave that was `unplaced` has no process data.

@@ -13,8 +13,9 @@
 namespace margay {
 namespace {
 
+// Also a mailbox that is closed because the slave has fallen to INIT: its sizes must not be guessed.
 bool has_mailbox(Network& network, const Slave& slave) {
-    return network.has_mailbox(slave) && network.mailbox(slave).is_open();
+    return network.has_mailbox(slave) && network.mailbox(slave).was_open();
 }
 
 bool has_dictionary(Network& network, const Slave& slave) {

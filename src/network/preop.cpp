@@ -36,6 +36,7 @@ Task<Result<>> bring_to_preop(Network& network, Slave& slave) {
     }
     auto seen = co_await read_al_status(station);
     update_al_status(slave.al, seen);
+    update_mailbox(network, slave);
     co_return state.error();
 }
 

@@ -5,6 +5,7 @@
 #include "network/entries.hpp"
 #include "network/expectation.hpp"
 #include "network/hooks.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
 #include "network/pdo_lists.hpp"
 #include "network/pdos.hpp"
@@ -191,6 +192,7 @@ void note_state(Network& network, Slave& slave, const AlStatus& now) {
     network.report({.kind = EventKind::state, .slave = slave.number, .before = slave.al, .now = now});
     if (now.state == AlState::boot) note_boot(network, slave);
     slave.al = now;
+    update_mailbox(network, slave);
 }
 
 Task<Result<>> restart(Network& network, Slave& slave) {

@@ -2,6 +2,7 @@
 
 #include "network/configure.hpp"
 #include "network/expectation.hpp"
+#include "network/mailbox_setup.hpp"
 #include "network/members.hpp"
 #include "network/newcomer.hpp"
 #include "network/recovery.hpp"
@@ -196,6 +197,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     if (slave.seen && !slave.held && slave.identity.revision != network.guest.identity.revision) revise(network, slave);
     slave.identity = network.guest.identity;
     network.marks(slave).unproved = false;
+    update_mailbox(network, slave);
     co_return Nothing{};
 }
 
@@ -317,8 +319,9 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
         network.marks(slave).was_away |= is_known(slave) && slave.al.state == AlState::none;
         if (seen && seen->state == AlState::boot) note_boot(network, slave);
         update_al_status(slave.al, seen);
-        if (slave.al.state != AlState::none) return;
-        leave_exchange(network, slave);
+        if (slave.al.state == AlState::none) return leave_exchange(network, slave);
+        // A sequence that starts the slave may have opened the mailbox since.
+        if (slave.al.state != AlState::init || !worked_on) update_mailbox(network, slave);
         return;
     }
     if (slave.al.state == AlState::none || network.marks(slave).in_use) return;
@@ -364,6 +367,7 @@ Task<Result<>> prove(Network& network, Slave& slave) {
     if (accept_revision(network, slave, same.error())) same = Nothing{};
     network.marks(slave).unproved &= !same.ok();
     network.marks(slave).was_away &= !same.ok();
+    if (same) update_mailbox(network, slave);
     if (slave.al.state >= AlState::preop && slave.al.state != AlState::boot)
         network.marks(slave).from_boot &= !same.ok();
     if (same.error().code != Errc::other_slave) co_return same;
@@ -403,6 +407,7 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
     }
     network.report({.kind = EventKind::found, .slave = slave.number, .before = slave.al, .now = now});
     slave.al = now;
+    update_mailbox(network, slave);
     network.marks(slave).attempts = 0;
     network.group_is_back |= is_head_of_group(network, slave);
     if (!mapped || now.state == AlState::init || !slave.seen) co_return Nothing{};

@@ -185,9 +185,11 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     if (!changed) {
         auto seen = co_await read_al_status(station);
         update_al_status(slave.al, seen);
+        update_mailbox(network, slave);
         co_return changed;
     }
     slave.al = *changed;
+    update_mailbox(network, slave);
     mailbox_starts(network, slave, which);
     if (network.boot != nullptr) network.boot->reached(network, slave, from, state);
     // After BOOT its new firmware is there now, and its identity with it.

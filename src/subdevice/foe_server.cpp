@@ -50,21 +50,33 @@ std::optional<MailboxErrorCode> FoeServer::receive(const wire::MailboxMessage& m
     return std::nullopt;
 }
 
+// A client repeats its request while the store is busy with the first packet (ETG.1000.6 "FoE busy").
+bool FoeServer::repeats_request(std::string_view name, std::uint32_t password) const {
+    return transfer_ == Transfer::read && packet_ == 1 && !sent_ && password == password_ &&
+           name == std::string_view(name_.data(), name_bytes_);
+}
+
 void FoeServer::open(bool write, Bytes data, Outbox& out, Time now) {
-    end();
-    std::array<char, 64> name{};
+    std::array<char, kNameBytes> name{};
     const auto body = data.subspan(foe::kHeaderBytes);
     const auto terminator = std::find(body.begin(), body.end(), std::byte{0});  // some clients send a terminating zero
-    const auto length = static_cast<std::size_t>(terminator - body.begin());
-    if (length > name.size()) return fail(FoeError::not_found, out);
-    std::transform(body.begin(), terminator, name.begin(), [](std::byte b) { return static_cast<char>(b); });
-    const FoeFile file{{name.data(), length}, Layout::password::load(data), state_};
+    const auto length = std::min(static_cast<std::size_t>(terminator - body.begin()), kNameBytes + 1);
+    std::transform(body.begin(), body.begin() + static_cast<std::ptrdiff_t>(std::min(length, kNameBytes)), name.begin(),
+                   [](std::byte b) { return static_cast<char>(b); });
+    const auto password = Layout::password::load(data);
+    if (!write && length <= kNameBytes && repeats_request({name.data(), length}, password)) return send_data(out, now);
+    end();
+    if (length > kNameBytes) return fail(FoeError::not_found, out);
+    const FoeFile file{{name.data(), length}, password, state_};
     const auto answer = write ? store_.open_to_write(file, now) : store_.open_to_read(file, now);
     if (!answer.goes()) return refuse(answer, out);  // after "busy" the client sends the request again
     transfer_ = write ? Transfer::write : Transfer::read;
     offset_ = last_bytes_ = 0;
     last_ = finishing_ = sent_ = false;
     packet_ = write ? 0 : 1;
+    name_ = name;
+    name_bytes_ = static_cast<std::uint8_t>(length);
+    password_ = password;
     if (write) {
         send_acknowledge(out);
     } else {

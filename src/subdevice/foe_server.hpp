@@ -62,7 +62,8 @@ class FoeStore {
   public:
     [[nodiscard]] virtual FoeAnswer open_to_read(const FoeFile& file, Time now) = 0;
     // Copies octets from `offset` on into `into` and their number into `bytes`. Fewer octets than into.size() mean end
-    // of file. The server may request the same offset twice.
+    // of file. The server may request the same offset twice. busy(): also for the first octets, for example while the
+    // file is loaded; the server asks for the same octets again and does not open the file again.
     [[nodiscard]] virtual FoeAnswer read(std::size_t offset, MutableBytes into, std::size_t& bytes, Time now) = 0;
 
     [[nodiscard]] virtual FoeAnswer open_to_write(const FoeFile& file, Time now) = 0;
@@ -92,6 +93,7 @@ class FoeServer final : public MailboxServer {
     enum class Transfer : std::uint8_t { none, read, write };
 
     void open(bool write, Bytes data, Outbox& out, Time now);
+    [[nodiscard]] bool repeats_request(std::string_view name, std::uint32_t password) const;
     void acknowledged(std::uint32_t packet, Outbox& out, Time now);
     void arrived(std::uint32_t packet, Bytes data, Outbox& out, Time now);
     void send_data(Outbox& out, Time now);
@@ -100,6 +102,8 @@ class FoeServer final : public MailboxServer {
     void fail(FoeError code, Outbox& out) { refuse(FoeAnswer::error(code), out); }
     void commit(Outbox& out, std::size_t bytes) { out.commit(wire::MailboxType::foe, bytes, address_); }
     void end();
+
+    static constexpr std::size_t kNameBytes = 64;
 
     FoeStore& store_;
     AlState state_ = AlState::init;
@@ -113,6 +117,10 @@ class FoeServer final : public MailboxServer {
     bool finishing_ = false;         // all data are written, but the store is still busy
     bool written_ = false;           // the last transfer has written its file: its last packet may come again
     std::uint16_t address_ = 0;
+    // The request to read that has begun the transfer.
+    std::uint32_t password_ = 0;
+    std::uint8_t name_bytes_ = 0;
+    std::array<char, kNameBytes> name_{};
 };
 
 }  // namespace margay::subdevice

@@ -83,7 +83,9 @@ std::string_view to_text(Errc code) {
         case Errc::no_cycle:
             return "no cycle is on the wire: call send_processdata() before each receive_processdata()";
         case Errc::mailbox_closed:
-            return "the mailbox was closed while the message waited, because the slave is started or found anew";
+            return "the mailbox was closed while the message waited, because the slave has gone to INIT, is started or "
+                   "is "
+                   "found anew";
         case Errc::reply_lost: return "the reply was lost on the wire, and the slave does not have it any more";
         case Errc::entry_not_mapped: return "no PDO that the slave exchanges has this entry";
         case Errc::entry_direction: return "the direction of the entry differs";

@@ -1,6 +1,6 @@
 // The FoE client without a bus: every octet of its messages, every reply, and replies that no slave should send.
-#include "mailbox/foe_bus.hpp"
 #include "mailbox/foe_transfer.hpp"
+#include "mailbox/foe_bus.hpp"
 
 namespace margay {
 namespace {
@@ -76,7 +76,7 @@ TEST(FoeTransferWrite, AFileOfWholePacketsAndAnEmptyOneEndWithAnEmptyPacket) {
         (void)composed(w.transfer);
         (void)acknowledge(w.transfer, 0);
         std::uint32_t number = 0;
-        for (; number < bytes / kRoom; ) {
+        for (; number < bytes / kRoom;) {
             EXPECT_EQ(composed(w.transfer).size(), foe::kHeaderBytes + kRoom);
             EXPECT_EQ(acknowledge(w.transfer, ++number), Taken::all);
             ASSERT_FALSE(w.transfer.over());
@@ -231,7 +231,8 @@ TEST(FoeTransferWrite, ASourceThatIsNotReadyOrFails) {
     FoeWriteTransfer cut(request, failing, packet);
     (void)composed(cut);
     (void)acknowledge(cut, 0);
-    while (!cut.prepare()) {}
+    while (!cut.prepare()) {
+    }
     EXPECT_TRUE(cut.over());
     EXPECT_EQ(cut.error().code, Errc::stream_failed);
     EXPECT_EQ(cut.error().detail, 28U);
@@ -336,9 +337,22 @@ TEST(FoeTransferRead, ASinkThatIsNotReadyOrFails) {
     FoeReadTransfer cut(request, failing, packet);
     (void)composed(cut);
     (void)answer(cut, foe_message(Opcode::data, 1, Bytes(content).first(kRoom)));
-    while (!cut.prepare()) {}
+    while (!cut.prepare()) {
+    }
     EXPECT_EQ(cut.error().code, Errc::stream_failed);
     EXPECT_EQ(cut.error().detail, 28U);
+
+    // Any number is one of the application.
+    struct Refusing final : ByteSink {
+        Taken push(Bytes) override { return {.failure = 0xFFFF'FFFF}; }
+    } refusing;
+    request.sink = &refusing;
+    FoeReadTransfer refused(request, refusing, packet);
+    (void)composed(refused);
+    (void)answer(refused, foe_message(Opcode::data, 1, Bytes(content).first(kRoom)));
+    EXPECT_TRUE(refused.prepare());
+    EXPECT_EQ(refused.error().code, Errc::stream_failed);
+    EXPECT_EQ(refused.error().detail, 0xFFFF'FFFFU);
 }
 
 }  // namespace

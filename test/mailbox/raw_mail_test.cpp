@@ -105,6 +105,70 @@ TEST_F(RawMailTest, WaitsForMailWithoutAMessage) {
     bus.run(scan);
 }
 
+// A slave answers to the address of the message.
+TEST_F(RawMailTest, TheAnswerToAnAddressIsTaken) {
+    std::uint16_t to = 0;
+    slave.on_mail = [&](const Mail& mail) {
+        slave.reply(mail_bytes({8}), kOwn, 0x3333);  // for somebody else
+        slave.reply(mail_bytes({1, 2}), kOwn, to != 0 ? to : wire::load_mailbox_header(mail).address);
+    };
+    const Mail message = mail_bytes({7});
+    for (const std::uint16_t address :
+         {std::uint16_t{0x2001}, std::uint16_t{0x7777}, std::uint16_t{0x1001}, std::uint16_t{1}}) {
+        RawMail gateway;
+        gateway.slave = 1;
+        gateway.type = kOwn;
+        gateway.address = address;
+        gateway.message = message;
+        gateway.answer = answer;
+        ASSERT_TRUE(submit(*bus.ctx, gateway).ok());
+        bus.run(gateway);
+        EXPECT_EQ(gateway.state(), RequestState::success) << bus.words(gateway.error());
+        EXPECT_EQ(gateway.bytes, 2U);
+        EXPECT_EQ(answer[1], std::byte{2});
+    }
+    EXPECT_EQ(mailbox_statistics(*bus.ctx, 1)->unexpected, 4U) << "the mail for somebody else";
+    // To another address than that of the message: no answer.
+    to = 0x2002;
+    RawMail gateway;
+    gateway.slave = 1;
+    gateway.type = kOwn;
+    gateway.address = 0x2001;
+    gateway.message = message;
+    gateway.answer = answer;
+    gateway.timeout = 50ms;
+    ASSERT_TRUE(submit(*bus.ctx, gateway).ok());
+    bus.run(gateway);
+    EXPECT_EQ(gateway.error().code, Errc::timeout);
+}
+
+TEST_F(RawMailTest, AWaitGetsOnlyWhatNoListenerTakesAlsoOfLaterListeners) {
+    struct Later final : MailListener {
+        Later() : MailListener(kOwn) {}
+        unsigned taken = 0;
+        bool takes = true;
+        bool take(const UnaskedMail&) override { return takes && ++taken != 0; }
+    } later;
+    RawMail wait;
+    wait.slave = 1;
+    wait.type = kOwn;
+    wait.answer = answer;
+    wait.timeout = 1s;
+    ASSERT_TRUE(submit(*bus.ctx, wait).ok());
+    bus.idle(5ms);
+    ASSERT_TRUE(listen(*bus.ctx, later).ok());
+    slave.reply(mail_bytes({1}), kOwn);
+    bus.idle(20ms);
+    EXPECT_EQ(later.taken, 1U);
+    EXPECT_TRUE(wait.busy());
+    later.takes = false;
+    slave.reply(mail_bytes({2}), kOwn);
+    bus.run(wait, 50ms);
+    EXPECT_EQ(wait.state(), RequestState::success);
+    EXPECT_EQ(answer[0], std::byte{2});
+    EXPECT_EQ(later.taken, 1U);
+}
+
 TEST_F(RawMailTest, WrongArgumentsAreRefusedInWords) {
     EXPECT_EQ(bus.words(ask(kOwn, Mail(27)).error()),
               "slave 1: sending to the mailbox: argument out of range: the mailbox message is 27 octets, at most "
@@ -116,7 +180,8 @@ TEST_F(RawMailTest, WrongArgumentsAreRefusedInWords) {
     EXPECT_EQ(ask(MailboxType{16}, Mail(4)).error().code, Errc::invalid_argument);
     RawMail nothing;
     nothing.slave = 1;
-    EXPECT_EQ(submit(*bus.ctx, nothing).error().code, Errc::invalid_argument);
+    EXPECT_EQ(bus.words(submit(*bus.ctx, nothing).error()),
+              "slave 1: sending to the mailbox: argument out of range: the mailbox message is empty");
     nothing.slave = 2;
     EXPECT_EQ(submit(*bus.ctx, nothing).error().code, Errc::unknown_slave);
     // A slave without a mailbox.

@@ -109,8 +109,8 @@ TEST_F(RequestTest, OutlivesItsContextAndARescan) {
     ASSERT_TRUE(config_init(*bus.ctx).ok());
     EXPECT_EQ(requests.front().error().code, Errc::mailbox_closed);
     EXPECT_EQ(bus.words(requests.front().error()),
-              "slave 1: SDO upload of 0x1008:0: the mailbox was closed while the message waited, because the slave is "
-              "started or found anew");
+              "slave 1: SDO upload of 0x1008:0: the mailbox was closed while the message waited, because the slave has "
+              "gone to INIT, is started or is found anew");
     submit_all(requests.size());
     SdoUpload never_seen;
     never_seen.slave = 1;

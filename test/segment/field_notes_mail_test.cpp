@@ -158,17 +158,22 @@ TEST_F(FieldNotesMail, ACapOnMappingEntriesIsNamed) {
     EXPECT_EQ(*SDOread<std::uint32_t>(ctx, 1, 0x1600, 8), 0x70000810U);
 }
 
-// In INIT the mailbox is not enabled: requests get this error until the slave is in PREOP.
+// In INIT the mailbox is not enabled. A master that knows the state refuses requests at once. Before it has read the
+// state, the working counter tells it.
 TEST_F(FieldNotesMail, AMailboxThatIsNotEnabledIsToldSo) {
     plug_odd({});
     start();
     ASSERT_TRUE(writestate(ctx, 1, AlState::init));
-    ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
+    cycles(20);
     const Time before = osal.now();
     const auto refused = SDOread<std::uint32_t>(ctx, 1, 0x1018, 2, 200ms);
     EXPECT_EQ(refused.error().code, Errc::mailbox_full) << words(refused.error());
     EXPECT_NE(words(refused.error()).find("not enabled in this AL state"), std::string::npos) << words(refused.error());
     EXPECT_LE(osal.now() - before, 250ms);
+    ASSERT_EQ(statecheck(ctx, 1, AlState::init, 1s)->state, AlState::init);
+    const Time known = osal.now();
+    EXPECT_EQ(SDOread<std::uint32_t>(ctx, 1, 0x1018, 2, 200ms).error().code, Errc::wrong_state);
+    EXPECT_EQ(osal.now(), known);
     ASSERT_TRUE(writestate(ctx, 1, AlState::preop));
     ASSERT_EQ(statecheck(ctx, 1, AlState::preop, 1s)->state, AlState::preop);
     EXPECT_EQ(*product(1), kProduct);

@@ -17,9 +17,10 @@ class Store final : public FoeStore {
   public:
     FoeAnswer open_to_read(const FoeFile& file, Time) override {
         last = {std::string(file.name), file.password, file.state};
+        ++opens;
         const auto found = files.find(last.name);
         if (found == files.end()) return FoeAnswer::error(FoeError::not_found, "no such file here");
-        if (file.password != password) return FoeAnswer::error(FoeError::no_rights);
+        if (password != 0 && file.password != password) return FoeAnswer::error(FoeError::no_rights);
         if (busy_opens > 0) return --busy_opens, FoeAnswer::busy(0, 0);
         content = found->second;
         return FoeAnswer::go();
@@ -68,6 +69,7 @@ class Store final : public FoeStore {
     int busy_finishes = 0;
     bool reject = false;
     int given_up = 0;
+    int opens = 0;  // to read
 };
 
 std::vector<std::byte> packet(Opcode opcode, std::uint32_t number, const std::vector<std::byte>& data = {}) {
@@ -226,6 +228,36 @@ TEST_F(FoeTest, BusyWhileReading) {
     expect(exchange(packet(Opcode::acknowledge, 1)), Opcode::data, 2);
     expect(exchange(packet(Opcode::busy, 0)), Opcode::data, 2);
     silent(packet(Opcode::acknowledge, 2));
+}
+
+// The store loads the file behind open_to_read(). The client repeats its request, and the file is not opened again.
+TEST_F(FoeTest, BusyWithTheFirstPacketAsLongAsTheStoreWants) {
+    store.files["f"] = pattern(kRoom + 1);
+    store.busy_reads = 5;
+    for (int n = 0; n < 5; ++n)
+        EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("f")))), Opcode::busy);
+    store.password = 7;  // only the first request is checked
+    EXPECT_EQ(store.opens, 1);
+    EXPECT_EQ(store.given_up, 0);
+    expect(exchange(packet(Opcode::read, 7, letters("f"))), Opcode::data, 1);
+    expect(exchange(packet(Opcode::acknowledge, 1)), Opcode::data, 2);
+    silent(packet(Opcode::acknowledge, 2));
+    // Another file, another password, or a write is another request.
+    store.files["g"] = pattern(1);
+    store.busy_reads = 1;
+    EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("f")))), Opcode::busy);
+    expect(exchange(packet(Opcode::read, 7, letters("g"))), Opcode::data, 1);
+    EXPECT_EQ(store.given_up, 1);
+    store.busy_reads = 1;
+    EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("f")))), Opcode::busy);
+    expect_error(exchange(packet(Opcode::read, 8, letters("f"))), FoeError::no_rights);
+    store.busy_reads = 1;
+    EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("f")))), Opcode::busy);
+    expect(exchange(packet(Opcode::write, 7, letters("f"))), Opcode::acknowledge, 0);
+    // Some clients acknowledge packet 0 in place of the request.
+    store.busy_reads = 1;
+    EXPECT_EQ(foe::Layout::opcode::load(exchange(packet(Opcode::read, 7, letters("g")))), Opcode::busy);
+    expect(exchange(packet(Opcode::acknowledge, 0)), Opcode::data, 1);
 }
 
 TEST_F(FoeTest, ALostAcknowledgeIsSaidAgain) {
