@@ -23,6 +23,7 @@
 
 #include <margay/al_state.hpp>
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <span>
@@ -342,13 +343,30 @@ class ObjectDictionary {
             constant(3, "Revision", d.revision), constant(4, "Serial number", d.serial)};
 }
 
-// Types of SM0 to SM3: 1 mailbox out, 2 mailbox in, 3 outputs, 4 inputs; 0 if the device does not use the sync manager.
-[[nodiscard]] constexpr std::array<Entry, 5> sync_manager_type_entries(const DeviceDescription& d) {
-    const auto type = [](std::uint8_t n, std::string_view name, bool present) {
-        return constant(n, name, static_cast<std::uint8_t>(present ? n : 0));
-    };
-    return {entry_count(4), type(1, "SubIndex 001", d.mailbox.present()), type(2, "SubIndex 002", d.mailbox.present()),
-            type(3, "SubIndex 003", d.outputs.present()), type(4, "SubIndex 004", d.inputs.present())};
+// The SyncManagers of a device: 4, or more when an area of process data has a higher number.
+[[nodiscard]] constexpr std::size_t sync_manager_count(const DeviceDescription& d) {
+    std::size_t count = 4;
+    for (const bool outputs : {true, false})
+        for_each_area(d, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            count = std::max(count, std::size_t{area.sync_manager} + 1);
+        });
+    return count;
+}
+
+// Types of the SyncManagers from SM0 on: 1 mailbox out, 2 mailbox in, 3 outputs, 4 inputs; 0 if the device does not use
+// the SyncManager. `Count` is sync_manager_count() of the description.
+template <std::size_t Count = 4>
+[[nodiscard]] constexpr std::array<Entry, Count + 1> sync_manager_type_entries(const DeviceDescription& d) {
+    std::array<Entry, Count + 1> entries{};
+    entries[0] = entry_count(static_cast<std::uint8_t>(Count));
+    for (std::size_t n = 1; n <= Count; ++n)
+        entries[n] = constant<std::uint8_t>(static_cast<std::uint8_t>(n), "SyncManager type", 0);
+    if (d.mailbox.present()) entries[1].initial = 1, entries[2].initial = 2;
+    for (const bool outputs : {true, false})
+        for_each_area(d, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            if (area.sync_manager < Count) entries[area.sync_manager + 1u].initial = outputs ? 3 : 4;
+        });
+    return entries;
 }
 
 }  // namespace margay::subdevice

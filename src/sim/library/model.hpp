@@ -117,7 +117,7 @@ struct CommonObjects {
     static constexpr std::array<subdevice::Entry, 1> kHardware{subdevice::text(0, "Hardware version", "1")};
     static constexpr std::array<subdevice::Entry, 1> kSoftware{subdevice::text(0, "Software version", "1.0")};
     static constexpr auto kIdentity = subdevice::identity_entries(Device);
-    static constexpr auto kSyncManagers = subdevice::sync_manager_type_entries(Device);
+    static constexpr auto kSyncManagers = subdevice::sync_manager_type_entries<subdevice::sync_manager_count(Device)>(Device);
     static constexpr auto kErrors = subdevice::kErrorHistoryEntries<Model::kErrorLines>;
     static constexpr auto kDiagnosis = subdevice::kDiagnosisEntries<Model::kDiagnosisLines>;
 
