@@ -54,7 +54,7 @@ struct Values {
 };
 
 constexpr auto kErrors = kErrorHistoryEntries<4>;
-constexpr Entry kDimming[] = {value<Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(0, 1000)};
+constexpr Entry kDimming[] = {value<Values::dimming>(0, "Dimming", od::kReadWrite, 1000).within(kLimits<0, 1000>)};
 constexpr Entry kSwitches[] = {value<Values::switches>(0, "Switches", od::kRead | od::kTxMappable)};
 constexpr Entry kLamps[] = {value<Values::lamps>(0, "Lamps", od::kReadWrite | od::kRxMappable)};
 

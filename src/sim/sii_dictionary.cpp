@@ -159,7 +159,7 @@ void SiiDictionary::add_mapped(const Mapped& mapped) {
         if (!variable) entries.push_back(subdevice::entry_count(by_subindex.rbegin()->first));
         for (const auto& [subindex, entry] : by_subindex)
             if (variable || subindex != 0) entries.push_back(entry);
-        const auto called = entries.back().name;
+        const std::string_view called = entries.back().name;
         add(index, called, std::move(entries));
     }
 }
@@ -189,7 +189,7 @@ std::vector<subdevice::Entry> SiiDictionary::list(const std::vector<std::uint32_
         const std::uint32_t value = n < values.size() ? values[n] : 0;
         auto number = std::to_string(n + 1);
         names_.push_back("SubIndex " + std::string(3 - number.size(), '0') + number);
-        auto entry = in_image(subindex, names_.back(), type, bits, access, value);
+        auto entry = in_image(subindex, names_.back().c_str(), type, bits, access, value);
         if (room == 0) {
             entry.storage = subdevice::Storage::constant;
             entry.access = od::kReadOnly;
@@ -199,8 +199,8 @@ std::vector<subdevice::Entry> SiiDictionary::list(const std::vector<std::uint32_
     return entries;
 }
 
-subdevice::Entry SiiDictionary::in_image(std::uint8_t subindex, std::string_view name, DataType type,
-                                         std::uint32_t bits, std::uint16_t access, std::uint64_t initial) {
+subdevice::Entry SiiDictionary::in_image(std::uint8_t subindex, const char* name, DataType type, std::uint32_t bits,
+                                         std::uint16_t access, std::uint64_t initial) {
     const Entry entry{.subindex = subindex,
                       .storage = subdevice::Storage::image,
                       .type = type,
@@ -213,12 +213,12 @@ subdevice::Entry SiiDictionary::in_image(std::uint8_t subindex, std::string_view
     return entry;
 }
 
-std::string_view SiiDictionary::name(sii::StringNumber number, std::string_view otherwise) {
+const char* SiiDictionary::name(sii::StringNumber number, const char* otherwise) {
     const auto text = sii::string(strings_, number);
     if (!text.ok() || text.value.empty()) return otherwise;
     std::array<char, 768> buffer{};
     names_.emplace_back(sii::to_utf8(text.value, buffer));
-    return names_.back();
+    return names_.back().c_str();
 }
 
 }  // namespace margay::sim

@@ -44,12 +44,13 @@ class Application {
     // have their initial values again. Called with the lock of EscAccess held.
     virtual void safe_outputs(Time now) { (void)now; }
 
-    // Current sizes in octets of process data that have no PDO assignment object (0x1C12, 0x1C13) in the dictionary.
-    // With an assignment object, its mapping determines the size. nullopt: the maximum sizes of the description.
+    // Current sizes in octets of process data that have no PDO assignment object (0x1C12, 0x1C13, in general 0x1C10 +
+    // number of the SyncManager) in the dictionary. With the assignment objects of all SyncManagers of a direction, the
+    // mapping determines the sizes. nullopt: the maximum sizes of the description.
     [[nodiscard]] virtual std::optional<ProcessDataSizes> process_data_sizes() { return std::nullopt; }
 
-    // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of SM2, pack_inputs() writes the
-    // inputs into the octets of SM3. Return false to use the PDO mapping instead.
+    // Replace the PDO mapping: unpack_outputs() reads the outputs from the octets of their SyncManagers, pack_inputs()
+    // writes the inputs into the octets of theirs. Return false to use the PDO mapping instead.
     virtual bool unpack_outputs(Bytes raw) {
         (void)raw;
         return false;

@@ -5,7 +5,9 @@
 
 #include <margay/time.hpp>
 
+#include <algorithm>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 namespace margay::subdevice {
@@ -31,18 +33,25 @@ struct MailboxPair {
     [[nodiscard]] constexpr bool present() const { return receive.size_bytes != 0 && send.size_bytes != 0; }
 };
 
-// One direction of process data.
+// The process data of one SyncManager.
 struct ProcessDataArea {
     std::uint8_t sync_manager = 0;  // normally 2 (outputs) and 3 (inputs) on devices with a mailbox
     std::uint16_t start = 0;
-    std::uint16_t max_bytes = 0;  // 0: the device has no process data in this direction
+    std::uint16_t max_bytes = 0;  // 0: the device has no such process data
     // Length in the SII when the application chooses the size at run time; 0: max_bytes.
     std::uint16_t sii_bytes = 0;
     bool three_buffers = true;       // false: mailbox mode, that is one buffer with handshake
     bool watchdog = false;           // outputs: the SII and the default control octet enable the watchdog trigger
     bool watchdog_required = false;  // outputs: SAFEOP is refused when the master has not enabled the watchdog
     [[nodiscard]] constexpr bool present() const { return max_bytes != 0; }
+    // The object with the PDO assignment of the SyncManager (ETG.1000.6 "Sync Manager PDO Assignment").
+    [[nodiscard]] constexpr std::uint16_t assignment() const {
+        return static_cast<std::uint16_t>(0x1C10u + sync_manager);
+    }
 };
+
+// A direction has at most this many areas in DeviceDescription::more_outputs or more_inputs.
+inline constexpr std::size_t kMostMoreAreas = 3;
 
 struct DcDescription {
     bool supported = false;
@@ -81,6 +90,12 @@ struct DeviceDescription {
     MailboxPair boot_mailbox{};  // if present, the device supports the state BOOT
     ProcessDataArea outputs{};
     ProcessDataArea inputs{};
+    // Devices with more than one SyncManager a direction: the areas besides `outputs` and `inputs`, at most
+    // kMostMoreAreas. In process images, the octets of the areas follow each other in this order. The last area of the
+    // outputs that has a length drives the device: its data start an update, its frames are counted. So a master that
+    // writes all areas in ascending order has written all of them when the update starts. OP needs data in each area.
+    std::span<const ProcessDataArea> more_outputs{};
+    std::span<const ProcessDataArea> more_inputs{};
     DcDescription dc{};
     Duration outputs_wait = std::chrono::milliseconds(200);  // SAFEOP→OP: longest wait for the first outputs and SYNC0
     // Watchdog of the stack on the outputs, in addition to the ESC's watchdog; zero: none
@@ -99,5 +114,23 @@ struct DeviceDescription {
     std::uint8_t drive_axes = 0;  // number of CiA 402 axes, written to the SII
     bool complete_access = true;
 };
+
+// Calls `visit(area, n)` for the areas of a direction that the device has. `n` is 0 for `outputs` or `inputs`, and the
+// place in `more_outputs` or `more_inputs` from 1 on.
+template <class Visit>
+constexpr void for_each_area(const DeviceDescription& device, bool outputs, Visit visit) {
+    const auto& first = outputs ? device.outputs : device.inputs;
+    if (first.present()) visit(first, std::size_t{0});
+    std::size_t n = 0;
+    for (const auto& area : outputs ? device.more_outputs : device.more_inputs)
+        if (++n <= kMostMoreAreas && area.present()) visit(area, n);
+}
+
+// The largest number of octets of all areas of a direction.
+[[nodiscard]] constexpr std::size_t most_bytes(const DeviceDescription& device, bool outputs) {
+    std::size_t bytes = 0;
+    for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) { bytes += area.max_bytes; });
+    return bytes;
+}
 
 }  // namespace margay::subdevice

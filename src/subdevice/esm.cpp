@@ -63,6 +63,7 @@ void Esm::control(std::uint16_t al_control, Time now) {
     device_id_ = (al_control & al::kDeviceIdentification) != 0 ? client_.device_id() : std::uint16_t{0};
     if (pending_ && to == transition_.to) return;  // this transition is already pending
     drop_pending();
+    const bool acknowledged = acknowledge && status_.error;
     if (acknowledge) {
         status_.error = false;
         status_.code = 0;
@@ -70,6 +71,7 @@ void Esm::control(std::uint16_t al_control, Time now) {
         return;
     }
     request(to, now);
+    if (acknowledged && pending_) write_status();  // a master that waits for the new state must not see the old error
 }
 
 void Esm::request(AlState to, Time now) {
@@ -168,19 +170,21 @@ void Esm::enable_sync_managers(Transition transition) {
         set_enabled(0, true);
         set_enabled(1, true);
     }
-    if (transition == Transition{AlState::preop, AlState::safeop})
-        for (const auto* area : {&device_.outputs, &device_.inputs})
-            if (area->present()) set_enabled(area->sync_manager, true);
+    if (transition == Transition{AlState::preop, AlState::safeop}) enable_process_data(true);
 }
 
 void Esm::disable_sync_managers(Transition transition) {
-    if (has_process_data(transition.from) && !has_process_data(transition.to))
-        for (const auto* area : {&device_.outputs, &device_.inputs})
-            if (area->present()) set_enabled(area->sync_manager, false);
+    if (has_process_data(transition.from) && !has_process_data(transition.to)) enable_process_data(false);
     if (!has_mailbox(transition.to) && has_mailboxes(device_)) {
         set_enabled(0, false);
         set_enabled(1, false);
     }
+}
+
+void Esm::enable_process_data(bool enabled) {
+    for (const bool outputs : {true, false})
+        for_each_area(device_, outputs,
+                      [&](const ProcessDataArea& area, std::size_t) { set_enabled(area.sync_manager, enabled); });
 }
 
 void Esm::set_enabled(std::uint8_t sync_manager, bool enabled) {

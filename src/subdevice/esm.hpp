@@ -8,6 +8,8 @@
 
 #include <margay/al_state.hpp>
 
+#include <array>
+
 namespace margay::subdevice {
 
 using wire::AlStatusCode;
@@ -43,9 +45,25 @@ class Verdict {
 // Sizes that the process data sync managers must have for the current mapping, or in `fault` the reason why the mapping
 // is invalid.
 struct ProcessDataSizes {
-    std::uint16_t outputs_bytes = 0;
-    std::uint16_t inputs_bytes = 0;
+    std::uint16_t outputs_bytes = 0;  // of DeviceDescription::outputs
+    std::uint16_t inputs_bytes = 0;   // of DeviceDescription::inputs
     AlStatusCode fault = AlStatusCode::none;
+    std::array<std::uint16_t, kMostMoreAreas> more_outputs_bytes{};  // of DeviceDescription::more_outputs
+    std::array<std::uint16_t, kMostMoreAreas> more_inputs_bytes{};
+
+    // The size of area `n`, which is counted as for_each_area() does.
+    [[nodiscard]] constexpr std::uint16_t& of(bool outputs, std::size_t n) {
+        if (n == 0) return outputs ? outputs_bytes : inputs_bytes;
+        return (outputs ? more_outputs_bytes : more_inputs_bytes)[n - 1];
+    }
+    [[nodiscard]] constexpr std::uint16_t of(bool outputs, std::size_t n) const {
+        return const_cast<ProcessDataSizes&>(*this).of(outputs, n);
+    }
+    [[nodiscard]] constexpr std::size_t all(bool outputs) const {
+        std::size_t bytes = 0;
+        for (std::size_t n = 0; n <= kMostMoreAreas; ++n) bytes += of(outputs, n);
+        return bytes;
+    }
 };
 
 // The parts of the device that the state machine calls. All calls come from Esm::step() and Esm::fall_back().
@@ -112,6 +130,7 @@ class Esm {
     void watch_sync_managers(Time now);
     void enable_sync_managers(Transition transition);
     void disable_sync_managers(Transition transition);
+    void enable_process_data(bool enabled);
     void set_enabled(std::uint8_t sync_manager, bool enabled);
     void write_status();
 

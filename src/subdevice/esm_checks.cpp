@@ -36,7 +36,6 @@ bool overlap(const SyncManager& a, const SyncManager& b) {
 
 AlStatusCode check_area(EscAccess& esc, const ProcessDataArea& area, std::uint16_t bytes, bool ecat_writes,
                         AlStatusCode otherwise) {
-    if (!area.present()) return AlStatusCode::none;
     const auto sm = read_sync_manager(esc, area.sync_manager);
     if (bytes == 0) return sm.enabled() && sm.length_bytes != 0 ? otherwise : AlStatusCode::none;
     if (!sm.enabled() || sm.length_bytes != bytes || sm.physical_start != area.start) return otherwise;
@@ -59,17 +58,25 @@ AlStatusCode check_mailboxes(EscAccess& esc, const MailboxPair& expected, AlStat
 
 AlStatusCode check_process_data(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
     if (sizes.fault != AlStatusCode::none) return sizes.fault;
-    const auto outputs =
-        check_area(esc, device.outputs, sizes.outputs_bytes, true, AlStatusCode::invalid_output_configuration);
-    if (outputs != AlStatusCode::none) return outputs;
-    return check_area(esc, device.inputs, sizes.inputs_bytes, false, AlStatusCode::invalid_input_configuration);
+    auto fault = AlStatusCode::none;
+    for (const bool outputs : {true, false}) {
+        const auto otherwise =
+            outputs ? AlStatusCode::invalid_output_configuration : AlStatusCode::invalid_input_configuration;
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
+            if (fault == AlStatusCode::none) fault = check_area(esc, area, sizes.of(outputs, n), outputs, otherwise);
+        });
+    }
+    return fault;
 }
 
 AlStatusCode check_watchdog(EscAccess& esc, const DeviceDescription& device, const ProcessDataSizes& sizes) {
-    if (!device.outputs.watchdog_required || sizes.outputs_bytes == 0) return AlStatusCode::none;
-    const auto sm = read_sync_manager(esc, device.outputs.sync_manager);
-    const auto time = read_register<std::uint16_t>(esc, reg::kProcessDataWatchdogTime.address);
-    const bool runs = (sm.control & wire::sm_control::kWatchdogTrigger) != 0 && time != 0;
+    bool runs = true;
+    for_each_area(device, true, [&](const ProcessDataArea& area, std::size_t n) {
+        if (!area.watchdog_required || sizes.of(true, n) == 0) return;
+        const auto sm = read_sync_manager(esc, area.sync_manager);
+        const auto time = read_register<std::uint16_t>(esc, reg::kProcessDataWatchdogTime.address);
+        runs = runs && (sm.control & wire::sm_control::kWatchdogTrigger) != 0 && time != 0;
+    });
     return runs ? AlStatusCode::none : AlStatusCode::invalid_watchdog_configuration;
 }
 

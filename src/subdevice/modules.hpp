@@ -55,7 +55,7 @@ struct ModuleValues {
 
 template <class V>
 [[nodiscard]] constexpr std::array<Entry, 2> configured_module_entries() {
-    return {value<typename V::configured_count>(0, "SubIndex 000", od::kReadWritePreop).within(0, V::slots),
+    return {value<typename V::configured_count>(0, "SubIndex 000", od::kReadWritePreop).within(kLimits<0, V::slots>),
             value<typename V::configured_first>(1, "Module ident", od::kReadWritePreop).times(V::slots)};
 }
 

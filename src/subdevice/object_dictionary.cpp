@@ -6,6 +6,8 @@
 
 namespace margay::subdevice {
 
+static_assert(sizeof(void*) != 4 || sizeof(Entry) == 32, "the table of a device has an entry for each line");
+
 const Object* ObjectDictionary::find(std::uint16_t index) const {
     const auto at = std::lower_bound(objects_.begin(), objects_.end(), index,
                                      [](const Object& o, std::uint16_t wanted) { return o.index < wanted; });

@@ -11,7 +11,7 @@
 //         static constexpr std::size_t bytes = 4;
 //     };
 //     constexpr Entry kOutputs[] = {value<Values::outputs>(0, "Outputs", od::kReadWrite | od::kRxMappable)};
-//     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(-500, 500)};
+//     constexpr Entry kLimit[] = {value<Values::limit>(0, "Limit", od::kReadWrite, 100).within(kLimits<-500, 500>)};
 //     constexpr Object kObjects[] = {variable(0x7000, "Outputs", kOutputs), variable(0x8000, "Limit", kLimit)};
 //     static_assert(well_formed(kObjects, Values::bytes));
 #pragma once
@@ -23,6 +23,7 @@
 
 #include <margay/al_state.hpp>
 
+#include <algorithm>
 #include <array>
 #include <concepts>
 #include <span>
@@ -51,39 +52,69 @@ enum class Storage : std::uint8_t {
     provided,  // ObjectHooks::memory returns the value
 };
 
-// One subindex, or several consecutive subindices with equal properties.
+// The smallest and the largest value that a download may write.
+struct Limits {
+    std::int64_t minimum = 0;
+    std::int64_t maximum = 0;
+};
+template <std::int64_t Minimum, std::int64_t Maximum>
+inline constexpr Limits kLimits{Minimum, Maximum};
+
+// The text of a string, or the limits of a number.
+class TextOrLimits {
+  public:
+    constexpr TextOrLimits(const char* text = nullptr) : text_(text) {}
+    constexpr TextOrLimits(const Limits* limits) : limits_(limits) {}
+    [[nodiscard]] constexpr const char* text() const { return text_; }
+    [[nodiscard]] constexpr const Limits* limits() const { return limits_; }
+
+  private:
+    union {
+        const char* text_;
+        const Limits* limits_;
+    };
+};
+
+// One subindex, or several consecutive subindices with equal properties. 32 octets on a processor of 32 bits: a table
+// has one for each line, so what few entries need is behind a pointer.
 struct Entry {
     std::uint8_t subindex = 0;
     std::uint8_t count = 1;  // number of subindices from `subindex` on; their values are adjacent in the image
     Storage storage = Storage::nothing;
-    bool limited = false;
+    bool limited = false;  // `more` has limits
     DataType type = DataType::none;
     std::uint16_t access = 0;
     std::uint32_t bits = 0;    // size of one value
     std::uint32_t offset = 0;  // of the first value, in octets from the start of the image
-    std::string_view name{};
-    std::string_view text{};    // constant, or initial value of a string
-    std::uint64_t initial = 0;  // constant, or initial value of a number
-    std::int64_t minimum = 0;   // valid if `limited`
-    std::int64_t maximum = 0;
+    const char* name = "";     // ends with a zero
+    // Constant, or initial value of a string; nullptr: `initial` is a number.
+    TextOrLimits more{};
+    std::uint64_t initial = 0;  // constant, or initial value of a number; with a text: the number of its octets
 
     [[nodiscard]] constexpr std::uint32_t bytes() const { return (bits + 7) / 8; }
     [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
     [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
+    [[nodiscard]] constexpr bool is_text() const { return !limited && more.text() != nullptr; }
+    [[nodiscard]] constexpr const Limits& limits() const { return *more.limits(); }  // valid if `limited`
+    // The constant or initial value of a string; empty for a number.
+    [[nodiscard]] constexpr std::string_view content() const {
+        return is_text() ? std::string_view(more.text(), static_cast<std::size_t>(initial)) : std::string_view();
+    }
     // Octet `n` of the initial value.
     [[nodiscard]] constexpr std::byte initial_octet(std::size_t n) const {
-        if (n < text.size()) return static_cast<std::byte>(text[n]);
-        return n < 8 && text.empty() ? static_cast<std::byte>(initial >> (8 * n)) : std::byte{0};
+        if (is_text()) return n < initial ? static_cast<std::byte>(more.text()[n]) : std::byte{0};
+        return n < 8 ? static_cast<std::byte>(initial >> (8 * n)) : std::byte{0};
     }
 
-    // Return a copy of the entry: with limits for downloads, with another data type, or for `n` subindices.
-    [[nodiscard]] constexpr Entry within(std::int64_t least, std::int64_t most) const {
+    // Return a copy of the entry: with limits for downloads (numbers only), with another data type, or for `n`
+    // subindices. The limits must exist as long as the table: kLimits<0, 100>, or a constant of the author.
+    [[nodiscard]] constexpr Entry within(const Limits& allowed) const {
         Entry e = *this;
         e.limited = true;
-        e.minimum = least;
-        e.maximum = most;
+        e.more = &allowed;
         return e;
     }
+    Entry within(const Limits&&) const = delete;
     [[nodiscard]] constexpr Entry as(DataType other) const {
         Entry e = *this;
         e.type = other;
@@ -182,7 +213,7 @@ inline constexpr DataType kTypeOf<std::int64_t> = DataType::integer64;
 
 // A number in the image.
 template <class F>
-[[nodiscard]] constexpr Entry value(std::uint8_t subindex, std::string_view name, std::uint16_t access,
+[[nodiscard]] constexpr Entry value(std::uint8_t subindex, const char* name, std::uint16_t access,
                                     typename F::Type initial = 0) {
     return {.subindex = subindex,
             .storage = Storage::image,
@@ -197,7 +228,7 @@ template <class F>
 // A number of `bits` bits (1 to 8) that uses one octet of the image: BOOLEAN, BIT2 and so on.
 template <class F>
 requires std::same_as<typename F::Type, std::uint8_t>
-[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, std::string_view name, std::uint16_t access,
+[[nodiscard]] constexpr Entry flag(std::uint8_t subindex, const char* name, std::uint16_t access,
                                    unsigned bits = 1, std::uint8_t initial = 0) {
     Entry e = value<F>(subindex, name, access, initial);
     e.type = bits == 1 ? DataType::boolean : static_cast<DataType>(static_cast<unsigned>(DataType::bit1) + bits - 1);
@@ -206,7 +237,7 @@ requires std::same_as<typename F::Type, std::uint8_t>
 }
 
 // Octets in the image: strings (padded with zeros), domains and other types.
-[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, std::string_view name, DataType type, std::uint16_t access,
+[[nodiscard]] constexpr Entry octets(std::uint8_t subindex, const char* name, DataType type, std::uint16_t access,
                                      std::size_t offset, std::size_t bytes, std::string_view initial = {}) {
     return {.subindex = subindex,
             .storage = Storage::image,
@@ -215,11 +246,12 @@ requires std::same_as<typename F::Type, std::uint8_t>
             .bits = static_cast<std::uint32_t>(bytes * 8),
             .offset = static_cast<std::uint32_t>(offset),
             .name = name,
-            .text = initial};
+            .more = initial.empty() ? nullptr : initial.data(),
+            .initial = initial.size()};
 }
 
 template <class T>
-[[nodiscard]] constexpr Entry constant(std::uint8_t subindex, std::string_view name, T initial,
+[[nodiscard]] constexpr Entry constant(std::uint8_t subindex, const char* name, T initial,
                                        std::uint16_t access = od::kReadOnly) {
     return {.subindex = subindex,
             .storage = Storage::constant,
@@ -230,7 +262,7 @@ template <class T>
             .initial = static_cast<std::uint64_t>(initial)};
 }
 
-[[nodiscard]] constexpr Entry text(std::uint8_t subindex, std::string_view name, std::string_view content,
+[[nodiscard]] constexpr Entry text(std::uint8_t subindex, const char* name, std::string_view content,
                                    std::uint16_t access = od::kReadOnly) {
     return {.subindex = subindex,
             .storage = Storage::text,
@@ -238,11 +270,12 @@ template <class T>
             .access = access,
             .bits = static_cast<std::uint32_t>(content.size() * 8),
             .name = name,
-            .text = content};
+            .more = content.data(),
+            .initial = content.size()};
 }
 
 // A value that ObjectHooks::memory returns. `bits` is its usual size; 0 if the size varies.
-[[nodiscard]] constexpr Entry provided(std::uint8_t subindex, std::string_view name, DataType type, std::uint32_t bits,
+[[nodiscard]] constexpr Entry provided(std::uint8_t subindex, const char* name, DataType type, std::uint32_t bits,
                                        std::uint16_t access) {
     return {
         .subindex = subindex, .storage = Storage::provided, .type = type, .access = access, .bits = bits, .name = name};
@@ -280,7 +313,7 @@ template <class T>
         for (const auto& e : o.entries) {
             if (e.count == 0 || e.subindex < next || e.last() > 255) return false;
             next = e.last() + 1;
-            if (e.limited && e.minimum > e.maximum) return false;
+            if (e.limited && e.limits().minimum > e.limits().maximum) return false;
             if (e.storage == Storage::image && e.offset + std::size_t{e.bytes()} * e.count > image_bytes) return false;
             if (e.storage == Storage::provided && (o.hooks == nullptr || o.hooks->memory == nullptr)) return false;
         }
@@ -342,13 +375,30 @@ class ObjectDictionary {
             constant(3, "Revision", d.revision), constant(4, "Serial number", d.serial)};
 }
 
-// Types of SM0 to SM3: 1 mailbox out, 2 mailbox in, 3 outputs, 4 inputs; 0 if the device does not use the sync manager.
-[[nodiscard]] constexpr std::array<Entry, 5> sync_manager_type_entries(const DeviceDescription& d) {
-    const auto type = [](std::uint8_t n, std::string_view name, bool present) {
-        return constant(n, name, static_cast<std::uint8_t>(present ? n : 0));
-    };
-    return {entry_count(4), type(1, "SubIndex 001", d.mailbox.present()), type(2, "SubIndex 002", d.mailbox.present()),
-            type(3, "SubIndex 003", d.outputs.present()), type(4, "SubIndex 004", d.inputs.present())};
+// The SyncManagers of a device: 4, or more when an area of process data has a higher number.
+[[nodiscard]] constexpr std::size_t sync_manager_count(const DeviceDescription& d) {
+    std::size_t count = 4;
+    for (const bool outputs : {true, false})
+        for_each_area(d, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            count = std::max(count, std::size_t{area.sync_manager} + 1);
+        });
+    return count;
+}
+
+// Types of the SyncManagers from SM0 on: 1 mailbox out, 2 mailbox in, 3 outputs, 4 inputs; 0 if the device does not use
+// the SyncManager. `Count` is sync_manager_count() of the description.
+template <std::size_t Count = 4>
+[[nodiscard]] constexpr std::array<Entry, Count + 1> sync_manager_type_entries(const DeviceDescription& d) {
+    std::array<Entry, Count + 1> entries{};
+    entries[0] = entry_count(static_cast<std::uint8_t>(Count));
+    for (std::size_t n = 1; n <= Count; ++n)
+        entries[n] = constant<std::uint8_t>(static_cast<std::uint8_t>(n), "SyncManager type", 0);
+    if (d.mailbox.present()) entries[1].initial = 1, entries[2].initial = 2;
+    for (const bool outputs : {true, false})
+        for_each_area(d, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            if (area.sync_manager < Count) entries[area.sync_manager + 1u].initial = outputs ? 3 : 4;
+        });
+    return entries;
 }
 
 }  // namespace margay::subdevice

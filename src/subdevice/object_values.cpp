@@ -69,7 +69,7 @@ Bytes view_value(const ObjectAccess& access, const Entry& entry, Scratch& scratc
         case Storage::constant:
             store_le(MutableBytes(scratch), 0, entry.initial);
             return Bytes(scratch).first(entry.bytes());
-        case Storage::text: return std::as_bytes(std::span(entry.text));
+        case Storage::text: return std::as_bytes(std::span(entry.content()));
         case Storage::provided: return access.object.hooks->memory(access);
         case Storage::image: break;
     }
@@ -93,13 +93,13 @@ Abort check_value(const ObjectAccess& access, const Entry& entry, Bytes data) {
     for (std::size_t i = 0; i < data.size(); ++i)
         bits |= std::uint64_t{std::to_integer<std::uint8_t>(data[i])} << (8 * i);
     if (!is_signed(entry.type)) {
-        if (bits < static_cast<std::uint64_t>(entry.minimum)) return Abort::value_too_low;
-        return bits > static_cast<std::uint64_t>(entry.maximum) ? Abort::value_too_high : Abort::none;
+        if (bits < static_cast<std::uint64_t>(entry.limits().minimum)) return Abort::value_too_low;
+        return bits > static_cast<std::uint64_t>(entry.limits().maximum) ? Abort::value_too_high : Abort::none;
     }
     const auto unused = static_cast<unsigned>(64 - 8 * data.size());
     const auto number = static_cast<std::int64_t>(bits << unused) >> unused;
-    if (number < entry.minimum) return Abort::value_too_low;
-    return number > entry.maximum ? Abort::value_too_high : Abort::none;
+    if (number < entry.limits().minimum) return Abort::value_too_low;
+    return number > entry.limits().maximum ? Abort::value_too_high : Abort::none;
 }
 
 void store_value(const ObjectAccess& access, const Entry& entry, Bytes data) {

@@ -61,10 +61,30 @@ Abort check_order(const ObjectAccess& access) {
     return access.dictionary.number(access.object.index, 0) == 0 ? Abort::none : Abort::subindex_needs_zero;
 }
 
+// A PDO of this direction can be assigned to any area of it.
 std::size_t max_bits(const ObjectAccess& access, bool outputs) {
     if (access.application == nullptr) return SIZE_MAX;
-    const auto& device = access.application->description();
-    return std::size_t{outputs ? device.outputs.max_bytes : device.inputs.max_bytes} * 8;
+    std::size_t most = 0;
+    for_each_area(access.application->description(), outputs, [&](const ProcessDataArea& area, std::size_t) {
+        most = std::max<std::size_t>(most, area.max_bytes);
+    });
+    return most * 8;
+}
+
+// What an assignment object belongs to.
+struct AssignedArea {
+    bool outputs = false;
+    std::size_t max_bits = 0;
+};
+AssignedArea area_of(const ObjectAccess& access) {
+    const auto index = access.object.index;
+    if (access.application == nullptr) return {index == kOutputAssignment, SIZE_MAX};
+    AssignedArea found{index == kOutputAssignment};
+    for (const bool outputs : {true, false})
+        for_each_area(access.application->description(), outputs, [&](const ProcessDataArea& area, std::size_t) {
+            if (area.assignment() == index) found = {outputs, std::size_t{area.max_bytes} * 8};
+        });
+    return found;
 }
 
 // Memory of the value; empty when it has none.
@@ -105,15 +125,19 @@ MutableBytes octets_of(const MappedEntry& mapped) {
 }
 }  // namespace
 
-Abort PdoMapping::build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
-    count_ = 0;
-    bits_ = 0;
+Abort PdoMapping::add(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
+    if (const auto rest = (8 - bits_ % 8) % 8; rest != 0) {
+        if (count_ == memory_.size()) return Abort::exceeds_pdo;
+        memory_[count_++] = {0, 0, static_cast<std::uint8_t>(rest)};
+        bits_ += rest;
+    }
+    const auto end = bits_ + max_bytes * 8;
     MappingReader reader(dictionary, assignment);
     while (reader.next()) {
         const auto& entry = reader.entry();
         const auto wrong = check_mappable(dictionary, entry, is_output_pdo(reader.pdo()));
         if (wrong != Abort::none) return wrong;
-        if (count_ == memory_.size() || bits_ + entry.bits > max_bytes * 8) return Abort::exceeds_pdo;
+        if (count_ == memory_.size() || bits_ + entry.bits > end) return Abort::exceeds_pdo;
         MappedEntry mapped{entry.index, entry.subindex, entry.bits};
         if (!is_gap(entry.index)) {
             const auto& object = *dictionary.find(entry.index);
@@ -176,12 +200,12 @@ HookAnswer mapping(const ObjectAccess& access, Bytes data) {
 }
 
 HookAnswer assignment(const ObjectAccess& access, Bytes data) {
-    const bool outputs = access.object.index == kOutputAssignment;
+    const auto [outputs, most_bits] = area_of(access);
     if (const auto wrong = check_order(access); wrong != Abort::none) return wrong;
     const AfterWrite after(access, data, 2);
-    const auto check = [&](std::uint32_t value) {
+    const auto check = [&, is_output = outputs](std::uint32_t value) {
         const auto pdo = static_cast<std::uint16_t>(value);
-        const bool right = outputs ? is_output_pdo(pdo) : is_input_pdo(pdo);
+        const bool right = is_output ? is_output_pdo(pdo) : is_input_pdo(pdo);
         return right && access.dictionary.find(pdo) != nullptr ? Abort::none : Abort::value_range;
     };
     if (access.subindex != 0 && !access.complete) return check(after.value(access.subindex));
@@ -192,7 +216,7 @@ HookAnswer assignment(const ObjectAccess& access, Bytes data) {
         if (const auto wrong = check(after.value(n)); wrong != Abort::none) return wrong;
         bits += mapped_bits(access.dictionary, static_cast<std::uint16_t>(after.value(n)));
     }
-    return bits > max_bits(access, outputs) ? Abort::exceeds_pdo : Abort::none;
+    return bits > most_bits ? Abort::exceeds_pdo : Abort::none;
 }
 
 }  // namespace pdo_rules

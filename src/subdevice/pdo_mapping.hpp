@@ -64,9 +64,17 @@ class PdoMapping {
     // The size of `memory` limits the number of entries of a mapping.
     explicit PdoMapping(std::span<MappedEntry> memory) : memory_(memory) {}
 
-    // Reads assignment and mapping. Abort::exceeds_pdo: the mapping has more entries than the memory can hold, or more
-    // octets than `max_bytes`.
-    [[nodiscard]] Abort build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
+    // Removes all entries.
+    void clear() { count_ = bits_ = 0; }
+    // Adds the entries of one assignment, from the next octet on. Abort::exceeds_pdo: the mapping has more entries than
+    // the memory can hold, or the assignment has more octets than `max_bytes`. Unused bits of the octet before use an
+    // entry.
+    [[nodiscard]] Abort add(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes);
+    // The same, for a mapping with one assignment.
+    [[nodiscard]] Abort build(ObjectDictionary& dictionary, std::uint16_t assignment, std::size_t max_bytes) {
+        clear();
+        return add(dictionary, assignment, max_bytes);
+    }
 
     [[nodiscard]] std::uint16_t bytes() const { return static_cast<std::uint16_t>((bits_ + 7) / 8); }
     [[nodiscard]] bool maps(std::uint16_t index, unsigned subindex) const;
@@ -85,8 +93,9 @@ class PdoMapping {
 
 // --- Objects of a device whose PDOs the master may change ---
 // Subindex 0 is the count (one octet in the image), the other subindices are values of equal size in the image. The
-// hooks check each download: kPdoMappingHooks belongs to the objects 0x16xx and 0x1Axx, kPdoAssignmentHooks to 0x1C12
-// and 0x1C13. Without an application, the hooks do not know the largest size of the process data, and do not check it.
+// hooks check each download: kPdoMappingHooks belongs to the objects 0x16xx and 0x1Axx, kPdoAssignmentHooks to 0x1C10
+// to 0x1C1F. Without an application, the hooks do not know the largest size of the process data, and do not check it;
+// then 0x1C12 is that of the outputs, and the others are those of inputs.
 namespace pdo_rules {
 [[nodiscard]] HookAnswer mapping(const ObjectAccess& access, Bytes data);
 [[nodiscard]] HookAnswer assignment(const ObjectAccess& access, Bytes data);

@@ -32,46 +32,95 @@ std::uint8_t sm_status_of(EscAccess& esc, unsigned n) {
 ProcessDataSizes ProcessData::sizes() {
     if (running_) return sizes_;  // interrupt handlers use the mapping
     const auto& device = application_.description();
-    const ProcessDataSizes most{device.outputs.max_bytes, device.inputs.max_bytes, AlStatusCode::none};
+    ProcessDataSizes most;
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs,
+                      [&](const ProcessDataArea& area, std::size_t n) { most.of(outputs, n) = area.max_bytes; });
     sizes_ = application_.process_data_sizes().value_or(most);
-    output_mapped_ = dictionary_.find(kOutputAssignment) != nullptr;
-    input_mapped_ = dictionary_.find(kInputAssignment) != nullptr;
-    if (output_mapped_) {
-        const auto room = std::min<std::size_t>(device.outputs.max_bytes, outputs_.size());
-        sizes_.fault = mapping_fault(output_map_.build(dictionary_, kOutputAssignment, room),
-                                     AlStatusCode::invalid_output_mapping);
-        sizes_.outputs_bytes = output_map_.bytes();
-    }
-    if (input_mapped_ && sizes_.fault == AlStatusCode::none) {
-        const auto room = std::min<std::size_t>(device.inputs.max_bytes, inputs_.size());
-        sizes_.fault =
-            mapping_fault(input_map_.build(dictionary_, kInputAssignment, room), AlStatusCode::invalid_input_mapping);
-        sizes_.inputs_bytes = input_map_.bytes();
-    }
-    if (sizes_.outputs_bytes > outputs_.size() || sizes_.inputs_bytes > inputs_.size())
-        sizes_.fault = AlStatusCode::no_memory;
+    const auto own_fault = sizes_.fault;
+    if (own_fault != AlStatusCode::none) return sizes_;
+    sizes_.fault = build_map(true);
+    if (sizes_.fault == AlStatusCode::none) sizes_.fault = build_map(false);
+    const bool room = sizes_.all(true) <= outputs_.size() && sizes_.all(false) <= inputs_.size() &&
+                      device.more_outputs.size() <= kMostMoreAreas && device.more_inputs.size() <= kMostMoreAreas;
+    if (sizes_.fault == AlStatusCode::none && !room) sizes_.fault = AlStatusCode::no_memory;
+    count_bytes(true);
+    count_bytes(false);
     return sizes_;
+}
+
+// A direction is mapped by objects when the dictionary has the assignment of each of its SyncManagers.
+AlStatusCode ProcessData::build_map(bool outputs) {
+    const auto& device = application_.description();
+    auto& map = outputs ? output_map_ : input_map_;
+    auto& mapped = outputs ? output_mapped_ : input_mapped_;
+    const auto memory = (outputs ? outputs_ : inputs_).size();
+    mapped = true;
+    for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+        mapped = mapped && dictionary_.find(area.assignment()) != nullptr;
+    });
+    map.clear();
+    if (!mapped) return AlStatusCode::none;
+    auto wrong = Abort::none;
+    // Assigned PDOs of a direction that the device does not have.
+    if (!(outputs ? device.outputs : device.inputs).present())
+        wrong = map.add(dictionary_, outputs ? kOutputAssignment : kInputAssignment, 0);
+    for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t n) {
+        const std::size_t before = map.bytes();
+        const auto room = std::min<std::size_t>(area.max_bytes, memory - std::min(memory, before));
+        if (wrong == Abort::none) wrong = map.add(dictionary_, area.assignment(), room);
+        sizes_.of(outputs, n) = static_cast<std::uint16_t>(map.bytes() - before);
+    });
+    return mapping_fault(wrong, outputs ? AlStatusCode::invalid_output_mapping : AlStatusCode::invalid_input_mapping);
+}
+
+void ProcessData::count_bytes(bool outputs) {
+    (outputs ? output_bytes_ : input_bytes_) = static_cast<std::uint16_t>(sizes_.all(outputs));
+    if (outputs) output_areas_ = 0;
+    auto& last = outputs ? last_output_ : last_input_;
+    last = 0;
+    for_each_used(outputs, [&](const ProcessDataArea& area, std::size_t, std::size_t) {
+        last = al_event::sync_manager(area.sync_manager);
+        if (outputs) output_areas_ |= last;
+    });
+}
+
+// Calls `visit(area, place in the process image, octets)` for the SyncManagers with a length.
+template <class Visit>
+void ProcessData::for_each_used(bool outputs, Visit visit) const {
+    std::size_t at = 0;
+    for_each_area(application_.description(), outputs, [&](const ProcessDataArea& area, std::size_t n) {
+        const std::size_t bytes = sizes_.of(outputs, n);
+        if (bytes != 0) visit(area, at, bytes);
+        at += bytes;
+    });
 }
 
 // ------------------------------------------------------------------ start and stop
 
 void ProcessData::start(Time now) {
-    const auto& device = application_.description();
-    outputs_seen_ = outputs_expired_ = sync_seen_ = outputs_valid_ = false;
+    outputs_expired_ = sync_seen_ = outputs_valid_ = false;
+    arrived_ = silent_ = unseen_ = 0;
     missed_ = syncs_ = 0;
     const auto raises_no_event = [this](const ProcessDataArea& area) {
         return (read_sync_manager(esc_, area.sync_manager).control & wire::sm_control::kPdiInterrupt) == 0;
     };
-    unseen_ = sizes_.outputs_bytes == 1;
-    silent_ = has_outputs() && (unseen_ || raises_no_event(device.outputs));
-    inputs_silent_ = sizes_.inputs_bytes == 1 || (sizes_.inputs_bytes != 0 && raises_no_event(device.inputs));
+    for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
+        const auto event = al_event::sync_manager(area.sync_manager);
+        if (bytes == 1) unseen_ |= event;
+        if (bytes == 1 || raises_no_event(area)) silent_ |= event;
+    });
+    inputs_silent_ = false;
+    for_each_used(false, [&](const ProcessDataArea& area, std::size_t, std::size_t bytes) {
+        inputs_silent_ = bytes == 1 || raises_no_event(area);
+    });
     read_sync_settings();
     running_ = true;
     last_sync_ = now;
     locked_ = frames_ = syncs_of_period_ = 0;
     collided_ = false;
     next_watch_ = kNever;
-    next_poll_ = silent_ ? now + kPollEvery : kNever;
+    next_poll_ = silent_ != 0 ? now + kPollEvery : kNever;
     process(part::kApplication | part::kInputs, now);
 }
 
@@ -121,7 +170,7 @@ void ProcessData::find_sync_objects() {
 AlStatusCode ProcessData::missing(Time now) {
     if (has_outputs()) {
         forget_old_outputs(now);
-        if (!outputs_seen_)
+        if (!outputs_seen())
             return outputs_expired_ ? AlStatusCode::sync_manager_watchdog : AlStatusCode::no_valid_outputs;
     }
     if (mode_ != SyncMode::dc_sync0) return AlStatusCode::none;
@@ -150,23 +199,26 @@ void ProcessData::watch_lock() {
 
 // In SAFEOP. In OP, watch() takes the device to SAFEOP instead.
 void ProcessData::forget_old_outputs(Time now) {
-    if (!running_ || !outputs_seen_ || outputs_valid_) return;
+    if (!running_ || arrived_ == 0 || outputs_valid_) return;
     const auto own = application_.description().output_timeout;
     const bool too_old = own != Duration::zero() && now - last_outputs_ >= own;
     if (too_old || (watchdog_time() != Duration::zero() && !watchdog_running())) forget_outputs(now);
 }
 
 void ProcessData::forget_outputs(Time now) {
-    outputs_seen_ = false;
+    arrived_ = 0;
     outputs_expired_ = true;
     arm(now);
 }
 
 // Watchdog time of the ESC for the outputs; zero when the master has disabled the watchdog.
 Duration ProcessData::watchdog_time() {
-    const auto& area = application_.description().outputs;
-    const auto sm = read_sync_manager(esc_, area.sync_manager);
-    if ((sm.control & wire::sm_control::kWatchdogTrigger) == 0) return {};
+    bool triggered = false;
+    for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t) {
+        const auto sm = read_sync_manager(esc_, area.sync_manager);
+        triggered = triggered || (sm.control & wire::sm_control::kWatchdogTrigger) != 0;
+    });
+    if (!triggered) return {};
     const auto divider = read_register<std::uint16_t>(esc_, reg::kWatchdogDivider.address);
     const auto time = read_register<std::uint16_t>(esc_, reg::kProcessDataWatchdogTime.address);
     return std::chrono::nanoseconds(40) * (std::int64_t{divider} + 2) * time;
@@ -186,15 +238,14 @@ void ProcessData::start_outputs(Time now) {
     next_watch_ = watchdog_ == Duration::zero() ? kNever : now + watchdog_;
     if (output_mapped_) dictionary_.block_downloads(&output_map_);
     if (!has_outputs()) return;
-    // The application starts with the last outputs that arrived in SAFEOP.
-    if (!application_.unpack_outputs(outputs_.first(sizes_.outputs_bytes)) && output_mapped_)
-        output_map_.unpack(outputs_);
+    apply_outputs();  // the application starts with the last outputs that arrived in SAFEOP
 }
 
 void ProcessData::stop_outputs(Time now) {
     if (!outputs_valid_) return;
     outputs_valid_ = false;
-    outputs_seen_ = outputs_expired_ = false;
+    outputs_expired_ = false;
+    arrived_ = 0;
     next_watch_ = kNever;
     dictionary_.block_downloads(nullptr);
     if (output_mapped_) output_map_.reset();
@@ -209,10 +260,12 @@ void ProcessData::stop() {
 
 // ------------------------------------------------------------------ updates
 
-void ProcessData::process(unsigned parts, Time now) {
+void ProcessData::process(unsigned parts, Time now) { update(parts, output_areas_, now); }
+
+void ProcessData::update(unsigned parts, std::uint32_t areas, Time now) {
     if (!running_) return;
     begin_measurement();
-    if ((parts & part::kOutputs) != 0 && has_outputs()) take_outputs(now);
+    if ((parts & part::kOutputs) != 0 && has_outputs()) take_outputs(areas, now);
     Time used = now;
     if ((parts & part::kApplication) != 0) {
         application_.cycle(now, outputs_valid_);
@@ -220,7 +273,7 @@ void ProcessData::process(unsigned parts, Time now) {
         if (measuring_) used = application_.clock(now);
         measured(output_time_object_, used - now);
     }
-    if ((parts & part::kInputs) == 0 || sizes_.inputs_bytes == 0) return;
+    if ((parts & part::kInputs) == 0 || input_bytes_ == 0) return;
     give_inputs(now);
     if (measuring_) measured(input_time_object_, application_.clock(now) - used);
 }
@@ -244,14 +297,14 @@ void ProcessData::measured(MutableBytes object, Duration time) {
 // Whether the cyclic data of the master do not drive the application: there are no outputs, or none have arrived yet,
 // or SYNC0 has not started. Then the inputs must stay up to date all the same.
 bool ProcessData::undriven() const {
-    return mode_ == SyncMode::dc_sync0 ? !sync_seen_ : !has_outputs() || !outputs_seen_;
+    return mode_ == SyncMode::dc_sync0 ? !sync_seen_ : !has_outputs() || !outputs_seen();
 }
 
 // The time after which the application is called without an event; zero: never.
 Duration ProcessData::own_period() const {
     const auto free_run = application_.description().free_run_cycle;
     if (free_run != Duration::zero() && (mode_ != SyncMode::dc_sync0 || undriven())) return free_run;
-    return undriven() && sizes_.inputs_bytes != 0 && inputs_silent_ ? kPollEvery : Duration{};
+    return undriven() && input_bytes_ != 0 && inputs_silent_ ? kPollEvery : Duration{};
 }
 
 void ProcessData::arm(Time now) {
@@ -259,27 +312,41 @@ void ProcessData::arm(Time now) {
     next_cycle_ = period == Duration::zero() ? kNever : now + period;
 }
 
-void ProcessData::take_outputs(Time now) {
-    const auto raw = outputs_.first(sizes_.outputs_bytes);
-    esc_.read(application_.description().outputs.start, raw);
-    outputs_seen_ = true;
+// `areas`: AL events of SyncManagers. Each of them is read.
+void ProcessData::take_outputs(std::uint32_t areas, Time now) {
+    for_each_used(true, [&](const ProcessDataArea& area, std::size_t at, std::size_t bytes) {
+        if ((areas & al_event::sync_manager(area.sync_manager)) != 0)
+            esc_.read(area.start, outputs_.subspan(at, bytes));
+    });
+    arrived_ |= areas;
     outputs_expired_ = false;
-    last_outputs_ = now;
-    missed_ = syncs_ = 0;
-    if (mode_ == SyncMode::dc_sync0) note_phase(now);
-    if (next_watch_ != kNever) next_watch_ = now + watchdog_;
-    if (!outputs_valid_) return;  // SAFEOP: the outputs are read, but not applied
+    if ((areas & last_output_) != 0 || !outputs_valid_) last_outputs_ = now;
+    if ((areas & last_output_) != 0) {
+        missed_ = syncs_ = 0;
+        if (mode_ == SyncMode::dc_sync0) note_phase(now);
+        if (next_watch_ != kNever) next_watch_ = now + watchdog_;
+    }
+    if (outputs_valid_) apply_outputs();  // SAFEOP: the outputs are read, but not applied
+}
+
+void ProcessData::apply_outputs() {
+    const auto raw = outputs_.first(output_bytes_);
     if (!application_.unpack_outputs(raw) && output_mapped_) output_map_.unpack(raw);
 }
 
 void ProcessData::give_inputs(Time now) {
-    const auto& area = application_.description().inputs;
-    if (!area.three_buffers && (sm_status_of(esc_, area.sync_manager) & wire::sm_status::kMailboxFull) != 0)
-        return;  // one buffer, and the master has not read the last inputs
-    const auto raw = inputs_.first(sizes_.inputs_bytes);
+    const auto full = [this](const ProcessDataArea& area) {
+        return !area.three_buffers && (sm_status_of(esc_, area.sync_manager) & wire::sm_status::kMailboxFull) != 0;
+    };
+    bool room = false;
+    for_each_used(false, [&](const ProcessDataArea& area, std::size_t, std::size_t) { room = room || !full(area); });
+    if (!room) return;  // one buffer, and the master has not read the last inputs
+    const auto raw = inputs_.first(input_bytes_);
     if (!timestamp_object_.empty()) store_le(timestamp_object_, 0, application_.timestamp_ns(now));
     if (!application_.pack_inputs(raw) && input_mapped_) input_map_.pack(raw);
-    esc_.write(area.start, raw);
+    for_each_used(false, [&](const ProcessDataArea& area, std::size_t at, std::size_t bytes) {
+        if (!full(area)) esc_.write(area.start, raw.subspan(at, bytes));
+    });
 }
 
 std::uint32_t ProcessData::events() const {
@@ -290,31 +357,36 @@ std::uint32_t ProcessData::events() const {
         if (!sync_by_pin_) bits |= al_event::kDcSync0;
         if (device.dc.sync1 && !sync1_by_pin_) bits |= al_event::kDcSync1;
     }
-    if (has_outputs()) bits |= al_event::sync_manager(device.outputs.sync_manager);
-    if (inputs_drive()) bits |= al_event::sync_manager(device.inputs.sync_manager);
+    bits |= output_areas_;
+    if (inputs_drive()) bits |= last_input_;
     return bits;
 }
 
-bool ProcessData::outputs_waiting(std::uint32_t events) {
-    if (!has_outputs()) return false;
-    const auto n = application_.description().outputs.sync_manager;
-    if ((events & al_event::sync_manager(n)) != 0) return true;
-    if (!silent_) return false;
-    if (unseen_) return watchdog_time() == Duration::zero() || watchdog_running();
-    return (sm_status_of(esc_, n) & wire::sm_status::kInterruptWrite) != 0;
+// The SyncManagers of the outputs that have new data, as bits of their AL events.
+std::uint32_t ProcessData::outputs_waiting(std::uint32_t events, Time now) {
+    auto waiting = events & output_areas_;
+    if (silent_ == 0) return waiting;
+    for_each_used(true, [&](const ProcessDataArea& area, std::size_t, std::size_t) {
+        const auto event = al_event::sync_manager(area.sync_manager);
+        if ((silent_ & event) == 0) return;
+        if ((unseen_ & event) == 0) {
+            if ((sm_status_of(esc_, area.sync_manager) & wire::sm_status::kInterruptWrite) != 0) waiting |= event;
+        } else if (now >= next_poll_ && (watchdog_time() == Duration::zero() || watchdog_running())) {
+            waiting |= event;
+        }
+    });
+    return waiting;
 }
 
-bool ProcessData::inputs_fetched(std::uint32_t events) const {
-    return inputs_drive() && (events & al_event::sync_manager(application_.description().inputs.sync_manager)) != 0;
-}
+bool ProcessData::inputs_fetched(std::uint32_t events) const { return inputs_drive() && (events & last_input_) != 0; }
 
 void ProcessData::serve(Time now, std::uint32_t events) {
     if (!running_) return;
-    bool outputs = false;
-    if (!unseen_ || now >= next_poll_) outputs = outputs_waiting(events);
-    if (silent_ && now >= next_poll_) next_poll_ = now + kPollEvery;
+    const auto outputs = outputs_waiting(events, now);
+    if (silent_ != 0 && now >= next_poll_) next_poll_ = now + kPollEvery;
+    const bool driven = (outputs & last_output_) != 0;
     if (mode_ == SyncMode::dc_sync0) {
-        if (outputs) process(part::kOutputs, now);
+        if (outputs != 0) update(part::kOutputs, outputs, now);
         if ((events & al_event::kDcSync1) != 0 && !sync1_by_pin_ && application_.description().dc.sync1) {
             acknowledge(reg::kSync1Status);
             application_.sync1(now);
@@ -323,8 +395,10 @@ void ProcessData::serve(Time now, std::uint32_t events) {
             acknowledge(reg::kSync0Status);
             return serve_sync(now);
         }
-    } else if (outputs) {
-        return process(part::kAll, now);
+    } else if (driven) {
+        return update(part::kAll, outputs, now);
+    } else if (outputs != 0) {
+        update(part::kOutputs, outputs, now);
     }
     if (inputs_fetched(events) || next_cycle_ <= now) process(part::kApplication | part::kInputs, now);
 }
@@ -349,7 +423,8 @@ void ProcessData::sync0(Time now) {
     if (!running_ || mode_ != SyncMode::dc_sync0) return;
     // Outputs that have arrived belong to this SYNC0, although the handler of their event has not executed yet.
     const auto events = read_register<std::uint32_t>(esc_, reg::kAlEventRequest.address);
-    if (!unseen_ && outputs_waiting(events)) process(part::kOutputs, now);
+    const auto outputs = outputs_waiting(events, now) & ~unseen_;
+    if (outputs != 0) update(part::kOutputs, outputs, now);
     serve_sync(now);
 }
 

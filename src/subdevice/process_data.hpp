@@ -1,5 +1,6 @@
-// Process data of a device: copies the outputs from SM2, calls the application, copies the inputs to SM3, and monitors
-// watchdog and synchronization (ETG.1000.6 "Process data", ETG.1020 "Synchronization").
+// Process data of a device: copies the outputs from their SyncManagers, calls the application, copies the inputs to
+// their SyncManagers, and monitors watchdog and synchronization (ETG.1000.6 "Process data", ETG.1020
+// "Synchronization").
 #pragma once
 
 #include "subdevice/application.hpp"
@@ -10,7 +11,8 @@
 
 namespace margay::subdevice {
 
-// Memory for the raw process images and for the lists of the mapping. The author chooses the sizes.
+// Memory for the raw process images and for the lists of the mapping. The author chooses the sizes: an image has the
+// octets of all SyncManagers of its direction.
 template <std::size_t OutputBytes, std::size_t InputBytes, std::size_t Entries>
 struct ProcessDataMemory {
     std::array<std::byte, OutputBytes> outputs{};
@@ -55,9 +57,9 @@ class ProcessData {
         dictionary.set_lock(&esc);
     }
 
-    // The sizes from assignment and mapping. When the dictionary has no assignment object, the size is that of
-    // Application::process_data_sizes(), or the maximum of the description. In SAFEOP and OP the sizes stay those of
-    // the transition to SAFEOP.
+    // The sizes from assignment (0x1C10 + number of the SyncManager) and mapping. When the dictionary does not have the
+    // assignment object, the size is that of Application::process_data_sizes(), or the maximum of the description. In
+    // SAFEOP and OP the sizes stay those of the transition to SAFEOP.
     [[nodiscard]] ProcessDataSizes sizes();
 
     // PREOP→SAFEOP: writes the first inputs before the master reads SAFEOP. Locked.
@@ -88,7 +90,7 @@ class ProcessData {
     [[nodiscard]] const ObjectDictionary& dictionary() const { return dictionary_; }
     [[nodiscard]] bool running() const { return running_; }
     [[nodiscard]] SyncMode mode() const { return mode_; }
-    [[nodiscard]] bool has_outputs() const { return sizes_.outputs_bytes != 0; }
+    [[nodiscard]] bool has_outputs() const { return output_bytes_ != 0; }
     // AL events that process data use now; 0 below SAFEOP. Changes with each update. Locked.
     [[nodiscard]] std::uint32_t events() const;
     // Number of SYNC0 signals in one frame period of the master (oversampling). It is the cycle time in object
@@ -98,10 +100,16 @@ class ProcessData {
     [[nodiscard]] const Counters& counters() const { return counters_; }
 
   private:
+    [[nodiscard]] AlStatusCode build_map(bool outputs);
+    void count_bytes(bool outputs);
+    template <class Visit>
+    void for_each_used(bool outputs, Visit visit) const;
+    void update(unsigned parts, std::uint32_t areas, Time now);
     void read_sync_settings();
     void find_sync_objects();
     void show_missed_frames();
-    void take_outputs(Time now);
+    void take_outputs(std::uint32_t areas, Time now);
+    void apply_outputs();
     void give_inputs(Time now);
     void begin_measurement();
     void measured(MutableBytes object, Duration time);
@@ -114,10 +122,11 @@ class ProcessData {
     void serve_sync(Time now);
     void arm(Time now);
     [[nodiscard]] bool undriven() const;
+    [[nodiscard]] bool outputs_seen() const { return (output_areas_ & ~arrived_) == 0; }
     [[nodiscard]] Duration own_period() const;
-    [[nodiscard]] bool outputs_waiting(std::uint32_t events);
+    [[nodiscard]] std::uint32_t outputs_waiting(std::uint32_t events, Time now);
     [[nodiscard]] bool inputs_fetched(std::uint32_t events) const;
-    [[nodiscard]] bool inputs_drive() const { return undriven() && sizes_.inputs_bytes != 0 && !inputs_silent_; }
+    [[nodiscard]] bool inputs_drive() const { return undriven() && input_bytes_ != 0 && !inputs_silent_; }
     [[nodiscard]] Duration watchdog_time();
     [[nodiscard]] bool watchdog_running();
 
@@ -129,16 +138,22 @@ class ProcessData {
     PdoMapping output_map_;
     PdoMapping input_map_;
     ProcessDataSizes sizes_{};
+    std::uint16_t output_bytes_ = 0;  // of all SyncManagers of the direction
+    std::uint16_t input_bytes_ = 0;
+    // SyncManagers, as bits of their AL events.
+    std::uint32_t output_areas_ = 0;
+    std::uint32_t last_output_ = 0;  // the one that drives
+    std::uint32_t last_input_ = 0;
+    std::uint32_t silent_ = 0;    // outputs that do not raise events
+    std::uint32_t unseen_ = 0;    // outputs of one octet: nothing shows that they have arrived
+    std::uint32_t arrived_ = 0;   // outputs that have arrived since PREOP, or since they were too old
     bool output_mapped_ = false;  // mapped by objects; false: the application copies the outputs itself
     bool input_mapped_ = false;
     bool running_ = false;
-    bool outputs_valid_ = false;  // true in OP
-    bool outputs_seen_ = false;
+    bool outputs_valid_ = false;    // true in OP
     bool outputs_expired_ = false;  // outputs were seen, but they are too old
     bool sync_seen_ = false;
-    bool silent_ = false;         // SM2 does not raise events
-    bool unseen_ = false;         // SM2 has one octet: nothing shows that outputs have arrived
-    bool inputs_silent_ = false;  // SM3 does not raise events
+    bool inputs_silent_ = false;  // the last input SyncManager does not raise events
     bool watched_ = false;        // the watchdog of the ESC monitors the outputs
     bool sync_by_pin_ = false;    // sync0() was called, so the AL event is ignored
     bool sync1_by_pin_ = false;
@@ -158,7 +173,7 @@ class ProcessData {
     Time last_outputs_{};
     Time last_sync_{};
     Time next_cycle_ = kNever;  // the application is called without an event
-    Time next_poll_ = kNever;   // used when SM2 does not raise events
+    Time next_poll_ = kNever;   // used when SyncManagers of the outputs do not raise events
     Time next_watch_ = kNever;
     MutableBytes missed_object_;       // memory of 0x1C32:0B; empty: the object does not exist
     MutableBytes sync_error_object_;   // memory of 0x1C32:20

@@ -86,7 +86,7 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     if (object == nullptr) return fail(Abort::no_object, out);
     const auto* const entry = object->entry(subindex);
     if (entry == nullptr) return fail(Abort::no_subindex, out);
-    const bool number = entry->bits <= 64 && entry->storage != Storage::text && entry->text.empty();
+    const bool number = entry->bits <= 64 && entry->storage != Storage::text && !entry->is_text();
     std::uint8_t contents = 0;
     if (number && (entry->storage == Storage::image || entry->storage == Storage::constant))
         contents |= coe::value_info::kDefault;
@@ -101,8 +101,8 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: the size does not fit into the field
     append(entry->access, 2);
     if ((contents & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
-    if ((contents & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->minimum), entry->bytes());
-    if ((contents & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->maximum), entry->bytes());
+    if ((contents & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->limits().minimum), entry->bytes());
+    if ((contents & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->limits().maximum), entry->bytes());
     text_ = entry->name;
     if (entry->count > 1) {
         // Without TextWriter, whose division of 64 bits is large on a microcontroller.

@@ -39,8 +39,8 @@ class PdoCollector {
                  std::span<sii::PdoEntryDescription>& entries)
         : dictionary_(dictionary), pdos_(pdos), entries_(entries) {}
 
-    bool collect(std::uint16_t first_index, std::uint16_t assignment, std::uint8_t sync_manager,
-                 std::span<const sii::PdoDescription>& found) {
+    bool collect(const DeviceDescription& device, bool outputs, std::span<const sii::PdoDescription>& found) {
+        const std::uint16_t first_index = outputs ? 0x1600 : 0x1A00;
         const auto all = pdos_;
         std::size_t count = 0;
         for (const auto& object : dictionary_.objects()) {
@@ -48,7 +48,9 @@ class PdoCollector {
             if (count == all.size()) return false;
             auto& pdo = all[count++];
             pdo = {.index = object.index, .name = object.name};
-            if (is_assigned(dictionary_, assignment, object.index)) pdo.sync_manager = sync_manager;
+            for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+                if (is_assigned(dictionary_, area.assignment(), object.index)) pdo.sync_manager = area.sync_manager;
+            });
             if (!count_writable(object)) pdo.flags = sii::pdo_flag::kFixedContent;
             if (!collect_entries(pdo)) return false;
         }
@@ -82,9 +84,9 @@ class PdoCollector {
     std::span<sii::PdoEntryDescription>& entries_;
 };
 
-std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, std::uint16_t assignment, const ProcessDataArea& area) {
-    if (dictionary.find(assignment) == nullptr) return area.sii_bytes != 0 ? area.sii_bytes : area.max_bytes;
-    MappingReader reader(dictionary, assignment);
+std::uint16_t mapped_bytes(const ObjectDictionary& dictionary, const ProcessDataArea& area) {
+    if (dictionary.find(area.assignment()) == nullptr) return area.sii_bytes != 0 ? area.sii_bytes : area.max_bytes;
+    MappingReader reader(dictionary, area.assignment());
     std::size_t bits = 0;
     while (reader.next()) bits += reader.entry().bits;
     return static_cast<std::uint16_t>((bits + 7) / 8);
@@ -131,8 +133,7 @@ std::uint8_t coe_details(const DeviceDescription& device, const ObjectDictionary
     if (device.complete_access) details |= coe_detail::kCompleteAccess;
     for (const auto& object : dictionary.objects()) {
         if (!count_writable(object)) continue;
-        if (object.index == kOutputAssignment || object.index == kInputAssignment)
-            details |= coe_detail::kPdoAssignment;
+        if (object.index >= 0x1C10 && object.index < 0x1C30) details |= coe_detail::kPdoAssignment;
         if (is_pdo(object.index, 0x1600) || is_pdo(object.index, 0x1A00)) details |= coe_detail::kPdoConfiguration;
     }
     return static_cast<std::uint8_t>(details);
@@ -162,10 +163,12 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
         (device.mailbox.present() ? sii::general_flag::kMailboxDataLink : 0) |
         (device.device_id != 0 || device.device_id_switch ? sii::general_flag::kIdentAlStatus : 0));
 
-    std::array<FmmuUse, 4> fmmus{};
+    std::array<FmmuUse, 2 * (1 + kMostMoreAreas) + 1> fmmus{};
     std::size_t fmmu_count = 0;
-    if (device.outputs.present()) fmmus[fmmu_count++] = FmmuUse::outputs;
-    if (device.inputs.present()) fmmus[fmmu_count++] = FmmuUse::inputs;
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs, [&](const ProcessDataArea&, std::size_t) {
+            fmmus[fmmu_count++] = outputs ? FmmuUse::outputs : FmmuUse::inputs;
+        });
     if (device.mailbox.present()) fmmus[fmmu_count++] = FmmuUse::mailbox_status;
     d.fmmus = std::span(fmmus).first(fmmu_count);
 
@@ -175,19 +178,17 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
         (void)managers.set(0, {pair.receive.start, pair.receive.size_bytes, 0x26, 1, SmType::mailbox_out});
         (void)managers.set(1, {pair.send.start, pair.send.size_bytes, 0x22, 1, SmType::mailbox_in});
     }
-    for (const bool outputs : {true, false}) {
-        const ProcessDataArea& area = outputs ? device.outputs : device.inputs;
-        const std::uint16_t assignment = outputs ? kOutputAssignment : kInputAssignment;
-        if (area.present() &&
-            !managers.set(area.sync_manager,
-                          process_data_info(area, mapped_bytes(dictionary, assignment, area), outputs)))
-            return {0, Fault::no_room};
-    }
+    bool room = device.more_outputs.size() <= kMostMoreAreas && device.more_inputs.size() <= kMostMoreAreas;
+    for (const bool outputs : {true, false})
+        for_each_area(device, outputs, [&](const ProcessDataArea& area, std::size_t) {
+            const auto info = process_data_info(area, mapped_bytes(dictionary, area), outputs);
+            room = managers.set(area.sync_manager, info) && room;
+        });
+    if (!room) return {0, Fault::no_room};
     d.sync_managers = managers.entries();
 
     PdoCollector collector(dictionary, pdos, entries);
-    if (!collector.collect(0x1600, kOutputAssignment, device.outputs.sync_manager, d.rx_pdos) ||
-        !collector.collect(0x1A00, kInputAssignment, device.inputs.sync_manager, d.tx_pdos))
+    if (!collector.collect(device, true, d.rx_pdos) || !collector.collect(device, false, d.tx_pdos))
         return {0, Fault::no_room};
 
     const std::array<sii::DcDescription, 2> modes{

@@ -89,13 +89,26 @@ class StandardObjects {
     // A PDO of the author has limits that this list does not know.
     static_assert(replaced(0x1600) || kRx.bits <= std::size_t{8} * Description.outputs.max_bytes);
     static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes);
+    // With more than one SyncManager in a direction, the author decides which values go where.
+    static constexpr bool every_area_assigned(bool outputs) {
+        bool all = true;
+        for_each_area(Description, outputs,
+                      [&](const ProcessDataArea& area, std::size_t) { all = all && replaced(area.assignment()); });
+        return all;
+    }
+    static_assert(Description.more_outputs.size() <= kMostMoreAreas &&
+                  Description.more_inputs.size() <= kMostMoreAreas);
+    static_assert(Description.more_outputs.empty() || every_area_assigned(true),
+                  "a device with more_outputs needs PDO assignment objects (0x1C10 + SyncManager) of its own");
+    static_assert(Description.more_inputs.empty() || every_area_assigned(false),
+                  "a device with more_inputs needs PDO assignment objects (0x1C10 + SyncManager) of its own");
 
     static constexpr Entry kType[] = {constant<std::uint32_t>(0, "Device type", Type)};
     static constexpr Entry kName[] = {text(0, "Device name", Description.name)};
     static constexpr auto kIdentity = identity_entries(Description);
     static constexpr auto kRxEntries = standard::mapping_entries<kRx.entries>(kOwn, od::kRxMappable);
     static constexpr auto kTxEntries = standard::mapping_entries<kTx.entries>(kOwn, od::kTxMappable);
-    static constexpr auto kSyncManagers = sync_manager_type_entries(Description);
+    static constexpr auto kSyncManagers = sync_manager_type_entries<sync_manager_count(Description)>(Description);
     static constexpr Entry kRxAssigned[] = {entry_count(1), assigned(1, 0x1600)};
     static constexpr Entry kTxAssigned[] = {entry_count(1), assigned(1, 0x1A00)};
     static constexpr Object kAll[] = {
@@ -105,13 +118,16 @@ class StandardObjects {
         record(0x1600, "Outputs", kRxEntries, nullptr, DataType::pdo_mapping),
         record(0x1A00, "Inputs", kTxEntries, nullptr, DataType::pdo_mapping),
         array(0x1C00, "Sync manager types", kSyncManagers),
-        array(0x1C12, "RxPDO assignment", kRxAssigned),
-        array(0x1C13, "TxPDO assignment", kTxAssigned),
+        array(Description.outputs.assignment(), "RxPDO assignment", kRxAssigned),
+        array(Description.inputs.assignment(), "TxPDO assignment", kTxAssigned),
     };
 
     static constexpr bool is_there(const Object& object) {
-        const bool of_outputs = object.index == 0x1600 || object.index == 0x1C12;
-        const bool of_inputs = object.index == 0x1A00 || object.index == 0x1C13;
+        const bool of_outputs = object.index == 0x1600 || object.index == Description.outputs.assignment();
+        const bool of_inputs = object.index == 0x1A00 || object.index == Description.inputs.assignment();
+        // The PDOs of a device with more SyncManagers are those of the author.
+        if ((of_outputs && !Description.more_outputs.empty()) || (of_inputs && !Description.more_inputs.empty()))
+            return false;
         return !replaced(object.index) && (!of_outputs || Description.outputs.present()) &&
                (!of_inputs || Description.inputs.present());
     }
@@ -128,7 +144,9 @@ class StandardObjects {
 
   public:
     static constexpr auto kObjects = merge();
-    static constexpr std::size_t kMostMapped = std::max({kRx.entries, kTx.entries, std::size_t{1}});
+    // Between two areas of a direction, a gap may follow the last entry.
+    static constexpr std::size_t kMostMapped = std::max(
+        {kRx.entries + Description.more_outputs.size(), kTx.entries + Description.more_inputs.size(), std::size_t{1}});
 };
 
 // A device with CoE. `ValueBytes`: the image of the values. `More`: other mailbox protocols besides CoE. An author
@@ -146,7 +164,7 @@ class StandardDevice {
         MailboxMemory<kMailboxBytes, 3> mailbox;
         std::array<std::byte, 256> staging{};
         std::array<std::byte, ValueBytes> values{};
-        ProcessDataMemory<Description.outputs.max_bytes, Description.inputs.max_bytes, MostMapped> process_data;
+        ProcessDataMemory<most_bytes(Description, true), most_bytes(Description, false), MostMapped> process_data;
     };
 
     // All arguments must outlive the device.

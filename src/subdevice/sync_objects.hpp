@@ -82,7 +82,7 @@ template <std::size_t Offset>
             constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
             constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
             value<typename V::output_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
-            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(0, 1),
+            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>),
             value<typename V::missed_frames>(kMissedFrames, "SM event missed counter", od::kReadOnly),
             value<typename V::cycle_exceeded>(kCycleExceeded, "Cycle exceeded counter", od::kReadOnly),
             flag<typename V::sync_error>(kSyncError, "Sync error", od::kReadOnly)};
@@ -98,7 +98,7 @@ template <std::size_t Offset>
             constant<std::uint16_t>(kSupported, "Synchronization types supported", sync_entry::supported(d)),
             constant<std::uint32_t>(kMinCycle, "Minimum cycle time", sync_entry::min_cycle_ns(d)),
             value<typename V::input_calc_and_copy>(kCalcAndCopy, "Calc and copy time", od::kReadOnly),
-            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(0, 1)};
+            value<typename V::get_cycle_time>(kGetCycleTime, "Get cycle time", od::kReadWrite).within(kLimits<0, 1>)};
 }
 
 }  // namespace margay::subdevice

@@ -62,14 +62,15 @@ inline constexpr auto kErrors = kErrorHistoryEntries<3>;
 inline constexpr auto kDiagnosis = kDiagnosisEntries<2>;
 inline constexpr auto kIdentity = identity_entries(kDevice);
 inline constexpr Entry kRx[] = {
-    value<Values::rx_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 4),
+    value<Values::rx_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(kLimits<0, 4>),
     value<Values::rx>(1, "Mapping", od::kReadWritePreop, 0x20000010),
     octets(2, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::rx::offset + 4, 4).times(3)};
 inline constexpr Entry kAssign[] = {
-    value<Values::assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 2),
+    value<Values::assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(kLimits<0, 2>),
     value<Values::assign>(1, "PDO", od::kReadWritePreop, 0x1600),
     octets(2, "PDO", DataType::unsigned16, od::kReadWritePreop, Values::assign::offset + 2, 2)};
-inline constexpr Entry kWord[] = {value<Values::word>(0, "Word", od::kReadWrite | od::kRxMappable, 7).within(0, 1000)};
+inline constexpr Entry kWord[] = {
+    value<Values::word>(0, "Word", od::kReadWrite | od::kRxMappable, 7).within(kLimits<0, 1000>)};
 inline constexpr Entry kText[] = {
     octets(0, "Text", DataType::visible_string, od::kReadWrite, Values::text, 100, "abc")};
 inline constexpr Entry kMixed[] = {entry_count(4), flag<Values::bit>(1, "Bit", od::kReadWrite), padding(2, 7),
@@ -102,7 +103,7 @@ inline constexpr SoeParameter kParameters[] = {
     soe_constant<std::uint16_t>(Idn::standard(1), "Cycle", 1000, "us"),
     soe_idn_list(Idn::standard(2), "List", DriveValues::list, 8),
     soe_all(Idn::standard(3), "All", SoeStorage::all_idns),
-    soe_value<DriveValues::speed>(Idn::standard(4), "Speed", "inc").within(-100, 100),
+    soe_value<DriveValues::speed>(Idn::standard(4), "Speed", "inc").within(kLimits<-100, 100>),
     soe_procedure(Idn::standard(5), "Homing", DriveValues::homing),
     soe_list(Idn::standard(6), "Label", DriveValues::label, 200, 1, SoeType::text),
     soe_text(Idn::standard(7), "Version", "a text of more than one message, and more than two of short ones"),

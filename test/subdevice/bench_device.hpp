@@ -85,7 +85,7 @@ inline constexpr auto kSmTypes = sync_manager_type_entries(kDevice);
 inline constexpr auto kErrors = kErrorHistoryEntries<4>;
 inline constexpr auto kDiagnosis = kDiagnosisEntries<3>;
 inline constexpr Entry kRx[] = {
-    value<Values::rx_count>(0, "SubIndex 000", od::kReadWritePreop, 3).within(0, 8),
+    value<Values::rx_count>(0, "SubIndex 000", od::kReadWritePreop, 3).within(kLimits<0, 8>),
     value<Values::rx_first>(1, "Mapping", od::kReadWritePreop, 0x70000108),
     octets(2, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::rx_first::offset + 4, 4,
            std::string_view("\x10\x02\x00\x70", 4)),
@@ -93,27 +93,27 @@ inline constexpr Entry kRx[] = {
            std::string_view("\x01\x03\x00\x70", 4)),
     octets(4, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::rx_first::offset + 12, 4).times(5)};
 inline constexpr Entry kTx[] = {
-    value<Values::tx_count>(0, "SubIndex 000", od::kReadWritePreop, 2).within(0, 8),
+    value<Values::tx_count>(0, "SubIndex 000", od::kReadWritePreop, 2).within(kLimits<0, 8>),
     value<Values::tx_first>(1, "Mapping", od::kReadWritePreop, 0x60000110),
     octets(2, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::tx_first::offset + 4, 4,
            std::string_view("\x20\x02\x00\x60", 4)),
     octets(3, "Mapping", DataType::unsigned32, od::kReadWritePreop, Values::tx_first::offset + 8, 4).times(6)};
 inline constexpr Entry kRxFixed[] = {entry_count(1), mapped(1, 0x7000, 4, 1)};
 inline constexpr Entry kRxAssign[] = {
-    value<Values::rx_assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 4),
+    value<Values::rx_assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(kLimits<0, 4>),
     value<Values::rx_assign>(1, "PDO", od::kReadWritePreop, 0x1600),
     octets(2, "PDO", DataType::unsigned16, od::kReadWritePreop, Values::rx_assign::offset + 2, 2).times(3)};
 inline constexpr Entry kTxAssign[] = {
-    value<Values::tx_assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(0, 4),
+    value<Values::tx_assign_count>(0, "SubIndex 000", od::kReadWritePreop, 1).within(kLimits<0, 4>),
     value<Values::tx_assign>(1, "PDO", od::kReadWritePreop, 0x1A00),
     octets(2, "PDO", DataType::unsigned16, od::kReadWritePreop, Values::tx_assign::offset + 2, 2).times(3)};
 inline constexpr Entry kSetting[] = {
-    value<Values::setting>(0, "Setting", od::kReadWrite | od::kBackup | od::kSettings, 100).within(-500, 500)};
+    value<Values::setting>(0, "Setting", od::kReadWrite | od::kBackup | od::kSettings, 100).within(kLimits<-500, 500>)};
 inline constexpr Entry kBig[] = {value<Values::big>(0, "Big", od::kReadWrite, 0x1122334455667788)};
 inline constexpr Entry kLabel[] = {
     octets(0, "Label", DataType::visible_string, od::kReadWrite | od::kBackup, Values::label, 20, "none")};
 inline constexpr Entry kBlock[] = {octets(0, "Block", DataType::octet_string, od::kReadWrite, Values::block, 300)};
-inline constexpr Entry kLevel[] = {value<Values::level>(0, "Level", od::kRead | od::kWriteOp, 3).within(1, 9)};
+inline constexpr Entry kLevel[] = {value<Values::level>(0, "Level", od::kRead | od::kWriteOp, 3).within(kLimits<1, 9>)};
 inline constexpr Entry kSecret[] = {value<Values::level>(0, "Secret", od::kWrite)};
 inline constexpr Entry kMixed[] = {entry_count(5),
                                    flag<Values::mixed_a>(1, "Flag", od::kReadWrite, 1, 1),

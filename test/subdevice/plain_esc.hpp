@@ -23,11 +23,12 @@ inline std::vector<std::byte> raw(std::initializer_list<int> values) {
 
 class PlainEsc final : public EscAccess {
   public:
+    static constexpr unsigned kSyncManagers = 8;
     PlainEsc() : memory_(0x4000) {
         ecat_set<std::uint16_t>(0x0400, 0x09C2);
         ecat_set<std::uint16_t>(0x0420, 1000);
         ecat_set<std::uint16_t>(0x0440, 1);
-        memory_[0x0005] = std::byte{8};
+        memory_[0x0005] = std::byte{kSyncManagers};
     }
 
     // Accesses of the slave.
@@ -37,7 +38,7 @@ class PlainEsc final : public EscAccess {
         if (address <= 0x0120 && address + into.size() > 0x0120) clear(al_event::kAlControl);
         if (address <= 0x098E && address + into.size() > 0x098E) clear(al_event::kDcSync0);
         if (address <= 0x0440 && address + into.size() > 0x0440) clear(al_event::kWatchdog);
-        for (unsigned n = 0; n < 4; ++n) {
+        for (unsigned n = 0; n < kSyncManagers; ++n) {
             const auto activate = wire::reg::sync_manager(n).address + 6u;
             if (address <= activate && address + into.size() > activate) clear(al_event::kSmActivation);
             const auto sm = sync_manager(n);
@@ -49,7 +50,7 @@ class PlainEsc final : public EscAccess {
     void write(std::uint16_t address, Bytes data) noexcept override {
         ++accesses;
         for (std::size_t i = 0; i < data.size(); ++i) memory_[address + i] = data[i];
-        for (unsigned n = 0; n < 4; ++n) {
+        for (unsigned n = 0; n < kSyncManagers; ++n) {
             if (address == wire::reg::sync_manager(n).address + 7u && (get<std::uint8_t>(address) & 1) != 0) {
                 set_full(n, false);
                 clear(al_event::sync_manager(n));
@@ -64,7 +65,7 @@ class PlainEsc final : public EscAccess {
 
     // Accesses of the master. False: the working counter of the datagram would be 0.
     bool ecat_write(std::uint16_t address, Bytes data) {
-        for (unsigned n = 0; n < 4; ++n) {
+        for (unsigned n = 0; n < kSyncManagers; ++n) {
             const auto sm = sync_manager(n);
             if (!covers(sm, address)) continue;
             if (locked(n) || !sm.ecat_writes() || (sm.mailbox() && full(n))) return false;
@@ -77,14 +78,14 @@ class PlainEsc final : public EscAccess {
         }
         for (std::size_t i = 0; i < data.size(); ++i) memory_[address + i] = data[i];
         if (address <= 0x0120 && address + data.size() > 0x0120) raise(al_event::kAlControl);
-        for (unsigned n = 0; n < 4; ++n) {
+        for (unsigned n = 0; n < kSyncManagers; ++n) {
             const auto activate = wire::reg::sync_manager(n).address + 6u;
             if (address <= activate && address + data.size() > activate) raise(al_event::kSmActivation);
         }
         return true;
     }
     bool ecat_read(std::uint16_t address, MutableBytes into) {
-        for (unsigned n = 0; n < 4; ++n) {
+        for (unsigned n = 0; n < kSyncManagers; ++n) {
             const auto sm = sync_manager(n);
             if (!covers(sm, address)) continue;
             if (locked(n) || sm.ecat_writes() || (sm.mailbox() && !full(n))) return false;

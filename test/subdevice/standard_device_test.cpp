@@ -92,7 +92,7 @@ TEST(StandardDevice, HasTheObjectsOfEveryDeviceAndThoseOfItsAuthor) {
               (std::vector{0x1000, 0x1008, 0x1018, 0x1600, 0x1A00, 0x1C00, 0x1C12, 0x1C13, 0x2000, 0x6000, 0x7000}));
     EXPECT_TRUE(well_formed(LampStack::Objects::kObjects, LampValues::bytes));
     LampBench bench;
-    EXPECT_EQ(bench.stack.dictionary.find(0x1008)->entries[0].text, "Lamps of ours") << "the author's object";
+    EXPECT_EQ(bench.stack.dictionary.find(0x1008)->entries[0].content(), "Lamps of ours") << "the author's object";
     EXPECT_EQ(bench.stack.dictionary.number(0x1018, 2), 0x77U);
     EXPECT_EQ(bench.stack.dictionary.number(0x1600, 0), 2U) << "a gap follows one octet";
     EXPECT_EQ(bench.stack.dictionary.number(0x1600, 1), 0x70000008U);

@@ -26,7 +26,7 @@ constexpr auto kDevice = io_device({.product_code = 0x5016,
                                     .input_bytes = 2});
 using Common = CommonObjects<kDevice, 0x00030191>;  // profile 401, digital inputs and outputs
 
-constexpr Entry channels(std::string_view name, std::uint16_t access, std::size_t offset) {
+constexpr Entry channels(const char* name, std::uint16_t access, std::size_t offset) {
     return Entry{.subindex = 1,
                  .count = kChannels,
                  .storage = Storage::image,

@@ -87,11 +87,11 @@ inline constexpr Entry kErrorCode[] = {value<Values::error_code>(0, "Error code"
 inline constexpr Entry kControl[] = {value<Values::control>(0, "Controlword", kOut)};
 inline constexpr Entry kStatus[] = {value<Values::status>(0, "Statusword", kIn)};
 inline constexpr Entry kQuickStopOption[] = {
-    value<Values::quick_stop_option>(0, "Quick stop option code", kSet, 2).within(0, 6)};
+    value<Values::quick_stop_option>(0, "Quick stop option code", kSet, 2).within(kLimits<0, 6>)};
 inline constexpr Entry kShutdownOption[] = {constant<std::int16_t>(0, "Shutdown option code", 0)};
 inline constexpr Entry kDisableOption[] = {constant<std::int16_t>(0, "Disable operation option code", 0)};
 inline constexpr Entry kFaultOption[] = {
-    value<Values::fault_option>(0, "Fault reaction option code", kSet, 2).within(0, 2)};
+    value<Values::fault_option>(0, "Fault reaction option code", kSet, 2).within(kLimits<0, 2>)};
 inline constexpr Entry kMode[] = {value<Values::mode>(0, "Modes of operation", kOut)};
 inline constexpr Entry kModeDisplay[] = {value<Values::mode_display>(0, "Modes of operation display", kIn)};
 inline constexpr Entry kDemand[] = {value<Values::position_demand>(0, "Position demand value", kIn)};
@@ -102,9 +102,10 @@ inline constexpr Entry kFollowingTimeout[] = {
     value<Values::following_timeout>(0, "Following error time out", kSet, 10)};
 inline constexpr Entry kPositionWindow[] = {value<Values::position_window>(0, "Position window", kSet, 1000)};
 inline constexpr Entry kSpeed[] = {value<Values::speed>(0, "Velocity actual value", kIn)};
-inline constexpr Entry kTargetTorque[] = {value<Values::target_torque>(0, "Target torque", kOut).within(-3000, 3000)};
+inline constexpr Entry kTargetTorque[] = {
+    value<Values::target_torque>(0, "Target torque", kOut).within(kLimits<-3000, 3000>)};
 inline constexpr Entry kMaxTorque[] = {
-    value<Values::max_torque>(0, "Max torque", kSet | od::kRxMappable, 3000).within(0, 3000)};
+    value<Values::max_torque>(0, "Max torque", kSet | od::kRxMappable, 3000).within(kLimits<0, 3000>)};
 inline constexpr Entry kRatedTorque[] = {constant<std::uint32_t>(0, "Motor rated torque", 2400)};
 inline constexpr Entry kTorque[] = {value<Values::torque>(0, "Torque actual value", kIn)};
 inline constexpr Entry kVoltage[] = {value<Values::voltage>(0, "DC link circuit voltage", kIn, 325'000)};
@@ -116,11 +117,14 @@ inline constexpr Entry kMaxSpeed[] = {value<Values::max_speed>(0, "Max motor spe
 inline constexpr Entry kProfileSpeed[] = {
     value<Values::profile_speed>(0, "Profile velocity", kSet | od::kRxMappable, 20 * kTurn)};
 inline constexpr Entry kAcceleration[] = {
-    value<Values::acceleration>(0, "Profile acceleration", kSet | od::kRxMappable, 200 * kTurn).within(1, UINT32_MAX)};
+    value<Values::acceleration>(0, "Profile acceleration", kSet | od::kRxMappable, 200 * kTurn)
+        .within(kLimits<1, UINT32_MAX>)};
 inline constexpr Entry kDeceleration[] = {
-    value<Values::deceleration>(0, "Profile deceleration", kSet | od::kRxMappable, 200 * kTurn).within(1, UINT32_MAX)};
+    value<Values::deceleration>(0, "Profile deceleration", kSet | od::kRxMappable, 200 * kTurn)
+        .within(kLimits<1, UINT32_MAX>)};
 inline constexpr Entry kQuickStop[] = {
-    value<Values::quick_stop_deceleration>(0, "Quick stop deceleration", kSet, 1000 * kTurn).within(1, UINT32_MAX)};
+    value<Values::quick_stop_deceleration>(0, "Quick stop deceleration", kSet, 1000 * kTurn)
+        .within(kLimits<1, UINT32_MAX>)};
 inline constexpr Entry kEncoderResolution[] = {entry_count(2),
                                                constant<std::uint32_t>(1, "Encoder increments", 1u << 20),
                                                constant<std::uint32_t>(2, "Motor revolutions", 1)};
@@ -129,10 +133,11 @@ inline constexpr Entry kHomingSpeeds[] = {
     entry_count(2), value<Values::homing_fast>(1, "Speed during search for switch", kSet, 20 * kTurn),
     value<Values::homing_slow>(2, "Speed during search for zero", kSet, 2 * kTurn)};
 inline constexpr Entry kHomingAcceleration[] = {
-    value<Values::homing_acceleration>(0, "Homing acceleration", kSet, 200 * kTurn).within(1, UINT32_MAX)};
+    value<Values::homing_acceleration>(0, "Homing acceleration", kSet, 200 * kTurn).within(kLimits<1, UINT32_MAX>)};
 inline constexpr Entry kInterpolationTime[] = {
-    entry_count(2), value<Values::interpolation_value>(1, "Interpolation time period value", kSet, 1).within(1, 255),
-    value<Values::interpolation_index>(2, "Interpolation time index", kSet, -3).within(-6, -1)};
+    entry_count(2),
+    value<Values::interpolation_value>(1, "Interpolation time period value", kSet, 1).within(kLimits<1, 255>),
+    value<Values::interpolation_index>(2, "Interpolation time index", kSet, -3).within(kLimits<-6, -1>)};
 inline constexpr Entry kFollowingError[] = {value<Values::following_error>(0, "Following error actual value", kIn)};
 inline constexpr Entry kDigitalInputs[] = {value<Values::digital_inputs>(0, "Digital inputs", kIn)};
 inline constexpr Entry kTargetSpeed[] = {value<Values::target_speed>(0, "Target velocity", kOut)};

@@ -7,7 +7,8 @@ namespace margay::sim {
 std::span<const Blueprint* const> blueprints() {
     static constexpr const Blueprint* kAll[] = {&kDigitalIo,  &kAnalogIo,       &kEncoder,    &kDrive,
                                                 &kSoeDrive,   &kBootloader,     &kOddDevice,  &kVoeDevice,
-                                                &kAoeGateway, &kOpenBootloader, &kEoeGateway, &kDcBridge};
+                                                &kAoeGateway, &kOpenBootloader, &kEoeGateway, &kDcBridge,
+                                                &kSplitIo};
     return kAll;
 }
 

@@ -117,7 +117,8 @@ struct CommonObjects {
     static constexpr std::array<subdevice::Entry, 1> kHardware{subdevice::text(0, "Hardware version", "1")};
     static constexpr std::array<subdevice::Entry, 1> kSoftware{subdevice::text(0, "Software version", "1.0")};
     static constexpr auto kIdentity = subdevice::identity_entries(Device);
-    static constexpr auto kSyncManagers = subdevice::sync_manager_type_entries(Device);
+    static constexpr auto kSyncManagers =
+        subdevice::sync_manager_type_entries<subdevice::sync_manager_count(Device)>(Device);
     static constexpr auto kErrors = subdevice::kErrorHistoryEntries<Model::kErrorLines>;
     static constexpr auto kDiagnosis = subdevice::kDiagnosisEntries<Model::kDiagnosisLines>;
 
@@ -137,7 +138,7 @@ struct CommonObjects {
 
 // Entries from subindex `first` on of an array of adjacent numbers of one type, each with its own initial value.
 template <class T, std::size_t N>
-[[nodiscard]] constexpr std::array<subdevice::Entry, N> numbers(std::uint8_t first, std::string_view name,
+[[nodiscard]] constexpr std::array<subdevice::Entry, N> numbers(std::uint8_t first, const char* name,
                                                                 std::uint16_t access, std::size_t offset,
                                                                 const std::array<T, N>& initial) {
     std::array<subdevice::Entry, N> entries{};
@@ -157,11 +158,11 @@ template <class T, std::size_t N>
 // image.
 template <class T, std::size_t N>
 [[nodiscard]] constexpr std::array<subdevice::Entry, N + 1> changeable_list(std::size_t offset, std::uint8_t used,
-                                                                            std::string_view name,
+                                                                            const char* name,
                                                                             const std::array<T, N>& initial) {
     std::array<subdevice::Entry, N + 1> entries{};
     entries[0] = numbers<std::uint8_t, 1>(0, "SubIndex 000", subdevice::od::kReadWritePreop, offset, {used})[0].within(
-        0, static_cast<std::int64_t>(N));
+        subdevice::kLimits<0, static_cast<std::int64_t>(N)>);
     const auto rest = numbers<T, N>(1, name, subdevice::od::kReadWritePreop, offset + 1, initial);
     for (std::size_t i = 0; i < N; ++i) entries[i + 1] = rest[i];
     return entries;

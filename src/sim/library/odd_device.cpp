@@ -64,7 +64,7 @@ constexpr auto kBlockEntries = [] {
 }();
 constexpr Entry kSlow[] = {value<Values::slow>(0, "Slow object", od::kReadWrite)};
 
-constexpr Entry words(std::string_view name, std::uint16_t access, std::size_t offset) {
+constexpr Entry words(const char* name, std::uint16_t access, std::size_t offset) {
     return Entry{.subindex = 1,
                  .count = kWords,
                  .storage = Storage::image,
