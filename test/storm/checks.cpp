@@ -163,9 +163,15 @@ void World::note_outputs(std::uint8_t group) {
     const auto image = ctx_->group(group).image;
     for (const Slave& slave : ctx_->slaves()) {
         const auto& part = slave.image.outputs;
-        if (part.bits == 0 || !carries(ctx_->group(group), slave) || !in_one_piece(slave.config, Direction::outputs))
-            continue;
-        for (const auto n : devices_at(slave.number)) sent_[n][part.bits].insert(bits_of(image, part));
+        if (part.bits == 0 || !carries(ctx_->group(group), slave)) continue;
+        // A device reads the outputs of each SyncManager on their own.
+        ImagePart piece{.offset_bits = part.offset_bits, .bits = 0, .bytes = {}};
+        for (const ProcessSm& sm : slave.config.used_sms()) {
+            if (sm.direction != Direction::outputs || sm.bits == 0) continue;
+            piece.bits = sm.bits;
+            for (const auto n : devices_at(slave.number)) sent_[n][piece.bits].insert(bits_of(image, piece));
+            piece.offset_bits += sm.bits;
+        }
     }
 }
 
