@@ -19,11 +19,11 @@ struct DatagramStatus {
     std::uint16_t full = 0;  // working counter if all slaves take part, optional ones included
     bool came = false;       // its frame came back; otherwise `got` has no meaning
     bool fresh = false;  // its inputs were copied into the image: all slaves that are not known to be lost took part
-    // All slaves took part.
-    [[nodiscard]] constexpr bool right() const { return came && (got == expected || got == full); }
     // All slaves that can take part did so: the inputs of these slaves are in the image. The inputs of the others are
-    // unchanged.
+    // unchanged, also where a device answers in their place.
     [[nodiscard]] constexpr bool usable() const { return came && (got == accepted || got == full); }
+    // The same, and no slave is missing.
+    [[nodiscard]] constexpr bool right() const { return usable() && accepted == expected; }
 };
 
 // A datagram of process data as config_map() has planned it: see process_datagram().

@@ -25,8 +25,8 @@ struct RegisterReadRequest : SlaveRequest {
 };
 
 // Writes them. A lost frame is sent again: a write with an effect at each access may have the effect twice. To a slave
-// that was away, and whose identity was not compared since, nothing is written (identity_unread): another device may
-// have its station address now.
+// that is missing (missing_slave), or that was away and whose identity was not compared since (identity_unread),
+// nothing is written: another device may have its station address now.
 struct RegisterWriteRequest : SlaveRequest {
     RegisterWriteRequest();
     std::uint16_t address = 0;
@@ -34,7 +34,8 @@ struct RegisterWriteRequest : SlaveRequest {
 };
 
 // The same as functions that wait; see wait(). Errors: unknown_slave, invalid_argument (no octets, or too many),
-// working_counter (the slave does not answer, or has no such register), no_frame; identity_unread (writing only).
+// working_counter (the slave does not answer, or has no such register), no_frame; missing_slave and identity_unread
+// (writing only).
 Result<> read_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<std::byte> data);
 Result<> write_register(Context& ctx, std::uint16_t slave, std::uint16_t address, std::span<const std::byte> data);
 

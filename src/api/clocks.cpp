@@ -32,7 +32,7 @@ static Error check(Network& network, const ClockRequest& request) {
 }
 
 static Error check(Network& network, const SyncRequest& request) {
-    const Error refused = check_slave(network, request.slave, Step::configure_sync);
+    const Error refused = check_same_slave(network, request.slave, Step::configure_sync);
     if (refused.code != Errc::none) return refused;
     if (network.clocks.prepare == nullptr)
         return {.code = Errc::wrong_state, .step = Step::configure_sync, .slave = request.slave};

@@ -5,17 +5,16 @@
 namespace margay {
 
 Error check_mailbox(Network& network, Error where) {
-    const Error refused = check_slave(network, where.slave, where.step);
+    Error refused = check_slave(network, where.slave, where.step);
+    const bool known = refused.code == Errc::none;
+    if (known) refused = check_same_slave(network, where.slave, where.step);
+    if (known && !network.slave(where.slave).mailbox.present()) refused.code = Errc::unsupported;
     where.code = refused.code;
     where.expected = refused.expected;
     if (refused.code != Errc::none) return where;
     const Slave& slave = network.slave(where.slave);
-    if (!slave.mailbox.present())
-        where.code = Errc::unsupported;
-    else if (slave.al.state == AlState::none)
+    if (slave.al.state == AlState::none)
         where.code = Errc::missing_slave;  // known to be lost: no need to wait for an answer
-    else if (network.marks(slave).was_away && slave.al.state != AlState::boot)
-        where.code = Errc::identity_unread;  // another device may be there
     else if (network.marks(slave).in_hook && slave.al.state == AlState::init)
         where.code = Errc::wrong_state;  // a hook around INIT would wait in vain
     else if (!network.mailbox(slave).is_open())

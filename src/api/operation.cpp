@@ -1,5 +1,7 @@
 #include "api/operation.hpp"
 
+#include "network/newcomer.hpp"
+
 namespace margay {
 
 Error invalid(Argument argument, Step step, std::uint16_t slave, std::uint16_t index, std::uint8_t subindex) {
@@ -14,6 +16,18 @@ Error invalid(Argument argument, Step step, std::uint16_t slave, std::uint16_t i
 Error check_slave(Network& network, std::uint16_t slave, Step step) {
     if (slave >= 1 && slave <= network.count) return {};
     return {.code = Errc::unknown_slave, .step = step, .slave = slave, .expected = network.count};
+}
+
+Error check_same_slave(Network& network, std::uint16_t slave, Step step) {
+    Error error = check_slave(network, slave, step);
+    if (error.code != Errc::none) return error;
+    const Slave& one = network.slave(slave);
+    error = {.step = step, .slave = slave};
+    if (one.al.state == AlState::none && is_known(one))
+        error.code = Errc::missing_slave;
+    else if (network.marks(one).was_away && one.al.state != AlState::boot)
+        error.code = Errc::identity_unread;  // another device may be there
+    return error.code == Errc::none ? Error{} : error;
 }
 
 Error check_slave_or_all(Network& network, std::uint16_t slave, Step step) {

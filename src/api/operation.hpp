@@ -98,6 +98,8 @@ Error check_nothing(Network&, const R&) {
 }
 
 [[nodiscard]] Error check_slave(Network& network, std::uint16_t slave, Step step);
+// The same for what is written to the slave: it must be there, and be the known one.
+[[nodiscard]] Error check_same_slave(Network& network, std::uint16_t slave, Step step);
 // Slave 0 means all slaves.
 [[nodiscard]] Error check_slave_or_all(Network& network, std::uint16_t slave, Step step);
 

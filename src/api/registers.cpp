@@ -29,11 +29,9 @@ static Error check(Network& network, const RegisterReadRequest& request) {
 }
 static Error check(Network& network, const RegisterWriteRequest& request) {
     Error refused = check_registers(network, request, Step::write_register);
-    if (refused.code == Errc::none && network.marks(request.slave).was_away)
-        refused = {.code = Errc::identity_unread,
-                   .step = Step::write_register,
-                   .slave = request.slave,
-                   .index = request.address};
+    if (refused.code != Errc::none) return refused;
+    refused = check_same_slave(network, request.slave, Step::write_register);
+    refused.index = request.address;
     return refused;
 }
 

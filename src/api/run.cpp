@@ -3,6 +3,7 @@
 #include "api/operation.hpp"
 #include "network/members.hpp"
 #include "network/recovery.hpp"
+#include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/wanted.hpp"
 
@@ -27,6 +28,9 @@ Error check_target(Network& network, std::uint16_t slave, AlState state) {
 
 Task<Result<>> bring_one(Network& network, Slave& slave, FirstFault& faults) {
     if (slave.al.state == AlState::none) co_return Nothing{};
+    auto seen = co_await read_anew(network, slave);  // nothing may have read the state for long
+    if (!seen) faults.note(network, slave, seen.error());
+    if (!seen) co_return Nothing{};
     auto done = co_await bring_back(network, slave);
     if (!done) faults.note(network, slave, done.error());
     co_return Nothing{};

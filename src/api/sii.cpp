@@ -49,8 +49,7 @@ static Error check(Network& network, const SiiReadRequest& request) {
 }
 static Error check(Network& network, const SiiWriteRequest& request) {
     const Error refused = check_words(network, request, Step::write_sii);
-    if (refused.code != Errc::none || !network.marks(request.slave).was_away) return refused;
-    return {.code = Errc::identity_unread, .step = Step::write_sii, .slave = request.slave};
+    return refused.code != Errc::none ? refused : check_same_slave(network, request.slave, Step::write_sii);
 }
 
 // Both sequences give the EEPROM back to the slave at the end, also after cancel() and when the timeout is over:

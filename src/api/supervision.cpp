@@ -3,7 +3,6 @@
 
 #include "api/master.hpp"
 #include "api/operation.hpp"
-#include "network/newcomer.hpp"
 #include "network/recovery.hpp"
 #include "network/search.hpp"
 #include "network/states.hpp"
@@ -75,7 +74,7 @@ static Task<Result<>> run(Network& network, RecoverRequest& request) {
     Slave* const wanted = request.slave == 0 ? nullptr : &network.slave(request.slave);
     if (wanted != nullptr && wanted->error.code == Errc::other_slave) wanted->error = {};  // of an earlier search
     if (!network.supervised && network.is_unobserved()) {
-        for (Slave& slave : network.slaves()) network.marks(slave).unproved |= is_known(slave);
+        doubt_all(network, false);
         network.compared = network.engine.now();
     }
     co_await required(read_states(network));

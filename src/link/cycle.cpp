@@ -99,15 +99,18 @@ void Link::give_up_prepared(PreparedFrame& frame, Time now) {
     close_lost(*slot, now);
 }
 
-// The part of commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave
-// is missing.
+// commit() for a datagram in which some slave does not take part. Its inputs are copied when no other slave is missing.
 void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, const std::byte* data) {
     frame.end = CycleEnd::odd;
-    datagram.status->fresh = datagram.status->got == datagram.status->accepted;
-    if (!datagram.status->fresh) return;
+    DatagramStatus& status = *datagram.status;
+    status.got = load_le<std::uint16_t>(Bytes(data + datagram.bytes, 2));
+    status.came = true;
+    status.fresh = status.usable();
+    if (!status.fresh) return;
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
-    if (frame.apart || frame.regrouped)
+    // With the working counter of all slaves, a device answers in the place of a slave that does not take part.
+    if (frame.apart || frame.regrouped || status.got != status.accepted)
         frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));
@@ -210,7 +213,7 @@ void Link::commit_frame(PreparedFrame& sent, Bytes frame) {
     sent.end = sent.degraded ? CycleEnd::odd : CycleEnd::right;
     for (const PreparedDatagram& d : sent.datagrams) {
         const std::byte* data = &frame[d.offset + wire::kDatagramHeaderBytes];
-        if (!commit(d, data)) commit_short(sent, d, data);
+        if (sent.degraded || !commit(d, data)) commit_short(sent, d, data);
     }
     for (const PreparedReading& r : sent.readings) {
         const std::byte* data = &frame[r.offset + wire::kDatagramHeaderBytes];

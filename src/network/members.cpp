@@ -23,14 +23,23 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
 
 void settle(ProcessGroup& group) {
     // Without datagrams no working counter shows that a wanted slave is missing. During a mapping slaves answer that
-    // are not in SAFEOP yet.
-    group.complete = group.mapped && !group.mapping && (!group.statuses.empty() || group.expected_wkc == 0);
+    // are not in SAFEOP yet, and after a silence slaves may answer that are others.
+    const auto doubted = [&group](const Slave& slave) {
+        return slave.image.group == group.number && slave.takes_part && group.marks[slave.number - 1U].was_away;
+    };
+    group.complete = group.mapped && !group.mapping && (!group.statuses.empty() || group.expected_wkc == 0) &&
+                     std::ranges::none_of(group.slaves, doubted);
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
     const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
     if (group.special != special) group.special = special;
     for (PreparedFrame& frame : group.prepared) frame.settle();
     group.settling = true;
     group.settled_after = sent_cycles(group);
+}
+
+void settle_groups(Network& network) {
+    for (ProcessGroup& group : network.process.groups)
+        if (group.mapped) settle(group);
 }
 
 namespace {

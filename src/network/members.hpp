@@ -11,6 +11,9 @@ namespace margay {
 // Call it when something has changed that decides whether the cycles of the group can be right.
 void settle(ProcessGroup& group);
 
+// The same for all groups.
+void settle_groups(Network& network);
+
 // Sets whether the slave takes part, from the next cycle on. No effect when nothing changes.
 void set_takes_part(Network& network, Slave& slave, bool takes_part);
 

@@ -32,11 +32,13 @@ std::size_t find_free(std::span<T> all, std::size_t n, std::span<ProcessGroup> g
     return all.size();
 }
 
-// The first slave that is known not to take part and that belongs to datagram `n`; 0: none is known.
+// The first slave that is known not to take part, or may be another one, and that belongs to datagram `n`; 0: none is
+// known.
 std::uint16_t lost_slave(const ProcessGroup& group, std::size_t n) {
     for (const Slave& slave : group.slaves) {
         const bool counted = group.marks[slave.number - 1U].counted;
-        const bool absent = slave.al.state == AlState::none || (counted && !slave.takes_part);
+        const bool absent = slave.al.state == AlState::none || (counted && !slave.takes_part) ||
+                            group.marks[slave.number - 1U].was_away;
         if (slave.image.group != group.number || !absent) continue;
         if (slave.unplaced && counted && n == 0) return slave.number;
         if (n >= group.plans.size()) continue;
@@ -289,6 +291,7 @@ bool is_joining(const ProcessGroup& group, const Slave& slave) {
 
 bool is_fresh(const ProcessGroup& group, const Slave& slave) {
     if (!slave.takes_part || !group.mapped || group.mapping || is_joining(group, slave)) return false;
+    if (group.marks[slave.number - 1U].was_away) return false;  // another slave may have sent them
     const bool has_inputs = slave.image.inputs.bits > 0;
     const ImagePart& part = has_inputs ? slave.image.inputs : slave.image.outputs;
     const std::uint64_t end = part.offset_bits + std::uint64_t{part.bits};

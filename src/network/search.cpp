@@ -196,7 +196,7 @@ Task<Result<>> assign_slave_address(Network& network, std::uint16_t n, Slave& sl
     }
     if (slave.seen && !slave.held && slave.identity.revision != network.guest.identity.revision) revise(network, slave);
     slave.identity = network.guest.identity;
-    network.marks(slave).unproved = false;
+    network.marks(slave).trust();
     update_mailbox(network, slave);
     co_return Nothing{};
 }
@@ -315,8 +315,8 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
         const bool worked_on = !own && (network.marks(slave).in_use || is_being_mapped(network, slave));
         const bool by_itself =
             seen && seen->state != slave.al.state && !worked_on && !is_requested(network, slave, seen->state);
-        network.marks(slave).unproved |= is_known(slave) && (slave.al.state == AlState::none || by_itself);
-        network.marks(slave).was_away |= is_known(slave) && slave.al.state == AlState::none;
+        const bool away = slave.al.state == AlState::none;
+        if (is_known(slave) && (away || by_itself)) network.marks(slave).doubt(away);
         if (seen && seen->state == AlState::boot) note_boot(network, slave);
         update_al_status(slave.al, seen);
         if (slave.al.state == AlState::none) return leave_exchange(network, slave);
@@ -337,6 +337,12 @@ void note_lost(Network& network, Slave& slave) {
     leave_exchange(network, slave);
 }
 
+void doubt_all(Network& network, bool away) {
+    for (const Slave& slave : network.slaves())
+        if (is_known(slave)) network.marks(slave).doubt(away);
+    if (away) settle_groups(network);
+}
+
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
     const bool boot = slave.al.state == AlState::boot;  // its firmware may use the EEPROM
     if (slave.al.state != AlState::none && !boot && network.marks(slave).unproved && !network.marks(slave).in_use) {
@@ -350,7 +356,7 @@ Task<Result<>> readmit_if_there(Network& network, Slave& slave) {
 }
 
 Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
-    network.marks(slave).unproved |= !network.supervised && network.is_unobserved() && is_known(slave);
+    if (!network.supervised && network.is_unobserved() && is_known(slave)) network.marks(slave).doubt(false);
     auto seen = co_await read_al_status(network.station(slave));
     const AlStatus before = slave.al;
     if (!network.supervised) {
@@ -365,9 +371,12 @@ Task<Result<AlStatus>> read_anew(Network& network, Slave& slave) {
 Task<Result<>> prove(Network& network, Slave& slave) {
     auto same = co_await compare_identity(network, slave);
     if (accept_revision(network, slave, same.error())) same = Nothing{};
-    network.marks(slave).unproved &= !same.ok();
-    network.marks(slave).was_away &= !same.ok();
-    if (same) update_mailbox(network, slave);
+    if (same) {
+        const bool away = network.marks(slave).was_away;
+        network.marks(slave).trust();
+        update_mailbox(network, slave);
+        if (away) settle_groups(network);
+    }
     if (slave.al.state >= AlState::preop && slave.al.state != AlState::boot)
         network.marks(slave).from_boot &= !same.ok();
     if (same.error().code != Errc::other_slave) co_return same;
@@ -396,12 +405,13 @@ Task<Result<>> readmit_slave(Network& network, Slave& slave, AlStatus now) {
         mapped = same && *same;
     }
     // A slave in BOOT is asked when it leaves BOOT: its firmware may use the EEPROM.
-    network.marks(slave).unproved = true;
+    if (is_known(slave)) network.marks(slave).doubt(true);
     if (now.state != AlState::boot) {
         auto same = co_await prove(network, slave);
         // The search identifies another slave. Where the SII cannot be read, the next look repeats the check.
         if (!same) {
             if (same.error().code != slave.error.code) network.note(slave, same.error());
+            co_await completion(unmap(network.station(slave)));  // until then it gets no outputs
             co_return Nothing{};
         }
     }

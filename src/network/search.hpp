@@ -37,6 +37,9 @@ void note_reading(Network& network, Slave& slave, const Result<AlStatus>& seen, 
 // supervision readmits it.
 [[nodiscard]] Task<Result<AlStatus>> read_anew(Network& network, Slave& slave);
 
+// SlaveMarks::doubt() for all slaves that are known.
+void doubt_all(Network& network, bool away);
+
 // Compares the identity of the slave that answers at the address of `slave` with the known one. Another slave loses its
 // FMMUs and its station address, so that find_lost() identifies it, and `slave` counts as lost. Errors: other_slave,
 // those of reading the SII.

@@ -36,13 +36,21 @@ struct SlaveMarks {
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
     // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
-    // now. Its identity is compared before anything else is done with it.
+    // now. Its identity is compared before its state is changed, and before what follows a transition is executed.
     bool unproved : 1 = false;
-    bool was_away : 1 = false;   // unproved because it did not answer: mail to it is refused
-    bool joining : 1 = false;    // no cycle behind joined_after was received yet
-    bool from_boot : 1 = false;  // it was in BOOT, and may have other firmware: compared again in PREOP
+    bool was_away : 1 = false;       // unproved because it did not answer: mail and writing to it are refused
+    bool joining : 1 = false;        // no cycle behind joined_after was received yet
+    bool from_boot : 1 = false;      // it was in BOOT, and may have other firmware: compared again in PREOP
     bool pdos_in_doubt : 1 = false;  // it was in BOOT since its PDOs were read from it
-    bool held_back : 1 = false;  // brought to PREOP while it was held: its start-up commands were left out
+    bool held_back : 1 = false;      // brought to PREOP while it was held: its start-up commands were left out
+
+    // Another slave may be there. `away`: this one did not answer.
+    void doubt(bool away) {
+        unproved = true;
+        was_away |= away;
+    }
+    // It is this slave.
+    void trust() { unproved = was_away = false; }
 };
 
 // The token of a slave: one request, or the supervision, changes the slave at a time. The token is taken on

@@ -81,7 +81,7 @@ Task<Result<>> look_at(Network& network, Slave& slave) {
     if (!may_look_at(network, slave) || (slave.al.state == AlState::none && !slave.seen)) co_return Nothing{};
     if (is_being_mapped(network, slave)) {  // the mapping reads its state; here only that it was away
         auto there = co_await read_al_status(network.station(slave));
-        network.marks(slave).unproved |= does_not_answer(there.error());
+        if (does_not_answer(there.error())) network.marks(slave).doubt(true);
         co_return Nothing{};
     }
     const bool was_there = slave.al.state != AlState::none;
@@ -144,7 +144,7 @@ void apply_target(Watch& watch) {
         return;
     }
     Error error{.code = Errc::invalid_argument, .step = Step::supervise};
-    error.actual = static_cast<std::uint32_t>(Argument::state);
+    error.detail = static_cast<std::uint32_t>(Argument::state);
     watch.network.note(error);
 }
 
@@ -163,6 +163,10 @@ Task<Result<>> help(Watch& watch, Slave& slave) {
         if (there) slave.error = {};  // an old error is not the reason when the slave falls out again
         if (!well && there) network.report({.kind = EventKind::recovered, .slave = slave.number, .now = slave.al});
         co_return Nothing{};
+    }
+    const bool doubted = network.marks(slave).unproved && slave.al.state != AlState::boot;
+    if (doubted && slave.al.state != AlState::none) {
+        co_await completion(clear_fmmus(network, slave));  // it gets no outputs until it is compared
     }
     // That the slave is gone again is reported by the next look; another slave, by the search.
     if (!does_not_answer(done.error()) && slave.al.state != AlState::none) {
@@ -261,6 +265,7 @@ void report_silent_segment(Watch& watch) {
     if (count_lost_frames(watch) < kSilentFrames || watch.network.silent) return;
     watch.network.report({.kind = EventKind::lost});
     watch.network.silent = true;
+    doubt_all(watch.network, true);
 }
 
 // The target of the slave has become lower: a hook of the way up does not hold the slave in its state.
@@ -338,13 +343,13 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     const Time now = network.engine.now();
     if (network.is_unobserved()) {  // perhaps another machine
         watch.last = {};
-        for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;
+        doubt_all(network, false);
     }
     network.states_read = network.compared = now;
     if (std::exchange(watch.network.silent, false)) {
         network.report({.kind = EventKind::found});
         watch.last = {};
-        for (Slave& slave : network.slaves()) network.marks(slave).unproved = true;  // perhaps another machine
+        doubt_all(network, true);  // perhaps another machine
     }
     apply_target(watch);
     const bool unexpected = report_working_counters(watch);
