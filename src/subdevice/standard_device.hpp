@@ -12,7 +12,7 @@
 //     Lamps lamps(memory.values);
 //     Stack stack(esc, lamps, memory);                     // esc: the EscAccess of the board
 //     stack.device.start(now);
-//     for (;;) sleep_until(stack.device.step(now));
+//     for (;;) (void)stack.device.step(esc.now());         // RunMode::polling; see device.hpp for the other modes
 #pragma once
 
 #include "subdevice/coe_server.hpp"
