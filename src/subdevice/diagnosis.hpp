@@ -37,7 +37,7 @@ class DiagnosisHistory {
 
     // Adds a message. Returns false when the message is discarded: the master's filter excludes its type, or in
     // acknowledge mode the history is full of unacknowledged messages. Parameters that do not fit into the memory are
-    // left out.
+    // left out. From the context of step() only: not from Application::cycle() in an interrupt handler.
     bool add(const DiagnosisMessage& message);
     void clear();
 

@@ -53,25 +53,25 @@ enum class Storage : std::uint8_t {
 };
 
 // The smallest and the largest value that a download may write.
-struct Limits {
+struct ValueLimits {
     std::int64_t minimum = 0;
     std::int64_t maximum = 0;
 };
 template <std::int64_t Minimum, std::int64_t Maximum>
-inline constexpr Limits kLimits{Minimum, Maximum};
+inline constexpr ValueLimits kLimits{Minimum, Maximum};
 
 // The text of a string, or the limits of a number.
 class TextOrLimits {
   public:
     constexpr TextOrLimits(const char* text = nullptr) : text_(text) {}
-    constexpr TextOrLimits(const Limits* limits) : limits_(limits) {}
+    constexpr TextOrLimits(const ValueLimits* limits) : limits_(limits) {}
     [[nodiscard]] constexpr const char* text() const { return text_; }
-    [[nodiscard]] constexpr const Limits* limits() const { return limits_; }
+    [[nodiscard]] constexpr const ValueLimits* limits() const { return limits_; }
 
   private:
     union {
         const char* text_;
-        const Limits* limits_;
+        const ValueLimits* limits_;
     };
 };
 
@@ -95,7 +95,7 @@ struct Entry {
     [[nodiscard]] constexpr unsigned last() const { return unsigned{subindex} + count - 1u; }
     [[nodiscard]] constexpr bool is_padding() const { return storage == Storage::nothing; }
     [[nodiscard]] constexpr bool is_text() const { return !limited && more.text() != nullptr; }
-    [[nodiscard]] constexpr const Limits& limits() const { return *more.limits(); }  // valid if `limited`
+    [[nodiscard]] constexpr const ValueLimits& limits() const { return *more.limits(); }  // valid if `limited`
     // The constant or initial value of a string; empty for a number.
     [[nodiscard]] constexpr std::string_view content() const {
         return is_text() ? std::string_view(more.text(), static_cast<std::size_t>(initial)) : std::string_view();
@@ -108,13 +108,13 @@ struct Entry {
 
     // Return a copy of the entry: with limits for downloads (numbers only), with another data type, or for `n`
     // subindices. The limits must exist as long as the table: kLimits<0, 100>, or a constant of the author.
-    [[nodiscard]] constexpr Entry within(const Limits& allowed) const {
+    [[nodiscard]] constexpr Entry within(const ValueLimits& allowed) const {
         Entry e = *this;
         e.limited = true;
         e.more = &allowed;
         return e;
     }
-    Entry within(const Limits&&) const = delete;
+    Entry within(const ValueLimits&&) const = delete;
     [[nodiscard]] constexpr Entry as(DataType other) const {
         Entry e = *this;
         e.type = other;

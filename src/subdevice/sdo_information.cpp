@@ -101,8 +101,10 @@ void SdoInformation::entry(std::uint16_t index, std::uint8_t subindex, std::uint
     append(entry->bits > 0xFFFF ? 0 : entry->bits, 2);  // 0: the size does not fit into the field
     append(entry->access, 2);
     if ((contents & coe::value_info::kDefault) != 0) append(entry->initial, entry->bytes());
-    if ((contents & coe::value_info::kMinimum) != 0) append(static_cast<std::uint64_t>(entry->limits().minimum), entry->bytes());
-    if ((contents & coe::value_info::kMaximum) != 0) append(static_cast<std::uint64_t>(entry->limits().maximum), entry->bytes());
+    if ((contents & coe::value_info::kMinimum) != 0)
+        append(static_cast<std::uint64_t>(entry->limits().minimum), entry->bytes());
+    if ((contents & coe::value_info::kMaximum) != 0)
+        append(static_cast<std::uint64_t>(entry->limits().maximum), entry->bytes());
     text_ = entry->name;
     if (entry->count > 1) {
         // Without TextWriter, whose division of 64 bits is large on a microcontroller.

@@ -101,6 +101,9 @@ SmInfo process_data_info(const ProcessDataArea& area, std::uint16_t bytes, bool 
             outputs ? SmType::outputs : SmType::inputs};
 }
 
+// Register 0x0141 bit 2: without it, chips that can save its power have no SYNC signals.
+constexpr unsigned kSyncUnit = 0x0400;
+
 std::uint16_t pdi_configuration(const DcDescription& dc, const BoardDescription& board) {
     const SyncPin signal{.output = true, .event = true};
     const auto sync0 = board.sync0.value_or(dc.supported ? signal : SyncPin{});
@@ -143,7 +146,8 @@ sii::Parsed<std::size_t> write_sii(const DeviceDescription& device, const BoardD
                                    const ObjectDictionary& dictionary, std::span<sii::PdoDescription> pdos,
                                    std::span<sii::PdoEntryDescription> entries, MutableBytes eeprom) {
     sii::Description d;
-    d.configuration = {.pdi_control = board.pdi_control,
+    const unsigned sync_unit = device.dc.supported ? kSyncUnit : 0u;
+    d.configuration = {.pdi_control = static_cast<std::uint16_t>(board.pdi_control | sync_unit),
                        .pdi_configuration = pdi_configuration(device.dc, board),
                        .sync_pulse_length_10ns = board.sync_pulse_length_10ns,
                        .alias = board.alias};

@@ -24,7 +24,8 @@ struct SyncPin {
 
 // Hardware properties of the board that the description does not contain.
 struct BoardDescription {
-    // For register 0x0140: SPI; the high octet has more bits for register 0x0141.
+    // For register 0x0140: SPI; the high octet has more bits for register 0x0141. Bit 10 (DC SYNC unit) is added for a
+    // device with DC; a device with latch inputs sets bit 11 (DC latch unit).
     std::uint16_t pdi_control = 0x0005;
     std::uint8_t pdi_configuration = 0;  // for register 0x0150
     // For register 0x0151. nullopt: a SYNC signal that DcDescription announces is an output and raises its AL event; a

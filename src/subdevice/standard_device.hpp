@@ -12,7 +12,7 @@
 //     Lamps lamps(memory.values);
 //     Stack stack(esc, lamps, memory);                     // esc: the EscAccess of the board
 //     stack.device.start(now);
-//     for (;;) sleep_until(stack.device.step(now));
+//     for (;;) (void)stack.device.step(esc.now());         // RunMode::polling; see device.hpp for the other modes
 #pragma once
 
 #include "subdevice/coe_server.hpp"
@@ -24,12 +24,13 @@ namespace margay::subdevice {
 
 namespace standard {
 
-// Calls `visit(object, entry, subindex)` for each subindex that may be mapped in this direction.
+// Calls `visit(object, entry, subindex)` for each subindex that may be mapped in this direction. Objects of the
+// communication (0x1000 to 0x1FFF), such as 0x10F3, are mapped only by a PDO of the author.
 template <class Visit>
 constexpr void for_each_mappable(std::span<const Object> objects, std::uint16_t access, Visit visit) {
     for (const Object& object : objects)
         for (const Entry& entry : object.entries)
-            if ((entry.access & access) != 0)
+            if (object.index >= 0x2000 && (entry.access & access) != 0)
                 for (unsigned n = 0; n < entry.count; ++n) visit(object, entry, entry.subindex + n);
 }
 
@@ -76,8 +77,8 @@ constexpr std::uint16_t largest(const MailboxPair& pair) {
 
 }  // namespace standard
 
-// The objects of every device, out of its description, and one fixed PDO in each direction that has all values that may
-// be mapped. An object of the author with the same index replaces that of this list.
+// The objects of every device, out of its description, and one fixed PDO in each direction that has all values from
+// 0x2000 on that may be mapped. An object of the author with the same index replaces that of this list.
 template <const DeviceDescription& Description, const auto& Own, std::uint32_t Type = 0>
 class StandardObjects {
     static constexpr std::span<const Object> kOwn{Own};
@@ -87,8 +88,10 @@ class StandardObjects {
         return std::ranges::any_of(kOwn, [index](const Object& object) { return object.index == index; });
     }
     // A PDO of the author has limits that this list does not know.
-    static_assert(replaced(0x1600) || kRx.bits <= std::size_t{8} * Description.outputs.max_bytes);
-    static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes);
+    static_assert(replaced(0x1600) || kRx.bits <= std::size_t{8} * Description.outputs.max_bytes,
+                  "the values with od::kRxMappable do not fit into DeviceDescription::outputs");
+    static_assert(replaced(0x1A00) || kTx.bits <= std::size_t{8} * Description.inputs.max_bytes,
+                  "the values with od::kTxMappable do not fit into DeviceDescription::inputs");
     // With more than one SyncManager in a direction, the author decides which values go where.
     static constexpr bool every_area_assigned(bool outputs) {
         bool all = true;

@@ -6,6 +6,8 @@
 #include "subdevice/esc_access.hpp"
 #include "subdevice_check/check.hpp"
 #include "wire/coe.hpp"
+#include "wire/sii.hpp"
+#include "wire/sii_category.hpp"
 
 #include <margay/host_context.hpp>
 #include <margay/margay.hpp>
@@ -74,6 +76,7 @@ constexpr auto kRemark = Severity::remark;
 constexpr QuirkRow kQuirks[] = {
     {"sii_blank", "eeprom.content"},
     {"sii_bad_checksum", "eeprom.content"},
+    {"sii_bad_checksum", "eeprom.loaded"},
     {"sii_no_mailbox_sizes", "eeprom.content"},
     {"sii_no_pdos", "eeprom.process_data", kRemark},
     {"sii_null_strings", "eeprom.strings"},
@@ -96,6 +99,7 @@ constexpr QuirkRow kQuirks[] = {
     {"refuses_op_once", "states.up"},
     {"no_cycle1", "clock.cycle1", kRemark},
     {"old_mail", "mailbox.empty"},
+    {"old_mail", "mailbox.forgotten"},
     {"counter_zero", "messages.counters"},
     {"replies_twice", "mailbox.one_reply"},
     {"emergency_first", "messages.emergencies"},
@@ -165,6 +169,11 @@ struct Fault {
     // Change what the firmware writes, or what it reads; return false to drop a write.
     bool (*write)(std::uint16_t address, Octets& data) = nullptr;
     void (*read)(std::uint16_t address, MutableBytes data) = nullptr;
+    // Acts on the ESC beside the firmware, in each step.
+    void (*step)(subdevice::EscAccess& esc) = nullptr;
+    // Changes chip or SII before the device is switched on.
+    void (*prepare)(sim::Device& device) = nullptr;
+    Severity severity = Severity::error;
 };
 
 class FaultyPdi final : public subdevice::EscAccess {
@@ -193,7 +202,12 @@ class FaultyFirmware final : public sim::Firmware {
         pdi_ = std::make_unique<FaultyPdi>(esc, fault_);
         inner_->start(*pdi_, now);
     }
-    Time step(Time now) override { return inner_->step(now); }
+    Time step(Time now) override {
+        const auto next = inner_->step(now);
+        if (fault_.step == nullptr) return next;
+        fault_.step(*pdi_);
+        return std::min(next, now + std::chrono::milliseconds(1));
+    }
 
   private:
     std::unique_ptr<sim::Firmware> inner_;
@@ -266,7 +280,140 @@ void read_no_init_after_error(std::uint16_t address, MutableBytes data) {
     if (error_in_preop && address == reg::kAlControl.address && data[0] == std::byte{0x11}) data[0] = std::byte{0x02};
 }
 
+// An SDO download of this subindex that was aborted looks like a success.
+template <std::uint16_t Index, std::uint8_t Subindex>
+bool grant(std::uint16_t address, Octets& data) {
+    if (!is_mail(address, data) || data.size() < 16 || data[8] != std::byte{0x80}) return true;
+    if (load_le<std::uint16_t>(data, 9) != Index || data[11] != std::byte{Subindex}) return true;
+    coe::store_header(MutableBytes(data).subspan(6), {0, coe::Service::sdo_response});
+    data[8] = std::byte{0x60};
+    store_le<std::uint32_t>(data, 12, 0);
+    return true;
+}
+// An SDO request that the firmware reads from the receive mailbox, behind the header of the mailbox.
+bool is_request(std::uint16_t address, Bytes data, unsigned command) {
+    return address == 0x1006 && data.size() >= 10 && coe::load_header(data).service == coe::Service::sdo_request &&
+           std::to_integer<unsigned>(data[2]) == command;
+}
+std::uint16_t al_status_of(subdevice::EscAccess& esc) {
+    std::array<std::byte, 2> word{};
+    esc.read(reg::kAlStatus.address, word);
+    return load_le<std::uint16_t>(word, 0);
+}
+void set_al_status(subdevice::EscAccess& esc, std::uint16_t status, std::uint16_t code) {
+    std::array<std::byte, 2> word{};
+    store_le(MutableBytes(word), 0, code);
+    esc.write(reg::kAlStatusCode.address, word);
+    store_le(MutableBytes(word), 0, status);
+    esc.write(reg::kAlStatus.address, word);
+}
+bool full_message = false;  // the last message had the size of the mailbox
+// Between the begin of an upload in segments and its last segment.
+bool in_segments = false;
+bool note_segments(std::uint16_t address, Octets& data) {
+    if (!is_service(address, data, coe::Service::sdo_response) || data.size() < 10) return true;
+    const auto command = std::to_integer<unsigned>(data[8]);
+    if (command >> 5 == coe::response::kUpload) in_segments = (command & 2) == 0;
+    if (command >> 5 == 0 && (command & 1) != 0) in_segments = false;
+    return true;
+}
+
 constexpr Fault kFaults[] = {
+    {"states.restart", "only the first start works",
+     [](std::uint16_t address, Octets& data) {
+         static unsigned starts = 0;
+         if (address == reg::kAlStatus.address && data[0] == std::byte{2} && ++starts > 2) data[0] = std::byte{0x11};
+         return true;
+     }},
+    {.check = "states.device_id",
+     .what = "the SII announces an ID that the device does not have",
+     .prepare =
+         [](sim::Device& device) {
+             const auto general = wire::sii::find_category(device.sii, wire::sii::category::kGeneral);
+             ASSERT_TRUE(general);
+             const auto at = static_cast<std::size_t>(general->data() - device.sii.data()) + 11;
+             device.sii[at] |= std::byte{wire::sii::general_flag::kIdentAlStatus};
+         }},
+    {"sdo.write_only", "a write-only entry is read",
+     [](std::uint16_t address, Octets& data) {
+         if (is_information(address, data, coe::InfoOpcode::entry_response) &&
+             load_le<std::uint16_t>(data, 12) == 0x1000)
+             data[20] = std::byte{0x38};
+         return true;
+     }},
+    {"segments.client_abort", "an abort is answered", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         if (is_request(address, data, 0x80)) data[2] = std::byte{0x60};
+     }},
+    {"segments.new_request", "a new request ends the transfer without a reply", note_segments,
+     [](std::uint16_t address, MutableBytes data) {
+         if (!in_segments || !is_request(address, data, 0x40) || load_le<std::uint16_t>(data, 3) != 0x1000) return;
+         data[2] = std::byte{0x80};
+         in_segments = false;
+     }},
+    {"pdos.assignment", "a value is written while the count is not 0", grant<0x1C12, 1>},
+    {"pdos.unknown", "a PDO that does not exist", grant<0x1C12, 1>},
+    {"pdos.locked", "the count is written in SAFEOP", grant<0x1C12, 0>},
+    {"mailbox.octets", "the reply to a message of the size of the mailbox is empty",
+     [](std::uint16_t address, Octets& data) {
+         if (is_mail(address, data) && full_message) store_le<std::uint16_t>(data, 0, 0);
+         return true;
+     },
+     [](std::uint16_t address, MutableBytes data) {
+         if (address == 0x1000 && data.size() >= 6) full_message = load_le<std::uint16_t>(data, 0) == 128 - 6;
+     }},
+    {"mailbox.full", "every fourth reply has another type",
+     [](std::uint16_t address, Octets& data) {
+         static unsigned count = 0;
+         if (is_mail(address, data) && ++count % 4 == 0) data[5] |= std::byte{0x0F};
+         return true;
+     }},
+    {.check = "mailbox.channel",
+     .what = "the channel is not checked",
+     .read =
+         [](std::uint16_t address, MutableBytes data) {
+             if (address == 0x1000 && data.size() >= 6) data[4] &= std::byte{0xC0};
+         },
+     .severity = kRemark},
+    {.check = "clock.rate",
+     .what = "the quartz is a tenth too fast",
+     .prepare = [](sim::Device& device) { device.chip.clock.drift_ppb = 100'000'000; }},
+    {"clock.lost", "another code", replace_code<0x002C, 0x0001>},
+    {.check = "eeprom.ownership",
+     .what = "the slave reports an error while the master has the EEPROM",
+     .step =
+         [](subdevice::EscAccess& esc) {
+             std::array<std::byte, 1> owner{};
+             esc.read(reg::kSiiConfig.address, owner);
+             if ((owner[0] & std::byte{1}) == std::byte{0} && al_status_of(esc) == 2) set_al_status(esc, 0x12, 0x0050);
+         }},
+    {.check = "process_data.exchange",
+     .what = "OP ends after 50 ms",
+     .step =
+         [](subdevice::EscAccess& esc) {
+             static unsigned steps = 0;
+             if (al_status_of(esc) == 8 && ++steps > 50) set_al_status(esc, 0x14, 0x0001);
+         }},
+    {"process_data.inputs", "the inputs stay locked",
+     [](std::uint16_t address, Octets& data) {
+         if (address == 0x081F) data[0] |= std::byte{wire::sm_pdi_control::kDeactivate};
+         return true;
+     }},
+    {"watchdog.time", "the time is taken as too long", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static bool longer = false;
+         if (address == reg::kProcessDataWatchdogTime.address) longer = load_le<std::uint16_t>(data, 0) > 1000;
+         if (longer) read_bits<0x0440, 0, 1>(address, data);
+     }},
+    {"watchdog.off", "a time of 0 counts as expired", nullptr,
+     [](std::uint16_t address, MutableBytes data) {
+         static bool off = false;
+         if (address == reg::kProcessDataWatchdogTime.address) {
+             off = load_le<std::uint16_t>(data, 0) == 0;
+             if (off) store_le<std::uint16_t>(data, 0, 1000);
+         }
+         if (off) read_bits<0x0440, 0, 1>(address, data);
+     }},
     {"states.up", "OP has a code",
      [](std::uint16_t address, Octets& data) {
          if (address == reg::kAlStatusCode.address) data[0] |= std::byte{1};
@@ -383,11 +530,24 @@ constexpr Fault kFaults[] = {
 TEST(SubdeviceCheck, FaultsBetweenFirmwareAndEscAreFoundByName) {
     for (const auto& fault : kFaults) {
         auto device = sim::make_device("odd_device").value();
+        if (fault.prepare != nullptr) fault.prepare(device);
         device.firmware = std::make_unique<FaultyFirmware>(std::move(device.firmware), fault);
         const auto checked = check_it(std::move(device), {.only = only(fault.check)});
-        EXPECT_TRUE(has(checked.report, fault.check, Severity::error)) << fault.check << ": " << fault.what << "\n"
-                                                                       << report_text(checked.report, true);
+        EXPECT_TRUE(has(checked.report, fault.check, fault.severity)) << fault.check << ": " << fault.what << "\n"
+                                                                      << report_text(checked.report, true);
     }
+}
+
+// A check that nothing makes fail proves nothing.
+TEST(SubdeviceCheck, EveryCheckHasAFaultThatItFinds) {
+    std::set<std::string_view> found;
+    for (const auto& row : kQuirks) found.insert(row.check);
+    for (const auto& fault : kFaults) found.insert(fault.check);
+    std::set<std::string> without;
+    for (const auto& check : all_checks())
+        if (!found.contains(check.name)) without.emplace(check.name);
+    EXPECT_EQ(without, (std::set<std::string>{"eeprom.write"}))
+        << "no simulated EEPROM refuses a write: see eeprom.write in this list as a gap";
 }
 
 TEST(SubdeviceCheck, JsonHasEachCheckAndFindingWithItsClause) {
