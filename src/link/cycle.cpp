@@ -175,7 +175,8 @@ void take_time(PreparedFrame& sent, const PreparedReading& reading, const std::b
     copy_reading(reading, data);
     if (sent.overlapped || into.slaves == 0) return;
     const std::size_t at = reading.offset + wire::kDatagramHeaderBytes;
-    // The reference shows this time by chance only: where cycles are exact, it would often show the expected time itself.
+    // The reference shows this time by chance only: where cycles are exact, it would often show the expected time
+    // itself.
     constexpr std::uint64_t kBeside_ns = 64;
     const std::uint64_t next = (before.value == 0 ? into.value : 2 * into.value - before.value) + kBeside_ns;
     const bool doubtful = into.slaves < before.slaves || before.value == 0;

@@ -164,17 +164,20 @@ Task<Result<>> restore_reference(Network& network) {
     co_return co_await required(continue_reference(network));
 }
 
-// The clock of the slave from that of the reference: both latch the same frame. The delay of a slave that configdc() has
-// not seen is measured before; its neighbours are measured with it.
+// The clock of the slave from that of the reference: both latch the same frame. The delay of a slave that configdc()
+// has not seen is measured before; its neighbours are measured with it.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
     if (!clocks.of(slave).measured) co_await required(improve_delays(network));
+    if (!clocks.of(slave).measured)  // its place in the ring is not known yet
+        co_return Error{.code = Errc::unstable, .step = Step::configure_clocks, .slave = slave.number};
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
-    Slave& reference = network.slave(clocks.reference);
+    Slave& reference = network.slave(network.redundancy == nullptr ? clocks.reference
+                                                                   : network.redundancy->reference_of(network, slave));
     auto offset = co_await required(
         read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
-    if (was_reset(clocks.of(reference), offset)) {
+    if (reference.number == clocks.reference && was_reset(clocks.of(reference), offset)) {
         co_await required(continue_reference(network));
         offset = clocks.of(reference).offset_ns;
     }
@@ -241,7 +244,9 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     clock.watch.reset();
     clocks.all_in_sync = false;
     const Slave& reference = network.slave(clocks.reference);
-    if (slave.ring_position < reference.ring_position) co_return co_await required(become_reference(network, slave));
+    // 0: its place in the ring is not known yet.
+    if (slave.ring_position != 0 && slave.ring_position < reference.ring_position)
+        co_return co_await required(become_reference(network, slave));
     co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
     co_return co_await required(wait_for_clock(network, slave));

@@ -183,6 +183,9 @@ Task<Result<>> watch_clocks(Network& network) {
         co_return Nothing{};
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     forget_lost(network);
+    if (network.redundancy != nullptr) {
+        co_await required(network.redundancy->watch_clocks(network));
+    }
     if (!is_there(network, clocks.reference)) {
         co_await required(replace_reference(network));
     }

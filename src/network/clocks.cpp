@@ -77,8 +77,8 @@ Task<Result<>> measure_once(Network& network) {
     co_return Nothing{};
 }
 
-// A slave that was lost, or came back, between two measurements: the receive times of its neighbours belong to different
-// ways of the frame.
+// A slave that was lost, or came back, between two measurements: the receive times of its neighbours belong to
+// different ways of the frame.
 Error changed_meanwhile(Network& network) {
     for (const Slave& slave : network.slaves()) {
         const ClockEntry& clock = network.clocks.of(slave);
@@ -89,12 +89,40 @@ Error changed_meanwhile(Network& network) {
     return {};
 }
 
-Task<Result<>> measure(Network& network) {
-    const Measuring measuring(network.clocks);
-    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
+// While the receive times are measured: a ring with two NICs is open behind its last slave.
+class OpenRing {
+  public:
+    explicit OpenRing(RedundancyPart* ring) : ring_(ring) {}
+    OpenRing(const OpenRing&) = delete;
+    OpenRing& operator=(const OpenRing&) = delete;
+    ~OpenRing() {
+        if (ring_ != nullptr) ring_->forget_opening();
+    }
+
+  private:
+    RedundancyPart* ring_;
+};
+
+Task<Result<>> measure_all(Network& network) {
     for (std::uint8_t n = 0; n < network.clocks.settings.measurements; ++n) {
         co_await required(measure_once(network));
     }
+    co_return Nothing{};
+}
+
+Task<Result<>> measure(Network& network) {
+    const Measuring measuring(network.clocks);
+    const OpenRing open(network.redundancy);
+    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
+    if (network.redundancy != nullptr) {
+        co_await required(network.redundancy->open_ring(network));
+    }
+    Result<> measured = co_await measure_all(network);
+    if (network.redundancy != nullptr) {
+        const auto closed = co_await network.redundancy->close_ring(network);
+        if (measured) measured = closed;
+    }
+    if (!measured) co_return measured;
     const Error changed = changed_meanwhile(network);
     if (changed.code != Errc::none) co_return changed;
     compute_clock_delays(network);

@@ -100,8 +100,8 @@ class Measuring {
 
 [[nodiscard]] Task<Result<>> watch_clocks(Network& network);
 
-// False when the clock differs by more than its control loop corrects in about a second. Its slave must be started again:
-// a clock that is set makes a step, and SYNC signals that are active would stop.
+// False when the clock differs by more than its control loop corrects in about a second. Its slave must be started
+// again: a clock that is set makes a step, and SYNC signals that are active would stop.
 [[nodiscard]] Task<Result<bool>> is_near(Network& network, Slave& slave);
 
 // ------------------------------------------------------------------ parts of the sequences
