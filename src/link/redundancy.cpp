@@ -113,18 +113,18 @@ SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexc
     const bool moved = pair.shift != 0 && nic != pair.head;
     const bool divided = pair.times[0].offset != 0;
     SendStatus status = SendStatus::failed;
-    if (nic == 0 && !moved && !(divided && nic != pair.head)) {
+    if (nic == 0 && !moved && !(divided && (nic != pair.head || pair.second_is_first))) {
         status = nics_[0]->send(frame);
     } else {
         const auto out = MutableBytes(pair.out).first(pair.size);
         const bool of_head = divided && nic == pair.head;
-        if (of_head) set_times(pair, out, true);
+        if (of_head) set_times(pair, out, TimeDatagram::of_head);
         if (moved) move_positions(out, pair.shift);
         if (nic == 0) set_source(out, source_[0]);
         status = nics_[nic]->send(out);
         if (nic == 0) set_source(out, source_[1]);
         if (moved) move_positions(out, static_cast<std::uint16_t>(-pair.shift));
-        if (of_head) set_times(pair, out, false);
+        if (of_head) set_times(pair, out, TimeDatagram::of_other);
     }
     add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
     busy_[nic].store(status == SendStatus::busy, kRelaxed);

@@ -24,10 +24,11 @@ namespace margay {
 // the master has sent. The copy that is not sent by the head carries no time (NOP), or the time of the second
 // reference.
 struct TimeDatagram {
-    std::uint16_t offset = 0;               // in the frame; 0: none
-    std::uint16_t bytes = 0;                // of the data
-    std::array<std::byte, 4> head_copy{};   // command, index and ADP of the copy of the head
-    std::array<std::byte, 4> other_copy{};  // the same of the other copy
+    std::uint16_t offset = 0;  // in the frame; 0: none
+    std::uint16_t bytes = 0;   // of the data
+    // Command, index and ADP: as the link has sent them, of the copy of the head, and of the other copy.
+    enum Form : std::uint8_t { original, of_head, of_other, kForms };
+    std::array<std::array<std::byte, 4>, kForms> forms{};
 };
 
 // How far the second reference is ahead of the first one, as frames that both copies of have come back show it: with a
@@ -94,6 +95,8 @@ class Redundancy final : public Nic, public Cables {
         second_.store(slave.value | (is_first ? kIsFirst : 0U), std::memory_order_relaxed);
         difference_ = {};
     }
+    // False as well when the second reference has not answered: its slave is lost.
+    [[nodiscard]] bool has_second_reference() const noexcept { return second_.load(std::memory_order_relaxed) != 0; }
     // The differences since the last call.
     [[nodiscard]] PartDifference take_difference() noexcept { return std::exchange(difference_, PartDifference{}); }
     // Frames are sent by the head only, and what comes back says nothing about the ring: the library has opened it.
@@ -135,9 +138,9 @@ class Redundancy final : public Nic, public Cables {
     [[nodiscard]] bool awaits(const FramePair& pair, unsigned nic) const noexcept;
     // Times of reference clocks (link/redundancy_time.cpp).
     void divide_times(FramePair& pair) const noexcept;
-    static void set_times(const FramePair& pair, MutableBytes frame, bool of_head) noexcept;
+    static void set_times(const FramePair& pair, MutableBytes frame, TimeDatagram::Form form) noexcept;
     [[nodiscard]] static bool is_reply_to(const FramePair& pair, Bytes reply, unsigned from) noexcept;
-    static void take_second_time(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
+    void take_second_time(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
     void compare_times(const FramePair& pair, Bytes frame) noexcept;
     void note_late(const FramePair& pair, unsigned at, unsigned from, bool idle, bool marked) noexcept;
     void note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept;

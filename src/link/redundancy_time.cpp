@@ -11,7 +11,6 @@ namespace margay {
 namespace {
 
 constexpr std::size_t kAdp = 2;
-constexpr std::size_t kAdo = 4;
 
 bool carries_time(const wire::DatagramView& d) {
     const bool is_multiple = d.header.command == wire::Command::FRMW || d.header.command == wire::Command::ARMW;
@@ -41,19 +40,21 @@ void Redundancy::divide_times(FramePair& pair) const noexcept {
         TimeDatagram& time = pair.times[found++];
         time.offset = static_cast<std::uint16_t>(d->offset);
         time.bytes = static_cast<std::uint16_t>(d->data.size());
-        std::ranges::copy(out.subspan(d->offset, time.head_copy.size()), time.head_copy.begin());
-        time.other_copy = time.head_copy;
+        auto& [original, head, other] = time.forms;
+        std::ranges::copy(out.subspan(d->offset, original.size()), original.begin());
+        head = other = original;
         const bool none = static_cast<std::uint16_t>(second) == 0;
-        time.other_copy[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
-        store_le<std::uint16_t>(time.other_copy, kAdp, static_cast<std::uint16_t>(second));
+        // The reference is behind the break: the slaves before it would take what was sent.
+        if (pair.second_is_first) head[0] = static_cast<std::byte>(wire::Command::NOP);
+        other[0] = static_cast<std::byte>(none ? wire::Command::NOP : wire::Command::FRMW);
+        store_le<std::uint16_t>(other, kAdp, static_cast<std::uint16_t>(second));
     }
-    set_times(pair, out, false);
+    set_times(pair, out, TimeDatagram::of_other);
 }
 
-void Redundancy::set_times(const FramePair& pair, MutableBytes frame, bool of_head) noexcept {
+void Redundancy::set_times(const FramePair& pair, MutableBytes frame, TimeDatagram::Form form) noexcept {
     for (const TimeDatagram& time : pair.times)
-        if (time.offset != 0)
-            std::ranges::copy(of_head ? time.head_copy : time.other_copy, frame.begin() + time.offset);
+        if (time.offset != 0) std::ranges::copy(time.forms[form], frame.begin() + time.offset);
 }
 
 // Whether the datagrams of the reply are those of the copy that was sent by `from`.
@@ -66,7 +67,8 @@ bool Redundancy::is_reply_to(const FramePair& pair, Bytes reply, unsigned from) 
         std::ranges::copy(sent.subspan(d->offset, head.size()), head.begin());
         for (const TimeDatagram& time : pair.times)
             if (time.offset == d->offset)
-                std::ranges::copy(from == pair.head ? time.head_copy : time.other_copy, head.begin());
+                std::ranges::copy(time.forms[from == pair.head ? TimeDatagram::of_head : TimeDatagram::of_other],
+                                  head.begin());
         if (!cycle::same_datagram(head.data(), &reply[d->offset])) return false;
     }
     return true;
@@ -75,13 +77,18 @@ bool Redundancy::is_reply_to(const FramePair& pair, Bytes reply, unsigned from) 
 // Gives a copy that was not sent by the head the form of the copy of the head. The time of the second reference is kept
 // beside it, unless it is the only time.
 void Redundancy::take_second_time(FramePair& pair, MutableBytes frame, unsigned from) noexcept {
-    if (from == pair.head) return;
-    set_times(pair, frame, true);
-    if (pair.second_is_first) return;
+    set_times(pair, frame, TimeDatagram::original);
+    if (from == pair.head || pair.second_is_first) return;
     for (const TimeDatagram& time : pair.times) {
         if (time.offset == 0) continue;
         pair.second_slaves = slaves_in(frame, time);
         pair.second_ns = time_in(frame, time);
+        std::uint32_t unanswered = load_le<std::uint16_t>(time.forms[TimeDatagram::of_other], kAdp);
+        if (pair.second_slaves != 0 && pair.second_ns == time_in(pair.out, time)) {
+            // All slaves behind the break have taken what was sent: the second reference is lost. Not a second time.
+            pair.second_slaves = 0;
+            (void)second_.compare_exchange_strong(unanswered, 0, std::memory_order_relaxed);
+        }
         const std::size_t data = time.offset + wire::kDatagramHeaderBytes;
         std::copy_n(pair.out.begin() + static_cast<std::ptrdiff_t>(data), time.bytes,
                     frame.begin() + static_cast<std::ptrdiff_t>(data));

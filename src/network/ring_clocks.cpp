@@ -99,7 +99,11 @@ std::uint16_t RingWatch::choose_second(Network& network) const {
 
 Task<Result<>> RingWatch::change_second(Network& network, std::uint16_t second) {
     const bool is_first = second != 0 && second == network.clocks.reference;
-    if (second == second_ && is_first == second_is_first_) co_return Nothing{};
+    if (second == second_ && is_first == second_is_first_) {
+        if (second != 0 && !ring_.has_second_reference())  // one answer was lost, or had the time that was sent
+            ring_.set_second_reference(network.slave(second).station_address, is_first);
+        co_return Nothing{};
+    }
     second_ = second;
     second_is_first_ = is_first;
     known_ = false;
