@@ -376,6 +376,9 @@ void write_cause(TextWriter& out, const Error& e) {
         case Errc::working_counter:
         case Errc::unstable:
             if (e.expected != e.actual) out << " (expected " << e.expected << ", got " << e.actual << ")";
+            if (e.code == Errc::unstable && e.step == Step::configure_clocks)
+                out << (e.detail == Error::kRedundancy ? " (the measurement of the delays took too long)"
+                                                       : " (it was lost, or came back, during the measurement)");
             if (e.step == Step::exchange_process_data && e.detail == Error::kOthersFresh)
                 out << ", the inputs of the other slaves are fresh";
             if (e.step == Step::exchange_process_data && e.detail == Error::kBeingMapped)
@@ -438,12 +441,14 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::unsupported:
             if (e.step == Step::identify) out << " (an explicit device id)";
+            if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
+                out << " (a clock at a branch that only the frames of the second NIC reach)";
             if (e.step == Step::request_state)
                 out << " (" << to_text(AlState::boot) << ": its SII describes no bootstrap mailbox)";
             break;
         case Errc::wrong_state:
             if (e.step == Step::configure_clocks && e.detail == Error::kRedundancy)
-                out << " (with two NICs the delays of the clocks cannot be measured yet)";
+                out << " (the ring is broken: the delays of its clocks can be measured while it is whole)";
             else if (is_refused_call(e) && e.detail == Error::kNotSubmitted)
                 out << " (the request was not submitted: call submit())";
             else if (is_refused_call(e))

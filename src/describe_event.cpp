@@ -76,6 +76,7 @@ std::string_view to_text(EventKind kind) {
         case EventKind::overrun: return "cycles left out";
         case EventKind::ring_broken: return "redundancy broken";
         case EventKind::ring_closed: return "redundancy restored";
+        case EventKind::second_reference: return "a second reference clock";
         case EventKind::second_cable_missing: return "second cable missing";
         case EventKind::nics_on_same_port: return "both NICs on the same port";
         case EventKind::second_segment: return "another segment at the second NIC";
@@ -173,6 +174,10 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             break;
         case EventKind::reference_clock:
             out << "the clock of slave " << e.slave << " is the reference clock now, in place of slave " << e.other;
+            break;
+        case EventKind::second_reference:
+            out << "the clocks behind the break follow slave " << e.slave << ", which is kept in step with slave "
+                << e.other;
             break;
         case EventKind::reference_lost: out << "slave " << e.slave << " with the reference clock is lost"; break;
         case EventKind::latch_edge:

@@ -21,8 +21,8 @@ struct TwoCables {
     RingWatch watch;
 };
 static_assert(std::is_trivially_destructible_v<FramePair>);
-constexpr std::size_t kCables = sizeof(void*) == 8 ? 768 : 704;
-constexpr std::size_t kPair = 3088;
+constexpr std::size_t kCables = sizeof(void*) == 8 ? 1152 : 1088;
+constexpr std::size_t kPair = 3136;
 static_assert(sizeof(TwoCables) <= kCables && kCables - sizeof(TwoCables) < 64, "context_bytes(): kCablesBytes");
 static_assert(sizeof(FramePair) <= kPair && kPair - sizeof(FramePair) < 64, "context_bytes(): kPairBytes");
 
@@ -56,7 +56,11 @@ Result<> init_redundant(Context& ctx, Nic& nic, Nic& second, Osal& osal, const F
 RedundancyStatus redundancy(Context& ctx) {
     Master* master = master_of(ctx);
     if (master == nullptr || master->network.redundancy == nullptr) return {};
-    return static_cast<const RingWatch*>(master->network.redundancy)->ring().status();
+    const auto* const watch = static_cast<const RingWatch*>(master->network.redundancy);
+    RedundancyStatus status = watch->ring().status();
+    status.second_reference = watch->second_reference();
+    status.second_ahead_ns = watch->apart_ns();
+    return status;
 }
 
 }  // namespace margay

@@ -97,6 +97,11 @@ struct ClockStatus {
     std::uint64_t system_time_ns = 0;
 };
 
+// What a SuperviseRequest does beside the reports of SlaveClock::in_sync: a slave that was reset gets its clock again
+// before SAFEOP. A slave that was away with power, and whose clock differs by more than 100 µs, is started again,
+// because its control loop would need long. A reference clock to which another program has written a time gets its own
+// rate again.
+
 // Synchronises the clocks of all slaves; see configdc().
 struct ClockRequest : Request {
     ClockRequest();
@@ -111,7 +116,9 @@ struct ClockRequest : Request {
 // Errors: no_clock (no slave, or not the chosen reference, has a clock that runs), clock_before_reference (slave: the
 // reference, expected: a slave with a clock before it), not_in_sync (slave: the clock with the greatest difference,
 // expected: the limit, actual: the difference in ns; all other work is done, and a cycle may bring it into sync later),
-// invalid_argument, wrong_state (no slaves yet), no_frame, capacity.
+// unstable (slave: it was lost, or came back, during the measurement), invalid_argument, wrong_state (no slaves yet;
+// with two NICs: the ring is broken, see redundancy.hpp), unsupported (with two NICs, slave: its clock is beside the
+// ring), no_frame, capacity.
 Result<std::uint16_t> configdc(Context& ctx, const ClockSettings& settings = {});
 
 // Activates or switches off the SYNC signals of one slave now; see dcsync0().

@@ -35,10 +35,10 @@ struct Master;
     constexpr std::size_t kMailboxBytes = kWide ? 392 : 320;         // the mailbox channel of a slave
     constexpr std::size_t kRingBytes = 28;                           // a place in the ring
     constexpr std::size_t kMarksBytes = 20;                          // what the library notes about a slave
-    constexpr std::size_t kClockBytes = 200;      // the clock of a slave, and its place in the topology
-    constexpr std::size_t kAlignmentBytes = 256;  // between the parts
-    constexpr std::size_t kCablesBytes = kWide ? 768 : 704;  // the merging of two cables
-    constexpr std::size_t kPairBytes = 3088;                 // a frame on both cables
+    constexpr std::size_t kClockBytes = 200;                   // the clock of a slave, and its place in the topology
+    constexpr std::size_t kAlignmentBytes = 256;               // between the parts
+    constexpr std::size_t kCablesBytes = kWide ? 1152 : 1088;  // the merging of two cables
+    constexpr std::size_t kPairBytes = 3136;                   // a frame on both cables
     const std::size_t pairs = limits.redundancy ? limits.frames + 2U * limits.process_frames : 0;
     const std::size_t cables = limits.redundancy ? kCablesBytes + pairs * kPairBytes : 0;
     const std::size_t tasks = limits.tasks == 0 || limits.tasks > limits.slaves ? limits.slaves : limits.tasks;

@@ -10,8 +10,15 @@
 // a port that frames reach before the way to the next ring slave (in the order 0, 3, 1, 2) is numbered as without
 // redundancy. config_init() finds the topology of other branches only while the ring is whole.
 //
-// Not with two NICs yet: distributed clocks. configdc() fails with Errc::wrong_state (detail: Error::kRedundancy),
-// because the delays are measured with frames that return by the way they came.
+// Distributed clocks: configdc() measures the delays while the ring is whole. For some milliseconds it closes the port
+// of the last slave to the second NIC (ESC register 0x0101, temporary), because the frames must return by the way they
+// came; all frames are sent by one NIC meanwhile. It fails with Errc::wrong_state (detail: Error::kRedundancy) while
+// the ring is broken, unless only the cable of the second NIC is, and with Errc::unsupported when a slave with a clock
+// is at a branch that only the frames of the second NIC reach. When a cable breaks, the clocks behind the break follow
+// the first clock there (EventKind::second_reference). A SuperviseRequest compares this clock with the reference clock
+// by the two copies of each frame, and steers its offset, so that both parts keep in step. When the ring is whole
+// again, all clocks follow the reference clock. Group::dc_time is that of the reference clock always, and its count is
+// that of its own part.
 #pragma once
 
 #include <margay/context.hpp>
@@ -57,6 +64,10 @@ struct RedundancyStatus {
     // Frames with addresses by position that were sent again, because the ring changed while they were on the wire.
     std::uint32_t repeated = 0;
     std::array<CableStatus, 2> cables{};
+    // While the ring is broken: the slave whose clock the clocks behind the break follow (0: none), and how far this
+    // clock was ahead of the reference clock at the last comparison.
+    std::uint16_t second_reference = 0;
+    std::int64_t second_ahead_ns = 0;
 };
 
 // The state of the ring. For the thread that owns the context; callable from the cycle.

@@ -31,6 +31,7 @@ static Task<Result<>> run(Network& network, ClockDatagramRequest& request) {
     const bool wide = clocks.of(reference).kind == ClockKind::bits64;
     const Time now = network.engine.now();
     std::uint64_t time = clocks.system_at_ns(now);
+    if (request.action == Action::write_reference) clocks.is_driven = true;
     if (request.action == Action::write_reference)
         time = request.time_ns + (request.at == kNever ? 0 : static_cast<std::uint64_t>((now - request.at).count()));
     wire::Command command = wire::Command::FPWR;

@@ -21,9 +21,6 @@ Error check_settings(const ClockSettings& settings) {
 
 static Error check(Network& network, const ClockRequest& request) {
     if (network.count == 0) return {.code = Errc::wrong_state, .step = Step::configure_clocks};
-    // The delays are measured with frames that return on their way; in a ring they do not.
-    if (network.redundancy != nullptr)
-        return {.code = Errc::wrong_state, .step = Step::configure_clocks, .detail = Error::kRedundancy};
     if (network.clocks.entries.empty())
         return {.code = Errc::capacity, .step = Step::configure_clocks, .expected = network.count};
     const Error refused = check_settings(request.settings);

@@ -20,6 +20,7 @@ Task<Result<>> write_reference(Network& network, wire::Register r, std::uint64_t
 }  // namespace
 
 void send_to_reference(Network& network, wire::Register r, std::uint64_t value) {
+    if (r.address == wire::reg::kSystemTime.address) network.clocks.is_driven = true;
     if (network.clocks.reference != 0) (void)network.settling.start(write_reference(network, r, value));
 }
 

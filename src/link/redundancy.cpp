@@ -49,15 +49,6 @@ void set_source(MutableBytes frame, const MacAddress& source) {
     std::ranges::copy(std::as_bytes(std::span(source)), frame.begin() + wire::kSourceMacOffset);
 }
 
-// Whether the datagrams of the reply are those that were sent.
-bool is_reply_to(Bytes sent, Bytes reply) {
-    if (reply.size() < sent.size()) return false;
-    wire::DatagramReader reader(sent);
-    while (const auto d = reader.next())
-        if (!cycle::same_datagram(&sent[d->offset], &reply[d->offset])) return false;
-    return true;
-}
-
 // The slaves that have processed the copy: each of them has incremented the address of some datagrams.
 std::optional<std::uint16_t> count_slaves(Bytes sent, Bytes reply, std::uint16_t shift) {
     wire::DatagramReader reader(sent);
@@ -120,16 +111,20 @@ bool Redundancy::reaches_nothing(unsigned nic) const noexcept {
 
 SendStatus Redundancy::send_by(unsigned nic, FramePair& pair, Bytes frame) noexcept {
     const bool moved = pair.shift != 0 && nic != pair.head;
+    const bool divided = pair.times[0].offset != 0;
     SendStatus status = SendStatus::failed;
-    if (nic == 0 && !moved) {
+    if (nic == 0 && !moved && !(divided && (nic != pair.head || pair.second_is_first))) {
         status = nics_[0]->send(frame);
     } else {
         const auto out = MutableBytes(pair.out).first(pair.size);
+        const bool of_head = divided && nic == pair.head;
+        if (of_head) set_times(pair, out, TimeDatagram::of_head);
         if (moved) move_positions(out, pair.shift);
         if (nic == 0) set_source(out, source_[0]);
         status = nics_[nic]->send(out);
         if (nic == 0) set_source(out, source_[1]);
         if (moved) move_positions(out, static_cast<std::uint16_t>(-pair.shift));
+        if (of_head) set_times(pair, out, TimeDatagram::of_other);
     }
     add(status == SendStatus::sent ? counters_[nic].sent : counters_[nic].refused);
     busy_[nic].store(status == SendStatus::busy, kRelaxed);
@@ -148,16 +143,23 @@ SendStatus Redundancy::send(Bytes frame) noexcept {
     set_source(pair->out, source_[1]);
     pair->size = static_cast<std::uint16_t>(frame.size());
     pair->head = head_.load(kRelaxed);
-    pair->positions = has_positions(frame);
+    divide_times(*pair);
+    pair->positions = has_positions(Bytes(pair->out).first(pair->size));
     pair->shift =
         pair->positions && !reaches_nothing(pair->head) ? slaves_[pair->head].load(kRelaxed) : std::uint16_t{0};
-    pair->sent.store(bit(0) | bit(1), kRelaxed);
+    const bool head_only = head_only_.load(kRelaxed);
+    pair->sent.store(head_only ? bit(pair->head) : static_cast<std::uint8_t>(bit(0) | bit(1)), kRelaxed);
     const bool own = pair >= own_.data() && pair < own_.data() + own_.size();
     const auto number = own ? pair - own_.data() : pair - overlapped_.data() + static_cast<std::ptrdiff_t>(own_.size());
     pair->state.store(FramePair::open, std::memory_order_release);
     number_of_[index].store(static_cast<std::uint16_t>(number), std::memory_order_release);
     // The NIC that has refused the last frame is the second one, so that the reply of the other one finds its bit.
     const unsigned first = refused_[0].load(kRelaxed) || busy_[0].load(kRelaxed) ? 1 : 0;
+    if (head_only) {
+        const SendStatus only = send_by(pair->head, *pair, frame);
+        if (only != SendStatus::sent && hold(*pair)) pair->state.store(FramePair::unused, std::memory_order_release);
+        return only;
+    }
     const SendStatus one = send_by(first, *pair, frame);
     const SendStatus two = one == SendStatus::busy ? SendStatus::busy : send_by(1 - first, *pair, frame);
     if (one == SendStatus::sent || two == SendStatus::sent) return SendStatus::sent;
@@ -218,7 +220,7 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
         if (!idle && (!its || (pair->came & bit(from)) != 0)) add(counters_[at].late);
         return 0;
     }
-    const bool known = (pair->came & bit(from)) == 0 && is_reply_to(Bytes(pair->out).first(pair->size), frame);
+    const bool known = (pair->came & bit(from)) == 0 && is_reply_to(*pair, frame, from);
     if (!known) {
         note_late(*pair, at, from, idle, marked);
         add(counters_[at].late);
@@ -228,6 +230,7 @@ std::size_t Redundancy::collect(unsigned at, MutableBytes frame) noexcept {
     if (crossed) pair->crossed |= bit(from);
     if (idle) pair->idle |= bit(from);
     note_copy(*pair, from, frame);
+    take_second_time(*pair, frame, from);
     const unsigned other = 1 - from;
     if (awaits(*pair, other) && !(crossed && !idle && rests_[other])) {
         if (!idle) std::ranges::copy(Bytes(frame).first(pair->size), pair->back.begin());
@@ -326,7 +329,7 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     const unsigned crossing = processed & pair.crossed;
     const bool complete = crossing != 0 && rests_[crossing == bit(0) ? 1 : 0];
     if (changed && complete) processed = crossing;
-    note_ring(pair, processed);
+    if (!head_only_.load(kRelaxed)) note_ring(pair, processed);
     if (processed == 0) return 0;
     if ((changed && !complete) || is_misplaced(pair, processed)) {
         ++repeated_;
@@ -335,6 +338,7 @@ std::size_t Redundancy::finish(FramePair& pair, MutableBytes frame, unsigned fro
     const auto whole = frame.first(pair.size);
     if (processed == (bit(0) | bit(1))) {
         merge_replies(whole, Bytes(pair.back).first(pair.size), Bytes(pair.out).first(pair.size));
+        compare_times(pair, whole);
         ++merged_;
     } else if (processed != bit(from)) {
         std::ranges::copy(Bytes(pair.back).first(pair.size), whole.begin());

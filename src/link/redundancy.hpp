@@ -15,8 +15,28 @@
 #include <array>
 #include <atomic>
 #include <span>
+#include <utility>
 
 namespace margay {
+
+// A datagram that carries the time of a reference clock (FRMW or ARMW of the system time). Both copies of its frame
+// must not bring the time of the same reference: behind a break, no slave would answer, and all clocks would take what
+// the master has sent. The copy that is not sent by the head carries no time (NOP), or the time of the second
+// reference.
+struct TimeDatagram {
+    std::uint16_t offset = 0;  // in the frame; 0: none
+    std::uint16_t bytes = 0;   // of the data
+    // Command, index and ADP: as the link has sent them, of the copy of the head, and of the other copy.
+    enum Form : std::uint8_t { original, of_head, of_other, kForms };
+    std::array<std::array<std::byte, 4>, kForms> forms{};
+};
+
+// How far the second reference is ahead of the first one, as frames that both copies of have come back show it: with a
+// constant that depends on the ways of the frames.
+struct PartDifference {
+    std::int64_t sum_ns = 0;
+    std::uint32_t count = 0;
+};
 
 // A frame in flight on both cables.
 struct FramePair {
@@ -38,6 +58,10 @@ struct FramePair {
     std::uint16_t shift = 0;               // added to the positions of the copy that is not sent by `head`
     std::uint16_t size = 0;                // octets of the frame
     std::array<std::uint16_t, 2> count{};  // slaves that have processed the copy
+    bool second_is_first = false;     // all slaves with a clock are behind the break: the other copy has the only time
+    std::uint16_t second_slaves = 0;  // what the other copy has read last from the second reference
+    std::uint32_t second_ns = 0;
+    std::array<TimeDatagram, 2> times{};
     std::array<std::byte, wire::kMaxFrameBytes> out;   // as sent, with the source address of the second NIC
     std::array<std::byte, wire::kMaxFrameBytes> back;  // the copy that came back first
 };
@@ -64,6 +88,19 @@ class Redundancy final : public Nic, public Cables {
 
     void give_up(std::uint8_t index) noexcept override;
     void split() noexcept override { split_ = true; }
+
+    // The slave whose time the copies carry that are not sent by the head; 0: they carry no time. `is_first`: it is the
+    // reference of the whole segment.
+    void set_second_reference(StationAddress slave, bool is_first) noexcept {
+        second_.store(slave.value | (is_first ? kIsFirst : 0U), std::memory_order_relaxed);
+        difference_ = {};
+    }
+    // False as well when the second reference has not answered: its slave is lost.
+    [[nodiscard]] bool has_second_reference() const noexcept { return second_.load(std::memory_order_relaxed) != 0; }
+    // The differences since the last call.
+    [[nodiscard]] PartDifference take_difference() noexcept { return std::exchange(difference_, PartDifference{}); }
+    // Frames are sent by the head only, and what comes back says nothing about the ring: the library has opened it.
+    void use_head_only(bool only) noexcept { head_only_.store(only, std::memory_order_relaxed); }
 
     [[nodiscard]] RedundancyStatus status() const noexcept;
     // The NIC at the beginning of the ring.
@@ -99,6 +136,12 @@ class Redundancy final : public Nic, public Cables {
     // yet.
     [[nodiscard]] std::size_t collect(unsigned at, MutableBytes frame) noexcept;
     [[nodiscard]] bool awaits(const FramePair& pair, unsigned nic) const noexcept;
+    // Times of reference clocks (link/redundancy_time.cpp).
+    void divide_times(FramePair& pair) const noexcept;
+    static void set_times(const FramePair& pair, MutableBytes frame, TimeDatagram::Form form) noexcept;
+    [[nodiscard]] static bool is_reply_to(const FramePair& pair, Bytes reply, unsigned from) noexcept;
+    void take_second_time(FramePair& pair, MutableBytes frame, unsigned from) noexcept;
+    void compare_times(const FramePair& pair, Bytes frame) noexcept;
     void note_late(const FramePair& pair, unsigned at, unsigned from, bool idle, bool marked) noexcept;
     void note_copy(FramePair& pair, unsigned from, Bytes frame) noexcept;
     void note_ring(const FramePair& pair, unsigned processed) noexcept;
@@ -124,6 +167,9 @@ class Redundancy final : public Nic, public Cables {
     std::array<std::atomic<bool>, 2> silent_{};   // copies do not come back, although the NIC accepts them
     std::array<std::atomic<std::uint16_t>, 2> slaves_{};
     std::atomic<std::uint8_t> head_{0};
+    static constexpr std::uint32_t kIsFirst = 0x1'0000;
+    std::atomic<std::uint32_t> second_{0};  // station address, or 0; kIsFirst
+    std::atomic<bool> head_only_{false};
 
     // Of the receiving thread.
     std::array<unsigned, 2> missed_{};  // copies that did not come back since the last one came
@@ -142,6 +188,7 @@ class Redundancy final : public Nic, public Cables {
     std::uint32_t heals_ = 0;
     std::uint32_t merged_ = 0;
     std::uint32_t repeated_ = 0;
+    PartDifference difference_;
 };
 
 // Merges the replies to two copies of a frame: what a slave has changed in either of them is changed in the result, and

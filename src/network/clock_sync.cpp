@@ -130,8 +130,10 @@ Task<Result<bool>> has_its_clock(Network& network, Slave& slave) {
     const Error error = error_of_reply(station, reply, Step::configure_clocks, reg::kSystemTimeOffset.address);
     if (error.code != Errc::none) co_return error;
     const std::uint64_t mask = clock.kind == ClockKind::bits64 ? UINT64_MAX : UINT32_MAX;
-    co_return ((load_le<std::uint64_t>(there) ^ clock.offset_ns) & mask) == 0 &&
-        load_le<std::uint32_t>(there, 8) == clock.delay_ns;
+    const bool same = ((load_le<std::uint64_t>(there) ^ clock.offset_ns) & mask) == 0 &&
+                      load_le<std::uint32_t>(there, 8) == clock.delay_ns;
+    if (!same) co_return false;
+    co_return co_await required(is_near(network, slave));
 }
 
 // The slave with the reference clock was reset: its offset is 0, and its clock begins anew. It gets the system time
@@ -142,7 +144,7 @@ Task<Result<>> continue_reference(Network& network) {
     Slave& reference = network.slave(clocks.reference);
     co_await required(latch_receive_times(network));
     const Time sent = std::max(clocks.latched_at, network.engine.link().last_cycle());  // beside a cycle: with it
-    co_await required(read_receive_times(network, reference));
+    co_await required(read_receive_times(network, reference, Keep::no));
     ClockEntry& clock = clocks.of(reference);
     clock.offset_ns = clock_offset_ns(clocks.system_at_ns(sent), clock.delay_ns, clock.local_ns);
     co_return co_await required(write_clock(network, reference));
@@ -162,23 +164,26 @@ Task<Result<>> restore_reference(Network& network) {
     co_return co_await required(continue_reference(network));
 }
 
-// The clock of the slave from that of the reference: both latch the same frame.
+// The clock of the slave from that of the reference: both latch the same frame. The delay of a slave that configdc()
+// has not seen is measured before; its neighbours are measured with it.
 Task<Result<>> set_clock_by_reference(Network& network, Slave& slave) {
     Clocks& clocks = network.clocks;
+    if (!clocks.of(slave).measured) co_await required(improve_delays(network));
+    if (!clocks.of(slave).measured)  // its place in the ring is not known yet
+        co_return Error{.code = Errc::unstable, .step = Step::configure_clocks, .slave = slave.number};
     while (clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
     const Measuring measuring(clocks);
-    Slave& reference = network.slave(clocks.reference);
-    const bool measured = clocks.of(slave).times.count() != 0;
+    Slave& reference = network.slave(network.redundancy == nullptr ? clocks.reference
+                                                                   : network.redundancy->reference_of(network, slave));
     auto offset = co_await required(
         read<std::uint64_t>(network.station(reference), reg::kSystemTimeOffset, Step::configure_clocks));
-    if (was_reset(clocks.of(reference), offset)) {
+    if (reference.number == clocks.reference && was_reset(clocks.of(reference), offset)) {
         co_await required(continue_reference(network));
         offset = clocks.of(reference).offset_ns;
     }
     co_await required(latch_receive_times(network));
-    co_await required(read_receive_times(network, slave));
-    co_await required(read_receive_times(network, reference));
-    if (!measured) compute_clock_delays(network);
+    co_await required(read_receive_times(network, slave, Keep::no));
+    co_await required(read_receive_times(network, reference, Keep::no));
     ClockEntry& clock = clocks.of(slave);
     const ClockEntry& source = clocks.of(reference);
     const std::uint64_t system = source.local_ns + offset - source.delay_ns;
@@ -239,13 +244,23 @@ Task<Result<>> restore_clock(Network& network, Slave& slave) {
     clock.watch.reset();
     clocks.all_in_sync = false;
     const Slave& reference = network.slave(clocks.reference);
-    if (slave.ring_position < reference.ring_position) co_return co_await required(become_reference(network, slave));
+    // 0: its place in the ring is not known yet.
+    if (slave.ring_position != 0 && slave.ring_position < reference.ring_position)
+        co_return co_await required(become_reference(network, slave));
     co_await required(set_clock_by_reference(network, slave));
     clock.synchronised = true;
     co_return co_await required(wait_for_clock(network, slave));
 }
 
 }  // namespace
+
+Task<Result<bool>> is_near(Network& network, Slave& slave) {
+    constexpr std::int64_t kFollows_ns = 100'000;
+    const ClockEntry& clock = network.clocks.of(slave);
+    if (!clock.synchronised || network.clocks.reference == slave.number) co_return true;
+    co_await required(read_difference(network, slave));
+    co_return std::abs(std::int64_t{clock.difference_ns}) <= kFollows_ns;
+}
 
 Result<SyncRegisters> sync_registers(const SyncSettings& settings, const ClockSettings& clocks) {
     if (settings.source == SyncSettings::Source::none) return SyncRegisters{};

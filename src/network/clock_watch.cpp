@@ -94,6 +94,20 @@ Task<Result<>> look_at_clock(Network& network, Slave& slave) {
     co_return Nothing{};
 }
 
+// The time of another clock was written to the reference: by a frame with ARMW while another slave was in its position,
+// or by another program. No time comes after it, so the rate would stay wrong. Not where the application or MasterClock
+// writes times to the reference.
+Task<Result<>> check_reference(Network& network) {
+    Clocks& clocks = network.clocks;
+    if (clocks.is_driven) co_return Nothing{};
+    Slave& slave = network.slave(clocks.reference);
+    const std::int32_t before = clocks.of(slave).difference_ns;
+    co_await required(read_difference(network, slave));
+    const std::int32_t now = clocks.of(slave).difference_ns;
+    if (std::abs(std::int64_t{now}) <= clocks.settings.limit_ns || now != before) co_return Nothing{};
+    co_return co_await required(reset_control_loop(network.station(slave)));
+}
+
 // A slave that is lost is not in sync when it answers again.
 void forget_lost(Network& network) {
     for (const Slave& slave : network.slaves()) {
@@ -169,6 +183,9 @@ Task<Result<>> watch_clocks(Network& network) {
         co_return Nothing{};
     clocks.watch_at = later(now, clocks.settings.watch_interval);
     forget_lost(network);
+    if (network.redundancy != nullptr) {
+        co_await required(network.redundancy->watch_clocks(network));
+    }
     if (!is_there(network, clocks.reference)) {
         co_await required(replace_reference(network));
     }
@@ -187,6 +204,7 @@ Task<Result<>> watch_clocks(Network& network) {
     const auto greatest = co_await required(read_greatest_difference(network));
     clocks.greatest_ns = greatest;
     if (greatest <= clocks.settings.limit_ns && clocks.all_in_sync) co_return Nothing{};
+    co_await required(check_reference(network));
     const auto look = [&network](Slave& s) { return look_at_clock(network, s); };
     auto all = co_await for_each_slave(network, look);
     clocks.all_in_sync = all_in_sync(network);

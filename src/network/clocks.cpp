@@ -50,7 +50,7 @@ Task<Result<>> probe_if_there(Network& network, Slave& slave, Error& first) {
 Task<Result<>> read_times_if_any(Network& network, Slave& slave) {
     const ClockEntry& clock = network.clocks.of(slave);
     if (clock.kind < ClockKind::receive_times || slave.al.state == AlState::none) co_return Nothing{};
-    co_return co_await required(read_receive_times(network, slave));
+    co_return co_await required(read_receive_times(network, slave, Keep::yes));
 }
 
 // The reference that the settings choose; 0 and an error if there is none.
@@ -77,11 +77,54 @@ Task<Result<>> measure_once(Network& network) {
     co_return Nothing{};
 }
 
-Task<Result<>> measure(Network& network) {
-    const Measuring measuring(network.clocks);
+// A slave that was lost, or came back, between two measurements: the receive times of its neighbours belong to
+// different ways of the frame.
+Error changed_meanwhile(Network& network) {
+    for (const Slave& slave : network.slaves()) {
+        const ClockEntry& clock = network.clocks.of(slave);
+        const bool there = clock.kind >= ClockKind::receive_times && slave.al.state != AlState::none;
+        if (clock.times.count() == (there ? network.clocks.settings.measurements : 0)) continue;
+        return {.code = Errc::unstable, .step = kClockStep, .slave = slave.number};
+    }
+    return {};
+}
+
+// While the receive times are measured: a ring with two NICs is open behind its last slave.
+class OpenRing {
+  public:
+    explicit OpenRing(RedundancyPart* ring) : ring_(ring) {}
+    OpenRing(const OpenRing&) = delete;
+    OpenRing& operator=(const OpenRing&) = delete;
+    ~OpenRing() {
+        if (ring_ != nullptr) ring_->forget_opening();
+    }
+
+  private:
+    RedundancyPart* ring_;
+};
+
+Task<Result<>> measure_all(Network& network) {
     for (std::uint8_t n = 0; n < network.clocks.settings.measurements; ++n) {
         co_await required(measure_once(network));
     }
+    co_return Nothing{};
+}
+
+Task<Result<>> measure(Network& network) {
+    const Measuring measuring(network.clocks);
+    const OpenRing open(network.redundancy);
+    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
+    if (network.redundancy != nullptr) {
+        co_await required(network.redundancy->open_ring(network));
+    }
+    Result<> measured = co_await measure_all(network);
+    if (network.redundancy != nullptr) {
+        const auto closed = co_await network.redundancy->close_ring(network);
+        if (measured) measured = closed;
+    }
+    if (!measured) co_return measured;
+    const Error changed = changed_meanwhile(network);
+    if (changed.code != Errc::none) co_return changed;
     compute_clock_delays(network);
     co_return Nothing{};
 }
@@ -187,7 +230,6 @@ Task<Result<>> set_clocks(Network& network) {
 
 Task<Result<>> improve_delays(Network& network) {
     while (network.clocks.measuring) co_await network.engine.sleep_for(std::chrono::milliseconds(1));
-    for (ClockEntry& clock : network.clocks.entries.first(network.count)) clock.times.clear();
     co_await required(measure(network));
     const auto write = [&network](Slave& s) { return write_delay_if_any(network, s); };
     co_return co_await required(for_each_slave(network, write));
@@ -196,12 +238,13 @@ Task<Result<>> improve_delays(Network& network) {
 void Clocks::forget() {
     for (ClockEntry& entry : entries) entry = {};
     reference = 0;
-    measuring = all_in_sync = paused = loss_reported = false;
+    measuring = all_in_sync = paused = loss_reported = is_driven = false;
     without_time = 0;
     greatest_ns = 0;
     delays_at = Time::min();
     prepare = nullptr;
     watch = nullptr;
+    is_near = nullptr;
 }
 
 // Before configdc() the features register has to be believed.
@@ -298,7 +341,7 @@ Task<Result<>> latch_receive_times(Network& network) {
     co_return Nothing{};
 }
 
-Task<Result<>> read_receive_times(Network& network, Slave& slave) {
+Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep) {
     const Station station = network.station(slave);
     ClockEntry& clock = network.clocks.of(slave);
     std::array<std::byte, reg::kPortReceiveTime.length> ports{};
@@ -315,9 +358,27 @@ Task<Result<>> read_receive_times(Network& network, Slave& slave) {
     latched.has_processing = read_unit.reply().ok() && read_unit.reply().wkc == 1;
     latched.processing_ns = load_le<std::uint32_t>(unit);
     clock.local_ns = latched.has_processing ? load_le<std::uint64_t>(unit) : latched.port_ns[slave.entry_port & 3];
-    if (!clock.times.full()) clock.times.add(latched, slave.entry_port);
+    if (keep == Keep::yes && !clock.times.full()) clock.times.add(latched, slave.entry_port);
     co_return Nothing{};
 }
+
+namespace {
+
+// Sets the ports of all nodes behind which a slave answers. A port to slaves that are lost keeps an old receive time.
+void find_neighbours(Network& network, std::span<DelayNode> nodes) {
+    const auto ring = network.seen_ring();
+    for (std::size_t n = 0; n < nodes.size(); ++n) {
+        if (ring[n].slave != 0 && network.slave(ring[n].slave).al.state == AlState::none) continue;
+        for (std::size_t at = n; ring[at].parent != 0 && ring[at].parent <= nodes.size(); at = ring[at].parent - 1U) {
+            DelayNode& parent = nodes[ring[at].parent - 1U];
+            const auto port = static_cast<std::uint8_t>(1U << (ring[at].parent_port & 3));
+            if ((parent.neighbours & port) != 0) break;
+            parent.neighbours |= port;
+        }
+    }
+}
+
+}  // namespace
 
 void compute_clock_delays(Network& network) {
     Clocks& clocks = network.clocks;
@@ -326,20 +387,20 @@ void compute_clock_delays(Network& network) {
     for (std::size_t n = 0; n < nodes.size(); ++n) {
         const RingPlace& place = ring[n];
         nodes[n] = {.parent = place.parent, .parent_port = place.parent_port, .entry_port = place.entry_port};
-        for (unsigned p = 0; p < 4; ++p)
-            if (p != place.entry_port && place.ports[p].open && place.ports[p].neighbour != 0)
-                nodes[n].neighbours = static_cast<std::uint8_t>(nodes[n].neighbours | 1U << p);
         if (place.slave == 0) continue;
         nodes[n].times = &clocks.entries[place.slave - 1U].times;
         nodes[n].processing_ns = processing_ns_of(network.slave(place.slave));
     }
+    find_neighbours(network, nodes);
     compute_delays(nodes);
     const std::size_t reference = network.slave(clocks.reference).ring_position;
     if (reference == 0 || reference > nodes.size()) return;
     for (std::size_t n = 0; n < nodes.size(); ++n) {
         if (ring[n].slave == 0 || !nodes[n].timed()) continue;
         const std::int64_t delay = delay_between_ns(nodes[reference - 1], nodes[n]);
-        clocks.entries[ring[n].slave - 1U].delay_ns = static_cast<std::uint32_t>(std::max<std::int64_t>(delay, 0));
+        ClockEntry& clock = clocks.entries[ring[n].slave - 1U];
+        clock.delay_ns = static_cast<std::uint32_t>(std::max<std::int64_t>(delay, 0));
+        clock.measured = true;
     }
 }
 
@@ -372,6 +433,7 @@ Task<Result<std::uint16_t>> configure_clocks(Network& network, ClockSettings set
     clocks.reference = *reference;
     clocks.prepare = prepare_clock;
     clocks.watch = watch_clocks;
+    clocks.is_near = is_near;
     auto set = co_await set_clocks(network);
     if (set) set = co_await send_burst(network);
     if (set) set = co_await improve_delays(network);

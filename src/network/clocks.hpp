@@ -35,6 +35,7 @@ struct ClockEntry : SlaveClock {
     std::uint64_t local_ns = 0;  // register 0x0918 of the last measurement
     SyncRegisters sync;          // by dcsync0(), where `sync_set` is true
     bool sync_set = false;
+    bool measured = false;  // its delay is known
 };
 
 struct Clocks {
@@ -49,6 +50,7 @@ struct Clocks {
     bool paused = false;            // the cycles carry no time, until carry_time_of() names a slave again
     std::uint8_t without_time = 0;  // rounds of the watch in which the cycle has stopped to carry the time
     bool all_in_sync = false;
+    bool is_driven = false;         // times are written to the reference, which follows them
     bool loss_reported = false;     // that the reference is lost
     std::uint32_t greatest_ns = 0;  // upper estimate of the differences, as read last
     Time watch_at = Time::min();
@@ -56,6 +58,8 @@ struct Clocks {
     // Called before a slave is requested to enter SAFEOP; once in each round of the supervision.
     Task<Result<>> (*prepare)(Network& network, Slave& slave) = nullptr;
     Task<Result<>> (*watch)(Network& network) = nullptr;
+    // Whether the clock of a slave that was away is so near that it follows by itself.
+    Task<Result<bool>> (*is_near)(Network& network, Slave& slave) = nullptr;
 
     // The system time at `now`, from the last one that is known.
     [[nodiscard]] std::uint64_t system_at_ns(Time now) const {
@@ -96,6 +100,10 @@ class Measuring {
 
 [[nodiscard]] Task<Result<>> watch_clocks(Network& network);
 
+// False when the clock differs by more than its control loop corrects in about a second. Its slave must be started
+// again: a clock that is set makes a step, and SYNC signals that are active would stop.
+[[nodiscard]] Task<Result<bool>> is_near(Network& network, Slave& slave);
+
 // ------------------------------------------------------------------ parts of the sequences
 
 // The cycles carry the time of this slave from now on; nullptr: no time. False: not now, a frame is on the wire.
@@ -107,9 +115,11 @@ class Measuring {
 // Reads register 0x092C of a slave into its entry.
 [[nodiscard]] Task<Result<>> read_difference(Network& network, Slave& slave);
 [[nodiscard]] Task<Result<>> probe_clock(Network& network, Slave& slave);
-// Latches the receive times of all slaves; read_receive_times() adds those of one slave to its entry.
+// Latches the receive times of all slaves; read_receive_times() reads the local time of one slave, and adds the receive
+// times to those from which the delays are computed (`yes`).
+enum class Keep : bool { no, yes };
 [[nodiscard]] Task<Result<>> latch_receive_times(Network& network);
-[[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave);
+[[nodiscard]] Task<Result<>> read_receive_times(Network& network, Slave& slave, Keep keep);
 // Computes the delay of every slave from the measurements so far.
 void compute_clock_delays(Network& network);
 // Measures the delays again while all clocks run at the same rate, so that their drift falsifies no delay.

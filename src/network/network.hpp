@@ -70,6 +70,18 @@ class RedundancyPart {
     // the scan read them. Else they would not belong to one ring.
     [[nodiscard]] virtual Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const = 0;
 
+    // For the measurement of delays, whose frames must return by the way they came: closes the port of the last slave
+    // to the second NIC, for about a second, and sends by one NIC only. close_ring() opens the port again. The error of
+    // open_ring() is that of a ring that is broken, or that another frame way reaches clocks in.
+    [[nodiscard]] virtual Task<Result<>> open_ring(Network& network) = 0;
+    [[nodiscard]] virtual Task<Result<>> close_ring(Network& network) = 0;
+    // The sequence between both was destroyed: the chip opens its port by itself.
+    virtual void forget_opening() = 0;
+    // Keeps the clocks behind a break in step with the reference clock.
+    [[nodiscard]] virtual Task<Result<>> watch_clocks(Network& network) = 0;
+    // The slave whose clock the slave follows: the reference clock, or that of the part behind the break.
+    [[nodiscard]] virtual std::uint16_t reference_of(Network& network, const Slave& slave) const = 0;
+
   protected:
     ~RedundancyPart() = default;
 };

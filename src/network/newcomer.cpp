@@ -109,9 +109,13 @@ Verdict choose_by_place(Network& network, std::size_t n) {
     Verdict verdict;
     bool sure = false;
     for (Slave& slave : network.slaves()) {
-        if (!is_lost(network, slave) || !of_the_line(slave) || (before != nullptr && slave.number < before->number) ||
-            (behind != nullptr && slave.number > behind->number))
-            continue;
+        const bool in_order = (before == nullptr || slave.number >= before->number) &&
+                              (behind == nullptr || slave.number <= behind->number);
+        if (!of_the_line(slave) || !in_order) continue;
+        const bool lost = is_lost(network, slave);
+        // It is absent, and not reported lost yet because it is in use: the newcomer may be this slave.
+        if (!lost && slave.ring_position == 0 && slave.seen && fits(slave, network.guest)) return {};
+        if (!lost) continue;
         if (verdict.instead_of == nullptr) verdict.instead_of = &slave;
         if (!fits(slave, network.guest) || contradicts(slave.alias, network.guest.alias) ||
             (slave.other && is_wanted_elsewhere(network, slave)))
@@ -155,7 +159,10 @@ StationAddress newcomer_address(const Network& network) {
 }
 
 bool is_lost(const Network& network, const Slave& slave) {
-    return slave.al.state == AlState::none && !network.marks(slave).in_use && (slave.ring_position == 0 || !slave.seen);
+    // Nobody is missing at a number that the list of expect() leaves out.
+    const bool nobody = !network.expected.empty() && slave.wanted == nullptr && !slave.unexpected;
+    return slave.al.state == AlState::none && !nobody && !network.marks(slave).in_use &&
+           (slave.ring_position == 0 || !slave.seen);
 }
 
 bool is_the_wanted_one(const Slave& slave, const Slave& guest) {

@@ -232,6 +232,8 @@ Task<Result<>> bring_back(Network& network, Slave& slave) {
         co_return co_await required(lower(network, slave, to));
     const auto unfinished = [&] { return is_unfinished(network, slave); };
     bool configured = is_configured(slave) && !unfinished();
+    if (configured && slave.al.error && network.clocks.is_near != nullptr)
+        configured = co_await required(network.clocks.is_near(network, slave));
     if (configured && slave.al.error) {
         auto acknowledged = co_await change(network, slave, slave.al.state);
         configured = acknowledged.ok();

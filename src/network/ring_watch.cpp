@@ -14,7 +14,8 @@ const Slave* slave_at(Network& network, std::size_t position) {
     return found == slaves.end() || position == 0 ? nullptr : &*found;
 }
 
-// The slave that the second NIC is connected to: it has an open port that leads to no slave. nullptr: it was not seen.
+}  // namespace
+
 const Slave* last_slave(Network& network, std::uint8_t& port) {
     for (const Slave& slave : network.slaves())
         for (std::uint8_t p = 0; p < slave.ports.size(); ++p) {
@@ -24,6 +25,8 @@ const Slave* last_slave(Network& network, std::uint8_t& port) {
         }
     return nullptr;
 }
+
+namespace {
 
 // Where the ring is open. `front` and `behind`: how many slaves the frames reach from its beginning and from its end.
 Event find_break(Network& network, std::size_t front, std::size_t behind) {

@@ -1,14 +1,20 @@
-// A ring with two NICs, as the network sees it: where the ring is open, and at which end each slave hangs.
+// A ring with two NICs, as the network sees it: where the ring is open, at which end each slave hangs, and whose clock
+// the slaves behind a break follow.
 #pragma once
 
 #include "link/redundancy.hpp"
 #include "network/network.hpp"
 
+#include <margay/phase_controller.hpp>
+
 namespace margay {
+
+// The slave that the second NIC is connected to: it has an open port that leads to no slave. nullptr: it was not seen.
+[[nodiscard]] const Slave* last_slave(Network& network, std::uint8_t& port);
 
 class RingWatch final : public RedundancyPart {
   public:
-    explicit RingWatch(const Redundancy& ring) : ring_(ring) {}
+    explicit RingWatch(Redundancy& ring) : ring_(ring) {}
     void watch(Network& network) override;
     [[nodiscard]] Error check() const override;
     [[nodiscard]] RingParts parts() const override;
@@ -16,16 +22,55 @@ class RingWatch final : public RedundancyPart {
     [[nodiscard]] Task<Result<>> read_ports_again(Network& network, std::uint32_t changes) const override;
     [[nodiscard]] const Redundancy& ring() const { return ring_; }
 
+    // Clocks (ring_clocks.cpp)
+    [[nodiscard]] Task<Result<>> open_ring(Network& network) override;
+    [[nodiscard]] Task<Result<>> close_ring(Network& network) override;
+    void forget_opening() override { ring_.use_head_only(false); }
+    [[nodiscard]] Task<Result<>> watch_clocks(Network& network) override;
+    [[nodiscard]] std::uint16_t reference_of(Network& network, const Slave& slave) const override;
+    // The second reference clock, 0: none; and how far it is ahead of the first one.
+    [[nodiscard]] std::uint16_t second_reference() const { return second_; }
+    [[nodiscard]] std::int64_t apart_ns() const { return second_ == 0 || !known_ ? 0 : phase_.error_ns(); }
+
   private:
+    // The constants of the last breaks, by the slave that was the first clock behind each: a slave that comes back
+    // there after a loss of power is not in step.
+    struct Constant {
+        std::uint16_t slave = 0;
+        std::int64_t ns = 0;
+    };
+
     void report_break(Network& network, const RedundancyStatus& now);
     void report_fault(Network& network, CablingFault fault);
+    [[nodiscard]] std::uint16_t choose_second(Network& network) const;
+    [[nodiscard]] Task<Result<>> change_second(Network& network, std::uint16_t second);
+    [[nodiscard]] Task<Result<>> steer(Network& network);
+    void begin_to_steer(Network& network);
+    [[nodiscard]] const Constant* known_constant() const;
 
-    const Redundancy& ring_;
+    Redundancy& ring_;
     RingState reported_ = RingState::unknown;
     CablingFault reported_fault_ = CablingFault::none;
     bool reported_swapped_ = false;
     std::uint16_t before_ = 0;  // the slaves of the last break
     std::uint16_t behind_ = 0;
+
+    // The slave with the second reference clock. It is in step at the moment of the break, so the first differences
+    // show what the ways of both copies differ by (`constant_ns_`).
+    std::uint16_t second_ = 0;
+    bool second_is_first_ = false;
+    bool known_ = false;
+    std::int64_t constant_ns_ = 0;
+    std::array<Constant, 4> constants_{};
+    std::size_t next_constant_ = 0;
+    std::uint16_t wanted_second_ = 0;  // seen in `rounds_seen_` rounds
+    std::uint8_t rounds_seen_ = 0;
+    PartDifference first_;
+    PhaseController phase_;
+    // The port of the last slave that was closed, and its settings before.
+    Time opened_{};
+    std::uint16_t last_ = 0;
+    std::uint16_t last_control_ = 0;
 };
 
 }  // namespace margay

@@ -289,15 +289,5 @@ TEST(Ring, OverlappedCycles) {
     EXPECT_EQ(bus.status().breaks, bus.ring_cables.size());
 }
 
-TEST(Ring, DistributedClocksSayThatTheyAreNotThereYet) {
-    RingBus bus;
-    bus.build_line(3);
-    bus.start();
-    const auto done = configdc(*bus.ctx, {.cycle = 1ms});
-    ASSERT_FALSE(done.ok());
-    EXPECT_EQ(done.error().code, Errc::wrong_state);
-    EXPECT_NE(bus.words(done.error()).find("with two NICs"), std::string::npos) << bus.words(done.error());
-}
-
 }  // namespace
 }  // namespace margay

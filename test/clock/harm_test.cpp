@@ -1,0 +1,130 @@
+// What disturbs clocks that run: slaves that are lost while delays are measured, times that another program writes,
+// exact cycles, and a clock that comes back far away.
+#include "clock/clock_bus.hpp"
+
+namespace margay {
+namespace {
+
+using namespace std::chrono_literals;
+
+struct ClockHarm : testing::Test, ClockBus {
+    SlaveSetup every_ms{.dc = {.source = SyncSettings::Source::application, .sync0_cycle = 1ms}};
+
+    void bring_up(const ClockSettings& settings = kFewFrames) {
+        const auto slaves = static_cast<std::uint16_t>(segment.size());
+        start();
+        const auto reference = configdc(*ctx, settings);
+        ASSERT_TRUE(reference.ok()) << words(reference.error());
+        for (std::uint16_t n = 1; n <= slaves; ++n) ctx->slave(n).config.setup = &every_ms;
+        run();
+        cycles(300);
+        (void)events();
+    }
+};
+
+// A port behind which nobody answers keeps the receive time of an earlier frame.
+TEST_F(ClockHarm, DelaysAreRightWhileASlaveIsLost) {
+    add_line(4);
+    ClockSettings settings = kFewFrames;
+    settings.delay_interval = 20ms;
+    bring_up(settings);
+    for (int n = 0; n < 3; ++n) {
+        power(3, false);
+        for (int k = 0; k < 400; ++k) {
+            cycles(1);
+            ASSERT_NEAR(static_cast<double>(clock(2).delay_ns), static_cast<double>(kHop_ns), 5) << k;
+            ASSERT_NEAR(static_cast<double>(clock(3).delay_ns), 2.0 * kHop_ns, 5) << k;
+        }
+        power(3, true);
+        ASSERT_TRUE(until([&] { return all_in_op() && clock(4).in_sync; })) << joined(events());
+    }
+    EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), 3.0 * kHop_ns, 5);
+    cycles(1000);
+    EXPECT_LE(greatest_error_ns(4), 100);
+}
+
+// A slave that is found after configdc(): its neighbour had no receive time for its port.
+TEST_F(ClockHarm, TheDelayOfALateSlaveIsMeasured) {
+    add_line(4);
+    segment.power_up(osal.now());
+    nic = std::make_unique<SimulatedNic>(segment, osal);
+    ctx = std::make_unique<HostContext>(limits);
+    ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+    power(3, false);
+    std::array<ExpectedSlave, 4> four{};
+    for (std::size_t n = 0; n < four.size(); ++n) four[n].number = static_cast<std::uint16_t>(n + 1);
+    ASSERT_TRUE(expect(*ctx, four).ok());
+    EXPECT_EQ(config_init(*ctx).error().code, Errc::missing_slave);
+    ASSERT_TRUE(configdc(*ctx, kFewFrames).ok());
+    for (std::uint16_t n = 1; n <= 4; ++n) ctx->slave(n).config.setup = &every_ms;
+    (void)config_map(*ctx, image);
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    cycles(500);
+    power(3, true);
+    ASSERT_TRUE(until([&] { return ctx->slave(4).al.state == AlState::preop; }, 6000)) << joined(events());
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    cycles(2000);
+    EXPECT_NEAR(static_cast<double>(clock(4).delay_ns), 3.0 * kHop_ns, 5);
+    EXPECT_LE(greatest_error_ns(4), 100);
+}
+
+// In cycles that are exact, the reference shows the time that is expected. It is not taken for lost when another slave
+// is.
+TEST_F(ClockHarm, AnExactCycleDoesNotLoseTheReference) {
+    for (unsigned n = 0; n < 4; ++n) add({.start_ns = n * 77});
+    bring_up();
+    for (int n = 0; n < 4; ++n) {
+        power(3, false);
+        for (int k = 0; k < 50; ++k) {
+            cycles(1);
+            ASSERT_TRUE(ctx->group(0).dc_time.slaves != 0 || !ctx->group(0).dc_time.came) << n << " " << k;
+        }
+        power(3, true);
+        ASSERT_TRUE(until([&] { return all_in_op(); })) << joined(events());
+    }
+    EXPECT_EQ(register_of<std::uint32_t>(1, wire::reg::kSystemTimeDifference), 0U) << "nobody has written a time to it";
+}
+
+// Another program has written a time to the reference clock: its rate would stay wrong, because nothing follows.
+TEST_F(ClockHarm, AReferenceThatWasDisturbedRunsAtItsOwnRateAgain) {
+    add_line(3);
+    bring_up();
+    const auto rate_of = [this] {
+        const auto before = segment.slave(0).clock().copy(osal.now());
+        const Time begin = osal.now();
+        cycles(1000);
+        const auto passed = static_cast<double>(segment.slave(0).clock().copy(osal.now()) - before);
+        return passed / static_cast<double>((osal.now() - begin).count());
+    };
+    const double rate = rate_of();
+    std::array<std::byte, 8> wrong{};
+    store_le<std::uint64_t>(wrong, 0, segment.slave(0).clock().copy(osal.now()) + 5'000'000);
+    ASSERT_TRUE(write_register(*ctx, 1, wire::reg::kSystemTime.address, wrong).ok());
+    cycles(3000);
+    EXPECT_NEAR(rate_of(), rate, 1e-6);
+    EXPECT_LE(greatest_error_ns(3), 100);
+    EXPECT_TRUE(clock_status(*ctx, osal.now()).in_sync) << joined(events());
+}
+
+// The branch was cut off, with power, and its clock is 9 ms away: its control loop would need a minute. The slave is
+// started again with a clock that is set.
+TEST_F(ClockHarm, AClockThatComesBackFarAwayIsSet) {
+    add_line(3);
+    bring_up();
+    segment.set_cable({2, 0}, false);
+    segment.slave(2).set_drift(3'000'000, osal.now());
+    cycles(3000);
+    segment.slave(2).set_drift(10'000, osal.now());
+    EXPECT_GT(std::abs(ahead_ns(3)), 5'000'000);
+    segment.set_cable({2, 0}, true);
+    ASSERT_TRUE(until([&] { return all_in_op() && clock(3).in_sync; }, 4000)) << joined(events());
+    EXPECT_LE(greatest_error_ns(3), 200);
+    cycles(300);
+    const auto start = register_of<std::uint64_t>(3, wire::reg::kSyncStartTime);
+    EXPECT_EQ(start % 1'000'000, 0U);
+    EXPECT_LE(std::abs(static_cast<std::int64_t>(start - segment.slave(2).clock().copy(osal.now()))), 2'000'000)
+        << "SYNC0 goes on";
+}
+
+}  // namespace
+}  // namespace margay

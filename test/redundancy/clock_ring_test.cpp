@@ -1,0 +1,177 @@
+// Distributed clocks in a ring with two NICs, against the simulation's true time.
+#include "redundancy/clock_ring.hpp"
+
+namespace margay {
+namespace {
+
+struct ClockRing : testing::Test, ClockRingBus {};
+
+// The delays of a ring are those of the line that it is without the cable to the second NIC.
+TEST_F(ClockRing, DelaysAreThoseOfALine) {
+    build(6);
+    start();
+    const auto breaks = status().breaks;
+    ASSERT_TRUE(clocks().ok());
+    EXPECT_EQ(status().breaks, breaks) << "the library has opened the ring itself: nothing is reported";
+    EXPECT_EQ(status().ring, RingState::whole);
+    std::vector<std::uint32_t> ring;
+    for (std::uint16_t n = 1; n <= 8; ++n) ring.push_back(slave_clock(*ctx, n).delay_ns);
+    EXPECT_EQ(status().cables[1].lost, 0U);
+    cable(ring_cables.back(), false);
+    for (unsigned n = 0; n < 5; ++n) (void)cycle();
+    ASSERT_TRUE(readstate(*ctx).ok());
+    const auto line = clocks();
+    ASSERT_TRUE(line.ok()) << words(line.error()) << "broken at the second NIC is a line";
+    for (std::uint16_t n = 1; n <= 8; ++n)
+        EXPECT_NEAR(static_cast<double>(slave_clock(*ctx, n).delay_ns), static_cast<double>(ring[n - 1U]), 2) << n;
+    EXPECT_GT(ring.back(), 2000U);
+}
+
+// The port of the last slave is open again, also in the chip's lasting settings.
+TEST_F(ClockRing, ThePortIsOpenAgain) {
+    build(3, false);
+    start();
+    ASSERT_TRUE(clocks().ok());
+    EXPECT_EQ(segment.slave(2).dl_control() & 0xFF02, 0U);
+    osal.advance(2s);
+    EXPECT_EQ(segment.slave(2).dl_control() & 0xFF02, 0U);
+}
+
+// Each cable of the ring breaks for two seconds and heals.
+TEST_F(ClockRing, BehindABreakTheClocksKeepInStep) {
+    build(6);
+    bring_up();
+    EXPECT_LE(cycles(500), 100);
+    for (std::size_t n = 0; n < ring_cables.size(); ++n) {
+        const std::uint64_t first = pulses(1);
+        const std::uint64_t last = pulses(8);
+        const Time begin = osal.now();
+        cable(ring_cables[n], false);
+        EXPECT_LE(cycles(2000), 1000) << "broken at cable " << n;
+        EXPECT_EQ(status().ring, RingState::broken);
+        const bool parted = n != 0 && n + 1 != ring_cables.size();
+        EXPECT_EQ(status().second_reference != 0 && status().second_reference != 1, parted) << n;
+        cable(ring_cables[n], true);
+        EXPECT_LE(cycles(300), 1000) << "no step when cable " << n << " heals";
+        EXPECT_LE(cycles(1000), 100) << "whole again after cable " << n;
+        EXPECT_EQ(status().second_reference, 0);
+        const auto passed = static_cast<double>((osal.now() - begin) / 1ms);
+        EXPECT_NEAR(static_cast<double>(pulses(1) - first), passed, 2) << "no SYNC0 is missed or doubled";
+        EXPECT_NEAR(static_cast<double>(pulses(8) - last), passed, 2);
+    }
+    const auto all = events();
+    EXPECT_EQ(std::ranges::count_if(all, [](const std::string& e) { return e.find("out of sync") != e.npos; }), 0)
+        << joined(all);
+}
+
+// The oscillator of the second reference changes by 5 ppm: without the master, the parts would be 65 µs apart.
+TEST_F(ClockRing, TheMasterSteersTheSecondReference) {
+    build(5, false);
+    bring_up();
+    cable(ring_cables[2], false);
+    EXPECT_LE(cycles(1000), 1000);
+    segment.slave(at[2]).set_drift(60'000 + 5'000, osal.now());
+    EXPECT_LE(cycles(3000), 2000) << "5 ppm at once";
+    EXPECT_LE(cycles(10'000), 1000);
+    EXPECT_EQ(status().second_reference, 3);
+    EXPECT_LE(std::abs(status().second_ahead_ns), 1000);
+}
+
+// The slave with the second reference loses its power, then the slave with the reference.
+TEST_F(ClockRing, AnotherClockTakesOverInEitherPart) {
+    build(6, false);
+    bring_up();
+    cable(ring_cables[2], false);  // between slaves 2 and 3
+    EXPECT_LE(cycles(500), 1000);
+    segment.set_power(at[2], false, osal.now());
+    EXPECT_LE(cycles(1000), 1000);
+    EXPECT_EQ(status().second_reference, 4);
+    segment.set_power(at[2], true, osal.now());
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(3000);
+    EXPECT_EQ(status().second_reference, 3);
+    EXPECT_LE(cycles(300), 1000);
+    cable(ring_cables[2], true);
+    (void)cycles(1000);
+    EXPECT_LE(cycles(300), 100);
+    segment.set_power(at[0], false, osal.now());
+    (void)cycles(1000);
+    EXPECT_LE(cycles(300), 1000);
+    EXPECT_EQ(reference_clock(*ctx), 2);
+    segment.set_power(at[0], true, osal.now());
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(2000);
+    EXPECT_LE(cycles(300), 100) << joined(events());
+}
+
+TEST_F(ClockRing, WithLostFrames) {
+    build(6);
+    bring_up();
+    segment.set_noise({.lost = 0.01, .seed = 7});
+    for (const std::size_t n : {1U, 3U, 5U}) {
+        cable(ring_cables[n], false);
+        EXPECT_LE(cycles(1000), 1000) << n;
+        cable(ring_cables[n], true);
+        EXPECT_LE(cycles(1000), 1000) << n;
+    }
+    segment.set_noise({});
+    ASSERT_TRUE(until_all_in_op(6000)) << joined(events());
+    (void)cycles(1500);
+    EXPECT_LE(cycles(300), 100);
+}
+
+// The NICs are interchanged: the ring begins at the second one.
+TEST_F(ClockRing, WithInterchangedCables) {
+    for (unsigned n = 0; n < 5; ++n) (void)add_to_ring(nth(n));
+    close_ring();
+    segment.disconnect({0, 0});
+    segment.disconnect({4, 1});
+    ASSERT_TRUE(segment.connect_master({0, 0}, 1));
+    ASSERT_TRUE(segment.connect_master({4, 1}, 0));
+    start();
+    at = {0, 1, 2, 3, 4};
+    const auto reference = clocks();
+    ASSERT_TRUE(reference.ok()) << words(reference.error());
+    for (std::uint16_t n = 1; n <= 5; ++n) ctx->slave(n).config.setup = &every_ms;
+    run();
+    (void)cycles(1000);
+    EXPECT_LE(cycles(300), 100);
+    cable(ring_cables[2], false);
+    EXPECT_LE(cycles(2000), 1000);
+    EXPECT_EQ(status().second_reference, 3);
+    cable(ring_cables[2], true);
+    EXPECT_LE(cycles(300), 1000);
+    EXPECT_LE(cycles(1000), 100);
+}
+
+TEST_F(ClockRing, WhatCannotBeMeasuredIsRefusedInWords) {
+    build(4, false);
+    start();
+    cable(ring_cables[2], false);
+    for (unsigned n = 0; n < 5; ++n) (void)readstate(*ctx);
+    EXPECT_EQ(
+        words(clocks().error()),
+        "synchronising the clocks: not possible in this state (the ring is broken: the delays of its clocks can be "
+        "measured while it is whole)");
+    cable(ring_cables[2], true);
+    for (unsigned n = 0; n < 5; ++n) (void)readstate(*ctx);
+    EXPECT_TRUE(clocks().ok());
+}
+
+// Slave 4 is at a port that the frames of the first NIC do not reach while the ring is whole.
+TEST_F(ClockRing, AClockBesideTheRingIsNamed) {
+    const std::uint32_t one = add_to_ring(nth(0));
+    (void)add_to_ring(nth(1));
+    (void)add_to_ring(nth(2));
+    (void)add_behind(one, 2, nth(3));
+    close_ring();
+    start();
+    const auto refused = clocks();
+    EXPECT_EQ(refused.error().code, Errc::unsupported);
+    EXPECT_EQ(refused.error().slave, 4) << words(refused.error());
+    EXPECT_NE(words(refused.error()).find("only the frames of the second NIC reach"), std::string::npos)
+        << words(refused.error());
+}
+
+}  // namespace
+}  // namespace margay
