@@ -355,7 +355,8 @@ void keep_others(Network& network, std::uint8_t number, FirstFault& faults) {
             continue;
         }
         if (slave.config.group != number) continue;
-        faults.keep(held_error(slave, Step::identify));
+        const bool gone = slave.held && slave.unexpected && slave.al.state == AlState::none;
+        if (!gone) faults.keep(held_error(slave, Step::identify));
         const Error missing = slave.al.state == AlState::none ? missing_error(network, slave) : Error{};
         if (missing.code != Errc::none && slave.seen)
             faults.note(network, slave, missing);  // it was there when the segment was scanned

@@ -13,6 +13,7 @@
 #include "station/al_state.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace margay {
@@ -359,7 +360,10 @@ Task<Result<>> round(Watch& watch, Crew& crew) {
     // all states.
     const bool look_is_due = network.engine.now() >= watch.look_at;
     if (changed || unexpected || look_is_due || walk_is_due(watch, *roll)) {
-        watch.look_at = later(network.engine.now(), watch.wanted.retry);
+        // Slaves that stay in another state than the others hide changes to that state in the OR of all states.
+        const bool hides = std::popcount(static_cast<unsigned>(roll->al_status & 0x1FU)) > 1;
+        const Duration next = hides ? std::min(watch.wanted.interval, watch.wanted.retry) : watch.wanted.retry;
+        watch.look_at = later(network.engine.now(), next);
         auto looked = co_await look(watch, crew, *roll, unexpected);
         // Without memory for a task now: the next round looks again.
         if (!looked && looked.error().code != Errc::capacity) co_return looked;

@@ -22,7 +22,8 @@ bool is_optional(const ExpectedSlave& wanted) {
 }
 
 bool may_be_missing(Network& network, const Slave& slave) {
-    if (slave.wanted == nullptr) return slave.config.optional || !is_known(slave);
+    // An unexpected slave that was held and is gone is what the list wants.
+    if (slave.wanted == nullptr) return slave.config.optional || !is_known(slave) || (slave.held && slave.unexpected);
     if (!slave.seen && network.tolerance.missing_slaves) return true;
     if (slave.wanted->hot_connect != 0 && !slave.wanted->optional)
         return !head_is_there(network, slave.wanted->hot_connect);

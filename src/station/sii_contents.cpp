@@ -108,7 +108,8 @@ Error Contents::mailbox_error(sii::Fault fault, const MailboxInfo& mailbox, std:
 
 // Mailboxes with invalid values are not copied: the slave then has no mailbox.
 Result<> Contents::read_fixed_part(Bytes head, Bytes mailboxes) {
-    slave_.identity = sii::load_identity(head.subspan(sii::kConfigurationBytes));
+    const Bytes identity = head.subspan(sii::kConfigurationBytes);
+    slave_.identity = sii::is_blank(identity) ? Identity{} : sii::load_identity(identity);  // as read_identity()
     const auto boxes = sii::load_mailboxes(mailboxes);
     const auto fault = sii::mailbox_fault(boxes.standard);
     auto boot = boxes.boot;
