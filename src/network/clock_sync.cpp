@@ -218,12 +218,14 @@ Task<Result<>> become_reference(Network& network, Slave& slave) {
     for (unsigned n = 0; !carry_time_of(network, nullptr) && n < kMostTries; ++n) co_await network.engine.next_poll();
     auto set = co_await set_clock_by_reference(network, slave);
     const std::uint16_t before = clocks.reference;
-    if (set) clocks.reference = slave.number;
+    // Another slave, before this one, may have become the reference meanwhile.
+    const bool first = set && slave.ring_position < network.slave(before).ring_position;
+    if (first) clocks.reference = slave.number;
     const Slave& reference = network.slave(clocks.reference);
     for (unsigned n = 0; !carry_time_of(network, &reference) && n < kMostTries; ++n)
         co_await network.engine.next_poll();
     clocks.of(slave).synchronised = set.ok();
-    if (set) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
+    if (first) network.report({.kind = EventKind::reference_clock, .slave = slave.number, .other = before});
     co_return set;
 }
 
