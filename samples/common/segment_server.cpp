@@ -72,6 +72,7 @@ bool SegmentServer::run() {
     Time next_look = quiet_ ? kNever : osal_.now();
     while (!output_lost()) {
         const Time now = osal_.now();
+        simulated_->switch_on_late(now);
         simulated_->segment.advance(now);
         if (now >= next_look) {
             print_states();
