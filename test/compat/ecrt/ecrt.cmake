@@ -36,7 +36,7 @@ margay_ecrt_test(two_domains ecrt_two_domains sim:drive,digital_in_8,digital_out
 margay_ecrt_test(requests ecrt_requests sim:drive,digital_in_8)
 margay_ecrt_test(later ecrt_later sim:drive,drive@4s)
 margay_ecrt_test(mail ecrt_mail sim:drive,soe_drive,voe_device)
-margay_ecrt_test(rules ecrt_rules sim:pulse_axis,drive)
+margay_ecrt_test(rules ecrt_rules sim:drive,drive,pulse_axis)
 margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
