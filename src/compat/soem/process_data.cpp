@@ -54,6 +54,8 @@ int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
         if (wkc < 0) return wkc;
     }
     const Session::GroupFacts& facts = session->facts(group);
+    if (facts.group == nullptr) [[unlikely]]
+        return wkc;  // another thread is mapping the group for the first time
     if (facts.writing_datagrams != 0) [[unlikely]]
         wkc += counted_twice(*session, group, facts.writing_datagrams);
     const RegisterReading& time = facts.group->dc_time;
