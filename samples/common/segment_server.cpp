@@ -110,6 +110,7 @@ bool SegmentServer::run() {
     Time next_links = end_count_ > 1 ? osal_.now() : kNever;
     while (!output_lost()) {
         const Time now = osal_.now();
+        simulated_->switch_on_late(now);
         simulated_->segment.advance(now);
         if (now >= next_look) {
             print_states();

@@ -1,12 +1,12 @@
 #include "source/segment_file.hpp"
 
-#include "source/esi_image.hpp"
 #include "source/ready_made.hpp"
 #include "source/segment_chip.hpp"
+#include "source/segment_line.hpp"
+#include "source/sii_file.hpp"
 
 #include "sim/devices.hpp"
 #include "sim/library/quirks.hpp"
-#include "wire/sii.hpp"
 
 #include <fmt/format.h>
 
@@ -48,43 +48,6 @@ name = "setting"
 device = "analog_out_2"
 )";
 
-std::optional<std::vector<std::byte>> read_file(const std::filesystem::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    if (!in) return std::nullopt;
-    const std::string content((std::istreambuf_iterator<char>(in)), {});
-    std::vector<std::byte> bytes(content.size());
-    std::transform(content.begin(), content.end(), bytes.begin(), [](char c) { return static_cast<std::byte>(c); });
-    return bytes;
-}
-
-// Reads an SII image, or makes it of an ESI. Refuses content that cannot come from an EEPROM: an empty file, a text
-// file, a folder, or a file larger than any EEPROM.
-std::string load_image(const std::filesystem::path& path, std::vector<std::byte>& image) {
-    if (names_esi(path.string())) {
-        auto made = esi_image(path.string());
-        image = std::move(made.octets);
-        return made.error;
-    }
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored))
-        return fmt::format("'{}' is a folder, not an SII image", path.string());
-    auto bytes = read_file(path);
-    if (!bytes) return fmt::format("cannot read the SII image '{}'", path.string());
-    if (bytes->size() < wire::sii::kFixedBytes)
-        return fmt::format("'{}' is no SII image: {} octets, where the fixed part alone takes {}", path.string(),
-                           bytes->size(), wire::sii::kFixedBytes);
-    const auto printable = [](std::byte octet) {
-        const auto c = std::to_integer<unsigned>(octet);
-        return (c >= 0x20 && c < 0x7F) || c == '\n' || c == '\r' || c == '\t';
-    };
-    if (std::all_of(bytes->begin(), bytes->begin() + wire::sii::kFixedBytes, printable))
-        return fmt::format("'{}' is text, not an SII image (the name of a segment description ends in .toml)",
-                           path.string());
-    if (bytes->size() > 4u * 1024 * 1024) return fmt::format("'{}' is larger than any EEPROM", path.string());
-    image = std::move(*bytes);
-    return {};
-}
-
 bool exists(const sim::EscDescription& chip, unsigned port) {
     return port < kMaxPorts && chip.ports[port].kind >= wire::PortKind::ebus;
 }
@@ -104,6 +67,7 @@ class Builder : private DescriptionReader {
         apply_presets();
         if (noise_) result_->segment.set_noise(*noise_);
         for (const auto n : dark_) result_->segment.set_power(n, false, now_);
+        for (const auto& late : result_->late) result_->segment.set_power(late.slave, false, now_);
         for (const auto& end : broken_) result_->segment.set_cable(end, false);
         return LoadedSegment(std::move(result_));
     }
@@ -162,6 +126,7 @@ class Builder : private DescriptionReader {
                                                       "sii_8_bytes",
                                                       "sii_status",
                                                       "power",
+                                                      "power_after_ms",
                                                       "cable_broken",
                                                       "emulated_eeprom",
                                                       "station",
@@ -210,6 +175,9 @@ class Builder : private DescriptionReader {
             if (!on) return at(*node, "'power' must be true or false");
             if (!*on) dark_.push_back(number);
         }
+        std::int64_t after_ms = -1;
+        if (const auto fault = optional_integer(table, "power_after_ms", 0, 1'000'000'000, after_ms)) return fault;
+        if (after_ms >= 0) result_->late.push_back({number, later(now_, std::chrono::milliseconds(after_ms))});
         return {};
     }
 
@@ -417,20 +385,6 @@ class Builder : private DescriptionReader {
     std::optional<sim::Segment::Noise> noise_;
 };
 
-// Turns paths of images into a description of slaves in a line. All other settings have their defaults.
-LoadedSegment load_line_of_images(const std::string& paths, Time now) {
-    std::string text;
-    std::stringstream in(paths);
-    for (std::string path; std::getline(in, path, ',');) {
-        std::vector<std::byte> image;
-        if (auto failure = load_image(path, image); !failure.empty()) return LoadedSegment(std::move(failure));
-        std::ostringstream quoted;
-        quoted << toml::value<std::string>(std::filesystem::absolute(path).string());
-        text += "[[slave]]\nsii = " + quoted.str() + "\n";
-    }
-    return parse_segment(text, paths, ".", now);
-}
-
 }  // namespace
 
 LoadedSegment parse_segment(const std::string& text, const std::string& origin, const std::string& folder, Time now) {
@@ -446,18 +400,26 @@ LoadedSegment load_segment(const std::string& what, Time now) {
     const auto ready_made = ready_made_file(what);
     const std::filesystem::path path(ready_made.empty() ? what : ready_made);
     if (path.extension() == ".toml") {
-        const auto bytes = read_file(path);
-        if (!bytes) return LoadedSegment(fmt::format("cannot read the segment description '{}'", path.string()));
-        return parse_segment({reinterpret_cast<const char*>(bytes->data()), bytes->size()}, path.string(),
+        std::ifstream in(path, std::ios::binary);
+        if (!in) return LoadedSegment(fmt::format("cannot read the segment description '{}'", path.string()));
+        return parse_segment(std::string(std::istreambuf_iterator<char>(in), {}), path.string(),
                              path.has_parent_path() ? path.parent_path().string() : ".", now);
     }
     if (what.empty())
-        return LoadedSegment(std::string(
-            "the name of the segment is missing: \"demo\", a description (*.toml), or SII images separated by commas"));
-    if (is_plain_name(what) && !std::filesystem::exists(what))
-        return LoadedSegment(fmt::format("'{}' is neither a file nor a ready-made segment; ready-made segments: {}",
-                                         what, fmt::join(ready_made_names(), ", ")));
-    return load_line_of_images(what, now);
+        return LoadedSegment(
+            std::string("the name of the segment is missing: \"demo\", a description (*.toml), or devices and SII "
+                        "images separated by commas"));
+    auto line = describe_line(what);
+    if (!line.error.empty()) return LoadedSegment(std::move(line.error));
+    return parse_segment(line.description, what, ".", now);
+}
+
+void SimulatedSegment::switch_on_late(Time now) noexcept {
+    std::erase_if(late, [&](const Late& one) {
+        if (now < one.at) return false;
+        segment.set_power(one.slave, true, now);
+        return true;
+    });
 }
 
 }  // namespace margay::hosted

@@ -1,5 +1,4 @@
-// Loads simulated segments from descriptions: TOML files (see samples/segments/README.md), "demo", or SII images in a
-// line.
+// Loads simulated segments from descriptions: TOML files (see samples/segments/README.md), "demo", or slaves in a line.
 #pragma once
 
 #include "sim/segment.hpp"
@@ -16,6 +15,15 @@ struct SimulatedSegment {
     sim::Segment segment;
     std::vector<std::string> names;                        // by slave number; unique
     Duration round_trip = std::chrono::microseconds(100);  // on the side of the master, as the file says
+
+    // Slaves that are off until a time.
+    struct Late {
+        std::uint32_t slave = 0;
+        Time at{};
+    };
+    std::vector<Late> late;
+    // Switches on the slaves whose time has come. To be called before frames are processed.
+    void switch_on_late(Time now) noexcept;
 };
 
 class LoadedSegment {
@@ -36,8 +44,9 @@ class LoadedSegment {
 };
 
 // Loads a segment. `what` is the name of a ready-made segment such as "demo", the path of a description (*.toml), or
-// paths of SII images or ESI files (FILE.xml, FILE.xml#TYPE) separated by commas, which form a line. `now` is the time
-// when the segment is switched on.
+// slaves in a line, separated by commas. Such a slave is a device of the library (sim::device_names()), the path of an
+// SII image, or an ESI file (FILE.xml, FILE.xml#TYPE). A device or image may have an alias and may be switched on
+// later: drive#16, drive@3s, drive#16@500ms. `now` is the time when the segment is switched on.
 [[nodiscard]] LoadedSegment load_segment(const std::string& what, Time now = Time{});
 
 // Loads a segment from the text of a description. Error texts call the description `origin`. Relative paths in it

@@ -11,6 +11,29 @@ void Source::StandardError::line(std::string_view text) noexcept {
     std::fprintf(stderr, "%.*s\n", static_cast<int>(text.size()), text.data());
 }
 
+class Source::SwitchingNic final : public Nic {
+  public:
+    SwitchingNic(SimulatedNic& nic, SimulatedSegment& simulated, Osal& osal)
+        : nic_(nic), simulated_(simulated), osal_(osal) {}
+
+    SendStatus send(std::span<const std::byte> frame) noexcept override {
+        if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
+        return nic_.send(frame);
+    }
+    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
+    LinkState link_state() noexcept override { return nic_.link_state(); }
+    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
+    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
+
+  private:
+    SimulatedNic& nic_;
+    SimulatedSegment& simulated_;
+    Osal& osal_;
+};
+
+Source::Source() = default;
+Source::~Source() = default;
+
 std::string Source::finish() {
     std::string said;
     const auto say = [&](std::string_view text) {
@@ -96,6 +119,7 @@ class SourceOpener {
         source_->outermost_ = &source_->simulated_nic_.emplace(
             source_->simulated_->segment, osal,
             SimulatedNic::Options{.round_trip = source_->simulated_->round_trip, .wire_time = true});
+        switch_later(*source_->simulated_nic_, source_->switching_, source_->outermost_);
         if (!source_->simulated_->segment.master_link(1)) return {};
         auto& second = source_->second_simulated_nic_.emplace(
             source_->simulated_->segment, osal,
@@ -103,7 +127,14 @@ class SourceOpener {
         source_->simulated_nic_->set_other_end(&second);
         second.set_other_end(&*source_->simulated_nic_);
         source_->second_outermost_ = &second;
+        switch_later(second, source_->second_switching_, source_->second_outermost_);
         return {};
+    }
+
+    void switch_later(SimulatedNic& nic, std::unique_ptr<Source::SwitchingNic>& around, Nic*& outermost) {
+        if (source_->simulated_->late.empty()) return;
+        around = std::make_unique<Source::SwitchingNic>(nic, *source_->simulated_, *source_->osal_);
+        outermost = around.get();
     }
 
     std::string record_to(const std::string& file) {

@@ -2,8 +2,9 @@
 //
 //     eth0            a network interface
 //     eth0+eth1       two network interfaces at both ends of a ring
-//     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or SII
-//                     images in a line (sim:a.bin,b.bin)
+//     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or
+//                     slaves in a line (sim:coupler,drive#16,drive@3s,a.bin): devices of the library and SII images;
+//                     drive#16 has the alias 16, drive@3s is switched on 3 s after the program has opened the source
 //     pcap:FILE       a recording
 //
 // A simulated segment whose description has a `ring` has two NICs. Two NICs cannot be recorded or replayed yet.
@@ -25,6 +26,7 @@
 #include <margay/margay.hpp>
 #include <margay/redundancy.hpp>
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,6 +43,8 @@ struct SourceOptions {
 // A NIC and its operating system layer, with a recorder and a trace around the NIC if the options ask for them.
 class Source {
   public:
+    Source();
+    ~Source();
     [[nodiscard]] Nic& nic() noexcept { return *outermost_; }
     [[nodiscard]] Osal& osal() noexcept { return *osal_; }
     // The NIC at the other end of the ring; nullptr: there is one NIC.
@@ -48,6 +52,11 @@ class Source {
     // What Osal::wait() takes.
     [[nodiscard]] WaitHandles wait_handles() const noexcept {
         return {outermost_->wait_handle(), second_outermost_ == nullptr ? -1 : second_outermost_->wait_handle()};
+    }
+    // When the next frame of a simulated segment arrives.
+    [[nodiscard]] Time next_arrival() const noexcept {
+        const Time first = outermost_->next_arrival();
+        return second_outermost_ == nullptr ? first : std::min(first, second_outermost_->next_arrival());
     }
     // The limits of a context for this source.
     [[nodiscard]] Limits limits(Limits wanted) const noexcept {
@@ -73,6 +82,9 @@ class Source {
   private:
     friend class SourceOpener;
 
+    // Switches on slaves of the segment that are off until a time, before a frame reaches them.
+    class SwitchingNic;
+
     struct StandardError final : TraceSink {
         void line(std::string_view text) noexcept override;
     };
@@ -85,6 +97,7 @@ class Source {
     std::optional<PcapReplayNic> replay_;
     std::unique_ptr<SimulatedSegment> simulated_;
     std::optional<SimulatedNic> simulated_nic_;
+    std::unique_ptr<SwitchingNic> switching_, second_switching_;
     std::optional<PcapRecorder> recorder_;
     StandardError standard_error_;
     std::optional<TraceNic> trace_;

@@ -2,14 +2,17 @@
 // callgrind. Both loops run on the same segment in the same state, ten slaves in OP with outputs and inputs, in virtual
 // time, so that the difference is the facade alone.
 #include "compat/ecrt/bus.hpp"
+#include "compat/ecrt/segment.hpp"
 #include "osal/virtual/virtual_osal.hpp"
-#include "oshw/simulated/simulated_nic.hpp"
 #include "process_data/io_image.hpp"
 #include "sim/devices.hpp"
 
+#include <unistd.h>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 namespace {
@@ -31,41 +34,35 @@ constexpr Most kMost[] = {{2, 430, 330}, {8, 430, 350}, {31, 650, 430}};
 // The source of the facade: slaves of this many octets in each direction.
 std::uint32_t octets = 8;
 
-class BenchSource final : public compat::Source {
-  public:
-    BenchSource() {
-        for (std::uint32_t n = 0; n < kSlaves; ++n) {
-            auto device = sim::device_from_sii(io_image(octets * 8, octets * 8));
-            device.chip = sim::ip_core();
-            segment_.add(std::move(device).assemble());
-            (void)(n == 0 ? segment_.connect_master({0, 0}) : segment_.connect({n - 1, 1}, {n, 0}));
-        }
-        segment_.power_up(osal_.now());
-        nic_ = std::make_unique<SimulatedNic>(segment_, osal_);
-    }
-    Nic& nic() override { return *nic_; }
-    Osal& osal() override { return osal_; }
+VirtualOsal* osal = nullptr;
 
-    VirtualOsal osal_;
-
-  private:
-    sim::Segment segment_;
-    std::unique_ptr<SimulatedNic> nic_;
-};
-BenchSource* opened = nullptr;
+// A description of the segment in a folder of its own.
+std::string describe_segment() {
+    const auto folder = std::filesystem::temp_directory_path() / ("margay-bench-ecrt-" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    const auto image = io_image(octets * 8, octets * 8);
+    std::ofstream(folder / "io.bin", std::ios::binary)
+        .write(reinterpret_cast<const char*>(image.data()), static_cast<std::streamsize>(image.size()));
+    std::ofstream(folder / "bench.toml") << "[[slave]]\ncount = " << kSlaves
+                                         << "\nsii = \"io.bin\"\nchip = \"ip_core\"\n";
+    return folder;
+}
 
 }  // namespace
 
-namespace margay::compat {
+namespace margay::compat::ecrt {
 
-OpenedSource open_source(const std::string&) {
-    auto source = std::make_unique<BenchSource>();
-    opened = source.get();
-    return {std::move(source), {}};
-}
 std::string bound_source(unsigned) { return "sim:bench"; }
 
-}  // namespace margay::compat
+hosted::OpenedSource open_segment(const std::string&) {
+    const std::string folder = describe_segment();
+    auto opened = hosted::open_source("sim:" + folder + "/bench.toml");
+    std::filesystem::remove_all(folder);
+    if (opened) osal = static_cast<VirtualOsal*>(&opened->osal());
+    return opened;
+}
+
+}  // namespace margay::compat::ecrt
 
 namespace {
 
@@ -109,7 +106,7 @@ struct Program {
     }
 
     void cycle() {
-        opened->osal_.advance(std::chrono::milliseconds(1));
+        osal->advance(std::chrono::milliseconds(1));
         ecrt_master_receive(master);
         ecrt_domain_process(domain);
         ec_domain_state_t state;
@@ -121,10 +118,10 @@ struct Program {
 
     void native_cycle() {
         Context& ctx = *master->bus->ctx;
-        opened->osal_.advance(std::chrono::milliseconds(1));
+        osal->advance(std::chrono::milliseconds(1));
         good = receive_processdata(ctx, Duration{0}).ok();
-        poll(ctx, opened->osal_.now());
-        (void)send_processdata(ctx, opened->osal_.now());
+        poll(ctx, osal->now());
+        (void)send_processdata(ctx, osal->now());
     }
 };
 

@@ -2,10 +2,12 @@
 
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/requests.hpp"
+#include "compat/ecrt/segment.hpp"
 
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 
@@ -52,25 +54,36 @@ void changed(const Event& event, void* user) {
 
 }  // namespace
 
-bool Bus::open() {
-    const bool simulated = source_name.starts_with("sim:");
-    if (!simulated) {
-        lock_socket = lock_interface(source_name);
-        if (lock_socket < 0) {
-            say("master %u: another program uses %s", index, source_name.c_str());
+// One interface, or both of a ring ("eth0+eth1").
+bool Bus::lock_interfaces() {
+    for (std::size_t begin = 0; begin <= source_name.size();) {
+        const std::size_t end = std::min(source_name.find('+', begin), source_name.size());
+        const std::string name = source_name.substr(begin, end - begin);
+        begin = end + 1;
+        if (name.empty()) continue;  // open_source() says it
+        const int lock = lock_interface(name);
+        if (lock < 0) {
+            say("master %u: another program uses %s", index, name.c_str());
             return false;
         }
+        lock_sockets.push_back(lock);
     }
-    auto opened = open_source(source_name);
-    if (opened.source == nullptr) {
-        say("master %u: %s", index, opened.error.c_str());
+    return true;
+}
+
+bool Bus::open() {
+    const bool interfaces = !source_name.starts_with("sim:") && !source_name.starts_with("pcap:");
+    if (interfaces && !lock_interfaces()) return false;
+    auto opened = open_segment(source_name);
+    if (!opened) {
+        say("master %u: %s", index, opened.error().c_str());
         return false;
     }
-    source = std::move(opened.source);
-    ctx = std::make_unique<HostContext>(kLimits);
+    source = opened.take();
+    ctx = std::make_unique<HostContext>(source->limits(kLimits));
     ctx->events().callback = changed;
     ctx->events().user = this;
-    const auto ready = init(*ctx, source->nic(), source->osal());
+    const auto ready = source->begin(*ctx);
     if (!ready) {
         say_error(index, "init", ready.error());
         return false;
@@ -87,7 +100,11 @@ bool Bus::open() {
 // The cycle says nothing: this thread does.
 void Bus::report_loop() {
     while (!closing) {
-        while (const auto error = ctx->errors().take()) say_error(index, "error", *error);
+        while (const auto error = ctx->errors().take()) {
+            // Slaves without a configuration stay in PREOP, and configurations wait for their slaves: no errors here.
+            if (error->code == Errc::unexpected_slave) continue;
+            say_error(index, error->code == Errc::missing_slave ? "waiting" : "error", *error);
+        }
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
     }
 }
@@ -110,7 +127,7 @@ Bus::~Bus() {
     ctx.reset();
     old_operations.clear();
     old_configs.clear();
-    if (lock_socket >= 0) ::close(lock_socket);
+    for (const int lock : lock_sockets) ::close(lock);
 }
 
 }  // namespace margay::compat::ecrt

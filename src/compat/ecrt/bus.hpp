@@ -13,7 +13,7 @@
 #include "compat/ecrt/operation.hpp"
 #include "compat/ecrt/pdos.hpp"
 #include "compat/ecrt/slave_config.hpp"
-#include "compat/source/source.hpp"
+#include "source/source.hpp"
 
 #include <margay/application_time.hpp>
 #include <margay/host_context.hpp>
@@ -22,6 +22,7 @@
 #include <ecrt.h>
 
 #include <pthread.h>
+#include <array>
 #include <atomic>
 #include <condition_variable>
 #include <map>
@@ -87,8 +88,8 @@ class Bus {
 
     const unsigned index;
     const std::string source_name;
-    int lock_socket = -1;
-    std::unique_ptr<Source> source;
+    std::vector<int> lock_sockets;
+    std::unique_ptr<hosted::Source> source;
     std::unique_ptr<HostContext> ctx;
     bool reserved = false;
 
@@ -108,7 +109,16 @@ class Bus {
     Time refresh_at{};
     std::atomic<std::uint32_t> responding{0};
     std::atomic<std::uint32_t> al_states{0};
-    std::atomic<bool> link_up{false};
+    // Of the two ends of a ring; one NIC: the first.
+    struct Link {
+        std::atomic<bool> up{false};
+        std::atomic<std::uint32_t> slaves{0};
+    };
+    std::array<Link, 2> links;
+    std::atomic<bool> ring_broken{false};
+    [[nodiscard]] bool link_up() const {
+        return links[0].up.load(std::memory_order_relaxed) || links[1].up.load(std::memory_order_relaxed);
+    }
     std::atomic<bool> scan_busy{true};
 
     std::mutex config_mutex;
@@ -129,8 +139,12 @@ class Bus {
     AppTime app_time;
     std::unique_ptr<ApplicationTime> clocks;
     bool clocks_pending = false;  // datagrams for the clocks wait for the next send
+    bool clocks_wanted = false;   // the next send carries the time of the reference clock to the others
+    bool time_rides = true;       // the last send did so in the frames of the first domain
 
   private:
+    [[nodiscard]] bool lock_interfaces();
+    void refresh_links(std::uint32_t count);
     void idle_loop();
     void step_search(Time now);
     void report_loop();

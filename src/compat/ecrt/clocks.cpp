@@ -46,7 +46,11 @@ int ecrt_master_sync_reference_clock_to(ec_master_t* master, uint64_t sync_time)
 
 int ecrt_master_sync_slave_clocks(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (!has_clock(bus) || cycle_carries_time(bus)) return 0;
+    if (!has_clock(bus)) return 0;
+    if (cycle_carries_time(bus)) {
+        bus.clocks_wanted = true;  // ecrt_master_send() knows whether the first domain is exchanged
+        return 0;
+    }
     bus.clocks_pending = true;
     (void)bus.clocks->sync_slave_clocks();
     return 0;
@@ -62,7 +66,7 @@ int ecrt_master_reference_clock_time(const ec_master_t* master, uint32_t* time) 
 int ecrt_master_64bit_reference_clock_time(ec_master_t* master, uint64_t* time) {
     Bus& bus = *master->bus;
     if (!has_clock(bus)) return -ENXIO;
-    if (cycle_carries_time(bus)) {
+    if (cycle_carries_time(bus) && bus.time_rides) {
         const RegisterReading& reading = bus.ctx->group(bus.exchanges.front()->group).dc_time;
         if (!reading.came || reading.slaves == 0) return -EIO;
         *time = reading.value;

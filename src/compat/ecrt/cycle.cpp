@@ -12,14 +12,19 @@ namespace {
 constexpr Duration kDoNotWait{-1};
 
 // Another thread has begun to exchange frames; the program has synchronised both.
-[[gnu::noinline]] void change_owner(Bus& bus) {
+// False: a handle that was only opened does not exchange process data.
+[[gnu::noinline]] bool change_owner(const ec_master_t& master) {
+    if (!master.reserved) return false;
+    Bus& bus = *master.bus;
     (void)take_ownership(*bus.ctx);
     bus.owner = pthread_self();
     bus.cycling = true;
+    return true;
 }
-inline void be_owner(Bus& bus) {
-    if (pthread_equal(bus.owner, pthread_self()) == 0) [[unlikely]]
-        change_owner(bus);
+inline bool be_owner(const ec_master_t& master) {
+    if (pthread_equal(master.bus->owner, pthread_self()) == 0) [[unlikely]]
+        return change_owner(master);
+    return true;
 }
 
 inline void receive_group(Bus& bus, Exchange& exchange, Duration timeout) {
@@ -28,6 +33,18 @@ inline void receive_group(Bus& bus, Exchange& exchange, Duration timeout) {
     exchange.on_wire = false;
     exchange.complete = counter.ok();
     ++exchange.answers;
+}
+
+bool is_sent(const Exchange& exchange) { return exchange.mapped && (exchange.wanted || exchange.domains.empty()); }
+
+// The frames of the first group carry the time of the reference clock. In a cycle without them a datagram does.
+inline void carry_time(Bus& bus) {
+    bus.clocks_wanted = false;
+    bus.time_rides = is_sent(*bus.exchanges.front());
+    if (bus.time_rides) [[likely]]
+        return;
+    bus.clocks_pending = true;
+    (void)bus.clocks->sync_slave_clocks();
 }
 
 void send_group(Bus& bus, Exchange& exchange, Time now) {
@@ -57,7 +74,7 @@ extern "C" {
 int ecrt_master_receive(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!bus.active.load(std::memory_order_relaxed)) return 0;
-    be_owner(bus);
+    if (!be_owner(*master)) return -EPERM;
     for (const auto& exchange : bus.exchanges)
         if (exchange->on_wire) receive_group(bus, *exchange, kDoNotWait);
     const Time now = bus.source->osal().now();
@@ -70,14 +87,15 @@ int ecrt_master_receive(ec_master_t* master) {
 int ecrt_master_send(ec_master_t* master) {
     Bus& bus = *master->bus;
     if (!bus.active.load(std::memory_order_relaxed)) return 0;
-    be_owner(bus);
+    if (!be_owner(*master)) return -EPERM;
     const Time now = bus.source->osal().now();
+    if (bus.clocks_wanted) carry_time(bus);
     if (bus.clocks_pending || !bus.operation->running()) {
         bus.clocks_pending = false;
         poll(*bus.ctx, now);
     }
     for (const auto& exchange : bus.exchanges)
-        if (exchange->mapped && (exchange->wanted || exchange->domains.empty())) send_group(bus, *exchange, now);
+        if (is_sent(*exchange)) send_group(bus, *exchange, now);
     return 0;
 }
 
@@ -110,6 +128,7 @@ int ecrt_domain_process(ec_domain_t* domain) {
 
 int ecrt_domain_state(const ec_domain_t* domain, ec_domain_state_t* state) {
     *state = domain->state;
+    state->redundancy_active = domain->bus.ring_broken.load(std::memory_order_relaxed);
     return 0;
 }
 
@@ -121,16 +140,16 @@ int ecrt_master_state(const ec_master_t* master, ec_master_state_t* state) {
     const Bus& bus = *master->bus;
     state->slaves_responding = bus.responding.load(std::memory_order_relaxed);
     state->al_states = bus.al_states.load(std::memory_order_relaxed) & 0xFU;
-    state->link_up = bus.link_up.load(std::memory_order_relaxed);
+    state->link_up = bus.link_up();
     return 0;
 }
 
 int ecrt_master_link_state(const ec_master_t* master, unsigned int dev_idx, ec_master_link_state_t* state) {
-    if (dev_idx != 0) return -EINVAL;  // there is no second link
     const Bus& bus = *master->bus;
-    state->slaves_responding = bus.responding.load(std::memory_order_relaxed);
-    state->al_states = bus.al_states.load(std::memory_order_relaxed) & 0xFU;
-    state->link_up = bus.link_up.load(std::memory_order_relaxed);
+    if (dev_idx > 1 || (dev_idx == 1 && bus.source->second() == nullptr)) return -EINVAL;
+    state->slaves_responding = bus.links[dev_idx].slaves.load(std::memory_order_relaxed);
+    state->al_states = state->slaves_responding != 0 ? bus.al_states.load(std::memory_order_relaxed) & 0xFU : 0U;
+    state->link_up = bus.links[dev_idx].up.load(std::memory_order_relaxed);
     return 0;
 }
 

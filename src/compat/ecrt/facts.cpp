@@ -1,6 +1,8 @@
 // What other threads, and calls that must not wait, know about the slaves.
 #include "compat/ecrt/bus.hpp"
 
+#include <margay/redundancy.hpp>
+
 #include <chrono>
 
 namespace margay::compat::ecrt {
@@ -40,7 +42,7 @@ void Bus::refresh_facts(Time now) {
     }
     responding.store(count, std::memory_order_relaxed);
     al_states.store(states, std::memory_order_relaxed);
-    link_up.store(count != 0 || source->nic().link_state() == LinkState::up, std::memory_order_relaxed);
+    refresh_links(count);
     lock.unlock();
     if (!active) return;  // a program may be adding configurations; ecrt_slave_config_state() looks them up
     for (const auto& config : configs) {
@@ -48,6 +50,22 @@ void Bus::refresh_facts(Time now) {
         const bool online = slave.number != 0 && present(slave) && !slave.held && same_device(*config, slave);
         config->state.store(state_of(slave, online, true), std::memory_order_relaxed);
     }
+}
+
+// `count`: slaves that are there.
+void Bus::refresh_links(std::uint32_t count) {
+    if (source->second() == nullptr) {
+        links[0].up.store(count != 0 || source->nic().link_state() == LinkState::up, std::memory_order_relaxed);
+        links[0].slaves.store(count, std::memory_order_relaxed);
+        return;
+    }
+    const RedundancyStatus status = redundancy(*ctx);
+    for (std::size_t n = 0; n < links.size(); ++n) {
+        const CableStatus& cable = status.cables[n];
+        links[n].up.store(cable.slaves != 0 || cable.link == LinkState::up, std::memory_order_relaxed);
+        links[n].slaves.store(cable.slaves, std::memory_order_relaxed);
+    }
+    ring_broken.store(status.ring == RingState::broken, std::memory_order_relaxed);
 }
 
 std::uint16_t Bus::number_at(std::uint16_t position) {

@@ -68,15 +68,14 @@ void Bus::idle_loop() {
     std::unique_lock lock(turn);
     (void)take_ownership(*ctx);
     Osal& osal = source->osal();
-    Nic& nic = source->nic();
     while (!stop) {
         Time now = osal.now();
         Time next = poll(*ctx, now);
         step_search(now);
         if (dirty || now >= refresh_at) refresh_facts(now);
-        next = std::min({next, nic.next_arrival(), now + 50ms});
+        next = std::min({next, source->next_arrival(), now + 50ms});
         lock.unlock();
-        osal.wait(next, nic.wait_handle());
+        osal.wait(next, source->wait_handles());
         while (wanted.load() != 0 && !stop) std::this_thread::yield();
         lock.lock();
         (void)take_ownership(*ctx);

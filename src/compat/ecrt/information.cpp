@@ -47,7 +47,7 @@ extern "C" {
 int ecrt_master(ec_master_t* master, ec_master_info_t* master_info) {
     Bus& bus = *master->bus;
     master_info->slave_count = bus.responding;
-    master_info->link_up = bus.link_up;
+    master_info->link_up = bus.link_up();
     master_info->scan_busy = bus.scan_busy ? 1 : 0;
     master_info->app_time = bus.app_time.now_ns;
     return 0;

@@ -27,9 +27,9 @@ void say_error(unsigned master, const char* what, const Error& error) {
 
 int not_there(const char* function, const char* reason) {
     static std::mutex mutex;
-    static std::set<std::string> said;
+    static auto* const said = new std::set<std::string>;  // threads may use it while the process ends
     const std::lock_guard lock(mutex);
-    if (said.insert(function).second) say("%s() is not there: %s", function, reason);
+    if (said->insert(function).second) say("%s() is not there: %s", function, reason);
     return -ENOSYS;
 }
 

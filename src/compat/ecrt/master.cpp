@@ -2,6 +2,7 @@
 #include "compat/ecrt/bus.hpp"
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/requests.hpp"
+#include "compat/ecrt/segment.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -15,6 +16,13 @@ using namespace margay::compat::ecrt;
 namespace {
 
 constexpr unsigned kMostMasters = 32;
+
+// A handle that was only opened reads; the program that has requested the master configures it.
+bool may_configure(const ec_master_t& master, const char* function) {
+    if (!master.reserved)
+        say("master %u: %s() needs a requested master, not an opened one", master.bus->index, function);
+    return master.reserved;
+}
 
 // The masters of this process that are open.
 struct Open {
@@ -96,6 +104,14 @@ void end_operation(Bus& bus) {
     (void)expect(*bus.ctx, {});
 }
 
+// What the program has written into the memory before activation stays there.
+void give_memory(Bus& bus) {
+    for (const auto& domain : bus.domains) {
+        domain->memory.resize(std::max<std::size_t>(domain->size, 1), 0);
+        domain->data = domain->memory.data();
+    }
+}
+
 }  // namespace
 
 extern "C" {
@@ -128,6 +144,7 @@ void ecrt_release_master(ec_master_t* master) {
 }
 
 ec_domain_t* ecrt_master_create_domain(ec_master_t* master) {
+    if (!may_configure(*master, "ecrt_master_create_domain")) return nullptr;
     Bus& bus = *master->bus;
     const std::lock_guard lock(bus.config_mutex);
     if (bus.active) {
@@ -144,6 +161,7 @@ ec_domain_t* ecrt_master_create_domain(ec_master_t* master) {
 
 ec_slave_config_t* ecrt_master_slave_config(ec_master_t* master, uint16_t alias, uint16_t position, uint32_t vendor_id,
                                             uint32_t product_code) {
+    if (!may_configure(*master, "ecrt_master_slave_config")) return nullptr;
     Bus& bus = *master->bus;
     const std::lock_guard lock(bus.config_mutex);
     for (const auto& config : bus.configs) {
@@ -162,26 +180,33 @@ ec_slave_config_t* ecrt_master_slave_config(ec_master_t* master, uint16_t alias,
 }
 
 int ecrt_master_select_reference_clock(ec_master_t* master, ec_slave_config_t* sc) {
-    master->bus->reference = sc;
+    if (!may_configure(*master, "ecrt_master_select_reference_clock")) return -EPERM;
+    Bus& bus = *master->bus;
+    const std::lock_guard lock(bus.config_mutex);
+    if (bus.active) {
+        say("master %u is active: the reference clock stays", bus.index);
+        return -EBUSY;
+    }
+    bus.reference = sc;
     return 0;
 }
 
 int ecrt_master_set_send_interval(ec_master_t* master, size_t send_interval) {
     // The library measures the interval of the cycle itself.
-    return send_interval == 0 ? -EINVAL : (static_cast<void>(master), 0);
+    if (!may_configure(*master, "ecrt_master_set_send_interval")) return -EPERM;
+    return send_interval == 0 ? -EINVAL : 0;
 }
 
 int ecrt_master_setup_domain_memory(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (bus.active) return 0;
-    for (const auto& domain : bus.domains) {
-        domain->memory.resize(std::max<std::size_t>(domain->size, 1), 0);
-        domain->data = domain->memory.data();
-    }
+    if (!may_configure(*master, "ecrt_master_setup_domain_memory")) return -EPERM;
+    const std::lock_guard lock(bus.config_mutex);
+    if (!bus.active) give_memory(bus);
     return 0;
 }
 
 int ecrt_master_activate(ec_master_t* master) {
+    if (!may_configure(*master, "ecrt_master_activate")) return -EPERM;
     Bus& bus = *master->bus;
     const std::lock_guard lock(bus.config_mutex);
     if (bus.active) {
@@ -198,9 +223,8 @@ int ecrt_master_activate(ec_master_t* master) {
         bus.start_idle();
         return error;
     }
+    give_memory(bus);
     for (const auto& domain : bus.domains) {
-        domain->memory.assign(std::max<std::size_t>(domain->size, 1), 0);
-        domain->data = domain->memory.data();
         domain->state = {};
         plan_counters(*domain);
     }
@@ -217,6 +241,7 @@ int ecrt_master_activate(ec_master_t* master) {
 }
 
 int ecrt_master_deactivate(ec_master_t* master) {
+    if (!may_configure(*master, "ecrt_master_deactivate")) return -EPERM;
     Bus& bus = *master->bus;
     if (!bus.active) {
         say("master %u is not active", bus.index);
@@ -229,7 +254,7 @@ int ecrt_master_deactivate(ec_master_t* master) {
 
 void ecrt_master_deactivate_slaves(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (!bus.active || !bus.operation->running()) return;
+    if (!master->reserved || !bus.active || !bus.operation->running()) return;
     if (pthread_equal(bus.owner, pthread_self()) != 0) (void)set_target(*bus.ctx, 0, AlState::preop);
 }
 

@@ -90,11 +90,6 @@ PdoWish* assigned(ec_slave_config& config, std::uint16_t index) {
     return nullptr;
 }
 
-bool refuse_active(const ec_slave_config& config) {
-    if (config.bus.active) say("configuration %u:%u: the master is active", config.alias, config.position);
-    return config.bus.active;
-}
-
 int take(ec_slave_config& config, const ec_sync_info_t& from) {
     if (const int error = ecrt_slave_config_sync_manager(&config, from.index, from.dir, from.watchdog_mode); error != 0)
         return error;
@@ -259,7 +254,7 @@ int ecrt_slave_config_reg_pdo_entry_pos(ec_slave_config_t* sc, uint8_t sync_inde
 }
 
 int ecrt_domain_reg_pdo_entry_list(ec_domain_t* domain, const ec_pdo_entry_reg_t* pdo_entry_regs) {
-    ec_master handle{std::shared_ptr<Bus>(std::shared_ptr<Bus>(), &domain->bus), false};
+    ec_master handle{std::shared_ptr<Bus>(std::shared_ptr<Bus>(), &domain->bus), true};
     for (const ec_pdo_entry_reg_t* reg = pdo_entry_regs; reg->index != 0; ++reg) {
         ec_slave_config_t* config =
             ecrt_master_slave_config(&handle, reg->alias, reg->position, reg->vendor_id, reg->product_code);

@@ -16,10 +16,16 @@ ec_slave_config::ec_slave_config(Bus& owner, std::uint16_t its_alias, std::uint1
     : bus(owner), alias(its_alias), position(its_position), vendor(its_vendor), product(its_product) {}
 ec_slave_config::~ec_slave_config() = default;
 
+bool margay::compat::ecrt::refuse_active(const ec_slave_config& config) {
+    if (config.bus.active) say("configuration %u:%u: the master is active", config.alias, config.position);
+    return config.bus.active;
+}
+
 namespace {
 
 int add_write(ec_slave_config& config, StartupWrite write, const std::uint8_t* data, std::size_t size) {
     if (data == nullptr && size != 0) return -EINVAL;
+    if (refuse_active(config)) return -EBUSY;
     const auto* octets = reinterpret_cast<const std::byte*>(data);
     write.data.assign(octets, octets + size);
     config.startup.push_back(std::move(write));
@@ -40,6 +46,7 @@ constexpr const char* kNoStack = "the parameters of a slave's IP stack are not s
 extern "C" {
 
 int ecrt_slave_config_watchdog(ec_slave_config_t* sc, uint16_t watchdog_divider, uint16_t watchdog_intervals) {
+    if (refuse_active(*sc)) return -EBUSY;
     if (watchdog_divider != 0) sc->times.watchdog_divider = watchdog_divider;
     sc->watchdog_intervals = watchdog_intervals;
     return 0;
@@ -47,6 +54,7 @@ int ecrt_slave_config_watchdog(ec_slave_config_t* sc, uint16_t watchdog_divider,
 
 int ecrt_slave_config_dc(ec_slave_config_t* sc, uint16_t assign_activate, uint32_t sync0_cycle, int32_t sync0_shift,
                          uint32_t sync1_cycle, int32_t) {
+    if (refuse_active(*sc)) return -EBUSY;
     sc->dc = {true, assign_activate, sync0_cycle, sync0_shift, sync1_cycle};
     return 0;
 }
@@ -82,6 +90,7 @@ int ecrt_slave_config_idn(ec_slave_config_t* sc, uint8_t drive_no, uint16_t idn,
 }
 
 int ecrt_slave_config_emerg_size(ec_slave_config_t* sc, size_t elements) {
+    if (refuse_active(*sc)) return -EBUSY;
     sc->emergencies = elements;
     const std::size_t kept = sc->bus.ctx->limits().emergencies;
     if (elements > kept) say("emergencies of a slave: %zu of the %zu wanted ones are kept", kept, elements);
@@ -133,6 +142,7 @@ int ecrt_slave_config_flag(ec_slave_config_t*, const char* key, int32_t) {
 
 int ecrt_slave_config_state_timeout(ec_slave_config_t* sc, ec_al_state_t from_state, ec_al_state_t to_state,
                                     unsigned int timeout_ms) {
+    if (refuse_active(*sc)) return -EBUSY;
     const Duration time = std::chrono::milliseconds(timeout_ms);
     if (to_state < from_state)
         sc->times.down = time;

@@ -88,3 +88,10 @@ struct ec_slave_config {
     std::vector<std::unique_ptr<ec_voe_handler>> voe_handlers;
     std::vector<std::unique_ptr<ec_reg_request>> reg_requests;
 };
+
+namespace margay::compat::ecrt {
+
+// True, and said: the master is active, so the configuration cannot be changed any more.
+[[nodiscard]] bool refuse_active(const ec_slave_config& config);
+
+}  // namespace margay::compat::ecrt

@@ -53,7 +53,7 @@ void link_clocks(ecx_contextt& context) {
 // The registers of the SYNC signals. `cycle0` 0: a single pulse.
 void set_sync(ecx_contextt& context, std::uint16_t number, bool on, std::uint32_t cycle0, std::uint32_t cycle1,
               std::int32_t shift, bool two) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(context, number)) return;
     ec_slavet& s = slaves_of(context)[number];
     const auto write = [&](std::uint16_t reg, std::uint64_t value, std::size_t size) {
@@ -89,7 +89,7 @@ using namespace margay::soem;
 extern "C" {
 
 boolean ecx_configdc(ecx_contextt* context) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return FALSE;
     link_clocks(*context);
     if (slaves_of(*context)[0].hasdc == 0) return FALSE;

@@ -6,8 +6,8 @@ using namespace margay::soem;
 namespace {
 
 // The slave has a mailbox that can be used.
-margay::soem::Session* usable(ecx_contextt* context, uint16 slave) {
-    return is_slave(*context, slave) ? session_of(context) : nullptr;
+Pinned usable(ecx_contextt* context, uint16 slave) {
+    return is_slave(*context, slave) ? session_of(context) : Pinned(-1, nullptr);
 }
 
 }  // namespace
@@ -16,7 +16,7 @@ extern "C" {
 
 int ecx_SDOread(ecx_contextt* context, uint16 slave, uint16 index, uint8 subindex, boolean CA, int* psize, void* p,
                 int timeout) {
-    Session* const session = usable(context, slave);
+    const Pinned session = usable(context, slave);
     if (session == nullptr || *psize < 0) return 0;
     margay::SdoUpload request;
     request.slave = slave;
@@ -32,7 +32,7 @@ int ecx_SDOread(ecx_contextt* context, uint16 slave, uint16 index, uint8 subinde
 
 int ecx_SDOwrite(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubIndex, boolean CA, int psize,
                  const void* p, int Timeout) {
-    Session* const session = usable(context, Slave);
+    const Pinned session = usable(context, Slave);
     if (session == nullptr || psize < 0) return 0;
     margay::SdoDownload request;
     request.slave = Slave;
@@ -46,7 +46,7 @@ int ecx_SDOwrite(ecx_contextt* context, uint16 Slave, uint16 Index, uint8 SubInd
 }
 
 int ecx_RxPDO(ecx_contextt* context, uint16 Slave, uint16 RxPDOnumber, int psize, const void* p) {
-    Session* const session = usable(context, Slave);
+    const Pinned session = usable(context, Slave);
     if (session == nullptr || psize < 0) return 0;
     margay::MailPdoSend request;
     request.slave = Slave;
@@ -58,7 +58,7 @@ int ecx_RxPDO(ecx_contextt* context, uint16 Slave, uint16 RxPDOnumber, int psize
 }
 
 int ecx_TxPDO(ecx_contextt* context, uint16 slave, uint16 TxPDOnumber, int* psize, void* p, int timeout) {
-    Session* const session = usable(context, slave);
+    const Pinned session = usable(context, slave);
     if (session == nullptr || *psize < 0) return 0;
     margay::MailPdoFetch request;
     request.slave = slave;

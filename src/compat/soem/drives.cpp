@@ -33,7 +33,7 @@ extern "C" {
 
 int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int* psize, void* p,
                 int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || *psize < 0) return 0;
     margay::SoeRead request;
     request.slave = slave;
@@ -49,7 +49,7 @@ int ecx_SoEread(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elemen
 
 int ecx_SoEwrite(ecx_contextt* context, uint16 slave, uint8 driveNo, uint8 elementflags, uint16 idn, int psize, void* p,
                  int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || psize < 0) return 0;
     margay::SoeWrite request;
     request.slave = slave;

@@ -93,7 +93,7 @@ Eeprom eeprom_of(ecx_contextt& context, Session& session, std::uint16_t number) 
 
 // Gives the interface of the EEPROM to the master or to the processor of the slave.
 int assign(ecx_contextt& context, std::uint16_t number, bool to_pdi) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || number >= most_slaves(context)) return 0;
     ec_slavet& slave = slaves_of(context)[number];
     if ((slave.eep_pdi != 0) == to_pdi) return 1;
@@ -120,21 +120,21 @@ int ecx_eeprom2master(ecx_contextt* context, uint16 slave) { return assign(*cont
 int ecx_eeprom2pdi(ecx_contextt* context, uint16 slave) { return assign(*context, slave, true); }
 
 void ecx_readeeprom1(ecx_contextt* context, uint16 slave, uint16 eeproma) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return;
     ecx_eeprom2master(context, slave);
     eeprom_of(*context, *session, slave).begin_read(eeproma, us(EC_TIMEOUTEEP));
 }
 
 uint32 ecx_readeeprom2(ecx_contextt* context, uint16 slave, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
     const auto read = eeprom_of(*context, *session, slave).end_read(us(timeout));
     return read ? static_cast<uint32>(*read) : 0;
 }
 
 uint32 ecx_readeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
     ecx_eeprom2master(context, slave);
     const auto read = eeprom_of(*context, *session, slave).read(eeproma, us(timeout));
@@ -142,38 +142,38 @@ uint32 ecx_readeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, int t
 }
 
 int ecx_writeeeprom(ecx_contextt* context, uint16 slave, uint16 eeproma, uint16 data, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return 0;
     ecx_eeprom2master(context, slave);
     return eeprom_of(*context, *session, slave).write(eeproma, data, us(timeout)) ? 1 : 0;
 }
 
 uint64 ecx_readeepromAP(ecx_contextt* context, uint16 aiadr, uint16 eeproma, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return 0;
     return Eeprom(*session, aiadr, true).read(eeproma, us(timeout)).value_or(0);
 }
 int ecx_writeeepromAP(ecx_contextt* context, uint16 aiadr, uint16 eeproma, uint16 data, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     return session != nullptr && Eeprom(*session, aiadr, true).write(eeproma, data, us(timeout)) ? 1 : 0;
 }
 uint64 ecx_readeepromFP(ecx_contextt* context, uint16 configadr, uint16 eeproma, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return 0;
     return Eeprom(*session, configadr, false).read(eeproma, us(timeout)).value_or(0);
 }
 int ecx_writeeepromFP(ecx_contextt* context, uint16 configadr, uint16 eeproma, uint16 data, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     return session != nullptr && Eeprom(*session, configadr, false).write(eeproma, data, us(timeout)) ? 1 : 0;
 }
 
 #ifdef EC_VER1
 uint16 ecx_eeprom_waitnotbusyAP(ecx_contextt* context, uint16 aiadr, uint16* estat, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     return session != nullptr && Eeprom(*session, aiadr, true).wait_ready(*estat, us(timeout)) ? 1 : 0;
 }
 uint16 ecx_eeprom_waitnotbusyFP(ecx_contextt* context, uint16 configadr, uint16* estat, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     return session != nullptr && Eeprom(*session, configadr, false).wait_ready(*estat, us(timeout)) ? 1 : 0;
 }
 #endif

@@ -68,7 +68,7 @@ int ecx_EOEdefinehook(ecx_contextt* context, void* hook) {
 }
 
 int ecx_EOEsetIp(ecx_contextt* context, uint16 slave, uint8 port, eoe_param_t* ipparam, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     if (port != 0) say_once("ecx_EOEsetIp(): the port is not sent");
     margay::EoeSetIp request;
@@ -87,7 +87,7 @@ int ecx_EOEsetIp(ecx_contextt* context, uint16 slave, uint8 port, eoe_param_t* i
 }
 
 int ecx_EOEgetIp(ecx_contextt* context, uint16 slave, uint8, eoe_param_t* ipparam, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     margay::EoeGetIp request;
     request.slave = slave;
@@ -112,7 +112,7 @@ int ecx_EOEgetIp(ecx_contextt* context, uint16 slave, uint8, eoe_param_t* ippara
 }
 
 int ecx_EOEsend(ecx_contextt* context, uint16 slave, uint8 port, int psize, void* p, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || psize <= 0) return 0;
     const std::size_t mailbox = slaves_of(*context)[slave].mbx_l;
     if (mailbox < kMailHeader + kEoeHeader + kBlock) return 0;
@@ -139,7 +139,7 @@ int ecx_EOEsend(ecx_contextt* context, uint16 slave, uint8 port, int psize, void
 }
 
 int ecx_EOErecv(ecx_contextt* context, uint16 slave, uint8, int* psize, void* p, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     uint8 fragment = 0;
     uint16 frame_size = 0;

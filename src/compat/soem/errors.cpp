@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <ctime>
 #include <mutex>
+#include <set>
 #include <string>
 
 namespace margay::soem {
@@ -31,13 +32,25 @@ void add(ecx_contextt& context, const ec_errort& entry) {
     error_flag(context) = TRUE;
 }
 
-// A text that stays until the same thread asks again. The interface returns pointers that may be written.
+// A text of a table: it stays for ever. The interface returns pointers that may be written.
 char* kept(std::string_view text) {
-    static thread_local char kept_text[256];
-    const std::size_t size = std::min(text.size(), sizeof(kept_text) - 1);
-    std::copy_n(text.data(), size, kept_text);
-    kept_text[size] = '\0';
-    return kept_text;
+    static std::mutex mutex;
+    static auto* const texts = new std::set<std::string, std::less<>>;  // threads may use it while the process ends
+    const std::lock_guard<std::mutex> guard(mutex);
+    auto found = texts->find(text);
+    if (found == texts->end()) found = texts->emplace(text).first;
+    return const_cast<char*>(found->c_str());
+}
+
+// A text with numbers: it stays until the same thread has asked for 15 more.
+char* kept_for_now(std::string_view text) {
+    static thread_local std::array<std::array<char, 256>, 16> places;
+    static thread_local std::size_t next = 0;
+    std::array<char, 256>& place = places[next++ % places.size()];
+    const std::size_t size = std::min(text.size(), place.size() - 1);
+    std::copy_n(text.data(), size, place.data());
+    place[size] = '\0';
+    return place.data();
 }
 
 std::string text_of(const ec_errort& e) {
@@ -121,7 +134,7 @@ int mail_result(ecx_contextt& context, std::uint16_t slave, const Error& error, 
 }
 
 void push_emergencies(ecx_contextt& context, std::uint16_t slave) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return;
     for (;;) {
         std::optional<Emergency> emergency;
@@ -200,11 +213,11 @@ char* ec_mbxerror2string(uint16 errorcode) {
     return kept(margay::wire::to_text(static_cast<margay::wire::MailboxErrorCode>(errorcode)));
 }
 
-char* ecx_err2string(const ec_errort Ec) { return kept(text_of(Ec)); }
+char* ecx_err2string(const ec_errort Ec) { return kept_for_now(text_of(Ec)); }
 
 char* ecx_elist2string(ecx_contextt* context) {
     ec_errort entry{};
-    return ecx_poperror(context, &entry) != FALSE ? kept(text_of(entry)) : kept({});
+    return ecx_poperror(context, &entry) != FALSE ? kept_for_now(text_of(entry)) : kept({});
 }
 
 }  // extern "C"

@@ -12,9 +12,17 @@
 
 namespace margay::soem {
 
-[[nodiscard]] inline Session* session_of(ecx_portt& port) { return Sessions::find(port.margay_session, &port); }
-[[nodiscard]] inline Session* session_of(ecx_contextt& context) { return session_of(port_of(context)); }
-[[nodiscard]] inline Session* session_of(ecx_contextt* context) { return session_of(port_of(*context)); }
+using Pinned = Sessions::Pinned;
+
+// The place of a port in Sessions. Another thread may open and close the port at the same time.
+[[nodiscard]] inline std::atomic_ref<int> place_of(ecx_portt& port) {
+    return std::atomic_ref<int>(port.margay_session);
+}
+[[nodiscard]] inline Pinned session_of(ecx_portt& port) {
+    return Pinned(place_of(port).load(std::memory_order_relaxed), &port);
+}
+[[nodiscard]] inline Pinned session_of(ecx_contextt& context) { return session_of(port_of(context)); }
+[[nodiscard]] inline Pinned session_of(ecx_contextt* context) { return session_of(port_of(*context)); }
 
 [[nodiscard]] inline Duration us(int timeout) { return std::chrono::microseconds(std::max(timeout, 0)); }
 // For all of a mailbox service: the time of one answer, and the time to send the request.

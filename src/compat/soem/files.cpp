@@ -66,7 +66,7 @@ int ecx_FOEdefinehook(ecx_contextt* context, void* hook) {
 
 int ecx_FOEread(ecx_contextt* context, uint16 slave, char* filename, uint32 password, int* psize, void* p,
                 int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || *psize < 0) return 0;
     Progress progress(*context, *session, slave, 0);
     margay::FoeRead request;
@@ -84,7 +84,7 @@ int ecx_FOEread(ecx_contextt* context, uint16 slave, char* filename, uint32 pass
 
 int ecx_FOEwrite(ecx_contextt* context, uint16 slave, char* filename, uint32 password, int psize, void* p,
                  int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || psize < 0) return 0;
     Progress progress(*context, *session, slave, static_cast<std::size_t>(psize));
     margay::FoeWrite request;

@@ -36,7 +36,7 @@ void put_datagram(std::uint8_t* at, std::uint8_t command, std::uint8_t index, st
 // Sends the datagrams of a frame of the program one after the other, and builds the answer. Returns the working counter
 // of the last datagram.
 int exchange_frame(ecx_portt& port, int index, Duration timeout) {
-    Session* const session = session_of(port);
+    const Pinned session = session_of(port);
     if (session == nullptr) return EC_NOFRAME;
     const int length = port.txbuflength[index];
     if (length <= kHeaderOctets || length > EC_BUFSIZE) return EC_NOFRAME;

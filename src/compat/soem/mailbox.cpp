@@ -101,7 +101,7 @@ uint8 ec_nextmbxcnt(uint8 cnt) { return static_cast<uint8>(cnt >= 7 ? 1 : cnt + 
 void ec_clearmbx(ec_mbxbuft* Mbx) { std::memset(Mbx, 0, sizeof(ec_mbxbuft)); }
 
 int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
     const margay::Time until = margay::later(session->now(), us(timeout));
@@ -117,13 +117,13 @@ int ecx_mbxempty(ecx_contextt* context, uint16 slave, int timeout) {
 #ifdef EC_VER1
 
 int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_l == 0) return 0;
     return send_mail(*session, slave, *mbx, us(timeout));
 }
 
 int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
     const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
     if (!letter) return 0;
@@ -134,7 +134,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int tim
 #else
 
 int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     const bool usable = session != nullptr && is_slave(*context, slave) && slaves_of(*context)[slave].mbx_l != 0;
     const int sent = usable ? send_mail(*session, slave, *mbx, us(timeout)) : 0;
     ecx_dropmbx(context, mbx);  // it belongs to the library from the call on
@@ -143,7 +143,7 @@ int ecx_mbxsend(ecx_contextt* context, uint16 slave, ec_mbxbuft* mbx, int timeou
 
 int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int timeout) {
     *mbx = nullptr;
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave) || slaves_of(*context)[slave].mbx_rl == 0) return 0;
     const auto letter = await_letter(*context, *session, slave, margay::MailboxType::error, us(timeout));
     if (!letter) return 0;
@@ -154,7 +154,7 @@ int ecx_mbxreceive(ecx_contextt* context, uint16 slave, ec_mbxbuft** mbx, int ti
 }
 
 int ecx_mbxhandler(ecx_contextt* context, uint8, int) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return 0;
     if (context->EOEhook != nullptr) {
         const Session::Guard guard(*session);

@@ -183,6 +183,10 @@ int show_group(ecx_contextt& context, Session& session, std::uint8_t group, std:
     const std::uint32_t cyclic = overlapped ? std::max(g.Obytes, g.Ibytes + extra) : g.Obytes + g.Ibytes + extra;
     show_segments(g, cyclic, overlapped ? 0 : g.Obytes);
     show_counters(context, session, group);
+    // Slaves that were in another group are not counted there any more.
+    for (int n = 0; n < most_groups(context); ++n)
+        if (n != group && session.known_group(static_cast<std::size_t>(n)))
+            show_counters(context, session, static_cast<std::uint8_t>(n));
     if (group == 0) {
         ec_slavet& all = slaves_of(context)[0];
         all.outputs = g.outputs;
@@ -254,7 +258,7 @@ void fill_process_data(ecx_contextt& context, Session& session, std::uint16_t nu
 }
 
 int config_map(ecx_contextt& context, void* image, std::uint8_t group, bool overlapped, bool bytes) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || image == nullptr || slave_count(context) < 1 || group >= most_groups(context)) return 0;
     HookCaller hooks(context, *session, true);
     for (int n = 1; n <= slave_count(context); ++n) {

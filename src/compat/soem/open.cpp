@@ -4,6 +4,7 @@
 #include <arpa/inet.h>
 #include <net/if.h>
 #include <cstdlib>
+#include <string>
 
 namespace margay::soem {
 namespace {
@@ -16,17 +17,23 @@ Limits limits_for(int slaves, int groups) {
     return limits;
 }
 
-int open_port(ecx_portt& port, const char* name, int slaves, int groups) {
-    if (name == nullptr) return 0;
-    Sessions::remove(port.margay_session, &port);
-    port.margay_session = -1;
+void close_port(ecx_portt& port) { Sessions::remove(place_of(port).exchange(-1), &port); }
+
+// `ring`: the interface or segment must have two ends.
+int open_port(ecx_portt& port, const std::string& name, int slaves, int groups, bool ring = false) {
+    close_port(port);
     auto session = Session::open(name, limits_for(slaves, groups));
     if (session == nullptr) return 0;
-    port.margay_session = Sessions::add(std::move(session), &port);
-    if (port.margay_session < 0) {
+    if (ring && !session->redundant()) {
+        say(name + ": this segment has no ring");
+        return 0;
+    }
+    const int place = Sessions::add(std::move(session), &port);
+    if (place < 0) {
         say("no more than 64 ports can be open at the same time");
         return 0;
     }
+    place_of(port) = place;
     port.sockhandle = -1;
     port.lastidx = 0;
     std::fill_n(port.rxbufstat, EC_MAXBUF, static_cast<int>(EC_BUF_EMPTY));
@@ -41,27 +48,33 @@ using namespace margay::soem;
 extern "C" {
 
 int ecx_setupnic(ecx_portt* port, const char* ifname, int secondary) {
+    if (ifname == nullptr) return 0;
     if (secondary != 0) {
-        say_once("a second network interface for cable redundancy is not supported");
+        say_once("ecx_setupnic() opens no second network interface: ecx_init_redundant() opens both");
         return 0;
     }
     return open_port(*port, ifname, EC_MAXSLAVE, EC_MAXGROUP);
 }
 
 int ecx_closenic(ecx_portt* port) {
-    Sessions::remove(port->margay_session, port);
-    port->margay_session = -1;
+    close_port(*port);
     return 0;
 }
 
 int ecx_init(ecx_contextt* context, const char* ifname) {
+    if (ifname == nullptr) return 0;
     begin_context(*context);
     return open_port(port_of(*context), ifname, most_slaves(*context), most_groups(*context));
 }
 
-int ecx_init_redundant(ecx_contextt*, ecx_redportt*, const char*, char*) {
-    say_once("cable redundancy is not supported: ecx_init_redundant() opens no network interface");
-    return 0;
+// A simulated segment with a ring has both ends: then the second name is not used.
+int ecx_init_redundant(ecx_contextt* context, ecx_redportt* redport, const char* ifname, char* if2name) {
+    if (ifname == nullptr || if2name == nullptr) return 0;
+    begin_context(*context);
+    port_of(*context).redport = redport;
+    const std::string first(ifname);
+    const std::string both = first.starts_with("sim:") ? first : first + "+" + if2name;
+    return open_port(port_of(*context), both, most_slaves(*context), most_groups(*context), true);
 }
 
 void ecx_close(ecx_contextt* context) { ecx_closenic(&port_of(*context)); }

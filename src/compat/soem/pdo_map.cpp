@@ -48,7 +48,7 @@ int read_map(ecx_contextt* context, uint16 slave, MapBits* Osize, MapBits* Isize
         (type == 3 ? *Osize : *Isize) += static_cast<MapBits>(bits);
     }
     // The program has not changed them.
-    if (Session* const session = session_of(context)) std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
+    if (const Pinned session = session_of(context)) std::memcpy(session->shown(slave).data(), s.SM, sizeof(s.SM));
     return *Osize > 0 || *Isize > 0 ? 1 : 0;
 }
 

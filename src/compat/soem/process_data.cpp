@@ -4,6 +4,11 @@
 namespace margay::soem {
 namespace {
 
+Sessions::Locked lock_session(ecx_contextt& context) {
+    ecx_portt& port = port_of(context);
+    return Sessions::Locked(place_of(port).load(std::memory_order_relaxed), &port);
+}
+
 // What came back of a cycle that is not right: the sum of the working counters.
 [[gnu::noinline]] int partial_counter(Session& session, std::uint8_t group, const Error& error) {
     if (error.code == Errc::working_counter) return static_cast<int>(error.actual);
@@ -29,18 +34,18 @@ namespace {
 }  // namespace
 
 int send_group(ecx_contextt& context, std::uint8_t group) {
-    Session* const session = session_of(context);
+    const Sessions::Locked locked = lock_session(context);
+    Session* const session = locked.get();
     if (session == nullptr) [[unlikely]]
         return 0;
-    const Session::Guard guard(*session);
     return send_processdata(session->context(), group).ok() ? 1 : 0;
 }
 
 int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
-    Session* const session = session_of(context);
+    const Sessions::Locked locked = lock_session(context);
+    Session* const session = locked.get();
     if (session == nullptr) [[unlikely]]
         return EC_NOFRAME;
-    const Session::Guard guard(*session);
     Context& master = session->context();
     const auto received = receive_processdata(master, std::chrono::microseconds(timeout), group);
     int wkc = static_cast<int>(*received);
@@ -49,6 +54,8 @@ int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
         if (wkc < 0) return wkc;
     }
     const Session::GroupFacts& facts = session->facts(group);
+    if (facts.group == nullptr) [[unlikely]]
+        return wkc;  // another thread is mapping the group for the first time
     if (facts.writing_datagrams != 0) [[unlikely]]
         wkc += counted_twice(*session, group, facts.writing_datagrams);
     const RegisterReading& time = facts.group->dc_time;

@@ -23,7 +23,7 @@ namespace {
 // The data of the program changes only when a slave has taken part, and never by a write.
 int exchange(ecx_portt* port, DatagramCommand command, std::uint32_t address, std::uint16_t length, void* data,
              int timeout, bool takes) {
-    Session* const session = session_of(*port);
+    const Pinned session = session_of(*port);
     if (session == nullptr || length == 0 || length > 1486) return EC_NOFRAME;
     std::array<std::byte, 1486> copy;
     const auto octets = std::span(copy).first(length);

@@ -111,7 +111,7 @@ bool no_slaves(const Error& error) {
 }  // namespace
 
 int config_init(ecx_contextt& context) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return EC_NOFRAME;
     clear(context);
     ScanRequest request;
@@ -142,7 +142,7 @@ using namespace margay::soem;
 extern "C" {
 
 int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     std::array<std::byte, 2> octets{};
     const std::uint16_t station = slaves_of(*context)[slave].configadr;
@@ -153,7 +153,7 @@ int ecx_recover_slave(ecx_contextt* context, uint16 slave, int timeout) {
 }
 
 int ecx_reconfig_slave(ecx_contextt* context, uint16 slave, int) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || !is_slave(*context, slave)) return 0;
     HookCaller hooks(*context, *session, kVersionCallsContextHooks);
     hooks.attach(slave);

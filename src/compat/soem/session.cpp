@@ -9,6 +9,7 @@
 #include <ctime>
 #include <mutex>
 #include <set>
+#include <thread>
 
 namespace margay::soem {
 namespace {
@@ -26,9 +27,9 @@ void say(const std::string& text) { std::fprintf(stderr, "margay: %s\n", text.c_
 
 void say_once(const char* text) {
     static std::mutex mutex;
-    static std::set<std::string> said;
+    static auto* const said = new std::set<std::string>;  // threads may use it while the process ends
     const std::lock_guard<std::mutex> guard(mutex);
-    if (said.insert(text).second) say(text);
+    if (said->insert(text).second) say(text);
 }
 
 std::unique_ptr<Session> Session::open(const std::string& source, const Limits& limits) {
@@ -38,8 +39,9 @@ std::unique_ptr<Session> Session::open(const std::string& source, const Limits& 
         return nullptr;
     }
     std::unique_ptr<hosted::Source> owned = opened.take();
-    std::unique_ptr<Session> session(new Session(std::move(owned), limits));
-    const auto begun = init(session->context_, session->source_->nic(), session->source_->osal());
+    const Limits owned_limits = owned->limits(limits);
+    std::unique_ptr<Session> session(new Session(std::move(owned), owned_limits));
+    const auto begun = session->source_->begin(session->context_);
     if (!begun) {
         say(source + ": the master does not begin");
         return nullptr;
@@ -69,8 +71,8 @@ Time Session::poll_once(Request* request, Time until, bool& over) {
     over = request != nullptr && !request->busy();
     if (over) return Time{};
     const Time begin = now();
-    const Time next = std::min(poll(context_, begin), source_->nic().next_arrival());
-    if (request != nullptr && begin >= until) request->cancel();
+    const Time next = std::min(poll(context_, begin), source_->next_arrival());
+    if (request != nullptr && (begin >= until || closing())) request->cancel();
     over = request != nullptr && !request->busy();
     // Another thread moves the virtual clock too, therefore only with the lock.
     if (!over && virtual_time()) source_->osal().wait(std::min(next, now() + std::chrono::milliseconds(1)), -1);
@@ -79,13 +81,14 @@ Time Session::poll_once(Request* request, Time until, bool& over) {
 
 void Session::wait_for_work(Time until) {
     if (virtual_time()) return;
-    source_->osal().wait(until, source_->nic().wait_handle());
+    source_->osal().wait(until, source_->wait_handles());
 }
 
 Result<> Session::run(Request& request, Between* between, Duration limit) {
     const Time until = limit > Duration{0} ? later(now(), limit) : kNever;
     {
         const Guard guard(*this);
+        if (closing()) return Error{.code = Errc::canceled};
         const auto submitted = submit(context_, request);
         if (!submitted) return submitted;
     }
@@ -102,7 +105,7 @@ Result<> Session::run(Request& request, Between* between, Duration limit) {
 
 void Session::pause_until(Time until) {
     constexpr Duration kLook = std::chrono::milliseconds(1);
-    while (now() < until) {
+    while (now() < until && !closing()) {
         bool over = false;
         const Time next = poll_once(nullptr, kNever, over);
         wait_for_work(std::min({next, until, now() + kLook}));
@@ -127,36 +130,70 @@ int Session::exchange(DatagramCommand command, std::uint32_t address, std::span<
     return run(request, nullptr, std::max(timeout, kLeast)) ? request.wkc : -1;
 }
 
-std::array<Sessions::Place, Sessions::kMost> Sessions::places_;
+constinit std::array<Sessions::Place, Sessions::kMost> Sessions::places_;
+
+Sessions::Pinned::Pinned(int place, const void* owner) {
+    const auto index = static_cast<unsigned>(place);
+    if (index >= kMost) return;
+    place_ = &places_[index];
+    place_->users.fetch_add(1);  // before the owner is compared: end() looks in the other order
+    if (place_->owner.load() == owner)
+        session_ = place_->session;
+    else
+        place_->users.fetch_sub(1);
+}
 
 int Sessions::add(std::unique_ptr<Session> session, const void* owner) {
     const std::lock_guard<std::mutex> guard(sessions_mutex);
     for (Place& place : places_) {
-        if (place.owner != nullptr) continue;
-        place.session = std::move(session);
-        place.owner = owner;
+        if (place.owner.load() != nullptr) continue;
+        if (place.session != nullptr) end(place);
+        if (place.session != nullptr) continue;
+        session->lock_ = &place.lock;
+        place.session = session.release();
+        place.owner.store(owner);
         return static_cast<int>(&place - places_.data());
     }
     return -1;
 }
 
+// Destroys a session without an owner, unless calls have pinned it.
+void Sessions::end(Place& place) {
+    if (place.users.load() != 0) return;
+    delete place.session;
+    place.session = nullptr;
+}
+
 void Sessions::remove(int place, const void* owner) {
+    const auto index = static_cast<unsigned>(place);
+    if (index >= kMost || owner == nullptr) return;
+    Place& found = places_[index];
+    {
+        const std::uint32_t thread = found.lock.lock();
+        const bool mine = found.owner.load() == owner;
+        if (mine) {
+            found.session->closing_ = true;
+            found.owner.store(nullptr);
+        }
+        found.lock.unlock(thread);
+        if (!mine) return;
+    }
+    // Other threads leave their calls. A hook that closes the session of its own call would wait for itself: then the
+    // next add() ends the session.
+    constexpr int kMostWaits = 2000;
+    for (int n = 0; n < kMostWaits && found.users.load() != 0; ++n)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
     const std::lock_guard<std::mutex> guard(sessions_mutex);
-    if (find(place, owner) == nullptr) return;
-    Place& found = places_[static_cast<unsigned>(place)];
-    found.owner = nullptr;
-    found.session.reset();
+    if (found.owner.load() == nullptr) end(found);
 }
 
 int Sessions::sleep(std::uint32_t microseconds) {
-    Session* simulated = nullptr;
-    {
-        const std::lock_guard<std::mutex> guard(sessions_mutex);
-        for (Place& place : places_)
-            if (place.session != nullptr && place.session->virtual_time()) simulated = place.session.get();
-    }
-    if (simulated != nullptr) {
-        simulated->pause(std::chrono::microseconds(microseconds));
+    for (Place& place : places_) {
+        const void* const owner = place.owner.load();
+        if (owner == nullptr) continue;
+        const Pinned session(static_cast<int>(&place - places_.data()), owner);
+        if (session == nullptr || !session->virtual_time()) continue;
+        session->pause(std::chrono::microseconds(microseconds));
         return 0;
     }
     timespec left{};

@@ -10,6 +10,8 @@
 #include <margay/margay.hpp>
 
 #include <array>
+#include <atomic>
+#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>
@@ -36,24 +38,14 @@ class Session {
     // except for the frames of a cycle.
     class Guard {
       public:
-        explicit Guard(Session& session) : session_(session), thread_(session.lock_.lock()) {
-            const std::uintptr_t me = identity(thread_);
-            if (session_.owner_ != me) [[unlikely]]
-                session_.change_owner(me);
+        explicit Guard(Session& session) : session_(session), thread_(session.lock_->lock()) {
+            session.be_owner(thread_);
         }
-        ~Guard() { session_.lock_.unlock(thread_); }
+        ~Guard() { session_.lock_->unlock(thread_); }
         Guard(const Guard&) = delete;
         Guard& operator=(const Guard&) = delete;
 
       private:
-        // As the systems of the library distinguish threads.
-        static std::uintptr_t identity([[maybe_unused]] std::uint32_t thread) {
-#if defined(__x86_64__) || defined(__aarch64__)
-            return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
-#else
-            return thread;
-#endif
-        }
         Session& session_;
         std::uint32_t thread_;
     };
@@ -64,6 +56,7 @@ class Session {
 
     [[nodiscard]] Time now() { return source_->osal().now(); }
     [[nodiscard]] bool virtual_time() const { return source_->virtual_time(); }
+    [[nodiscard]] bool redundant() const { return source_->second() != nullptr; }
 
     // What the calling thread does between two polls of a request, without the lock.
     class Between {
@@ -94,19 +87,36 @@ class Session {
     using ShownSyncManagers = std::array<std::byte, 64>;
     // Only of a group that the library knows.
     [[nodiscard]] GroupFacts& facts(std::size_t group) { return facts_[group]; }
+    [[nodiscard]] bool known_group(std::size_t group) const {
+        return group < facts_.size() && facts_[group].group != nullptr;
+    }
     [[nodiscard]] ShownSyncManagers& shown(std::size_t slave) { return shown_[slave < shown_.size() ? slave : 0]; }
 
     // Mail that no request waits for.
     [[nodiscard]] Inbox& inbox() { return *inbox_; }
 
   private:
+    friend class Sessions;
     Session(std::unique_ptr<hosted::Source> source, const Limits& limits);
+    // For a thread that has the lock.
+    void be_owner([[maybe_unused]] std::uint32_t thread) {
+#if defined(__x86_64__) || defined(__aarch64__)
+        // As the systems of the library distinguish threads.
+        const auto me = reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#else
+        const std::uintptr_t me = thread;
+#endif
+        if (owner_ != me) [[unlikely]]
+            change_owner(me);
+    }
     void change_owner(std::uintptr_t thread);
+    [[nodiscard]] bool closing() const { return closing_.load(std::memory_order_relaxed); }
     Time poll_once(Request* request, Time until, bool& over);
     void wait_for_work(Time until);
 
-    PriorityLock lock_;
-    std::uintptr_t owner_ = 0;  // the thread that owns the context; 0: not known
+    PriorityLock* lock_ = nullptr;      // of the place in Sessions
+    std::atomic<bool> closing_{false};  // requests end, because a thread closes the session
+    std::uintptr_t owner_ = 0;          // the thread that owns the context; 0: not known
     std::unique_ptr<hosted::Source> source_;
     HostContext context_;
     std::unique_ptr<Inbox> inbox_;
@@ -120,25 +130,74 @@ class Session {
 }
 
 // The open sessions. A port of the application remembers its place here; a port that was never opened has any number in
-// its memory, therefore the owner is compared.
+// its memory, therefore the owner is compared. A thread may close a session while other threads are in a call: the
+// requests of these calls are cancelled, and the session ends when the last of them has returned. The places have no
+// destructor: threads may run while the process ends.
 class Sessions {
+    struct Place;
+
   public:
     static constexpr int kMost = 64;
     static int add(std::unique_ptr<Session> session, const void* owner);
     static void remove(int place, const void* owner);
-    [[nodiscard]] static Session* find(int place, const void* owner) {
-        const auto index = static_cast<unsigned>(place);
-        if (index >= kMost || places_[index].owner != owner) return nullptr;
-        return places_[index].session.get();
-    }
+
+    // A session that exists as long as this object.
+    class Pinned {
+      public:
+        Pinned(int place, const void* owner);
+        ~Pinned() {
+            if (session_ != nullptr) place_->users.fetch_sub(1);
+        }
+        Pinned(const Pinned&) = delete;
+        Pinned& operator=(const Pinned&) = delete;
+        [[nodiscard]] explicit operator bool() const { return session_ != nullptr; }
+        [[nodiscard]] bool operator==(std::nullptr_t) const { return session_ == nullptr; }
+        [[nodiscard]] Session* operator->() const { return session_; }
+        [[nodiscard]] Session& operator*() const { return *session_; }
+
+      private:
+        Place* place_ = nullptr;
+        Session* session_ = nullptr;
+    };
+
+    // The same for a call that holds the lock from its begin to its end: the lock keeps the session.
+    class Locked {
+      public:
+        Locked(int place, const void* owner) {
+            const auto index = static_cast<unsigned>(place);
+            if (index >= kMost) [[unlikely]]
+                return;
+            place_ = &places_[index];
+            thread_ = place_->lock.lock();
+            if (place_->owner.load(std::memory_order_relaxed) != owner) [[unlikely]]
+                return;
+            session_ = place_->session;
+            session_->be_owner(thread_);
+        }
+        ~Locked() {
+            if (place_ != nullptr) place_->lock.unlock(thread_);
+        }
+        Locked(const Locked&) = delete;
+        Locked& operator=(const Locked&) = delete;
+        [[nodiscard]] Session* get() const { return session_; }
+
+      private:
+        Place* place_ = nullptr;
+        Session* session_ = nullptr;
+        std::uint32_t thread_ = 0;
+    };
+
     // Sleeps in the time of the open sessions: simulated segments in virtual time get it, otherwise the system.
     static int sleep(std::uint32_t microseconds);
 
   private:
     struct Place {
-        const void* owner = nullptr;
-        std::unique_ptr<Session> session;
+        PriorityLock lock;
+        std::atomic<const void*> owner{nullptr};  // changed under the lock
+        std::atomic<unsigned> users{0};           // calls that have pinned the session
+        Session* session = nullptr;               // stays when the owner is gone and calls have pinned it
     };
+    static void end(Place& place);
     static std::array<Place, kMost> places_;
 };
 

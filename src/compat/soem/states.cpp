@@ -36,7 +36,7 @@ using margay::DatagramCommand;
 extern "C" {
 
 int ecx_readstate(ecx_contextt* context) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr) return EC_STATE_NONE;
     ec_slavet* const slaves = slaves_of(*context);
     const bool answered = read_all(*session);
@@ -56,7 +56,7 @@ int ecx_readstate(ecx_contextt* context) {
 }
 
 int ecx_writestate(ecx_contextt* context, uint16 slave) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave >= most_slaves(*context)) return EC_NOFRAME;
     const std::uint16_t value = slaves_of(*context)[slave].state;
     const auto state = static_cast<margay::AlState>(value & 0xF);
@@ -91,7 +91,7 @@ int ecx_writestate(ecx_contextt* context, uint16 slave) {
 }
 
 uint16 ecx_statecheck(ecx_contextt* context, uint16 slave, uint16 reqstate, int timeout) {
-    Session* const session = session_of(context);
+    const Pinned session = session_of(context);
     if (session == nullptr || slave > slave_count(*context) || slave >= most_slaves(*context)) return 0;
     ec_slavet& asked = slaves_of(*context)[slave];
     const margay::Time until = margay::later(session->now(), us(timeout));

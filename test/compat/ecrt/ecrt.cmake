@@ -21,7 +21,7 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail)
+foreach(program user information dc two_domains requests later mail rules)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
@@ -36,6 +36,8 @@ margay_ecrt_test(two_domains ecrt_two_domains sim:drive,digital_in_8,digital_out
 margay_ecrt_test(requests ecrt_requests sim:drive,digital_in_8)
 margay_ecrt_test(later ecrt_later sim:drive,drive@4s)
 margay_ecrt_test(mail ecrt_mail sim:drive,soe_drive,voe_device)
+margay_ecrt_test(rules ecrt_rules sim:drive,drive,pulse_axis)
+margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
 # The header in every version of the languages, with types, constants and macros.
@@ -52,7 +54,7 @@ margay_ecrt_program(ecrt_signatures signatures.c)
 add_test(NAME compat/ecrt/readme COMMAND ${CMAKE_COMMAND} -DREADME=${PROJECT_SOURCE_DIR}/src/compat/ecrt/README.md
   -DLIBRARY=$<TARGET_FILE:margay_ecrt> -DNM=${CMAKE_NM} -DSIGNATURES=$<TARGET_FILE:ecrt_signatures> -P ${folder}/readme.cmake)
 
-# A master without a segment, and one that is not there yet.
+# Masters whose segment is not there.
 foreach(segment nosuch0 eth0+eth1 sim:nosuch "")
   string(MAKE_C_IDENTIFIER "refused_${segment}" name)
   margay_ecrt_test(${name} ecrt_user "${segment}")

@@ -1,27 +1,11 @@
-#include "compat/source/source.hpp"
-
-#include "osal/linux/linux_osal.hpp"
-#include "oshw/linux/packet_nic.hpp"
+#include "compat/ecrt/segment.hpp"
 
 #include <cstdlib>
 #include <fstream>
 #include <string_view>
 
-namespace margay::compat {
+namespace margay::compat::ecrt {
 namespace {
-
-class InterfaceSource final : public Source {
-  public:
-    [[nodiscard]] std::string open(const std::string& name) {
-        return nic_.open(name) ? std::string() : std::string(nic_.problem());
-    }
-    Nic& nic() override { return nic_; }
-    Osal& osal() override { return osal_; }
-
-  private:
-    LinuxOsal osal_;
-    PacketNic nic_;
-};
 
 std::string trimmed(std::string_view text) {
     constexpr std::string_view kBlank = " \t\r\"";
@@ -43,17 +27,6 @@ std::string source_in_file(const char* file, const std::string& key) {
 
 }  // namespace
 
-OpenedSource open_source(const std::string& text) {
-    constexpr std::string_view kSimulated = "sim:";
-    if (text.starts_with(kSimulated)) return open_simulated(text.substr(kSimulated.size()));
-    if (text.find('+') != std::string::npos)
-        return {nullptr, "'" + text + "': two interfaces for one segment (redundancy) are not supported yet"};
-    auto source = std::make_unique<InterfaceSource>();
-    std::string problem = source->open(text);
-    if (!problem.empty()) return {nullptr, std::move(problem)};
-    return {std::move(source), {}};
-}
-
 std::string bound_source(unsigned index) {
     const std::string key = "MARGAY_MASTER" + std::to_string(index);
     if (const char* bound = std::getenv(key.c_str()); bound != nullptr && *bound != '\0') return bound;
@@ -61,4 +34,11 @@ std::string bound_source(unsigned index) {
     return source_in_file(file != nullptr ? file : "/etc/margay/masters.conf", key);
 }
 
-}  // namespace margay::compat
+hosted::OpenedSource open_segment(const std::string& source) {
+    if (source.starts_with("pcap:"))
+        return hosted::OpenedSource(source +
+                                    ": a recording has a time of its own; programs for ecrt.h run in real time");
+    return hosted::open_source(source, {.real_time = true});
+}
+
+}  // namespace margay::compat::ecrt
