@@ -24,7 +24,8 @@ std::vector<std::pair<unsigned, std::string>> sources_of(const Arguments& argume
     if (!all.empty()) return all;
     constexpr unsigned kMost = 64;
     for (unsigned n = 0; n < kMost; ++n)
-        if (const char* source = std::getenv(fmt::format("MARGAY_MASTER{}", n).c_str()); source != nullptr && *source != 0)
+        if (const char* source = std::getenv(fmt::format("MARGAY_MASTER{}", n).c_str());
+            source != nullptr && *source != 0)
             all.emplace_back(n, source);
     return all;
 }
@@ -36,9 +37,9 @@ Answer<std::vector<Master>> masters_of(const Arguments& arguments) {
                        samples::exit_code::kUsage};
     auto wanted = Numbers::parse(arguments.has("master") ? arguments.value("master") : "-");
     if (!wanted)
-        return Problem{fmt::format("--master: '{}' is no number, list or range of numbers (1,4,7-9)",
-                                   arguments.value("master")),
-                       samples::exit_code::kUsage};
+        return Problem{
+            fmt::format("--master: '{}' is no number, list or range of numbers (1,4,7-9)", arguments.value("master")),
+            samples::exit_code::kUsage};
     std::vector<Master> masters;
     for (const auto& [index, source] : sources) {
         if (!wanted->contains(index)) continue;

@@ -23,8 +23,8 @@ void add_source_arguments(Arguments& arguments, SourceArguments& values, const s
 [[nodiscard]] std::string list_of_interfaces();
 [[nodiscard]] std::string list_of_segments(const std::string& prefix);
 
-// Why a program must not scan the segment: slaves are in SAFEOP or OP, or there is no link. Empty when it can. Reads the
-// AL status of all slaves, before init().
+// Why a program must not scan the segment: slaves are in SAFEOP or OP, or there is no link. Empty when it can. Reads
+// the AL status of all slaves, before init().
 [[nodiscard]] std::string scan_refusal(Source& source);
 
 // Opens the source, executes `body`, closes the source and returns the exit code. Reports errors of the source on

@@ -71,8 +71,8 @@ Answer<std::vector<SlaveFacts>> Call::selected(Master& master) const {
 
 Answer<SelectedSlave> Call::one_slave() {
     if (masters_.size() != 1)
-        return Problem{fmt::format("{} works on one master, and {} are selected: use --master", arguments_.command->name,
-                                   masters_.size()),
+        return Problem{fmt::format("{} works on one master, and {} are selected: use --master",
+                                   arguments_.command->name, masters_.size()),
                        samples::exit_code::kUsage};
     const auto found = selected(masters_[0]);
     if (!found) return found.problem();
@@ -121,6 +121,8 @@ std::string slave_heading(const Master& master, const SlaveFacts& slave) {
     return fmt::format("=== Master {}, Slave {} ===\n", master.index, slave.position);
 }
 
+std::string title_of(const PdoEntryFacts& entry) { return entry.index == 0 && entry.name.empty() ? "Gap" : entry.name; }
+
 Answer<const DataType*> named_type(const Call& call) {
     if (!call.has("type")) return static_cast<const DataType*>(nullptr);
     const auto* type = type_by_name(call.value("type"));
@@ -148,9 +150,9 @@ Answer<Octets> read_octets(const std::string& path) {
     const std::unique_ptr<std::FILE, CloseStream> opened(path == "-" ? nullptr : std::fopen(path.c_str(), "rb"));
     std::FILE* file = path == "-" ? stdin : opened.get();
     const auto failed = [&] {
-        return Problem{fmt::format("{}: cannot be read: {}", path == "-" ? "standard input" : path,
-                                   std::strerror(errno)),
-                       samples::exit_code::kSystem};
+        return Problem{
+            fmt::format("{}: cannot be read: {}", path == "-" ? "standard input" : path, std::strerror(errno)),
+            samples::exit_code::kSystem};
     };
     if (file == nullptr) return failed();
     Octets out;

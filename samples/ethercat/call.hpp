@@ -78,6 +78,8 @@ class Call {
 [[nodiscard]] nlohmann::ordered_json place_json(const SelectedSlave& slave);
 // "=== Master 0, Slave 3 ===" and a line end.
 [[nodiscard]] std::string slave_heading(const Master& master, const SlaveFacts& slave);
+// The name of an entry of a PDO; "Gap" for a gap.
+[[nodiscard]] std::string title_of(const PdoEntryFacts& entry);
 // The type that --type names; nullptr: the option is not given.
 [[nodiscard]] Answer<const DataType*> named_type(const Call& call);
 // The octets of a value on the command line; "-" reads standard input.

@@ -75,9 +75,10 @@ Answer<> set_parameter(const std::string& name, const std::string& value, EoeIp&
     if (name == "default_gateway") return take(resolve(value), ip.default_gateway);
     if (name == "dns_address") return take(resolve(value), ip.dns_server);
     if (name != "hostname")
-        return wrong(fmt::format("there is no parameter '{}': ip_address, mac_address, default_gateway, dns_address, "
-                                 "hostname",
-                                 name));
+        return wrong(
+            fmt::format("there is no parameter '{}': ip_address, mac_address, default_gateway, dns_address, "
+                        "hostname",
+                        name));
     if (!ip.set_host_name(value))
         return wrong(fmt::format("'{}' has {} octets: a host name has up to 32", value, value.size()));
     return {};
@@ -96,10 +97,10 @@ int run_eoe(Call& call) {
         output.json["interfaces"] = nlohmann::ordered_json::array();
         for (const EoeFacts& port : *ports) {
             const auto rate = [&](std::uint32_t octets) { return std::uint64_t{octets} * 1000 / *interval; };
-            output.text += fmt::format("{:<9}  {:>5}  {:<5}  {:>7}  {:>6}  {:>7}  {:>6}  {:>7}\n", port.interface,
-                                       port.position, port.open ? "up" : "down", port.received_octets,
-                                       rate(port.received_octets), port.sent_octets, rate(port.sent_octets),
-                                       port.dropped_frames);
+            output.text +=
+                fmt::format("{:<9}  {:>5}  {:<5}  {:>7}  {:>6}  {:>7}  {:>6}  {:>7}\n", port.interface, port.position,
+                            port.open ? "up" : "down", port.received_octets, rate(port.received_octets),
+                            port.sent_octets, rate(port.sent_octets), port.dropped_frames);
             output.json["interfaces"].push_back({{"name", port.interface},
                                                  {"position", port.position},
                                                  {"up", port.open},

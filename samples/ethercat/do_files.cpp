@@ -2,8 +2,8 @@
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 
-#include "common/eeprom.hpp"
 #include "common/sii_text.hpp"
+#include "ethercat/session_eeprom.hpp"
 
 #include <fmt/format.h>
 
@@ -11,32 +11,6 @@
 
 namespace margay::ethercat {
 namespace {
-
-// The SII of a slave of a session, for the functions that work on any EEPROM.
-class SessionEeprom final : public samples::Eeprom {
-  public:
-    explicit SessionEeprom(const SelectedSlave& slave) : slave_(slave) {}
-
-    [[nodiscard]] std::string name() const override { return fmt::format("slave {}", slave_.position()); }
-    [[nodiscard]] std::string read(std::uint32_t word, MutableBytes into) override {
-        return slave_.session().read_sii(slave_.position(), word, into).problem().text;
-    }
-    // One word at a time, so that each counted word was read back.
-    [[nodiscard]] Written write(std::uint32_t word, Bytes octets) override {
-        Written written;
-        for (; !octets.empty(); octets = octets.subspan(2), ++written.words) {
-            const auto at = word + static_cast<std::uint32_t>(written.words);
-            const auto done = slave_.session().write_sii(slave_.position(), at, octets.first(2));
-            if (done) continue;
-            written.error = done.problem().text;
-            break;
-        }
-        return written;
-    }
-
-  private:
-    SelectedSlave slave_;
-};
 
 Answer<Session::FileTransfer> transfer_of(const Call& call, std::string name) {
     const auto password = call.option_number("password", 0, UINT32_MAX);
@@ -46,7 +20,7 @@ Answer<Session::FileTransfer> transfer_of(const Call& call, std::string name) {
 }
 
 Answer<> write_one_alias(const Call& call, const SelectedSlave& slave, std::uint16_t alias, Output& output) {
-    SessionEeprom eeprom(slave);
+    SessionEeprom eeprom(slave.session(), slave.position());
     const auto report = samples::write_alias(eeprom, alias, call.has("force"));
     if (!report.error.empty()) return Problem{report.error};
     if (call.has("verbose"))
@@ -103,7 +77,7 @@ int run_foe_write(Call& call) {
 int run_sii_read(Call& call) {
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
-    SessionEeprom eeprom(*slave);
+    SessionEeprom eeprom(slave->session(), slave->position());
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
     if (!content.error.empty()) return call.fail({content.error});
     const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
@@ -126,17 +100,16 @@ int run_sii_write(Call& call) {
     const auto image = samples::load_image(call.words()[0]);
     if (!image.error.empty()) return call.fail({image.error, samples::exit_code::kSystem});
     if (image.octets.size() % 2 != 0)
-        return call.fail({fmt::format("{}: {} octets are not a whole number of words", call.words()[0],
-                                      image.octets.size())});
+        return call.fail(
+            {fmt::format("{}: {} octets are not a whole number of words", call.words()[0], image.octets.size())});
     const auto fault = call.has("force") ? std::string() : samples::image_fault(image.octets);
     if (!fault.empty())
         return call.fail({fmt::format("{}: {}: use --force to write it nevertheless", call.words()[0], fault)});
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
-    SessionEeprom eeprom(*slave);
+    SessionEeprom eeprom(slave->session(), slave->position());
     const auto report = samples::write_eeprom(eeprom, image.octets, samples::no_progress());
-    if (!report.error.empty())
-        return call.fail({report.error + (report.left.empty() ? "" : "; " + report.left)});
+    if (!report.error.empty()) return call.fail({report.error + (report.left.empty() ? "" : "; " + report.left)});
     Output output;
     output.json = place_json(*slave);
     output.json["words"] = report.words;
@@ -153,9 +126,9 @@ int run_alias(Call& call) {
         const auto selected = call.selected(master);
         if (!selected) return selected.problem();
         if (selected->size() > 1 && !call.has("force"))
-            return Problem{fmt::format("{} slaves are selected: use --force to write the alias of all of them",
-                                       selected->size()),
-                           samples::exit_code::kUsage};
+            return Problem{
+                fmt::format("{} slaves are selected: use --force to write the alias of all of them", selected->size()),
+                samples::exit_code::kUsage};
         output.json["slaves"] = nlohmann::ordered_json::array();
         for (const SlaveFacts& slave : *selected) {
             const auto done = write_one_alias(call, {&master, slave}, static_cast<std::uint16_t>(*alias), output);

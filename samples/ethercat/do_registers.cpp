@@ -28,13 +28,12 @@ int run_reg_read(Call& call) {
         size = *given;
     }
     if (size == 0 || *address + size > kSpace)
-        return call.fail({fmt::format("{} octets from 0x{:04x} on: 1 octet or more up to 0xffff can be read", size,
-                                      *address),
-                          samples::exit_code::kUsage});
+        return call.fail(
+            {fmt::format("{} octets from 0x{:04x} on: 1 octet or more up to 0xffff can be read", size, *address),
+             samples::exit_code::kUsage});
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
-    const auto octets =
-        slave->session().read_registers(slave->position(), static_cast<std::uint16_t>(*address), size);
+    const auto octets = slave->session().read_registers(slave->position(), static_cast<std::uint16_t>(*address), size);
     if (!octets) return call.fail(octets.problem());
     Output output;
     output.json = place_json(*slave);
@@ -67,8 +66,8 @@ int run_reg_write(Call& call) {
                           samples::exit_code::kUsage});
     const auto slave = call.one_slave();
     if (!slave) return call.fail(slave.problem());
-    const auto done = slave->session().write_registers(slave->position(), static_cast<std::uint16_t>(*address),
-                                                       *octets, call.has("emergency"));
+    const auto done = slave->session().write_registers(slave->position(), static_cast<std::uint16_t>(*address), *octets,
+                                                       call.has("emergency"));
     if (!done) return call.fail(done.problem());
     if (!call.json()) return samples::exit_code::kWell;
     Output output;

@@ -40,8 +40,7 @@ Answer<const DataType*> type_of(const Call& call, const SelectedSlave& slave, co
     if (!named || *named != nullptr) return named;
     if (place.complete) return type_by_name("octet_string");
     const auto entry = slave.session().dictionary_entry(slave.position(), place.index, place.subindex);
-    if (!entry)
-        return Problem{fmt::format("the type of the entry is not known: {}: use --type", entry.problem().text)};
+    if (!entry) return Problem{fmt::format("the type of the entry is not known: {}: use --type", entry.problem().text)};
     const auto* type = type_by_code(entry->data_type);
     if (type == nullptr)
         return Problem{fmt::format("entry 0x{:04x}:{:02x} has {} of the standard, which has no name here: use --type",

@@ -63,8 +63,8 @@ std::string options_text(const Command* command) {
     for (const bool common : {false, true}) {
         std::string rows;
         for (const Option& option : options()) {
-            const bool listed = command != nullptr && std::ranges::find(command->options, option.name) !=
-                                                          command->options.end();
+            const bool listed =
+                command != nullptr && std::ranges::find(command->options, option.name) != command->options.end();
             if (common ? option.common : listed) rows += row(option_name(option), option.text, kIndent);
         }
         if (!rows.empty()) text += fmt::format("\n{}:\n{}", common ? "Options of all commands" : "Options", rows);
@@ -107,8 +107,8 @@ std::string man_option(const Option& option) {
 std::string man_command(const Command& command) {
     std::string text = fmt::format(".SS {}\n", command.name);
     for (const auto form : command.forms)
-        text += fmt::format("{}.B ethercat {}\n.RI [ OPTIONS ] {}\n", form == command.forms.front() ? "" : ".br\n",
-                            command.name, form.empty() ? "" : fmt::format("\\ \"{}\"", escaped(form)));
+        text += fmt::format("{}.B ethercat {}\n.RI [ OPTIONS ]\n{}", form == command.forms.front() ? "" : ".br\n",
+                            command.name, form.empty() ? "" : fmt::format(".I {}\n", escaped(form)));
     text += fmt::format(".PP\n{}\n", escaped(command.summary));
     for (const auto paragraph : command.text) {
         if (!verbatim(paragraph)) {
@@ -138,8 +138,8 @@ std::string completion_case(std::string_view pattern, std::string_view words) {
 std::string option_words(const Command* command) {
     std::string words;
     for (const Option& option : options()) {
-        const bool fits = option.common || (command != nullptr && std::ranges::find(command->options, option.name) !=
-                                                                      command->options.end());
+        const bool fits = option.common || (command != nullptr &&
+                                            std::ranges::find(command->options, option.name) != command->options.end());
         if (fits) words += fmt::format("{}--{}", words.empty() ? "" : " ", option.name);
     }
     return words;
@@ -181,7 +181,8 @@ std::string man_page() {
     text += ".SH ENVIRONMENT\n" +
             man_entry("MARGAY_MASTER0, MARGAY_MASTER1 ...", "The sources of the masters, where --source is not given.");
     text +=
-        ".SH EXAMPLES\n.nf\nethercat slaves \\-\\-source eth0\nethercat upload \\-p 3 \\-t uint32 0x1018 1 \\-\\-source "
+        ".SH EXAMPLES\n.nf\nethercat slaves \\-\\-source eth0\nethercat upload \\-p 3 \\-t uint32 0x1018 1 "
+        "\\-\\-source "
         "sim:demo\nethercat graph | dot \\-Tsvg > bus.svg\n.fi\n";
     return text;
 }
@@ -211,8 +212,8 @@ std::string bash_completion() {
         "    case $previous in\n";
     for (const Option& option : options()) {
         if (option.value.empty()) continue;
-        const auto pattern = option.letter == 0 ? fmt::format("--{}", option.name)
-                                                : fmt::format("-{}|--{}", option.letter, option.name);
+        const auto pattern =
+            option.letter == 0 ? fmt::format("--{}", option.name) : fmt::format("-{}|--{}", option.letter, option.name);
         text += completion_case(pattern, option.words);
     }
     text += "    esac\n    for ((n = 1; n < COMP_CWORD; ++n)); do\n        case ${COMP_WORDS[n]} in\n";
@@ -222,7 +223,8 @@ std::string bash_completion() {
         return pattern;
     }() + ") command=${COMP_WORDS[n]}; break ;;\n        esac\n    done\n";
     text += "    case $command:$current in\n";
-    for (const Command& command : commands()) text += completion_case(fmt::format("{}:-*", command.name), option_words(&command));
+    for (const Command& command : commands())
+        text += completion_case(fmt::format("{}:-*", command.name), option_words(&command));
     text += completion_case(":-*", option_words(nullptr));
     text += completion_case(":*", names);
     for (const Command& command : commands())

@@ -42,8 +42,7 @@ class Parser {
             if (out_.has(name) && (out_.command != nullptr || positional_.empty())) return std::move(out_);
         if (positional_.empty() && out_.command == nullptr) {
             std::string all;
-            for (const auto& command : commands())
-                all += fmt::format("{}{}", all.empty() ? "" : ", ", command.name);
+            for (const auto& command : commands()) all += fmt::format("{}{}", all.empty() ? "" : ", ", command.name);
             return usage("the command is missing: " + all);
         }
         if (out_.command == nullptr)

@@ -38,9 +38,9 @@ std::optional<Numbers> Numbers::parse(std::string_view text) {
         at = comma + 1;
         const auto dash = word.find('-');
         const auto first = dash == 0 ? std::optional<std::uint64_t>(0) : number(word.substr(0, dash));
-        const auto last = dash == std::string_view::npos  ? first
-                          : dash + 1 == word.size() ? std::optional<std::uint64_t>(UINT32_MAX)
-                                                          : number(word.substr(dash + 1));
+        const auto last = dash == std::string_view::npos ? first
+                          : dash + 1 == word.size()      ? std::optional<std::uint64_t>(UINT32_MAX)
+                                                         : number(word.substr(dash + 1));
         if (word.empty() || !first || !last || *first > *last) return std::nullopt;
         out.ranges_.push_back({static_cast<std::uint32_t>(*first), static_cast<std::uint32_t>(*last)});
     }

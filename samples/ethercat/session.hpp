@@ -211,8 +211,8 @@ struct DictionaryObjectFacts {
 
 struct EoeFacts {
     std::uint16_t position = 0;
-    std::string interface{};  // as eoe_bridge names it
-    bool open = false;        // the port exchanged frames
+    std::string interface {};  // as eoe_bridge names it
+    bool open = false;         // the port exchanged frames
     std::uint32_t sent_octets = 0;
     std::uint32_t received_octets = 0;
     std::uint32_t sent_frames = 0;

@@ -25,10 +25,10 @@ std::string config_line(const ConfigFacts& config) {
 }
 
 std::string config_details(const ConfigFacts& config) {
-    std::string text = fmt::format(
-        "Alias: {}\nPosition: {}\nVendor Id: 0x{:08x}\nProduct code: 0x{:08x}\nAttached slave: {}\n", config.alias,
-        config.relative, config.vendor, config.product,
-        config.position ? fmt::format("{} ({})", *config.position, to_text(config.state)) : "none");
+    std::string text =
+        fmt::format("Alias: {}\nPosition: {}\nVendor Id: 0x{:08x}\nProduct code: 0x{:08x}\nAttached slave: {}\n",
+                    config.alias, config.relative, config.vendor, config.product,
+                    config.position ? fmt::format("{} ({})", *config.position, to_text(config.state)) : "none");
     for (const auto& sm : config.sync_managers) {
         text += fmt::format("SM{}, Dir: {}, Watchdog: {}\n", sm.number, sm.outputs() ? "Output" : "Input",
                             sm.watchdog() ? "Enable" : "Disable");
@@ -36,7 +36,7 @@ std::string config_details(const ConfigFacts& config) {
             text += fmt::format("  PDO 0x{:04x} \"{}\"\n", pdo.index, pdo.name);
             for (const auto& entry : pdo.entries)
                 text += fmt::format("    PDO entry 0x{:04x}:{:02x}, {:>2} bit, \"{}\"\n", entry.index, entry.subindex,
-                                    entry.bits, entry.name);
+                                    entry.bits, title_of(entry));
         }
     }
     text += "SDO configuration:\n";
@@ -49,10 +49,10 @@ std::string config_details(const ConfigFacts& config) {
         text += fmt::format("IDN: drive {}, 0x{:04x}, {} byte: {}\n", parameter.drive, parameter.idn,
                             parameter.data.size(), octets_text(parameter.data));
     if (config.assign_activate)
-        text += fmt::format("DC configuration:\n  AssignActivate: 0x{:04x}\n  SYNC0: cycle {} ns, shift {} ns\n"
-                            "  SYNC1: cycle {} ns\n",
-                            *config.assign_activate, config.sync0_cycle_ns, config.sync0_shift_ns,
-                            config.sync1_cycle_ns);
+        text += fmt::format(
+            "DC configuration:\n  AssignActivate: 0x{:04x}\n  SYNC0: cycle {} ns, shift {} ns\n"
+            "  SYNC1: cycle {} ns\n",
+            *config.assign_activate, config.sync0_cycle_ns, config.sync0_shift_ns, config.sync1_cycle_ns);
     return text + "\n";
 }
 
@@ -69,14 +69,15 @@ nlohmann::ordered_json config_json(const ConfigFacts& config) {
         for (const auto& pdo : sm.pdos) pdos.push_back(pdo.index);
         sms.push_back({{"number", sm.number}, {"direction", sm.outputs() ? "outputs" : "inputs"}, {"pdos", pdos}});
     }
-    return {{"alias", config.alias},
-            {"position", config.relative},
-            {"vendor", config.vendor},
-            {"product", config.product},
-            {"attached", config.position ? nlohmann::ordered_json(*config.position) : nlohmann::ordered_json(nullptr)},
-            {"state", config.position ? nlohmann::ordered_json(to_text(config.state)) : nlohmann::ordered_json(nullptr)},
-            {"sync_managers", sms},
-            {"sdos", sdos}};
+    return {
+        {"alias", config.alias},
+        {"position", config.relative},
+        {"vendor", config.vendor},
+        {"product", config.product},
+        {"attached", config.position ? nlohmann::ordered_json(*config.position) : nlohmann::ordered_json(nullptr)},
+        {"state", config.position ? nlohmann::ordered_json(to_text(config.state)) : nlohmann::ordered_json(nullptr)},
+        {"sync_managers", sms},
+        {"sdos", sdos}};
 }
 
 // ------------------------------------------------------------------ domains
@@ -90,9 +91,9 @@ Answer<std::vector<AliasAddress>> addresses_of(Session& session) {
 
 std::string fmmu_text(const DomainFacts& domain, const FmmuFacts& fmmu, const std::vector<AliasAddress>& addresses) {
     const auto& address = addresses[fmmu.position];
-    std::string text = fmt::format("  SlaveConfig {}:{}, SM{} ({:>6}), LogAddr 0x{:08x}, Size {}\n", address.alias,
-                                   address.relative, fmmu.sync_manager, fmmu.input ? "Input" : "Output", fmmu.logical,
-                                   fmmu.bytes);
+    std::string text =
+        fmt::format("  SlaveConfig {}:{}, SM{} ({:>6}), LogAddr 0x{:08x}, Size {}\n", address.alias, address.relative,
+                    fmmu.sync_manager, fmmu.input ? "Input" : "Output", fmmu.logical, fmmu.bytes);
     const std::size_t at = fmmu.logical - domain.base;
     if (fmmu.logical < domain.base || at + fmmu.bytes > domain.data.size()) return text;
     return text + "    " + octets_line(std::span(domain.data).subspan(at, fmmu.bytes)) + "\n";

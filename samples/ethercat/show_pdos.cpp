@@ -9,10 +9,6 @@
 namespace margay::ethercat {
 namespace {
 
-std::string gap_or(const std::string& name, const PdoEntryFacts& entry) {
-    return entry.index == 0 && name.empty() ? "Gap" : name;
-}
-
 std::string pdos_text(const std::vector<SyncManagerFacts>& sms) {
     std::string text;
     for (const auto& sm : sms) {
@@ -22,7 +18,7 @@ std::string pdos_text(const std::vector<SyncManagerFacts>& sms) {
             text += fmt::format("  {}xPDO 0x{:04x} \"{}\"\n", sm.outputs() ? 'R' : 'T', pdo.index, pdo.name);
             for (const auto& entry : pdo.entries)
                 text += fmt::format("    PDO entry 0x{:04x}:{:02x}, {:>2} bit, \"{}\"\n", entry.index, entry.subindex,
-                                    entry.bits, gap_or(entry.name, entry));
+                                    entry.bits, title_of(entry));
         }
     }
     return text;
@@ -91,8 +87,9 @@ std::string etherlab_text(const SlaveFacts& slave, const std::vector<SyncManager
                 if (entry.index == 0) continue;
                 const auto* kind = sm.outputs() ? "input" : "output";
                 const unsigned number = ++numbers[sm.outputs() ? 0 : 1];
-                ports += fmt::format("port_config.{}({}).pdo = [{}, {}, {}, 0];\nport_config.{}({}).pdo_data_type = {};\n",
-                                     kind, number, sm_place, p, e, kind, number, matlab_type(entry));
+                ports +=
+                    fmt::format("port_config.{}({}).pdo = [{}, {}, {}, 0];\nport_config.{}({}).pdo_data_type = {};\n",
+                                kind, number, sm_place, p, e, kind, number, matlab_type(entry));
             }
             text += "            ]}, ...\n";
         }
@@ -129,9 +126,9 @@ class CStruct {
   private:
     void add(const SyncManagerFacts& sm) {
         const auto list = sm.pdos.empty() ? std::string("NULL") : fmt::format("{}_pdos + {}", prefix_, pdo_count_);
-        syncs_ += fmt::format("    {{{}, {}, {}, {}, {}}},\n", sm.number,
-                              sm.outputs() ? "EC_DIR_OUTPUT" : "EC_DIR_INPUT", sm.pdos.size(), list,
-                              sm.watchdog() ? "EC_WD_ENABLE" : "EC_WD_DISABLE");
+        syncs_ +=
+            fmt::format("    {{{}, {}, {}, {}, {}}},\n", sm.number, sm.outputs() ? "EC_DIR_OUTPUT" : "EC_DIR_INPUT",
+                        sm.pdos.size(), list, sm.watchdog() ? "EC_WD_ENABLE" : "EC_WD_DISABLE");
         for (const auto& pdo : sm.pdos) {
             const auto first =
                 pdo.entries.empty() ? std::string("NULL") : fmt::format("{}_pdo_entries + {}", prefix_, entry_count_);
@@ -140,7 +137,7 @@ class CStruct {
             ++pdo_count_;
             for (const auto& entry : pdo.entries) {
                 entries_ += fmt::format("    {{0x{:04x}, 0x{:02x}, {}}}, /* {} */\n", entry.index, entry.subindex,
-                                        entry.bits, comment(gap_or(entry.name, entry)));
+                                        entry.bits, comment(title_of(entry)));
                 ++entry_count_;
             }
         }
@@ -239,8 +236,8 @@ int run_xml(Call& call) {
     for (const auto& remark : written.remarks) samples::warn("warning: " + remark);
     if (call.json()) {
         Output output;
-        output.json = {{"master", master.index}, {"vendor", esi.vendor}, {"devices", esi.devices.size()},
-                       {"xml", written.text}};
+        output.json = {
+            {"master", master.index}, {"vendor", esi.vendor}, {"devices", esi.devices.size()}, {"xml", written.text}};
         return call.print(output);
     }
     const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");

@@ -23,8 +23,8 @@ std::string crc_line(const SlaveFacts& slave, const ErrorCounters& counters) {
     std::string line = fmt::format("{:>5}", slave.position);
     for (std::size_t port = 0; port < 4; ++port)
         line += has_port(slave, port)
-                    ? fmt::format(" | {:>3} {:>3} {:>3} {:>3}", counters.invalid_frames[port],
-                                  counters.rx_errors[port], counters.forwarded[port], next_text(slave.ports[port]))
+                    ? fmt::format(" | {:>3} {:>3} {:>3} {:>3}", counters.invalid_frames[port], counters.rx_errors[port],
+                                  counters.forwarded[port], next_text(slave.ports[port]))
                     : std::string(" |   -   -   -   -");
     return line + "\n";
 }
@@ -32,13 +32,13 @@ std::string crc_line(const SlaveFacts& slave, const ErrorCounters& counters) {
 nlohmann::ordered_json counters_json(const SlaveFacts& slave, const ErrorCounters& counters) {
     auto ports = nlohmann::ordered_json::array();
     for (std::size_t port = 0; port < 4; ++port)
-        ports.push_back({{"crc", counters.invalid_frames[port]},
-                         {"phy", counters.rx_errors[port]},
-                         {"forwarded", counters.forwarded[port]},
-                         {"lost_links", counters.lost_links[port]},
-                         {"next", slave.ports[port].neighbour == 0
-                                      ? nlohmann::ordered_json(nullptr)
-                                      : nlohmann::ordered_json(slave.ports[port].neighbour - 1)}});
+        ports.push_back(
+            {{"crc", counters.invalid_frames[port]},
+             {"phy", counters.rx_errors[port]},
+             {"forwarded", counters.forwarded[port]},
+             {"lost_links", counters.lost_links[port]},
+             {"next", slave.ports[port].neighbour == 0 ? nlohmann::ordered_json(nullptr)
+                                                       : nlohmann::ordered_json(slave.ports[port].neighbour - 1)}});
     return {{"position", slave.position},
             {"ports", ports},
             {"processing_unit", counters.processing_unit},
@@ -88,7 +88,8 @@ std::string_view colour(const End& near, const End& far) {
     bool lost = false;
     for (const End& end : {near, far}) {
         if (end.counters == nullptr) continue;
-        errors = std::max<unsigned>({errors, end.counters->invalid_frames[end.port], end.counters->rx_errors[end.port]});
+        errors =
+            std::max<unsigned>({errors, end.counters->invalid_frames[end.port], end.counters->rx_errors[end.port]});
         lost |= end.counters->lost_links[end.port] != 0;
     }
     return errors >= 10 ? "red" : errors != 0 || lost ? "orange" : "darkgreen";
@@ -123,8 +124,9 @@ class Graph {
             if (!counters) return counters.problem();
             counters_.push_back(*counters);
         }
-        text_ = "digraph bus {\n    rankdir=\"LR\";\n    node [fontname=\"Helvetica\" shape=\"box\"];\n"
-                "    edge [fontname=\"Helvetica\" fontsize=\"10\" dir=\"both\"];\n";
+        text_ =
+            "digraph bus {\n    rankdir=\"LR\";\n    node [fontname=\"Helvetica\" shape=\"box\"];\n"
+            "    edge [fontname=\"Helvetica\" fontsize=\"10\" dir=\"both\"];\n";
         text_ += fmt::format("    master [label=\"EtherCAT\\nMaster {}\" shape=\"ellipse\"];\n", master_.index);
         output.json["nodes"] = nlohmann::ordered_json::array();
         output.json["links"] = nlohmann::ordered_json::array();
@@ -149,9 +151,9 @@ class Graph {
         if (info_ == Info::dc) {
             const auto clock = master_.session->clock(slave.position);
             if (!clock) return clock.problem();
-            label += !clock->runs        ? "\\nno clock"
+            label += !clock->runs       ? "\\nno clock"
                      : clock->reference ? "\\nreference clock"
-                                         : fmt::format("\\ndelay {} ns", clock->delay_ns);
+                                        : fmt::format("\\ndelay {} ns", clock->delay_ns);
             json["delay_ns"] = clock->runs ? nlohmann::ordered_json(clock->delay_ns) : nlohmann::ordered_json(nullptr);
             json["reference_clock"] = clock->reference;
         }
@@ -198,8 +200,7 @@ int run_crc(Call& call) {
         if (call.words()[0] != "reset")
             return call.fail({fmt::format("'{}': crc has the argument reset, or none", call.words()[0]),
                               samples::exit_code::kUsage});
-        return call.each_master(
-            [&](Master& master, Output& output) { return reset_counters(call, master, output); });
+        return call.each_master([&](Master& master, Output& output) { return reset_counters(call, master, output); });
     }
     return call.repeat([&] {
         return call.each_master([&](Master& master, Output& output) { return add_counters(call, master, output); });

@@ -35,17 +35,17 @@ std::string lines_text(const std::vector<SlaveFacts>& selected, const std::vecto
     std::size_t widths[4] = {};
     for (const SlaveFacts& slave : selected) {
         const auto& address = addresses[slave.position];
-        lines.push_back({fmt::to_string(slave.position), fmt::to_string(address.alias), fmt::to_string(address.relative),
-                         samples::al_text(slave.al), &slave});
+        lines.push_back({fmt::to_string(slave.position), fmt::to_string(address.alias),
+                         fmt::to_string(address.relative), samples::al_text(slave.al), &slave});
         const Line& line = lines.back();
         const std::size_t sizes[] = {line.position.size(), line.alias.size(), line.relative.size(), line.state.size()};
         for (std::size_t n = 0; n < 4; ++n) widths[n] = std::max(widths[n], sizes[n]);
     }
     std::string text;
     for (const Line& line : lines)
-        text += fmt::format("{:>{}}  {:>{}}:{:<{}}  {:<{}}  {}  {}\n", line.position, widths[0], line.alias, widths[1],
-                            line.relative, widths[2], line.state, widths[3], flag_of(*line.slave),
-                            name_of(*line.slave));
+        text +=
+            fmt::format("{:>{}}  {:>{}}:{:<{}}  {:<{}}  {}  {}\n", line.position, widths[0], line.alias, widths[1],
+                        line.relative, widths[2], line.state, widths[3], flag_of(*line.slave), name_of(*line.slave));
     return text;
 }
 
@@ -79,13 +79,19 @@ std::string_view port_text(PortType type) {
 
 const char* yes(bool value) { return value ? "yes" : "no"; }
 
+// By the clock itself: the features register of some chips promises a clock that is switched off.
+std::string_view clock_text(const SlaveFacts& slave, const ClockFacts& clock) {
+    if (!clock.runs) return clock.measured ? "receive times only" : "no";
+    return slave.dl.dc_64bit ? "yes, 64 bit" : "yes, 32 bit";
+}
+
 std::string dl_text(const SlaveFacts& s, const ClockFacts& clock) {
     std::string text = fmt::format(
         "DL information:\n  ESC: type 0x{:02x}, revision {}, build {}\n  FMMUs: {}, SyncManagers: {}, RAM: {} KiB\n"
         "  FMMU bit operation: {}\n  Distributed clocks: {}\n  DC system time transmission delay: {} ns{}\n",
         s.dl.type, s.dl.revision, s.dl.build, s.dl.fmmus, s.dl.sync_managers, s.dl.ram_kib,
-        yes((s.dl.features & 1U) == 0), !s.dl.dc ? "no" : s.dl.dc_64bit ? "yes, 64 bit" : "yes, 32 bit",
-        clock.delay_ns, clock.reference ? " (reference clock)" : "");
+        yes((s.dl.features & 1U) == 0), clock_text(s, clock), clock.delay_ns,
+        clock.reference ? " (reference clock)" : "");
     text += "Port  Type  Link  Loop    Signal  NextSlave  RxTime [ns]  Diff [ns]\n";
     for (std::size_t n = 0; n < s.ports.size(); ++n) {
         const Port& port = s.ports[n];
@@ -220,18 +226,19 @@ int run_master(Call& call) {
         const auto facts = master.session->master();
         if (!facts) return facts.problem();
         output.text = call.masters().size() > 1 ? "" : fmt::format("Master{}\n", master.index);
-        output.text += fmt::format("  Source: {}\n  Phase: {}\n  Active: {}\n  Slaves: {}\n  Ethernet devices:\n",
-                                   facts->source, facts->active ? "Operation" : "Idle", yes(facts->active),
-                                   facts->slaves);
+        output.text +=
+            fmt::format("  Source: {}\n  Phase: {}\n  Active: {}\n  Slaves: {}\n  Ethernet devices:\n", facts->source,
+                        facts->active ? "Operation" : "Idle", yes(facts->active), facts->slaves);
         auto devices = nlohmann::ordered_json::array();
         for (const DeviceFacts& device : facts->devices) {
-            output.text += fmt::format("    {}: {}\n      Link: {}\n", &device == facts->devices.data() ? "Main" : "Backup",
-                                       mac_text(device.mac), device.link ? "UP" : "DOWN");
+            output.text +=
+                fmt::format("    {}: {}\n      Link: {}\n", &device == facts->devices.data() ? "Main" : "Backup",
+                            mac_text(device.mac), device.link ? "UP" : "DOWN");
             devices.push_back({{"name", device.name}, {"mac", mac_text(device.mac)}, {"link", device.link}});
         }
-        output.text += fmt::format("  Frames: {} sent, {} received, {} lost\n  Octets on the wire: {}\n",
-                                   facts->frames_sent, facts->frames_received, facts->frames_lost,
-                                   facts->bytes_on_wire);
+        output.text +=
+            fmt::format("  Frames: {} sent, {} received, {} lost\n  Octets on the wire: {}\n", facts->frames_sent,
+                        facts->frames_received, facts->frames_lost, facts->bytes_on_wire);
         output.json["source"] = facts->source;
         output.json["active"] = facts->active;
         output.json["slaves"] = facts->slaves;

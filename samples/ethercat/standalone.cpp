@@ -1,10 +1,9 @@
 #include "ethercat/standalone.hpp"
 
-#include "common/eeprom.hpp"
 #include "common/program.hpp"
-#include "common/slave_eeprom.hpp"
 #include "common/slave_report.hpp"
 #include "common/source_arguments.hpp"
+#include "ethercat/session_eeprom.hpp"
 #include "wire/esc.hpp"
 
 #include <fmt/format.h>
@@ -15,7 +14,15 @@ namespace margay::ethercat {
 
 namespace reg = wire::reg;
 
-Problem problem_of(const Error& error) { return {samples::sentence(error)}; }
+Problem problem_of(Context& ctx, const Error& error) {
+    if (error.slave == 0) return {samples::sentence(error)};
+    Error without = error;
+    without.slave = 0;
+    const auto position = ctx.slave(error.slave).ring_position;
+    const auto words = samples::sentence(without);
+    return position == 0 ? Problem{fmt::format("configured slave {}: {}", error.slave, words)}
+                         : Problem{fmt::format("position {}: {}", position - 1, words)};
+}
 
 StandaloneSession::~StandaloneSession() { (void)close(); }
 
@@ -44,7 +51,7 @@ Answer<> StandaloneSession::open_source() {
     auto ctx = std::make_unique<HostContext>(
         source_->limits(samples::with_room({.slaves = 2048, .process_frames = 256}, plan)));
     const auto ready = source_->begin(*ctx);
-    if (!ready) return problem_of(ready.error());
+    if (!ready) return problem_of(*ctx, ready.error());
     ctx_ = std::move(ctx);
     const auto found = scan();
     if (found) return {};
@@ -56,7 +63,7 @@ Answer<std::uint16_t> StandaloneSession::scan() {
     mapped_ = clocks_measured_ = false;
     sii_.clear();
     const auto found = samples::scan_by(*ctx_, eni_.configuration ? &*eni_.configuration : nullptr);
-    if (!found && found.error().slave == 0) return problem_of(found.error());
+    if (!found && found.error().slave == 0) return problem_of(*ctx_, found.error());
     return static_cast<std::uint16_t>(
         std::ranges::count_if(ctx_->slaves(), [](const Slave& slave) { return slave.ring_position != 0; }));
 }
@@ -123,7 +130,7 @@ Answer<std::vector<SlaveFacts>> StandaloneSession::slaves() {
                          .name = std::string(s.name()),
                          .identity = s.identity,
                          .al = s.al,
-                         .problem = s.error.code == Errc::none ? std::string() : samples::sentence(s.error),
+                         .problem = s.error.code == Errc::none ? std::string() : problem_of(*ctx_, s.error).text,
                          .dl = s.dl,
                          .ports = s.ports,
                          .parent_port = s.parent_port,
@@ -146,11 +153,12 @@ Answer<std::vector<SlaveFacts>> StandaloneSession::slaves() {
 
 Answer<const files::EsiDevice*> StandaloneSession::sii_of(std::uint16_t number) {
     if (const auto known = sii_.find(number); known != sii_.end()) return &known->second;
-    samples::SlaveEeprom eeprom(*ctx_, number);
+    SessionEeprom eeprom(*this, position_of(number));
     const auto content = samples::read_used_part(eeprom, samples::no_progress());
     if (!content.error.empty()) return Problem{content.error};
     auto described = files::describe_sii(content.octets);
-    if (!described) return Problem{fmt::format("slave {}: its SII: {}", number, to_text(described.problem))};
+    if (!described)
+        return Problem{fmt::format("position {}: its SII: {}", position_of(number), to_text(described.problem))};
     return &sii_.emplace(number, std::move(*described)).first->second;
 }
 
@@ -180,7 +188,7 @@ Answer<ClockFacts> StandaloneSession::clock(std::uint16_t position) {
         settings.timeout = std::chrono::milliseconds(100);
         const auto done = configdc(*ctx_, settings);
         if (!done && done.error().code != Errc::no_clock && done.error().code != Errc::not_in_sync)
-            note("the clocks: " + samples::sentence(done.error()));
+            note("the clocks: " + problem_of(*ctx_, done.error()).text);
     }
     const auto& known = slave_clock(*ctx_, *number);
     ClockFacts facts{.runs = known.kind == ClockKind::bits32 || known.kind == ClockKind::bits64,
@@ -190,7 +198,7 @@ Answer<ClockFacts> StandaloneSession::clock(std::uint16_t position) {
     if (!facts.measured) return facts;
     std::array<std::byte, reg::kPortReceiveTime.length> octets{};
     const auto read = read_register(*ctx_, *number, reg::kPortReceiveTime.address, octets);
-    if (!read) return problem_of(read.error());
+    if (!read) return problem_of(*ctx_, read.error());
     for (std::size_t port = 0; port < facts.receive_ns.size(); ++port)
         facts.receive_ns[port] = load_le<std::uint32_t>(octets, 4 * port);
     return facts;
@@ -219,8 +227,7 @@ Answer<> StandaloneSession::reset_error_counters(std::uint16_t position) {
     constexpr std::array<std::byte, 8> kZeros{};
     for (const auto& counters : {reg::kRxErrorCounter, reg::kForwardedRxErrorCounter, reg::kProcessingUnitErrorCounter,
                                  reg::kPdiErrorCounter, reg::kLostLinkCounter}) {
-        const auto done =
-            write_registers(position, counters.address, std::span(kZeros).first(counters.length), false);
+        const auto done = write_registers(position, counters.address, std::span(kZeros).first(counters.length), false);
         if (!done) return done;
     }
     return {};
@@ -244,7 +251,7 @@ Answer<> StandaloneSession::set_states(std::span<const std::uint16_t> positions,
         request.wanted = state;
         const auto begun = submit(*ctx_, request);
         const auto done = begun ? wait(*ctx_, request) : begun;
-        if (!done) problems += (problems.empty() ? "" : "; ") + samples::sentence(done.error());
+        if (!done) problems += (problems.empty() ? "" : "; ") + problem_of(*ctx_, done.error()).text;
     }
     if (!problems.empty()) return Problem{problems};
     return {};
@@ -255,12 +262,12 @@ Answer<> StandaloneSession::reach_with_process_data(std::span<const std::uint16_
     for (const Slave& slave : ctx_->slaves()) {
         if (slave.ring_position == 0 || std::ranges::find(numbers, slave.number) != numbers.end()) continue;
         const auto held = set_target(*ctx_, slave.number, AlState::preop);
-        if (!held) return problem_of(held.error());
+        if (!held) return problem_of(*ctx_, held.error());
     }
     const auto ready = map();
     if (!ready) return ready.problem();
     const auto reached = reach(*ctx_, state, std::chrono::seconds(10));
-    if (!reached) return problem_of(reached.error());
+    if (!reached) return problem_of(*ctx_, reached.error());
     return {};
 }
 
@@ -290,8 +297,8 @@ void StandaloneSession::pause(std::chrono::milliseconds time) {
 
 std::vector<std::string> StandaloneSession::messages() {
     if (ctx_ != nullptr) {
-        while (const auto error = ctx_->errors().take()) notes_.push_back(samples::sentence(*error));
-        while (const auto warning = ctx_->warnings().take()) notes_.push_back(samples::sentence(*warning));
+        while (const auto error = ctx_->errors().take()) notes_.push_back(problem_of(*ctx_, *error).text);
+        while (const auto warning = ctx_->warnings().take()) notes_.push_back(problem_of(*ctx_, *warning).text);
     }
     auto all = std::move(notes_);
     notes_.clear();
@@ -305,7 +312,7 @@ Answer<> StandaloneSession::close() {
     Answer<> result;
     if (ctx_ != nullptr && mapped_ && !keep_states_) {
         const auto back = writestate(*ctx_, 0, AlState::preop);
-        if (!back) result = problem_of(back.error());
+        if (!back) result = problem_of(*ctx_, back.error());
         (void)statecheck(*ctx_, 0, AlState::preop, std::chrono::seconds(3));
     }
     ctx_.reset();

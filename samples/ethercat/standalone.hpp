@@ -79,9 +79,11 @@ class StandaloneSession final : public Session {
     Answer<const files::EsiDevice*> sii_of(std::uint16_t number);
     Answer<> to_boot_and_back(std::uint16_t number, bool boot);
     Answer<> reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state);
-    // Of one SyncManager: the PDOs that the object dictionary assigns. A problem if it has no assignment.
-    Answer<std::vector<PdoFacts>> assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
-                                                const files::EsiDevice* sii);
+    // What the object dictionary says: the entries of a PDO, and the PDOs of a SyncManager. `named` and `sii` have the
+    // names of the SII.
+    Result<PdoFacts> mapped_pdo(std::uint16_t number, std::uint16_t index, const files::EsiPdo* named);
+    Result<std::vector<PdoFacts>> assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
+                                                const files::EsiDevice& sii);
     [[nodiscard]] DomainFacts domain_facts(std::uint16_t index);
     void add_fmmus(DomainFacts& domain, const Slave& slave);
     void note(std::string text) { notes_.push_back(std::move(text)); }
@@ -102,7 +104,8 @@ class StandaloneSession final : public Session {
     std::vector<std::string> notes_{};
 };
 
-// The error of the library in words.
-[[nodiscard]] Problem problem_of(const Error& error);
+// The error of the library in words. The library counts slaves from 1; the words name the position, which counts from
+// 0.
+[[nodiscard]] Problem problem_of(Context& ctx, const Error& error);
 
 }  // namespace margay::ethercat

@@ -16,13 +16,13 @@ namespace {
 Answer<> execute(Context& ctx, Request& request) {
     const auto begun = submit(ctx, request);
     const auto done = begun ? wait(ctx, request) : begun;
-    if (!done) return problem_of(done.error());
+    if (!done) return problem_of(ctx, done.error());
     return {};
 }
 
 // Calls `read` with growing memory until the value fits.
 template <class Read>
-Answer<Octets> read_whole(const Read& read) {
+Answer<Octets> read_whole(Context& ctx, const Read& read) {
     Octets buffer(1024);
     for (;;) {
         const auto bytes = read(std::span<std::byte>(buffer));
@@ -31,7 +31,7 @@ Answer<Octets> read_whole(const Read& read) {
             return buffer;
         }
         if (bytes.error().code != Errc::capacity || bytes.error().expected <= buffer.size())
-            return problem_of(bytes.error());
+            return problem_of(ctx, bytes.error());
         buffer.resize(bytes.error().expected);
     }
 }
@@ -84,17 +84,17 @@ Answer<std::vector<DictionaryObjectFacts>> StandaloneSession::dictionary(std::ui
             all.insert(all.end(), some.begin(), some.end());
         },
         &indices);
-    if (!listed) return problem_of(listed.error());
+    if (!listed) return problem_of(*ctx_, listed.error());
     std::vector<DictionaryObjectFacts> objects;
     for (const auto index : indices) {
         const auto described = read_object_description(*ctx_, *number, index);
-        if (!described) return problem_of(described.error());
-        auto& object = objects.emplace_back(
-            DictionaryObjectFacts{.index = index, .name = std::string(described->name()), .code = described->object_code});
+        if (!described) return problem_of(*ctx_, described.error());
+        auto& object = objects.emplace_back(DictionaryObjectFacts{
+            .index = index, .name = std::string(described->name()), .code = described->object_code});
         for (unsigned n = 0; entries && n <= described->max_subindex; ++n) {
             const auto entry = read_entry_description(*ctx_, *number, index, static_cast<std::uint8_t>(n));
             if (!entry && entry.error().code == Errc::sdo_abort) continue;  // the object has no such subindex
-            if (!entry) return problem_of(entry.error());
+            if (!entry) return problem_of(*ctx_, entry.error());
             object.entries.push_back(facts_of(*entry));
         }
     }
@@ -106,7 +106,7 @@ Answer<DictionaryEntryFacts> StandaloneSession::dictionary_entry(std::uint16_t p
     const auto number = number_of(position);
     if (!number) return number.problem();
     const auto entry = read_entry_description(*ctx_, *number, index, subindex);
-    if (!entry) return problem_of(entry.error());
+    if (!entry) return problem_of(*ctx_, entry.error());
     return facts_of(*entry);
 }
 
@@ -114,7 +114,7 @@ Answer<Octets> StandaloneSession::upload(std::uint16_t position, std::uint16_t i
                                          bool complete_access) {
     const auto number = number_of(position);
     if (!number) return number.problem();
-    return read_whole([&](std::span<std::byte> into) {
+    return read_whole(*ctx_, [&](std::span<std::byte> into) {
         return SDOread(*ctx_, *number, index, subindex, complete_access, into);
     });
 }
@@ -124,7 +124,7 @@ Answer<> StandaloneSession::download(std::uint16_t position, std::uint16_t index
     const auto number = number_of(position);
     if (!number) return number.problem();
     const auto done = SDOwrite(*ctx_, *number, index, subindex, complete_access, value);
-    if (!done) return problem_of(done.error());
+    if (!done) return problem_of(*ctx_, done.error());
     return {};
 }
 
@@ -168,15 +168,19 @@ Answer<> StandaloneSession::foe_write(std::uint16_t position, const FileTransfer
     set_up(request, *number, file);
     request.data = content;
     const auto done = execute(*ctx_, request);
-    // A slave whose firmware was cut stays in BOOT, where it takes another transfer.
-    if (!done) return with_slave_text(request, done.problem());
+    if (!done) {
+        auto problem = with_slave_text(request, done.problem());
+        // Its firmware may be cut, and in BOOT it takes another transfer.
+        if (file.boot) problem.text += "; the slave stays in BOOT";
+        return problem;
+    }
     return file.boot ? to_boot_and_back(*number, false) : Answer<>();
 }
 
 Answer<Octets> StandaloneSession::soe_read(std::uint16_t position, std::uint8_t drive, Idn idn) {
     const auto number = number_of(position);
     if (!number) return number.problem();
-    return read_whole([&](std::span<std::byte> into) {
+    return read_whole(*ctx_, [&](std::span<std::byte> into) {
         return SoEread(*ctx_, *number, drive, idn, soe_element::kValue, into);
     });
 }
@@ -185,7 +189,7 @@ Answer<SoeAttribute> StandaloneSession::soe_attribute(std::uint16_t position, st
     const auto number = number_of(position);
     if (!number) return number.problem();
     const auto attribute = SoEattribute(*ctx_, *number, drive, idn);
-    if (!attribute) return problem_of(attribute.error());
+    if (!attribute) return problem_of(*ctx_, attribute.error());
     return *attribute;
 }
 
@@ -194,7 +198,7 @@ Answer<> StandaloneSession::soe_write(std::uint16_t position, std::uint8_t drive
     const auto number = number_of(position);
     if (!number) return number.problem();
     const auto done = SoEwrite(*ctx_, *number, drive, idn, soe_element::kValue, value);
-    if (!done) return problem_of(done.error());
+    if (!done) return problem_of(*ctx_, done.error());
     return {};
 }
 
@@ -217,7 +221,7 @@ Answer<std::vector<EoeFacts>> StandaloneSession::eoe(std::chrono::milliseconds d
         one->port.slave = *number_of(slave.position);
         const auto begun = submit(*ctx_, one->port);
         facts.open = begun.ok();
-        if (!begun) note(samples::sentence(begun.error()));
+        if (!begun) note(problem_of(*ctx_, begun.error()).text);
         ports.emplace_back(std::move(facts), std::move(one));
     }
     if (!ports.empty()) pause(during);
@@ -240,7 +244,7 @@ Answer<> StandaloneSession::set_ip(std::uint16_t position, const EoeIp& ip) {
     const auto number = number_of(position);
     if (!number) return number.problem();
     const auto done = EOEset_ip(*ctx_, *number, ip);
-    if (!done) return problem_of(done.error());
+    if (!done) return problem_of(*ctx_, done.error());
     return {};
 }
 
@@ -254,7 +258,7 @@ Answer<Octets> StandaloneSession::read_registers(std::uint16_t position, std::ui
     for (std::size_t at = 0; at < bytes; at += kOnce) {
         const auto part = std::span(octets).subspan(at, std::min(kOnce, bytes - at));
         const auto read = read_register(*ctx_, *number, static_cast<std::uint16_t>(address + at), part);
-        if (!read) return problem_of(read.error());
+        if (!read) return problem_of(*ctx_, read.error());
     }
     return octets;
 }
@@ -298,7 +302,7 @@ Answer<Session::Description> StandaloneSession::describe(std::uint16_t position)
     const auto number = number_of(position);
     if (!number) return number.problem();
     auto device = files::describe_slave(*ctx_, *number);
-    if (!device) return Problem{fmt::format("slave {}: {}", *number, to_text(device.problem))};
+    if (!device) return Problem{fmt::format("position {}: {}", position, to_text(device.problem))};
     Description out{.device = std::move(*device)};
     for (const auto& remark : device.remarks) out.remarks.push_back(to_text(remark));
     return out;

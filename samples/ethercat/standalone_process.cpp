@@ -51,42 +51,47 @@ void add_startup(ConfigFacts& config, const SlaveConfiguration& wanted) {
 
 // ------------------------------------------------------------------ SyncManagers and PDOs
 
-Answer<std::vector<PdoFacts>> StandaloneSession::assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
-                                                               const files::EsiDevice* sii) {
+Result<PdoFacts> StandaloneSession::mapped_pdo(std::uint16_t number, std::uint16_t index, const files::EsiPdo* named) {
+    PdoFacts pdo{.index = index, .name = named == nullptr ? std::string() : named->name};
+    if (pdo.name.empty())
+        if (const auto object = read_object_description(*ctx_, number, index)) pdo.name = object->name();
+    const auto entries = SDOread<std::uint8_t>(*ctx_, number, index, 0);
+    if (!entries) return entries.error();
+    for (unsigned e = 1; e <= *entries; ++e) {
+        const auto mapped = SDOread<std::uint32_t>(*ctx_, number, index, static_cast<std::uint8_t>(e));
+        if (!mapped) return mapped.error();
+        PdoEntryFacts entry{.index = static_cast<std::uint16_t>(*mapped >> 16),
+                            .subindex = static_cast<std::uint8_t>(*mapped >> 8),
+                            .bits = static_cast<std::uint8_t>(*mapped)};
+        if (named != nullptr)
+            for (const auto& known : named->entries)
+                if (entry.index != 0 && known.index == entry.index && known.subindex == entry.subindex) {
+                    entry.name = known.name;
+                    entry.data_type = files::data_type_number(known.data_type);
+                }
+        if (entry.index != 0 && (entry.name.empty() || entry.data_type == 0)) {
+            const auto described = read_entry_description(*ctx_, number, entry.index, entry.subindex);
+            if (described && entry.name.empty()) entry.name = described->name();
+            if (described) entry.data_type = described->data_type;
+        }
+        pdo.entries.push_back(std::move(entry));
+    }
+    return pdo;
+}
+
+Result<std::vector<PdoFacts>> StandaloneSession::assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
+                                                               const files::EsiDevice& sii) {
     const auto list = static_cast<std::uint16_t>(kAssignment + sync_manager);
     const auto count = SDOread<std::uint8_t>(*ctx_, number, list, 0);
-    if (!count) return problem_of(count.error());
+    if (!count) return count.error();
     std::vector<PdoFacts> pdos;
     for (unsigned n = 1; n <= *count; ++n) {
         const auto index = SDOread<std::uint16_t>(*ctx_, number, list, static_cast<std::uint8_t>(n));
-        if (!index) return problem_of(index.error());
+        if (!index) return index.error();
         if (*index == 0) continue;
-        const auto* named = sii == nullptr ? nullptr : sii->find_pdo(*index);
-        PdoFacts pdo{.index = *index, .name = named == nullptr ? std::string() : named->name};
-        if (pdo.name.empty())
-            if (const auto object = read_object_description(*ctx_, number, *index)) pdo.name = object->name();
-        const auto entries = SDOread<std::uint8_t>(*ctx_, number, *index, 0);
-        if (!entries) return problem_of(entries.error());
-        for (unsigned e = 1; e <= *entries; ++e) {
-            const auto mapped = SDOread<std::uint32_t>(*ctx_, number, *index, static_cast<std::uint8_t>(e));
-            if (!mapped) return problem_of(mapped.error());
-            PdoEntryFacts entry{.index = static_cast<std::uint16_t>(*mapped >> 16),
-                                .subindex = static_cast<std::uint8_t>(*mapped >> 8),
-                                .bits = static_cast<std::uint8_t>(*mapped)};
-            if (named != nullptr)
-                for (const auto& known : named->entries)
-                    if (entry.index != 0 && known.index == entry.index && known.subindex == entry.subindex) {
-                        entry.name = known.name;
-                        entry.data_type = files::data_type_number(known.data_type);
-                    }
-            if (entry.index != 0 && (entry.name.empty() || entry.data_type == 0)) {
-                const auto described = read_entry_description(*ctx_, number, entry.index, entry.subindex);
-                if (described && entry.name.empty()) entry.name = described->name();
-                if (described) entry.data_type = described->data_type;
-            }
-            pdo.entries.push_back(std::move(entry));
-        }
-        pdos.push_back(std::move(pdo));
+        auto pdo = mapped_pdo(number, *index, sii.find_pdo(*index));
+        if (!pdo) return pdo.error();
+        pdos.push_back(std::move(*pdo));
     }
     return pdos;
 }
@@ -107,13 +112,14 @@ Answer<std::vector<SyncManagerFacts>> StandaloneSession::sync_managers(std::uint
                                .control = sm.control,
                                .enable = sm.enable,
                                .mailbox = sm.type == SmType::mailbox_out || sm.type == SmType::mailbox_in};
-        bool found = false;
+        bool by_sii = true;
         if (coe && carries_process_data(sm)) {
-            auto pdos = assigned_pdos(*number, n, *sii);
-            found = static_cast<bool>(pdos);
-            if (found) facts.pdos = std::move(*pdos);
+            auto pdos = assigned_pdos(*number, n, **sii);
+            by_sii = !pdos && pdos.error().code == Errc::sdo_abort;  // the slave has no such object
+            if (!pdos && !by_sii) return problem_of(*ctx_, pdos.error());
+            if (pdos) facts.pdos = std::move(*pdos);
         }
-        if (!found)
+        if (by_sii)
             for (const auto& pdo : (*sii)->pdos)
                 if (pdo.sync_manager == n) facts.pdos.push_back(facts_of(pdo));
         all.push_back(std::move(facts));
@@ -161,7 +167,7 @@ Answer<> StandaloneSession::map() {
     if (mapped_) return {};
     image_.assign(std::size_t{1} << 20, std::byte{0});
     const auto done = samples::map_groups(*ctx_, eni_.configuration ? &*eni_.configuration : nullptr, image_);
-    if (!done && !ctx_->group(0).mapped) return problem_of(done.error());
+    if (!done && !ctx_->group(0).mapped) return problem_of(*ctx_, done.error());
     mapped_ = true;
     return {};
 }
@@ -210,8 +216,7 @@ DomainFacts StandaloneSession::domain_facts(std::uint16_t index) {
     const auto octets = group.image.first(group.output_bytes + group.input_bytes);
     domain.data.assign(octets.begin(), octets.end());
     for (std::size_t n = 0; n < group.datagrams.size(); ++n) {
-        domain.base =
-            std::min(domain.base, process_datagram(*ctx_, n, static_cast<std::uint8_t>(index)).address.value);
+        domain.base = std::min(domain.base, process_datagram(*ctx_, n, static_cast<std::uint8_t>(index)).address.value);
         if (group.datagrams[n].came) domain.wkc += group.datagrams[n].got;
     }
     if (group.datagrams.empty()) domain.base = 0;

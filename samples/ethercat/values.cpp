@@ -241,8 +241,9 @@ Answer<std::string> value_text(const DataType& type, std::span<const std::byte> 
         case Kind::integer:
         case Kind::sign_magnitude:
             return fmt::format("0x{:0{}x} {}", number(value), 2 * type.bytes, signed_number(type, value));
-        case Kind::real: return type.bytes == 4 ? fmt::format("{}", static_cast<float>(real(value)))
-                                                : fmt::format("{}", real(value));
+        case Kind::real:
+            return type.bytes == 4 ? fmt::format("{}", static_cast<float>(real(value)))
+                                   : fmt::format("{}", real(value));
         case Kind::text: return plain_text(value);
         case Kind::unicode: return unicode_text(value);
         case Kind::octets: break;
