@@ -74,7 +74,7 @@ std::vector<std::string_view> with_slaves(std::initializer_list<std::string_view
     return all;
 }
 
-std::vector<Command> access_commands() {
+std::vector<Command> mailbox_commands() {
     return {
         {.name = "download",
          .summary = "Writes an entry of the object dictionary of a slave.",
@@ -153,6 +153,11 @@ std::vector<Command> access_commands() {
          .least = 2,
          .most = 3,
          .run = run_soe_write},
+    };
+}
+
+std::vector<Command> memory_commands() {
+    return {
         {.name = "reg_read",
          .summary = "Reads registers of a slave.",
          .forms = {"ADDRESS [SIZE]"},
@@ -346,8 +351,8 @@ std::vector<Command> process_data_commands() {
 }
 
 std::vector<Command> all_commands() {
-    auto all = access_commands();
-    for (auto part : {segment_commands(), process_data_commands()})
+    std::vector<Command> all;
+    for (auto part : {mailbox_commands(), memory_commands(), segment_commands(), process_data_commands()})
         for (auto& command : part) all.push_back(std::move(command));
     std::ranges::sort(all, {}, &Command::name);
     return all;

@@ -176,6 +176,16 @@ TEST_F(EthercatSegment, WritesAliases) {
     fails("sim:demo", "alias 65536 -p 1", 2, "ALIAS: '65536' is no whole number from 0 to 65535");
 }
 
+TEST_F(EthercatSegment, ReplaysTheRecordingOfTheSameCall) {
+    for (const std::string command : {"slaves", "crc", "domains -v", "pdos -p 3"}) {
+        const auto live = out("sim:demo", command + " --record r.pcap");
+        EXPECT_EQ(out("pcap:r.pcap", command), live) << command;
+    }
+    fails("pcap:r.pcap", "xml", 1, "a recording answers only what the recorded master asked");
+    fails("pcap:none", "slaves", 3, "none");
+    fails("sim:demo", "slaves --record no/such/folder", 3, "no/such/folder");
+}
+
 TEST_F(EthercatSegment, PrintsItsVersion) {
     EXPECT_TRUE(out("", "version").starts_with("ethercat (Margay) "));
     EXPECT_TRUE(contains(out("", "version --json"), "\"program\": \"ethercat\""));
