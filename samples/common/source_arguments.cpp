@@ -29,18 +29,6 @@ std::string ethernet_state(int socket, const char* name) {
     return (request.ifr_flags & IFF_RUNNING) != 0 ? "up" : "no link";
 }
 
-// Returns why `body` must not scan the segment; empty when it can.
-std::string scan_refusal(Source& source) {
-    const bool other_end = source.second() != nullptr && source.nic().link_state() == LinkState::down;
-    const auto look = look_at_segment(other_end ? *source.second() : source.nic(), source.osal());
-    if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
-    if (!look.running()) return {};
-    return fmt::format(
-        "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them, and this "
-        "program begins by putting all slaves to INIT. Use --take-over to do this.",
-        look.slaves);
-}
-
 }  // namespace
 
 void add_source_arguments(Arguments& arguments, SourceArguments& values, const std::string& more) {
@@ -74,6 +62,17 @@ std::string list_of_segments(const std::string& prefix) {
     std::string lines = "Ready-made simulated segments:\n";
     for (const auto& [name, title] : ready_made_segments()) lines += fmt::format("  {:<20} {}\n", prefix + name, title);
     return lines;
+}
+
+std::string scan_refusal(Source& source) {
+    const bool other_end = source.second() != nullptr && source.nic().link_state() == LinkState::down;
+    const auto look = look_at_segment(other_end ? *source.second() : source.nic(), source.osal());
+    if (!look.link) return sentence({.code = Errc::link_down, .step = Step::wait_link});
+    if (!look.running()) return {};
+    return fmt::format(
+        "slaves of this segment are in SAFEOP or OP ({} slaves answer): another master may be running them, and this "
+        "program begins by putting all slaves to INIT. Use --take-over to do this.",
+        look.slaves);
 }
 
 int run_on_source(const SourceArguments& values, const std::function<int(Source&)>& body) {

@@ -23,6 +23,10 @@ void add_source_arguments(Arguments& arguments, SourceArguments& values, const s
 [[nodiscard]] std::string list_of_interfaces();
 [[nodiscard]] std::string list_of_segments(const std::string& prefix);
 
+// Why a program must not scan the segment: slaves are in SAFEOP or OP, or there is no link. Empty when it can. Reads
+// the AL status of all slaves, before init().
+[[nodiscard]] std::string scan_refusal(Source& source);
+
 // Opens the source, executes `body`, closes the source and returns the exit code. Reports errors of the source on
 // standard error. Refuses a segment on an interface when slaves are in SAFEOP or OP, unless --take-over is given:
 // another master may be running them, and `body` begins with a scan, which puts all slaves to INIT.

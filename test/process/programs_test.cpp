@@ -20,7 +20,7 @@ class EachProgram : public testing::TestWithParam<const char*> {
 
 INSTANTIATE_TEST_SUITE_P(Programs, EachProgram,
                          testing::Values("slaveinfo", "eepromtool", "simple_io", "segment_monitor", "virtual_segment",
-                                         "segment_fidelity", "sii_from_capture", "dc_motion", "dc_plot"),
+                                         "segment_fidelity", "sii_from_capture", "dc_motion", "dc_plot", "ethercat"),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {

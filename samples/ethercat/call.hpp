@@ -1,0 +1,92 @@
+// One call of `ethercat`: its arguments, its masters, the selected slaves, and its output.
+#pragma once
+
+#include "ethercat/parse.hpp"
+#include "ethercat/session.hpp"
+#include "ethercat/values.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace margay::ethercat {
+
+struct Master {
+    unsigned index = 0;
+    std::unique_ptr<Session> session{};
+};
+
+// What a command prints of one master. With --json `json` counts, otherwise `text`.
+struct Output {
+    std::string text{};
+    nlohmann::ordered_json json = nlohmann::ordered_json::object();
+};
+
+// A selected slave, and the master that it belongs to.
+struct SelectedSlave {
+    Master* master = nullptr;
+    SlaveFacts slave{};
+    [[nodiscard]] Session& session() const { return *master->session; }
+    [[nodiscard]] std::uint16_t position() const { return slave.position; }
+};
+
+class Call {
+  public:
+    Call(const Arguments& arguments, std::vector<Master> masters)
+        : arguments_(arguments), masters_(std::move(masters)) {}
+
+    [[nodiscard]] const Arguments& arguments() const { return arguments_; }
+    [[nodiscard]] const std::vector<std::string>& words() const { return arguments_.words; }
+    [[nodiscard]] bool has(std::string_view option) const { return arguments_.has(option); }
+    [[nodiscard]] std::string value(std::string_view option) const { return arguments_.value(option); }
+    [[nodiscard]] bool json() const { return has("json"); }
+    [[nodiscard]] std::vector<Master>& masters() { return masters_; }
+
+    // Reports a problem on standard error and returns its exit code.
+    int fail(const Problem& problem) const;
+
+    // Calls `work` for each master and prints its output; {"masters": [{"master": 0, …}]} with --json. A problem of one
+    // master does not stop the others. Returns the greatest exit code.
+    int each_master(const std::function<Answer<>(Master& master, Output& output)>& work);
+    // Prints the result of a command for one slave.
+    int print(const Output& output) const;
+
+    // The selected slaves of a master. A problem if no slave is selected, unless nothing was asked for.
+    [[nodiscard]] Answer<std::vector<SlaveFacts>> selected(Master& master) const;
+    // The one slave of a command that needs one.
+    [[nodiscard]] Answer<SelectedSlave> one_slave();
+    // The number in an argument or an option, for example number("INDEX", word, 0xFFFF).
+    [[nodiscard]] static Answer<std::uint64_t> number(std::string_view what, std::string_view text, std::uint64_t most);
+    // Of an option; `standard` where it is not given.
+    [[nodiscard]] Answer<std::uint64_t> option_number(std::string_view option, std::uint64_t standard,
+                                                      std::uint64_t most) const;
+    [[nodiscard]] Answer<std::optional<Numbers>> option_numbers(std::string_view option) const;
+
+    // Executes `once` one time, or with --watch again and again: with `pause` between, up to --count, until a signal.
+    int repeat(const std::function<int()>& once);
+
+  private:
+    const Arguments& arguments_;
+    std::vector<Master> masters_;
+};
+
+// {"master": 0, "position": 3}
+[[nodiscard]] nlohmann::ordered_json place_json(const SelectedSlave& slave);
+// "=== Master 0, Slave 3 ===" and a line end.
+[[nodiscard]] std::string slave_heading(const Master& master, const SlaveFacts& slave);
+// The name of an entry of a PDO; "Gap" for a gap.
+[[nodiscard]] std::string title_of(const PdoEntryFacts& entry);
+// The type that --type names; nullptr: the option is not given.
+[[nodiscard]] Answer<const DataType*> named_type(const Call& call);
+// The octets of a value on the command line; "-" reads standard input.
+[[nodiscard]] Answer<Octets> value_argument(const DataType& type, const std::string& word);
+// The octets of a file, or of standard input ("-").
+[[nodiscard]] Answer<Octets> read_octets(const std::string& path);
+// Writes octets to the file, or to standard output ("-").
+[[nodiscard]] Answer<> write_octets(const std::string& path, std::span<const std::byte> octets);
+
+}  // namespace margay::ethercat

@@ -1,0 +1,141 @@
+// The commands foe_read, foe_write, sii_read, sii_write, alias.
+#include "ethercat/call.hpp"
+#include "ethercat/commands.hpp"
+
+#include "common/sii_text.hpp"
+#include "ethercat/session_eeprom.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+namespace margay::ethercat {
+namespace {
+
+Answer<Session::FileTransfer> transfer_of(const Call& call, std::string name) {
+    const auto password = call.option_number("password", 0, UINT32_MAX);
+    if (!password) return password.problem();
+    return Session::FileTransfer{
+        .name = std::move(name), .password = static_cast<std::uint32_t>(*password), .boot = call.has("boot")};
+}
+
+Answer<> write_one_alias(const Call& call, const SelectedSlave& slave, std::uint16_t alias, Output& output) {
+    SessionEeprom eeprom(slave.session(), slave.position());
+    const auto report = samples::write_alias(eeprom, alias, call.has("force"));
+    if (!report.error.empty()) return Problem{report.error};
+    if (call.has("verbose"))
+        output.text += fmt::format("Slave {}: alias {}, it was {}\n", slave.position(), report.after, report.before);
+    output.json["slaves"].push_back(
+        {{"position", slave.position()}, {"before", report.before}, {"after", report.after}});
+    return {};
+}
+
+}  // namespace
+
+int run_foe_read(Call& call) {
+    const auto transfer = transfer_of(call, call.words()[0]);
+    if (!transfer) return call.fail(transfer.problem());
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    const auto content = slave->session().foe_read(slave->position(), *transfer);
+    if (!content) return call.fail(content.problem());
+    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
+    if (call.json() && path == "-") {
+        Output output;
+        output.json = place_json(*slave);
+        output.json["name"] = transfer->name;
+        output.json["octets"] = hex(*content);
+        return call.print(output);
+    }
+    const auto written = write_octets(path, *content);
+    return written ? samples::exit_code::kWell : call.fail(written.problem());
+}
+
+int run_foe_write(Call& call) {
+    const auto& path = call.words()[0];
+    if (path == "-" && !call.has("output-file"))
+        return call.fail({"standard input has no name: --output-file is the name of the file in the slave",
+                          samples::exit_code::kUsage});
+    const auto name =
+        call.has("output-file") ? call.value("output-file") : std::filesystem::path(path).filename().string();
+    const auto transfer = transfer_of(call, name);
+    if (!transfer) return call.fail(transfer.problem());
+    const auto content = read_octets(path);
+    if (!content) return call.fail(content.problem());
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    const auto done = slave->session().foe_write(slave->position(), *transfer, *content);
+    if (!done) return call.fail(done.problem());
+    Output output;
+    output.json = place_json(*slave);
+    output.json["name"] = name;
+    output.json["bytes"] = content->size();
+    if (call.has("verbose")) output.text = fmt::format("{}: {} octets written\n", name, content->size());
+    return call.print(output);
+}
+
+int run_sii_read(Call& call) {
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    SessionEeprom eeprom(slave->session(), slave->position());
+    const auto content = samples::read_used_part(eeprom, samples::no_progress());
+    if (!content.error.empty()) return call.fail({content.error});
+    const auto path = call.has("output-file") ? call.value("output-file") : std::string("-");
+    Octets octets = content.octets;
+    if (call.json() || call.has("verbose")) {
+        Output output;
+        output.json = place_json(*slave);
+        output.json["octets"] = hex(octets);
+        output.text = samples::sii_text(octets);
+        if (path == "-") return call.print(output);
+        const auto text = call.json() ? output.json.dump(2) + "\n" : output.text;
+        const auto bytes = std::as_bytes(std::span(text));
+        octets.assign(bytes.begin(), bytes.end());
+    }
+    const auto written = write_octets(path, octets);
+    return written ? samples::exit_code::kWell : call.fail(written.problem());
+}
+
+int run_sii_write(Call& call) {
+    const auto image = samples::load_image(call.words()[0]);
+    if (!image.error.empty()) return call.fail({image.error, samples::exit_code::kSystem});
+    if (image.octets.size() % 2 != 0)
+        return call.fail(
+            {fmt::format("{}: {} octets are not a whole number of words", call.words()[0], image.octets.size())});
+    const auto fault = call.has("force") ? std::string() : samples::image_fault(image.octets);
+    if (!fault.empty())
+        return call.fail({fmt::format("{}: {}: use --force to write it nevertheless", call.words()[0], fault)});
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    SessionEeprom eeprom(slave->session(), slave->position());
+    const auto report = samples::write_eeprom(eeprom, image.octets, samples::no_progress());
+    if (!report.error.empty()) return call.fail({report.error + (report.left.empty() ? "" : "; " + report.left)});
+    Output output;
+    output.json = place_json(*slave);
+    output.json["words"] = report.words;
+    output.json["changed"] = report.different;
+    if (call.has("verbose"))
+        output.text = fmt::format("{} words, {} of them changed\n", report.words, report.different);
+    return call.print(output);
+}
+
+int run_alias(Call& call) {
+    const auto alias = Call::number("ALIAS", call.words()[0], 0xFFFF);
+    if (!alias) return call.fail(alias.problem());
+    return call.each_master([&](Master& master, Output& output) -> Answer<> {
+        const auto selected = call.selected(master);
+        if (!selected) return selected.problem();
+        if (selected->size() > 1 && !call.has("force"))
+            return Problem{
+                fmt::format("{} slaves are selected: use --force to write the alias of all of them", selected->size()),
+                samples::exit_code::kUsage};
+        output.json["slaves"] = nlohmann::ordered_json::array();
+        for (const SlaveFacts& slave : *selected) {
+            const auto done = write_one_alias(call, {&master, slave}, static_cast<std::uint16_t>(*alias), output);
+            if (!done) return done;
+        }
+        return {};
+    });
+}
+
+}  // namespace margay::ethercat

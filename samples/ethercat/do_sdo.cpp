@@ -1,0 +1,141 @@
+// The commands sdos, upload, download.
+#include "ethercat/call.hpp"
+#include "ethercat/commands.hpp"
+#include "ethercat/values.hpp"
+
+#include <fmt/format.h>
+
+namespace margay::ethercat {
+namespace {
+
+// "rwr-r-": readable and writable in PREOP, SAFEOP, OP.
+std::string rights_text(std::uint16_t access) {
+    std::string text;
+    for (unsigned state = 0; state < 3; ++state) {
+        text += (access & (1U << state)) != 0 ? 'r' : '-';
+        text += (access & (8U << state)) != 0 ? 'w' : '-';
+    }
+    return text;
+}
+
+struct Place {
+    std::uint16_t index = 0;
+    std::uint8_t subindex = 0;
+    bool complete = false;
+};
+
+Answer<Place> place_of(const std::vector<std::string>& words, std::size_t count) {
+    const auto index = Call::number("INDEX", words[0], 0xFFFF);
+    if (!index) return index.problem();
+    Place place{.index = static_cast<std::uint16_t>(*index), .complete = count == 1};
+    if (count == 1) return place;
+    const auto subindex = Call::number("SUBINDEX", words[1], 0xFF);
+    if (!subindex) return subindex.problem();
+    place.subindex = static_cast<std::uint8_t>(*subindex);
+    return place;
+}
+
+Answer<const DataType*> type_of(const Call& call, const SelectedSlave& slave, const Place& place) {
+    const auto named = named_type(call);
+    if (!named || *named != nullptr) return named;
+    if (place.complete) return type_by_name("octet_string");
+    const auto entry = slave.session().dictionary_entry(slave.position(), place.index, place.subindex);
+    if (!entry) return Problem{fmt::format("the type of the entry is not known: {}: use --type", entry.problem().text)};
+    const auto* type = type_by_code(entry->data_type);
+    if (type == nullptr)
+        return Problem{fmt::format("entry 0x{:04x}:{:02x} has {} of the standard, which has no name here: use --type",
+                                   place.index, place.subindex, type_text(entry->data_type))};
+    return type;
+}
+
+Answer<> add_dictionary(const Call& call, const SelectedSlave& slave, Output& output) {
+    const auto objects = slave.session().dictionary(slave.position(), !call.has("quiet"));
+    if (!objects) return objects.problem();
+    auto all = nlohmann::ordered_json::array();
+    for (const auto& object : *objects) {
+        output.text += fmt::format("SDO 0x{:04x}, \"{}\"\n", object.index, object.name);
+        auto entries = nlohmann::ordered_json::array();
+        for (const auto& entry : object.entries) {
+            output.text += fmt::format("  0x{:04x}:{:02x}, {}, {}, {} bit, \"{}\"\n", object.index, entry.subindex,
+                                       rights_text(entry.access), type_text(entry.data_type), entry.bits, entry.name);
+            entries.push_back({{"subindex", entry.subindex},
+                               {"access", rights_text(entry.access)},
+                               {"type", type_text(entry.data_type)},
+                               {"data_type", entry.data_type},
+                               {"bits", entry.bits},
+                               {"name", entry.name}});
+        }
+        nlohmann::ordered_json json{{"index", object.index}, {"name", object.name}};
+        if (!call.has("quiet")) json["entries"] = entries;
+        all.push_back(std::move(json));
+    }
+    output.json["slaves"].push_back({{"position", slave.position()}, {"objects", all}});
+    return {};
+}
+
+}  // namespace
+
+int run_sdos(Call& call) {
+    return call.each_master([&](Master& master, Output& output) -> Answer<> {
+        const auto selected = call.selected(master);
+        if (!selected) return selected.problem();
+        output.json["slaves"] = nlohmann::ordered_json::array();
+        for (const SlaveFacts& slave : *selected) {
+            const bool coe = slave.mailbox.present() && (slave.mailbox.protocols & mailbox_protocol::kCoE) != 0;
+            if (!coe && selected->size() > 1) continue;
+            if (selected->size() > 1) output.text += slave_heading(master, slave);
+            const auto added = add_dictionary(call, {&master, slave}, output);
+            if (!added) return added;
+        }
+        return {};
+    });
+}
+
+int run_upload(Call& call) {
+    const auto place = place_of(call.words(), call.words().size());
+    if (!place) return call.fail(place.problem());
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    const auto type = type_of(call, *slave, *place);
+    if (!type) return call.fail(type.problem());
+    const auto value = slave->session().upload(slave->position(), place->index, place->subindex, place->complete);
+    if (!value) return call.fail(value.problem());
+    if (call.has("output-file")) {
+        const auto written = write_octets(call.value("output-file"), *value);
+        return written ? samples::exit_code::kWell : call.fail(written.problem());
+    }
+    Output output;
+    output.json = place_json(*slave);
+    output.json["index"] = place->index;
+    output.json["subindex"] =
+        place->complete ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(place->subindex);
+    output.json["type"] = (*type)->name;
+    output.json["value"] = value_json(**type, *value);
+    output.json["octets"] = hex(*value);
+    const auto text = value_text(**type, *value);
+    if (!text) return call.fail(text.problem());
+    output.text = *text + "\n";
+    return call.print(output);
+}
+
+int run_download(Call& call) {
+    const auto place = place_of(call.words(), call.words().size() - 1);
+    if (!place) return call.fail(place.problem());
+    const auto slave = call.one_slave();
+    if (!slave) return call.fail(slave.problem());
+    const auto type = type_of(call, *slave, *place);
+    if (!type) return call.fail(type.problem());
+    const auto octets = value_argument(**type, call.words().back());
+    if (!octets) return call.fail(octets.problem());
+    const auto done =
+        slave->session().download(slave->position(), place->index, place->subindex, place->complete, *octets);
+    if (!done) return call.fail(done.problem());
+    if (!call.json()) return samples::exit_code::kWell;
+    Output output;
+    output.json = place_json(*slave);
+    output.json["index"] = place->index;
+    output.json["written"] = hex(*octets);
+    return call.print(output);
+}
+
+}  // namespace margay::ethercat

@@ -1,0 +1,90 @@
+#include "ethercat/selection.hpp"
+
+#include <algorithm>
+#include <charconv>
+
+namespace margay::ethercat {
+
+std::optional<std::uint64_t> parse_unsigned(std::string_view text, std::uint64_t most) {
+    int base = 10;
+    if (text.starts_with("0x") || text.starts_with("0X")) {
+        base = 16;
+        text.remove_prefix(2);
+    } else if (text.size() > 1 && text.front() == '0') {
+        base = 8;
+        text.remove_prefix(1);
+    }
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+    if (text.empty() || error != std::errc{} || end != text.data() + text.size() || value > most) return std::nullopt;
+    return value;
+}
+
+std::optional<std::int64_t> parse_signed(std::string_view text, std::int64_t least, std::int64_t most) {
+    const bool negative = text.starts_with('-');
+    if (negative || text.starts_with('+')) text.remove_prefix(1);
+    const auto limit = negative ? ~static_cast<std::uint64_t>(least) + 1 : static_cast<std::uint64_t>(most);
+    const auto value = parse_unsigned(text, limit);
+    if (!value) return std::nullopt;
+    return static_cast<std::int64_t>(negative ? ~*value + 1 : *value);
+}
+
+std::optional<Numbers> Numbers::parse(std::string_view text) {
+    Numbers out;
+    const auto number = [](std::string_view word) { return parse_unsigned(word, UINT32_MAX); };
+    for (std::size_t at = 0; at <= text.size();) {
+        const auto comma = std::min(text.find(',', at), text.size());
+        const auto word = text.substr(at, comma - at);
+        at = comma + 1;
+        const auto dash = word.find('-');
+        const auto first = dash == 0 ? std::optional<std::uint64_t>(0) : number(word.substr(0, dash));
+        const auto last = dash == std::string_view::npos ? first
+                          : dash + 1 == word.size()      ? std::optional<std::uint64_t>(UINT32_MAX)
+                                                         : number(word.substr(dash + 1));
+        if (word.empty() || !first || !last || *first > *last) return std::nullopt;
+        out.ranges_.push_back({static_cast<std::uint32_t>(*first), static_cast<std::uint32_t>(*last)});
+    }
+    return out;
+}
+
+bool Numbers::contains(std::uint32_t number) const {
+    return std::ranges::any_of(ranges_, [&](const Range& r) { return number >= r.first && number <= r.last; });
+}
+
+std::optional<std::uint32_t> Numbers::single() const {
+    if (ranges_.size() != 1 || ranges_[0].first != ranges_[0].last) return std::nullopt;
+    return ranges_[0].first;
+}
+
+std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves) {
+    std::vector<AliasAddress> out;
+    AliasAddress next;
+    for (const SlaveFacts& slave : slaves) {
+        if (slave.alias != 0) next = {slave.alias, 0};
+        out.push_back(next);
+        ++next.relative;
+    }
+    return out;
+}
+
+std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves, const std::optional<Numbers>& aliases,
+                               const std::optional<Numbers>& positions) {
+    const auto addresses = alias_addresses(slaves);
+    std::vector<SlaveFacts> out;
+    // The slaves with a selected alias at or before the slave, by their distance to it: a relative position may reach
+    // beyond the next slave with another alias.
+    std::vector<std::size_t> bases;
+    for (std::size_t n = 0; n < slaves.size(); ++n) {
+        if (aliases && slaves[n].alias != 0 && aliases->contains(slaves[n].alias)) bases.push_back(n);
+        const bool by_position = positions && positions->contains(slaves[n].position);
+        const bool by_both = positions && ((aliases && aliases->contains(0) && by_position) ||
+                                           std::ranges::any_of(bases, [&](std::size_t base) {
+                                               return positions->contains(static_cast<std::uint32_t>(n - base));
+                                           }));
+        const bool by_alias = aliases && aliases->contains(addresses[n].alias);
+        if (aliases ? (positions ? by_both : by_alias) : !positions || by_position) out.push_back(slaves[n]);
+    }
+    return out;
+}
+
+}  // namespace margay::ethercat

@@ -1,0 +1,48 @@
+// Numbers in the arguments of `ethercat`: single ones, lists and ranges ("1,4,5,7-9"), and the slaves that they select.
+#pragma once
+
+#include "ethercat/session.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+namespace margay::ethercat {
+
+// Parses a whole number in the notation of C: decimal, octal with 0, hexadecimal with 0x. Nothing: `text` is none, or
+// it is not from `least` to `most`.
+[[nodiscard]] std::optional<std::uint64_t> parse_unsigned(std::string_view text, std::uint64_t most);
+[[nodiscard]] std::optional<std::int64_t> parse_signed(std::string_view text, std::int64_t least, std::int64_t most);
+
+// A set of numbers. "-" is all of them; "3-" is all from 3 on, "-3" all up to 3.
+class Numbers {
+  public:
+    [[nodiscard]] static std::optional<Numbers> parse(std::string_view text);
+    [[nodiscard]] bool contains(std::uint32_t number) const;
+    // The number if it is a single one.
+    [[nodiscard]] std::optional<std::uint32_t> single() const;
+
+  private:
+    struct Range {
+        std::uint32_t first = 0;
+        std::uint32_t last = 0;
+    };
+    std::vector<Range> ranges_{};
+};
+
+// The address of a slave by alias: the number of slaves behind the last slave with an alias. Alias 0: there is no such
+// slave before it.
+struct AliasAddress {
+    std::uint16_t alias = 0;
+    std::uint16_t relative = 0;
+};
+// For each slave of the ring.
+[[nodiscard]] std::vector<AliasAddress> alias_addresses(const std::vector<SlaveFacts>& slaves);
+
+// The slaves that --alias and --position select.
+[[nodiscard]] std::vector<SlaveFacts> select(const std::vector<SlaveFacts>& slaves,
+                                             const std::optional<Numbers>& aliases,
+                                             const std::optional<Numbers>& positions);
+
+}  // namespace margay::ethercat

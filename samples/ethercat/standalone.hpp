@@ -1,0 +1,111 @@
+// The session that opens a SOURCE itself and is the master of its segment, by the public API.
+#pragma once
+
+#include "common/source.hpp"
+#include "common/xml_files.hpp"
+#include "ethercat/session.hpp"
+
+#include <margay/files/esi.hpp>
+#include <margay/host_context.hpp>
+#include <margay/margay.hpp>
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace margay::ethercat {
+
+struct StandaloneSettings {
+    unsigned index = 0;  // number of the master, for names of interfaces
+    std::string source{};
+    samples::SourceOptions options{};
+    bool take_over = false;
+    std::string eni{};  // path; empty: none
+};
+
+// Opens and scans the segment at the first call that needs it.
+class StandaloneSession final : public Session {
+  public:
+    explicit StandaloneSession(StandaloneSettings settings) : settings_(std::move(settings)) {}
+    ~StandaloneSession() override;
+
+    Answer<MasterFacts> master() override;
+    Answer<std::vector<SlaveFacts>> slaves() override;
+    Answer<SlaveTexts> texts(std::uint16_t position) override;
+    Answer<ClockFacts> clock(std::uint16_t position) override;
+    Answer<ErrorCounters> error_counters(std::uint16_t position) override;
+    Answer<> reset_error_counters(std::uint16_t position) override;
+    Answer<std::uint16_t> rescan() override;
+    Answer<> set_debug_level(unsigned level) override;
+    Answer<> set_states(std::span<const std::uint16_t> positions, AlState state) override;
+    Answer<std::vector<SyncManagerFacts>> sync_managers(std::uint16_t position) override;
+    Answer<std::vector<ConfigFacts>> configs() override;
+    Answer<std::vector<DomainFacts>> domains() override;
+    Answer<std::vector<DictionaryObjectFacts>> dictionary(std::uint16_t position, bool entries) override;
+    Answer<DictionaryEntryFacts> dictionary_entry(std::uint16_t position, std::uint16_t index,
+                                                  std::uint8_t subindex) override;
+    Answer<Octets> upload(std::uint16_t position, std::uint16_t index, std::uint8_t subindex,
+                          bool complete_access) override;
+    Answer<> download(std::uint16_t position, std::uint16_t index, std::uint8_t subindex, bool complete_access,
+                      std::span<const std::byte> value) override;
+    Answer<Octets> foe_read(std::uint16_t position, const FileTransfer& file) override;
+    Answer<> foe_write(std::uint16_t position, const FileTransfer& file, std::span<const std::byte> content) override;
+    Answer<Octets> soe_read(std::uint16_t position, std::uint8_t drive, Idn idn) override;
+    Answer<SoeAttribute> soe_attribute(std::uint16_t position, std::uint8_t drive, Idn idn) override;
+    Answer<> soe_write(std::uint16_t position, std::uint8_t drive, Idn idn, std::span<const std::byte> value) override;
+    Answer<std::vector<EoeFacts>> eoe(std::chrono::milliseconds during) override;
+    Answer<> set_ip(std::uint16_t position, const EoeIp& ip) override;
+    Answer<Octets> read_registers(std::uint16_t position, std::uint16_t address, std::size_t bytes) override;
+    Answer<> write_registers(std::uint16_t position, std::uint16_t address, std::span<const std::byte> value,
+                             bool urgent) override;
+    Answer<> read_sii(std::uint16_t position, std::uint32_t word, std::span<std::byte> into) override;
+    Answer<> write_sii(std::uint16_t position, std::uint32_t word, std::span<const std::byte> value) override;
+    Answer<Description> describe(std::uint16_t position) override;
+    void pause(std::chrono::milliseconds time) override;
+    std::vector<std::string> messages() override;
+    Answer<> close() override;
+
+  private:
+    Answer<> open();
+    Answer<> open_source();
+    Answer<std::uint16_t> scan();
+    // Opens the segment, and finds the slave.
+    Answer<std::uint16_t> number_of(std::uint16_t position);
+    [[nodiscard]] std::uint16_t position_of(std::uint16_t number);
+    Answer<> map();
+    void exchange();
+    Answer<const files::EsiDevice*> sii_of(std::uint16_t number);
+    Answer<> to_boot_and_back(std::uint16_t number, bool boot);
+    Answer<> reach_with_process_data(std::span<const std::uint16_t> numbers, AlState state);
+    // What the object dictionary says: the entries of a PDO, and the PDOs of a SyncManager. `named` and `sii` have the
+    // names of the SII.
+    Result<PdoFacts> mapped_pdo(std::uint16_t number, std::uint16_t index, const files::EsiPdo* named);
+    Result<std::vector<PdoFacts>> assigned_pdos(std::uint16_t number, std::uint8_t sync_manager,
+                                                const files::EsiDevice& sii);
+    [[nodiscard]] DomainFacts domain_facts(std::uint16_t index);
+    void add_fmmus(DomainFacts& domain, const Slave& slave);
+    void note(std::string text) { notes_.push_back(std::move(text)); }
+    void wait_until(Time end);
+
+    StandaloneSettings settings_;
+    bool silent_ = false;
+    bool closed_ = false;
+    std::optional<Problem> failure_{};  // of opening
+    std::unique_ptr<samples::Source> source_{};
+    samples::EniFile eni_{};
+    std::unique_ptr<HostContext> ctx_{};
+    bool mapped_ = false;
+    bool keep_states_ = false;  // the user has asked for a state: it stays at the end
+    bool clocks_measured_ = false;
+    std::vector<std::byte> image_{};
+    std::map<std::uint16_t, files::EsiDevice> sii_{};  // by number
+    std::vector<std::string> notes_{};
+};
+
+// The error of the library in words. The library counts slaves from 1; the words name the position, which counts from
+// 0.
+[[nodiscard]] Problem problem_of(Context& ctx, const Error& error);
+
+}  // namespace margay::ethercat

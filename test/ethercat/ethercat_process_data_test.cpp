@@ -1,0 +1,164 @@
+// The commands of ethercat about process data: pdos, cstruct, xml, config, domains, data.
+#include "ethercat/ethercat_fixture.hpp"
+
+#include <margay/files/esi.hpp>
+
+namespace margay::process {
+namespace {
+
+using EthercatProcessData = EthercatTest;
+
+TEST_F(EthercatProcessData, ListsPdosOfTheDictionaryAndOfTheSii) {
+    EXPECT_EQ(out("sim:drives", "pdos -p 0"),
+              "SM0: PhysAddr 0x1000, DefaultSize  256, ControlRegister 0x26, Enable 1\n"
+              "SM1: PhysAddr 0x1200, DefaultSize  256, ControlRegister 0x22, Enable 1\n"
+              "SM2: PhysAddr 0x1400, DefaultSize   14, ControlRegister 0x64, Enable 1\n"
+              "  RxPDO 0x1600 \"RxPDO\"\n"
+              "    PDO entry 0x6040:00, 16 bit, \"Controlword\"\n"
+              "    PDO entry 0x607a:00, 32 bit, \"Target position\"\n"
+              "    PDO entry 0x60ff:00, 32 bit, \"Target velocity\"\n"
+              "    PDO entry 0x6071:00, 16 bit, \"Target torque\"\n"
+              "    PDO entry 0x6060:00,  8 bit, \"Modes of operation\"\n"
+              "    PDO entry 0x0000:00,  8 bit, \"Gap\"\n"
+              "SM3: PhysAddr 0x1600, DefaultSize   20, ControlRegister 0x20, Enable 1\n"
+              "  TxPDO 0x1a00 \"TxPDO\"\n"
+              "    PDO entry 0x6041:00, 16 bit, \"Statusword\"\n"
+              "    PDO entry 0x6064:00, 32 bit, \"Position actual value\"\n"
+              "    PDO entry 0x606c:00, 32 bit, \"Velocity actual value\"\n"
+              "    PDO entry 0x6077:00, 16 bit, \"Torque actual value\"\n"
+              "    PDO entry 0x6061:00,  8 bit, \"Modes of operation display\"\n"
+              "    PDO entry 0x0000:00,  8 bit, \"Gap\"\n"
+              "    PDO entry 0x603f:00, 16 bit, \"Error code\"\n"
+              "    PDO entry 0x60fd:00, 32 bit, \"Digital inputs\"\n");
+    const auto sii = out("sim:demo", "pdos -p 1");
+    EXPECT_TRUE(
+        sii.starts_with("SM0: PhysAddr 0x1000, DefaultSize    1, ControlRegister 0x00, Enable 1\n"
+                        "  TxPDO 0x1a00 \"Channel 1\"\n    PDO entry 0x6000:01,  1 bit, \"Value\"\n"))
+        << sii;
+    EXPECT_TRUE(contains(out("sim:demo", "pdos"), "=== Master 0, Slave 1 ===\nSM0: "));
+    EXPECT_TRUE(contains(out("sim:demo", "pdos -p 1 --json"), "\"direction\": \"inputs\""));
+    const auto etherlab = out("sim:drives", "pdos -p 0 --skin etherlab");
+    EXPECT_TRUE(contains(etherlab, "slave_config.vendor = hex2dec('00004d47');\n")) << etherlab;
+    EXPECT_TRUE(contains(etherlab, "hex2dec('607a'), hex2dec('00'), 32; ...\n")) << etherlab;
+    EXPECT_TRUE(contains(etherlab, "port_config.output(2).pdo_data_type = sint(32);\n")) << etherlab;
+    fails("sim:demo", "pdos --skin bare", 2, "--skin: 'bare' is none of default, etherlab");
+}
+
+// The output compiles with our ecrt.h, in C and in C++, and configures a slave.
+TEST_F(EthercatProcessData, PrintsCThatCompiles) {
+    const auto text = out("sim:drives", "cstruct -p 0");
+    EXPECT_TRUE(
+        text.starts_with("/* Master 0, Slave 0, \"Servo drive\"\n * Vendor ID:       0x00004d47\n"
+                         " * Product code:    0x00005402\n * Revision number: 0x00000001\n */\n"))
+        << text;
+    EXPECT_TRUE(contains(text,
+                         "ec_sync_info_t slave_0_syncs[] = {\n"
+                         "    {2, EC_DIR_OUTPUT, 1, slave_0_pdos + 0, EC_WD_ENABLE},\n"
+                         "    {3, EC_DIR_INPUT, 1, slave_0_pdos + 1, EC_WD_DISABLE},\n"
+                         "    {0xff}\n};\n"))
+        << text;
+    for (const std::string segment : {"drives", "demo", "mixed200"}) {
+        const auto all = out("sim:" + segment, "cstruct");
+        const bool first = contains(all, "slave_0_syncs");
+        folder.write("all.c",
+                     "#include <ecrt.h>\n#include <stddef.h>\n" + all +
+                         "int use(ec_slave_config_t* sc) {\n    return ecrt_slave_config_pdos(sc, EC_END, slave_" +
+                         (first ? "0" : "1") + "_syncs);\n}\n");
+        const std::string includes = " -I'" MARGAY_SOURCE_DIR "/src/compat/ecrt/include' ";
+        const auto c = folder.run("cc -std=c99 -Wall -Werror -fsyntax-only" + includes + "all.c");
+        EXPECT_EQ(c.status, 0) << segment << c.err;
+        const auto cpp = folder.run("c++ -x c++ -Wall -Werror -fsyntax-only" + includes + "all.c");
+        EXPECT_EQ(cpp.status, 0) << segment << cpp.err;
+    }
+    EXPECT_TRUE(contains(out("sim:demo", "cstruct -p 0"), "/* No process data. */\n"));
+    fails("sim:demo", "cstruct -p 7", 1, "no slave of master 0 is selected by --position 7");
+}
+
+TEST_F(EthercatProcessData, WritesAnEsiThatTheReaderAccepts) {
+    EXPECT_EQ(out("sim:demo", "xml -o all.xml"), "");
+    const auto esi = files::read_esi(content_of(folder.path() / "all.xml"));
+    ASSERT_TRUE(esi) << to_text(esi.problem);
+    EXPECT_EQ(esi->devices.size(), 5U);
+    EXPECT_EQ(out("sim:demo", "xml"), content_of(folder.path() / "all.xml"));
+    EXPECT_TRUE(contains(out("sim:demo", "xml -p 1 --json"), "\"devices\": 1"));
+    fails("sim:demo", "xml -p 1 -o no/such/folder", 3, "no/such/folder: cannot be written");
+}
+
+TEST_F(EthercatProcessData, ListsConfigurations) {
+    EXPECT_EQ(out("sim:demo", "config"),
+              "0:0  0x00004d47/0x00000100  0  SAFEOP\n"
+              "0:1  0x00004d47/0x00001008  1  SAFEOP\n"
+              "0:2  0x00004d47/0x00002008  2  SAFEOP\n"
+              "0:3  0x00004d47/0x00003004  3  SAFEOP\n"
+              "0:4  0x00004d47/0x00004002  4  SAFEOP\n");
+    EXPECT_EQ(out("sim:demo", "config -p 2"), "0:2  0x00004d47/0x00002008  2  SAFEOP\n");
+    const auto details = out("sim:drives", "config -v -p 0");
+    EXPECT_TRUE(contains(details, "SM2, Dir: Output, Watchdog: Enable\n  PDO 0x1600 \"RxPDO\"\n")) << details;
+    EXPECT_TRUE(contains(details, "SDO configuration:\n  None.\n")) << details;
+    EXPECT_TRUE(contains(out("sim:demo", "config --json"), "\"attached\": 4"));
+    fails("sim:demo", "config -a 9", 1, "no configuration is selected by --alias and --position");
+}
+
+// An expected slave that is missing, and SDOs of a file.
+TEST_F(EthercatProcessData, ListsConfigurationsOfAnEni) {
+    const std::string slaveinfo = std::string(MARGAY_BIN_DIR) + "/slaveinfo";
+    folder.write("one.toml", "[[slave]]\ndevice = \"drive\"\n");
+    folder.write("two.toml", "[[slave]]\ndevice = \"drive\"\ncount = 2\n");
+    const auto eni = folder.run(slaveinfo + " sim:two.toml --write-eni two.xml");
+    ASSERT_EQ(eni.status, 0) << eni.err;
+    EXPECT_EQ(out("sim:two.toml", "config --eni two.xml"),
+              "0:0  0x00004d47/0x00005402  0  SAFEOP\n0:1  0x00004d47/0x00005402  1  SAFEOP\n");
+    const auto command =
+        "sed -i 's|</Mailbox>|<CoE><InitCmds><InitCmd><Transition>PS</Transition><Timeout>0</Timeout><Ccs>1</Ccs>"
+        "<Index>24672</Index><SubIndex>0</SubIndex><Data>08</Data></InitCmd></InitCmds></CoE></Mailbox>|' two.xml";
+    ASSERT_EQ(folder.run(command).status, 0);
+    const auto details = ethercat("sim:two.toml", "config -v -p 1 --eni two.xml");
+    EXPECT_TRUE(contains(details.out, "SDO configuration:\n  0x6060:00, 1 byte: 0x08\n")) << details.out << details.err;
+    const auto missing = ethercat("sim:one.toml", "config --eni two.xml");
+    EXPECT_TRUE(contains(missing.out, "0:1  0x00004d47/0x00005402  -  -\n")) << missing.out << missing.err;
+    EXPECT_TRUE(contains(missing.err, "configured slave 2: ")) << missing.err;
+    fails("sim:two.toml", "config --eni nothing.xml", 3, "nothing.xml");
+}
+
+TEST_F(EthercatProcessData, ListsDomains) {
+    EXPECT_EQ(out("sim:demo", "domains"), "Domain0: LogBaseAddr 0x00000000, Size  14, WorkingCounter 6/6\n");
+    EXPECT_EQ(out("sim:demo", "domains -v -d 0"),
+              "Domain0: LogBaseAddr 0x00000000, Size  14, WorkingCounter 6/6\n"
+              "  SlaveConfig 0:1, SM0 ( Input), LogAddr 0x00000005, Size 1\n"
+              "    00\n"
+              "  SlaveConfig 0:2, SM0 (Output), LogAddr 0x00000000, Size 1\n"
+              "    00\n"
+              "  SlaveConfig 0:3, SM0 ( Input), LogAddr 0x00000006, Size 8\n"
+              "    00 00 00 00 00 00 00 00\n"
+              "  SlaveConfig 0:4, SM0 (Output), LogAddr 0x00000001, Size 4\n"
+              "    00 00 00 00\n");
+    EXPECT_TRUE(contains(out("sim:demo", "domains --json"), "\"working_counter\": 6"));
+    fails("sim:demo", "domains -d 3", 1, "there is no domain 3");
+    fails("sim:demo", "domains -d x", 2, "--domain: 'x' is no number");
+}
+
+TEST_F(EthercatProcessData, PrintsProcessData) {
+    EXPECT_EQ(out("sim:demo", "data"), std::string(14, '\0'));
+    // The status word of a drive is in the inputs of the image, behind the outputs of all drives.
+    const auto drives = out("sim:drives", "data");
+    ASSERT_EQ(drives.size(), 184U);
+    EXPECT_EQ(drives.substr(0x50, 2), "\x50\x02");
+    EXPECT_EQ(out("sim:demo", "data -o image"), "");
+    EXPECT_EQ(content_of(folder.path() / "image"), std::string(14, '\0'));
+    EXPECT_EQ(out("sim:demo", "data --watch --count 2 --interval 3"),
+              "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n"
+              "Domain0: 00 00 00 00 00 00 00 00 00 00 00 00 00 00\n");
+    EXPECT_TRUE(contains(out("sim:demo", "data --json"), "\"data\": \"0000000000000000000000000000\""));
+    fails("sim:demo", "data -d 2", 1, "there is no domain 2");
+    fails("sim:demo", "data -o no/such/folder", 3, "cannot be written");
+    const auto full = ethercat("sim:demo", "data >/dev/full");
+    EXPECT_EQ(full.status, 3);
+    EXPECT_TRUE(contains(full.err, "standard output cannot be written: No space left on device")) << full.err;
+    const auto closed = folder.run("mkfifo p && exec 3<>p && exec 4>p && exec 3<&- && rm p; " + program +
+                                   " data --watch -S sim:demo >&4");
+    EXPECT_EQ(closed.status, 3) << "it ends by itself";
+    EXPECT_TRUE(contains(closed.err, "standard output cannot be written: Broken pipe")) << closed.err;
+}
+
+}  // namespace
+}  // namespace margay::process

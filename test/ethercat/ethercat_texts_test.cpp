@@ -1,0 +1,98 @@
+// What ethercat makes from its table of commands: --help, the manual page, the completion; and the arguments.
+#include "ethercat/ethercat_fixture.hpp"
+
+#include "ethercat/table.hpp"
+
+namespace margay::process {
+namespace {
+
+using EthercatTexts = EthercatTest;
+
+const std::string kTexts = std::string(MARGAY_BIN_DIR) + "/../texts/";
+
+TEST_F(EthercatTexts, HasTheCommandsOfTheManual) {
+    std::string names;
+    for (const auto& command : ethercat::commands()) names += std::string(command.name) + " ";
+    EXPECT_EQ(
+        names,
+        "alias config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos reg_read "
+        "reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
+}
+
+TEST_F(EthercatTexts, HelpNamesEachCommandItsOptionsAndItsExitCodes) {
+    const auto all = out("", "--help");
+    for (const auto& command : ethercat::commands()) {
+        const std::string name(command.name);
+        EXPECT_TRUE(contains(all, "\n  " + name + " ")) << name;
+        const auto help = out("", name + " --help");
+        EXPECT_TRUE(help.starts_with("Usage: ethercat " + name + " [OPTIONS]")) << help;
+        EXPECT_TRUE(contains(help, "\n" + std::string(command.summary.substr(0, 20)))) << help;
+        for (const auto option : command.options) EXPECT_TRUE(contains(help, "--" + std::string(option))) << help;
+        EXPECT_TRUE(contains(help, "Exit codes: 0 no error; 1 error of the segment or a device; 2 wrong arguments"))
+            << help;
+        for (std::size_t at = 0; at < help.size();) {
+            const auto end = help.find('\n', at);
+            const auto line = help.substr(at, end - at);
+            EXPECT_TRUE(line.size() <= 110 || line.starts_with("Exit codes")) << line;
+            at = end + 1;
+        }
+    }
+}
+
+TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
+    fails("sim:demo", "--nope", 2, "there is no option '--nope'; see ethercat --help");
+    fails("sim:demo", "slaves -x", 2, "there is no option '-x'");
+    fails("sim:demo", "slave5", 2, "unexpected argument or unknown command 'slave5'");
+    fails("sim:demo", "s", 2, "unknown command 's'");
+    fails("sim:demo", "slaves --position", 2, "--position needs a value: LIST; see ethercat slaves --help");
+    fails("sim:demo", "slaves --json=1", 2, "--json takes no value");
+    fails("sim:demo", "", 2, "the command is missing: alias, config, ");
+    fails("sim:demo", "slaves x", 2, "unexpected argument 'x'");
+    EXPECT_EQ(out("sim:demo", "sla -p 0"), out("sim:demo", "slaves --pos 0")) << "shortened names";
+    EXPECT_EQ(out("sim:demo", "-p 0 slaves"), out("sim:demo", "slaves -p0")) << "options before the command";
+}
+
+TEST_F(EthercatTexts, TheManualPageHasNoWarnings) {
+    ASSERT_EQ(out("", "--man"), content_of(kTexts + "ethercat.1"));
+    if (folder.run("command -v groff").status != 0) GTEST_SKIP() << "groff is not installed";
+    const auto page = folder.run("groff -man -ww -Tascii -P-c -P-b -P-u '" + kTexts + "ethercat.1'");
+    EXPECT_EQ(page.status, 0);
+    EXPECT_EQ(page.err, "");
+    for (const auto& command : ethercat::commands())
+        EXPECT_TRUE(contains(page.out, "ethercat " + std::string(command.name) + " [OPTIONS]")) << command.name;
+    EXPECT_TRUE(contains(page.out, "--output-file FILE")) << page.out.substr(0, 3000);
+}
+
+// The completion in a real bash: what it offers for the words of a command line, the last of which is not finished.
+struct EthercatCompletion : EthercatTest {
+    [[nodiscard]] std::string offered(const std::string& words, int last) const {
+        const auto script = "source '" + kTexts + "ethercat'\ncompopt() { :; }\nCOMP_WORDS=(" + words +
+                            ")\nCOMP_CWORD=" + std::to_string(last) + "\n_margay_ethercat\necho \"${COMPREPLY[*]}\"\n";
+        folder.write("complete.bash", script);
+        const auto ran = folder.run("bash -u complete.bash");
+        EXPECT_EQ(ran.status, 0) << ran.err;
+        EXPECT_EQ(ran.err, "");
+        return ran.out.substr(0, ran.out.size() - 1);
+    }
+};
+
+TEST_F(EthercatCompletion, OffersCommandsOptionsValuesAndFiles) {
+    ASSERT_EQ(out("", "--completion"), content_of(kTexts + "ethercat"));
+    EXPECT_EQ(offered("ethercat sl", 1), "slaves");
+    EXPECT_EQ(offered("ethercat foe", 1), "foe_read foe_write");
+    EXPECT_EQ(offered("ethercat slaves --pos", 2), "--position");
+    EXPECT_EQ(offered("ethercat rescan --pos", 2), "") << "rescan selects no slaves";
+    EXPECT_EQ(offered("ethercat upload -t ui", 3), "uint8 uint16 uint32 uint64");
+    EXPECT_EQ(offered("ethercat pdos --skin ''", 3), "default etherlab");
+    EXPECT_EQ(offered("ethercat states S", 2), "SAFEOP");
+    EXPECT_EQ(offered("ethercat states -p 1 O", 4), "OP");
+    EXPECT_EQ(offered("ethercat graph ''", 2), "DC CRC");
+    EXPECT_EQ(offered("ethercat slaves --source si", 3), "sim:");
+    EXPECT_EQ(offered("ethercat slaves --source l", 3), "lo") << "an interface of this system";
+    folder.write("image.bin", "x");
+    EXPECT_EQ(offered("ethercat sii_write ima", 2), "image.bin");
+    EXPECT_EQ(offered("ethercat --ver", 1), "--verbose --version");
+}
+
+}  // namespace
+}  // namespace margay::process
