@@ -3,6 +3,7 @@
 #include "common/eeprom.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
@@ -19,6 +20,9 @@ struct CloseStream {
 };
 
 }  // namespace
+
+Output::Output() : json_(std::make_unique<nlohmann::ordered_json>(nlohmann::ordered_json::object())), json(*json_) {}
+Output::~Output() = default;
 
 int Call::fail(const Problem& problem) const { return samples::fail(problem.text, problem.code); }
 

@@ -5,7 +5,7 @@
 #include "ethercat/session.hpp"
 #include "ethercat/values.hpp"
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 
 #include <chrono>
 #include <functional>
@@ -21,9 +21,17 @@ struct Master {
 };
 
 // What a command prints of one master. With --json `json` counts, otherwise `text`.
-struct Output {
+class Output {
+    std::unique_ptr<nlohmann::ordered_json> json_;
+
+  public:
+    Output();
+    ~Output();
+    Output(const Output&) = delete;
+    Output& operator=(const Output&) = delete;
+
     std::string text{};
-    nlohmann::ordered_json json = nlohmann::ordered_json::object();
+    nlohmann::ordered_json& json;
 };
 
 // A selected slave, and the master that it belongs to.

@@ -6,6 +6,7 @@
 #include "ethercat/session_eeprom.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <filesystem>
 

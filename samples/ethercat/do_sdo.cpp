@@ -3,6 +3,8 @@
 #include "ethercat/commands.hpp"
 #include "ethercat/values.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <fmt/format.h>
 
 namespace margay::ethercat {

@@ -2,6 +2,8 @@
 #include "ethercat/call.hpp"
 #include "ethercat/commands.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <fmt/format.h>
 
 #include <array>

@@ -5,6 +5,7 @@
 #include "common/slave_report.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 

@@ -124,12 +124,15 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
     const std::uint32_t end = word + static_cast<std::uint32_t>(into.size() / 2);
     Time give_up = engine.now() + kReadTimeout;
     nacks_ = 0;
+    int busy = 0;  // looks that have found the EEPROM busy, or the block of another reader; while frames are lost there
+                   // may be few until the timeout
     for (std::uint32_t at = word; at < end;) {
         if (cached(at)) {
             const auto count = std::min(end - at, block_words_ - (at - block_word_));
             std::copy_n(block_.begin() + (at - block_word_) * 2, count * 2, into.begin() + (at - word) * 2);
             at += count;
             give_up = engine.now() + kReadTimeout;
+            busy = 0;
             continue;
         }
         const bool waiting = ordered_ == at;
@@ -149,14 +152,17 @@ Task<Result<>> SiiReader::read(std::uint32_t word, MutableBytes into, std::uint3
         block_words_ = (visit->status & control::kReads8Bytes) != 0 ? 4 : 2;
         if ((visit->status & control::kBusy) != 0) {
             if (waiting) note_busy(sent);
-            if (sent >= give_up) co_return failure(Errc::sii_busy, at);
+            busy = std::min(busy + 1, kNackTries);
+            if (busy == kNackTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else if (waiting && (visit->status & control::kMissingAcknowledge) != 0) {
             nacks_ = nacks_ < kNackTries ? static_cast<std::uint8_t>(nacks_ + 1) : nacks_;
             if (nacks_ == kNackTries && sent >= give_up) co_return failure(Errc::sii_nack, at);
             ordered_ = kNone;
             co_await engine.sleep_for(kNackPause);
         } else if (waiting) {
-            if (!accept(*visit, order, sent) && sent >= give_up) co_return failure(Errc::sii_busy, at);
+            if (accept(*visit, order, sent)) continue;
+            busy = std::min(busy + 1, kNackTries);
+            if (busy == kNackTries && sent >= give_up) co_return failure(Errc::sii_busy, at);
         } else {
             ordered_ = at;
             ordered_at_ = sent;

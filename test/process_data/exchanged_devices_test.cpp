@@ -386,5 +386,104 @@ TEST_F(ExchangedDevices, ATargetOfTheSupervisionThatDoesNotExistIsAnError) {
     EXPECT_TRUE(until([&] { return ctx->slave(1).al.state == AlState::preop; }));
 }
 
+// Three slaves are expected, and a tool hangs behind them. When it is taken out, the segment is what the list says.
+struct TheToolIsTakenOut : ExchangedDevices, testing::WithParamInterface<bool> {};
+TEST_P(TheToolIsTakenOut, AndNothingIsMissing) {
+    build();
+    power(tool, true);
+    ASSERT_TRUE(segment.connect({line[2], 1}, {tool, 0}));
+    EXPECT_EQ(bring_up(wanted).size(), 1U);
+    EXPECT_EQ(config_map(*ctx, image).error().code, Errc::unexpected_slave);
+    if (GetParam()) {
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+    }
+    cycles(1000);
+    segment.disconnect({tool, 0});
+    for (int n = 0; n < 100; ++n) {
+        cycles(10);
+        if (!GetParam()) (void)readstate(*ctx);
+    }
+    const auto mapped = config_map(*ctx, image);
+    EXPECT_TRUE(mapped.ok()) << in_words(mapped.error());
+    const auto reached = reach(*ctx, AlState::op, 5s);
+    EXPECT_TRUE(reached.ok()) << in_words(reached.error());
+    cycles(5);
+    (void)readstate(*ctx);
+    EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+}
+INSTANTIATE_TEST_SUITE_P(Supervised, TheToolIsTakenOut, testing::Bool());
+
+// A slave that stays in PREOP hides in the OR of all states that another one falls to PREOP. `retry` does not matter.
+TEST_F(ExchangedDevices, AFallIsSeenBesideASlaveThatStaysInTheSameState) {
+    build();
+    ctx->slave(3).config.highest = AlState::preop;
+    ASSERT_TRUE(config_map(*ctx, image).ok());
+    supervision.retry = 20s;
+    ASSERT_TRUE(submit(*ctx, supervision).ok());
+    ASSERT_TRUE(until([&] { return all_right(*ctx); })) << in_words(what_is_wrong(*ctx));
+    cycles(700);
+    set(line[1], 0x0120, 2);
+    int right = 0;
+    for (int n = 0; n < 1000; ++n) {
+        (void)cycle();
+        right += state_of(line[1]) == 2 && all_right(*ctx) ? 1 : 0;
+    }
+    EXPECT_LT(right, 20);
+    EXPECT_TRUE(all_right(*ctx)) << in_words(what_is_wrong(*ctx));
+}
+
+// The list has no slave 3. A device that comes to its place later is nobody of the list.
+struct LeftOutNumber : ExchangedDevices, testing::WithParamInterface<bool> {};
+TEST_P(LeftOutNumber, IsNobodyAndIsNotDriven) {
+    for (unsigned n = 0; n < 3; ++n) line.push_back(make({.product = 0x100 + n}));
+    tool = make({.product = 0x103});
+    ASSERT_TRUE(segment.connect_master({line[0], 0}));
+    ASSERT_TRUE(segment.connect({line[0], 1}, {line[1], 0}));
+    ASSERT_TRUE(segment.connect({line[1], 1}, {tool, 0}));
+    ASSERT_TRUE(segment.connect({tool, 1}, {line[2], 0}));
+    segment.power_up(osal.now());
+    for (const auto device : {line[1], tool, line[2]}) power(device, false);
+    const std::vector<ExpectedSlave> list{
+        {.number = 1, .product = 0x100}, {.number = 2, .product = 0x101}, {.number = 4, .product = 0x102}};
+    nic = std::make_unique<SimulatedNic>(segment, osal);
+    ctx = std::make_unique<HostContext>(limits);
+    ASSERT_TRUE(init(*ctx, *nic, osal).ok());
+    ASSERT_TRUE(expect(*ctx, Borrowed<ExpectedSlave>(std::span<const ExpectedSlave>(list))).ok());
+    EXPECT_EQ(config_init(*ctx).error().code, Errc::missing_slave);
+    (void)config_map(*ctx, image);
+    if (GetParam()) {
+        ASSERT_TRUE(submit(*ctx, supervision).ok());
+    }
+    for (const auto device : {line[1], tool, line[2]}) power(device, true);
+    for (int n = 0; n < 2000; ++n) {
+        osal.advance(1ms);
+        (void)poll(*ctx, osal.now());
+    }
+    if (!GetParam()) {
+        (void)recover_slave(*ctx, 0);
+        for (std::uint16_t n = 1; n <= 4; ++n) (void)reconfigure_slave(*ctx, n);
+    }
+    EXPECT_FALSE(config_map(*ctx, image).ok());
+    EXPECT_FALSE(reach(*ctx, AlState::op, 5s).ok());
+    EXPECT_FALSE(gets_outputs(tool));
+    EXPECT_FALSE(all_right(*ctx));
+}
+INSTANTIATE_TEST_SUITE_P(Supervised, LeftOutNumber, testing::Bool());
+
+// The EEPROM of a device has its configuration area, and a blank identity: the scan and the comparison read the same.
+TEST(BlankIdentity, IsMappedAndDriven) {
+    Plant plant;
+    auto octets = io_image(8, 8, {.product = 0x100});
+    std::fill_n(octets.begin() + 16, 16, std::byte{0xFF});
+    auto made = sim::device_from_sii(octets);
+    made.chip = sim::junction();
+    const auto device = plant.segment.add(std::move(made).assemble());
+    ASSERT_TRUE(plant.segment.connect_master({device, 0}));
+    (void)plant.bring_up({});
+    const auto mapped = config_map(*plant.ctx, plant.image);
+    EXPECT_TRUE(mapped.ok()) << in_words(mapped.error());
+    EXPECT_TRUE(reach(*plant.ctx, AlState::op, 5s).ok());
+}
+
 }  // namespace
 }  // namespace margay

@@ -198,8 +198,11 @@ void World::check_inputs(std::uint8_t group, bool right, const Cycle& cycle) {
         if (part.bits == 0 || !in_one_piece(slave.config, Direction::inputs)) continue;
         const Value value = bits_of(image, part);
         if (right && wanted) {
+            const auto has_shown = [&](std::uint32_t n) {
+                return spies_[n] == nullptr || spies_[n]->has_shown(value, part.bits, cycle.sent);
+            };
             Spy* const spy = spies_[devices[0]];
-            if (spy != nullptr && !spy->has_shown(value, part.bits, cycle.sent))
+            if (spy != nullptr && std::ranges::none_of(devices, has_shown))
                 fail(std::string(cycle.mapping ? "while a group is mapped: " : "") +
                          "an input is delivered as good that the slave did not have",
                      place(slave.number) + ": " + hex(value) + ", it has shown " +

@@ -68,6 +68,7 @@ void World::build() {
     const Settings& s = plan_.settings;
     images_.assign(s.groups, std::vector<std::byte>(kImageBytes));
     on_their_way_.resize(s.groups);
+    mappings_.resize(s.groups);
     choose_group();
     segment_.power_up(osal_.now());
     note_presence(true);
@@ -230,6 +231,9 @@ void World::cycle_group(std::uint8_t group) {
             if (slot.operation && slot.operation->request().busy() &&
                 (kinds()[slot.operation->kind()].name == "map" || kinds()[slot.operation->kind()].name == "scan"))
                 return;
+    // A request may have mapped the group since: its cycles are counted from the beginning.
+    if (std::exchange(mappings_[group], ctx_->group(group).mappings) != ctx_->group(group).mappings)
+        on_their_way_[group].clear();
     look_around();
     set_outputs(group);
     const auto sent = send_processdata(*ctx_, group);

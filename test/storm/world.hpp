@@ -210,6 +210,7 @@ class World {
     std::vector<bool> in_ring_;
     std::vector<Presence> presence_;
     std::vector<AlState> states_;  // by slave, at the last check_states()
+    Time looked_at_{};             // the time of the last check_states()
     bool disturbed_ = false;       // frames were lost, delayed or doubled, or polls were late
     bool disturbed_much_ = false;  // so many that a reply may be lost again and again
     struct HostileWrite {
@@ -227,10 +228,12 @@ class World {
         SiiWriteRequest request;
     };
     std::map<std::uint32_t, Update> updates_;  // by device
+    std::set<std::uint32_t> renamed_;          // devices whose identity in the EEPROM was changed
     std::set<std::uint32_t> faulty_eeproms_;   // devices whose EEPROM did not acknowledge, on purpose
 
     std::vector<std::vector<std::byte>> images_;
     std::vector<std::deque<Cycle>> on_their_way_;
+    std::vector<std::uint32_t> mappings_;  // of each group, when it was sent last
     std::vector<std::uint32_t> baseline_;  // devices that were in OP when the steps began
     // What is known of the process data of a slave before it is there.
     struct KeptPlace {

@@ -118,6 +118,8 @@ void World::check_acknowledged(const Request& request, std::uint32_t device, Tim
     if (request.error().code != Errc::sii_nack || faulty_eeproms_.contains(device) || hostile_registers_ || hostile_)
         return;
     const auto& quirks = plan_.devices[device].quirks;
+    // A blank EEPROM does not say its size: the application may write behind its end.
+    if (2U * request.error().word() + 2U > segment_.slave(device).sii().image().size()) return;
     if (std::ranges::find(quirks, "sii_nacks") != quirks.end() || presence_[device].since > since) return;
     std::array<char, 300> text{};
     fail("an EEPROM that works does not acknowledge", std::string(describe(request.error(), text)));

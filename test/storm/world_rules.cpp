@@ -61,18 +61,24 @@ void World::note_presence(bool ring_changed) {
 void World::check_lost(std::uint16_t number, Time at, const char* how) {
     if (hostile_ || hostile_registers_ || number == 0 || number > ctx_->slaves().size()) return;
     const auto address = ctx_->slave(number).station_address.value;
+    const auto is_there = [&](std::uint32_t n) { return presence_[n].there && presence_[n].station == address; };
+    std::vector<std::uint32_t> there;
     for (std::uint32_t n = 0; n < presence_.size(); ++n)
-        if (presence_[n].there && presence_[n].station == address && presence_[n].since + 2s < at)
-            fail("a slave is lost that answers", place(number) + ": " + how + story());
+        if (is_there(n)) there.push_back(n);
+    // Of two devices with one address, nobody knows which one has answered, and both lose it.
+    if (there.size() != 1 || renamed_.contains(there[0])) return;
+    if (presence_[there[0]].since + 2s < at) fail("a slave is lost that answers", place(number) + ": " + how + story());
 }
 
 void World::check_states() {
     const auto slaves = ctx_->slaves();
+    // A call that has waited may have read the states at any time since the last look.
+    const Time last_look = std::exchange(looked_at_, osal_.now());
     if (states_.size() != slaves.size()) states_.assign(slaves.size(), AlState::none);
     for (const Slave& slave : slaves) {
         AlState& before = states_[slave.number - 1U];
         if (before != AlState::none && slave.al.state == AlState::none && slave.seen)
-            check_lost(slave.number, osal_.now(), "its state is none");
+            check_lost(slave.number, last_look, "its state is none");
         before = slave.al.state;
     }
 }

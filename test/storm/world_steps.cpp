@@ -2,6 +2,7 @@
 #include "storm/world.hpp"
 
 #include "sim/library/quirk.hpp"
+#include "wire/sii.hpp"
 
 namespace margay::storm {
 
@@ -95,6 +96,7 @@ void World::world_step(const Step& step) {
             break;
         case Op::eeprom_deaf: eeprom_deaf(device, a[1]); break;
         case Op::eeprom_word:
+            if (a[1] >= wire::sii::word::kIdentity && a[1] < wire::sii::word::kIdentity + 8U) renamed_.insert(device);
             if (auto& image = segment_.slave(device).sii().image(); 2 * std::size_t{a[1]} + 1 < image.size()) {
                 image[2 * std::size_t{a[1]}] = static_cast<std::byte>(a[2]);
                 image[2 * std::size_t{a[1]} + 1] = static_cast<std::byte>(a[2] >> 8);

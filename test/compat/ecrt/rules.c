@@ -1,6 +1,8 @@
 /* What is refused: changes while the master is active, and configuration by a handle that was only opened. Octets that
  * the program writes into the memory of a domain before activation stay. The time of the clocks goes on also in cycles
  * without the first domain. In a ring both links can be asked. */
+#define _POSIX_C_SOURCE 200809L
+
 #include <ecrt.h>
 
 #include <errno.h>
