@@ -150,6 +150,9 @@ int main(int argc, char** argv) {
                      "write the segment as an ENI file (slaves go to SAFEOP and back)");
     arguments.option("--write-esi", options.write_esi, "write the slaves as an ESI file, by their SII and dictionary");
     return arguments.run(argc, argv, [&] {
+        if (options.json && options.cstruct)
+            return margay::samples::fail("--json and --cstruct are two forms of output: give one of them",
+                                         margay::samples::exit_code::kUsage);
         return run_on_source(options.source,
                              [&](margay::samples::Source& source) { return scan_and_print(source, options); });
     });

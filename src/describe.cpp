@@ -458,6 +458,8 @@ void write_cause(TextWriter& out, const Error& e) {
             break;
         case Errc::busy:
             if (e.detail != 0) out << " (" << to_text(static_cast<Operation>(e.detail)) << " is busy)";
+            if (e.step == Step::exchange_process_data && e.expected != 0)
+                out << " (" << e.expected << " cycles are on the wire: call receive_processdata())";
             break;
         case Errc::unknown_slave:
             if (e.slave != 0 || e.expected != 0) out << " (there are " << e.expected << ")";

@@ -117,7 +117,7 @@ std::string_view describe(const Event& e, std::span<char> buffer) {
             (out << " of vendor ").hex(e.detail, 8);
             (out << ", revision ").hex(e.expected, 8) << ") is connected to ";
             if (e.slave == 0) return (out << "the master").text();
-            out << "slave " << e.slave << " port " << unsigned{e.port};
+            out << "slave " << e.slave << " port " << unsigned{e.port} << ", or behind such a slave there";
             break;
         case EventKind::missing:
             write_slave(out, e);

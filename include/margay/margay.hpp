@@ -211,8 +211,8 @@ Result<> send_processdata(Context& ctx, Time now, std::uint8_t group = 0);
 // Overlapping cycles (GroupConfiguration::cycles_in_flight is 2 or more): the next cycle can be sent while earlier
 // cycles are still on the wire. Each receive_processdata() ends the oldest cycle and copies its inputs into the image.
 // group(n).cycle_received is the number of that cycle. `timeout` counts from the sending of the cycle or from the call,
-// whichever is later. Each send_processdata() sends one cycle that must be received, except if it returns busy
-// (cycles_in_flight cycles are on the wire already; expected: that number). If no cycle is on the wire,
+// whichever is later. Each send_processdata() begins one cycle that must be received, also if it returns nic, except if
+// it returns busy (cycles_in_flight cycles are on the wire already; expected: that number). If no cycle is on the wire,
 // receive_processdata() waits for one; error: timeout.
 //
 //     send_processdata(ctx);

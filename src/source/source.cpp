@@ -97,6 +97,7 @@ class SourceOpener {
     }
 
     std::string open_recording(const std::string& file, const std::string& record) {
+        if (file.empty()) return "'pcap:': the name of the recording is missing";
         std::error_code ignored;
         if (!record.empty() && std::filesystem::equivalent(file, record, ignored))
             return "recording " + file + ": it cannot be replayed and written at the same time";

@@ -123,15 +123,24 @@ int main(int argc, char** argv) {
         "Random systems, random operations and random faults in virtual time, by seed; what must hold is checked "
         "at every step.");
     app.add_option("--seed", options.first, "The first seed")->capture_default_str();
-    app.add_option("--seeds", options.seeds, "How many seeds");
-    app.add_option("--seconds", options.seconds, "For how long");
-    app.add_option("--hours", options.hours, "For how long, from a fresh seed on, past seeds that fail");
-    app.add_option("--plan", options.plan_file, "Runs the plan of a file");
+    constexpr double kLongest = 1e6;
+    app.add_option("--seeds", options.seeds, "How many seeds")->check(CLI::PositiveNumber);
+    app.add_option("--seconds", options.seconds, "For how long")->check(CLI::Range(0.0, kLongest));
+    app.add_option("--hours", options.hours, "For how long, from a fresh seed on, past seeds that fail")
+        ->check(CLI::Range(0.0, kLongest));
+    app.add_option("--plan", options.plan_file, "Runs the plan of a file")
+        ->check(CLI::ExistingFile)
+        ->excludes("--seed");
     app.add_flag("--show", options.show, "Prints the plan of the seed and does not run it");
     app.add_flag("--no-shrink", options.no_shrink, "Plans that fail are not made smaller");
     app.add_flag("--keep-going", options.keep_going, "Goes on behind a seed that fails");
     app.add_flag("--verbose", options.verbose, "A line for each seed");
-    CLI11_PARSE(app, argc, argv);
+    constexpr int kUsage = 2;
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : kUsage;
+    }
     if (!options.plan_file.empty()) return run_file(options);
     if (options.show) {
         std::fputs(to_text(make_plan(options.first)).c_str(), stdout);

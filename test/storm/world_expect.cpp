@@ -155,9 +155,11 @@ void World::expect_slaves() {
                              .config = &expected_configuration_});
     }
     if (!expect(*ctx_, expected_)) fail("expect() is refused", "");
-    call_ = "config_init()", call_since_ = osal_.now();
-    const auto found = config_init(*ctx_);
-    call_ = nullptr;
+    auto found = scan_now();
+    if (plan_.settings.bring_up_drop != 0 && !found) {
+        nic_->settle();
+        found = scan_now();
+    }
     look_around();
     if (wanted_is_missing && found) fail("bring-up", "config_init() succeeds without a wanted slave");
     blame("bring-up", found.error());
