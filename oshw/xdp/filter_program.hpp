@@ -9,6 +9,17 @@
 
 namespace margay::xdp {
 
+// One instruction.
+[[nodiscard]] inline bpf_insn op(int code, std::uint8_t to, std::uint8_t from, int offset, int immediate) {
+    bpf_insn i{};
+    i.code = static_cast<std::uint8_t>(code);
+    i.dst_reg = to & 0xF;
+    i.src_reg = from & 0xF;
+    i.off = static_cast<std::int16_t>(offset);
+    i.imm = immediate;
+    return i;
+}
+
 // `sockets`: the file descriptor of the map with the sockets by queue (BPF_MAP_TYPE_XSKMAP).
 [[nodiscard]] inline std::array<bpf_insn, 18> filter_program(int sockets) {
     constexpr std::uint8_t r0 = BPF_REG_0;
@@ -17,15 +28,6 @@ namespace margay::xdp {
     constexpr std::uint8_t r3 = BPF_REG_3;
     constexpr std::uint8_t r4 = BPF_REG_4;
     constexpr std::uint8_t r5 = BPF_REG_5;
-    const auto op = [](int code, std::uint8_t to, std::uint8_t from, int offset, int immediate) {
-        bpf_insn i{};
-        i.code = static_cast<std::uint8_t>(code);
-        i.dst_reg = to & 0xF;
-        i.src_reg = from & 0xF;
-        i.off = static_cast<std::int16_t>(offset);
-        i.imm = immediate;
-        return i;
-    };
     // As the processor reads the octets 88 A4 and 81 00.
     constexpr bool kLittle = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__;
     constexpr int kEtherCat = kLittle ? 0xA488 : 0x88A4;

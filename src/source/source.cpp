@@ -1,5 +1,7 @@
 #include "source/source.hpp"
 
+#include "oshw/filter_nic.hpp"
+
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -11,22 +13,18 @@ void Source::StandardError::line(std::string_view text) noexcept {
     std::fprintf(stderr, "%.*s\n", static_cast<int>(text.size()), text.data());
 }
 
-class Source::SwitchingNic final : public Nic {
+// Switches slaves on that come late, when the first frame after their time is sent.
+class Source::SwitchingNic final : public FilterNic {
   public:
     SwitchingNic(SimulatedNic& nic, SimulatedSegment& simulated, Osal& osal)
-        : nic_(nic), simulated_(simulated), osal_(osal) {}
+        : FilterNic(nic), simulated_(simulated), osal_(osal) {}
 
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         if (!simulated_.late.empty()) simulated_.switch_on_late(osal_.now());
-        return nic_.send(frame);
+        return inner().send(frame);
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
-    LinkState link_state() noexcept override { return nic_.link_state(); }
-    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
 
   private:
-    SimulatedNic& nic_;
     SimulatedSegment& simulated_;
     Osal& osal_;
 };

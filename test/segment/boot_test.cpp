@@ -1,5 +1,6 @@
 // BOOT: the way to it and back by the calls for states, its own mailboxes, and the supervision.
 #include "mailbox/foe_bus.hpp"
+#include "oshw/filter_nic.hpp"
 #include "sim/library/quirks.hpp"
 #include "wire/sync_manager.hpp"
 
@@ -13,23 +14,16 @@ constexpr std::uint32_t kPassword = Bootloader::kPassword;
 namespace reg = wire::reg;
 
 // Shows each datagram that the master sends.
-class Watcher final : public Nic {
+class Watcher final : public FilterNic {
   public:
-    explicit Watcher(Nic& nic) : nic_(nic) {}
+    using FilterNic::FilterNic;
     std::function<void(const wire::DatagramView&)> seen;
     SendStatus send(std::span<const std::byte> frame) noexcept override {
         wire::DatagramReader reader(frame);
         while (const auto datagram = reader.next())
             if (seen) seen(*datagram);
-        return nic_.send(frame);
+        return inner().send(frame);
     }
-    std::size_t receive(std::span<std::byte> into) noexcept override { return nic_.receive(into); }
-    LinkState link_state() noexcept override { return nic_.link_state(); }
-    MacAddress source_mac() const noexcept override { return nic_.source_mac(); }
-    Time next_arrival() const noexcept override { return nic_.next_arrival(); }
-
-  private:
-    Nic& nic_;
 };
 
 // The registers of SyncManagers 0 and 1 as the master has written them. Start or length of an enabled SyncManager must

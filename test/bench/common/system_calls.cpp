@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdio>
 #include <optional>
 
 namespace margay::bench {
@@ -54,6 +55,16 @@ double calls_per_cycle(const std::function<std::function<bool()>()>& prepare) {
     const long once = count_calls(prepare, kCycles);
     const long twice = count_calls(prepare, 2 * kCycles);
     return once < 0 || twice < 0 ? -1 : static_cast<double>(twice - once) / kCycles;
+}
+
+int check_calls(double calls, int most) {
+    constexpr int kSkipped = 77;
+    if (calls < 0) {
+        std::printf("nothing was counted: no cable, or no permission to watch a process\n");
+        return kSkipped;
+    }
+    std::printf("%.3f system calls a cycle, %d at most\n", calls, most);
+    return calls <= most ? 0 : 1;
 }
 
 }  // namespace margay::bench

@@ -10,4 +10,8 @@ namespace margay::bench {
 // negative when nothing could be counted.
 [[nodiscard]] double calls_per_cycle(const std::function<std::function<bool()>()>& prepare);
 
+// Prints how many system calls a cycle needs, and returns the exit code of the test: 0, 1 (more than `most`), 77
+// (skipped: nothing could be counted).
+[[nodiscard]] int check_calls(double calls, int most);
+
 }  // namespace margay::bench

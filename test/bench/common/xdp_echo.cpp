@@ -1,4 +1,5 @@
 #include "far_end.hpp"
+#include "oshw/xdp/filter_program.hpp"
 
 #include <array>
 #include <cerrno>
@@ -24,15 +25,8 @@ constexpr std::uint8_t r2 = BPF_REG_2;
 constexpr std::uint8_t r3 = BPF_REG_3;
 constexpr std::uint8_t r4 = BPF_REG_4;
 
-bpf_insn op(int code, std::uint8_t to, std::uint8_t from, int offset, int immediate) {
-    bpf_insn i{};
-    i.code = static_cast<std::uint8_t>(code);
-    i.dst_reg = to & 0xF;
-    i.src_reg = from & 0xF;
-    i.off = static_cast<std::int16_t>(offset);
-    i.imm = immediate;
-    return i;
-}
+using xdp::op;
+
 bpf_insn load(int size, std::uint8_t to, std::uint8_t from, std::size_t offset) {
     return op(BPF_LDX | BPF_MEM | size, to, from, static_cast<int>(offset), 0);
 }
