@@ -27,7 +27,7 @@ static_assert(is_size(sizeof(ProcessGroup), 424, 328), "context_bytes(): kGroupB
 static_assert(is_size(sizeof(PreparedFrame) +
                           ProcessTables::datagrams_for(1) *
                               (sizeof(PreparedDatagram) + sizeof(DatagramStatus) + 2 * sizeof(DatagramPlan)),
-                      1976, 1888),
+                      1984, 1892),
               "context_bytes(): kProcessFrameBytes");
 
 namespace {

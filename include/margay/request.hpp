@@ -108,8 +108,8 @@ class SlaveRequest : public Request {
 // A request to the mailbox of a slave. `timeout` zero: no limit for the whole request, and 3 s for each answer of the
 // slave. A slave that is known to be absent is refused with missing_slave; one that was away, and whose identity was
 // not compared since, with identity_unread: see recover_slave() and SuperviseRequest. In INIT it is refused with
-// wrong_state. A busy request ends with missing_slave when the slave is seen to be lost, and with mailbox_closed when
-// the slave is in INIT or starts again.
+// wrong_state. A busy request ends with missing_slave when the slave is seen to be lost, or the supervision finds
+// that no frame comes back any more, and with mailbox_closed when the slave is in INIT or starts again.
 using MailRequest = SlaveRequest;
 
 // Finds all slaves, reads their identity and SII, and brings them to PREOP. See config_init().

@@ -75,7 +75,10 @@ Task<> access_register(HookedSlave hooked, wire::Command command, std::uint16_t 
     const HookCall call(hooked);
     const Station station = network_of(hooked).station(hooked.slave());
     Error error;
-    if (is_register_range(address, data.size())) {
+    if (step == Step::write_register) error = check_same_slave(network_of(hooked), hooked.number(), step);
+    if (error.code != Errc::none) {
+        error.index = address;
+    } else if (is_register_range(address, data.size())) {
         Datagram datagram(station.engine.link(), command, {station.address, address}, data);
         auto reply = co_await datagram;
         error = error_of_reply(station, reply, step, address);

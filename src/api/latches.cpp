@@ -46,6 +46,7 @@ Task<Result<>> read_edge(Network& network, LatchRequest& request, unsigned which
 
 // One reading of the status. A slave that was reset has lost the latch control.
 Task<Result<>> look_once(Network& network, LatchRequest& request) {
+    if (check_same_slave(network, request.slave, kStep).code != Errc::none) co_return Nothing{};
     const Station station = network.station(network.slave(request.slave));
     const auto seen = co_await required(read<std::uint64_t>(station, kControlAndStatus, kStep));
     if (static_cast<std::uint16_t>(seen) != kBothEdges)

@@ -79,8 +79,16 @@ static Task<Result<>> run(Network& network, SiiWriteRequest& request) {
     const Station station = network.station(network.slave(request.slave));
     auto assigned = co_await sii_assign(station, false);
     if (!assigned) co_return assign_error(assigned.error(), request, Step::write_sii);
-    const auto reason = [](void* user, Time now) { return reason_to_end(*static_cast<SiiWriteRequest*>(user), now); };
-    auto written = co_await sii_write(station, request.word, request.data, reason, &request);
+    struct Both {
+        Network& network;
+        SiiWriteRequest& request;
+    } both{network, request};
+    const auto reason = [](void* user, Time now) {
+        Both& of = *static_cast<Both*>(user);
+        const Error other = check_same_slave(of.network, of.request.slave, Step::write_sii);
+        return other.code != Errc::none ? other.code : reason_to_end(of.request, now);
+    };
+    auto written = co_await sii_write(station, request.word, request.data, reason, &both);
     auto given_back = co_await sii_assign(station, true);
     if (!written || given_back) co_return written;
     co_return assign_error(given_back.error(), request, Step::write_sii);

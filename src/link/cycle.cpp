@@ -110,7 +110,7 @@ void Link::commit_short(PreparedFrame& frame, const PreparedDatagram& datagram, 
     const std::byte* inputs = data + datagram.input_at;
     const auto n = static_cast<std::size_t>(&datagram - frame.datagrams.data());
     // With the working counter of all slaves, a device answers in the place of a slave that does not take part.
-    if (frame.apart || frame.regrouped || status.got != status.accepted)
+    if (frame.apart || frame.regrouped || frame.doubted || status.got != status.accepted)
         frame.copy_inputs(frame.group, frame, n, Bytes(inputs, datagram.input.size()));
     else
         cycle::copy(datagram.input.data(), Bytes(inputs, datagram.input.size()));

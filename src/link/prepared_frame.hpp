@@ -50,6 +50,7 @@ struct PreparedFrame {
     // Some slave does not take part. Inputs are then sent as they are in the image, so that the octets that no slave
     // writes come back unchanged.
     bool degraded = false;
+    bool doubted = false;    // another device may answer in the place of a slave that takes part
     bool regrouped = false;  // the slaves that take part have changed since the frame was filled
     bool apart = false;  // inputs are never sent: they overlap outputs in the image, or another thread sends the frame
     bool overlapped = false;  // of a cycle that one thread may send and another receive, see link/overlap.cpp
@@ -68,7 +69,7 @@ struct PreparedFrame {
 
     // Call it when the accepted working counters of its datagrams have changed.
     void settle() {
-        degraded = false;
+        degraded = doubted;
         regrouped = true;
         for (const PreparedDatagram& d : datagrams) degraded |= d.status->accepted != d.status->full;
         plain = datagrams.size() == 1 && readings.empty() && !degraded;

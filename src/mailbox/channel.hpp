@@ -179,6 +179,7 @@ class MailboxChannel {
     void dispatch(const wire::MailboxMessage& mail);
     [[nodiscard]] bool answers(const wire::MailboxMessage& mail, std::uint16_t to);
     void malformed(const wire::MailboxHeader& header);
+    [[nodiscard]] bool answers_by_error(const wire::MailboxMessage& mail, std::uint16_t to);
     void error_reply(Bytes data);
     [[nodiscard]] Time now() const { return engine_->now(); }
 

@@ -25,7 +25,7 @@ void MailboxChannel::dispatch(const wire::MailboxMessage& mail) {
     // exchange.
     const std::uint16_t to = mail.header.address;
     if (to != 0 && to != address_.value) {
-        if (answers(mail, to)) return;
+        if (answers(mail, to) || answers_by_error(mail, to)) return;
         ++(mailboxes_->route(*this, mail) ? statistics_.routed : statistics_.unexpected);
         return;
     }
@@ -66,6 +66,30 @@ void MailboxChannel::malformed(const wire::MailboxHeader& header) {
     }
 }
 
+namespace {
+
+Error error_of(std::uint16_t slave, Bytes data) {
+    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = slave};
+    if (data.size() >= wire::kMailboxErrorBytes)
+        error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
+    return error;
+}
+
+}  // namespace
+
+// An error reply to the address that an exchange has named.
+bool MailboxChannel::answers_by_error(const wire::MailboxMessage& mail, std::uint16_t to) {
+    if (mail.header.type != wire::MailboxType::error) return false;
+    for (MailTurn* turn = awaiting_.front(); turn != nullptr; turn = awaiting_.after(*turn)) {
+        auto& exchange = static_cast<MailExchange&>(*turn);
+        if (exchange.options_.address != to) continue;
+        ++statistics_.errors;
+        finish(exchange, error_of(number_, mail.data));
+        return true;
+    }
+    return false;
+}
+
 // An error reply does not contain the message that it answers. When a message without reply was sent a moment ago, the
 // error most likely belongs to it, since nothing else answers such a message. Otherwise it belongs to the oldest
 // exchange that waits.
@@ -73,10 +97,7 @@ void MailboxChannel::error_reply(Bytes data) {
     ++statistics_.errors;
     const bool of_unanswered = now() < std::exchange(unanswered_until_, Time::min());
     if (of_unanswered || awaiting_.empty()) return;
-    Error error{.code = Errc::mailbox_error, .step = Step::mailbox_receive, .slave = number_};
-    if (data.size() >= wire::kMailboxErrorBytes)
-        error.detail = static_cast<std::uint32_t>(wire::MailboxErrorLayout::detail::load(data));
-    finish(static_cast<MailExchange&>(*awaiting_.front()), error);
+    finish(static_cast<MailExchange&>(*awaiting_.front()), error_of(number_, data));
 }
 
 }  // namespace margay

@@ -23,7 +23,7 @@ void change(std::uint16_t& counter, std::uint16_t by, bool more) {
 
 void settle(ProcessGroup& group) {
     // Without datagrams no working counter shows that a wanted slave is missing. During a mapping slaves answer that
-    // are not in SAFEOP yet, and after a silence slaves may answer that are others.
+    // are not in SAFEOP yet, and after a silence other devices may answer.
     const auto doubted = [&group](const Slave& slave) {
         return slave.image.group == group.number && slave.takes_part && group.marks[slave.number - 1U].was_away;
     };
@@ -32,7 +32,11 @@ void settle(ProcessGroup& group) {
     // Where cycles overlap, another thread reads `special` while it sends: there its value never changes.
     const bool special = group.extras || group.overlap.sets > 1 || !group.complete;
     if (group.special != special) group.special = special;
-    for (PreparedFrame& frame : group.prepared) frame.settle();
+    const bool doubts = std::ranges::any_of(group.slaves, doubted);
+    for (PreparedFrame& frame : group.prepared) {
+        frame.doubted = doubts;
+        frame.settle();
+    }
     group.settling = true;
     group.settled_after = sent_cycles(group);
 }

@@ -69,6 +69,7 @@ void copy_inputs(void* user, const PreparedFrame& frame, std::size_t n, Bytes in
     };
     for (const Slave& slave : group.slaves) {
         if (slave.image.group != group.number || !slave.takes_part) continue;
+        if (group.marks[slave.number - 1U].was_away) continue;  // another device may have sent them
         copy(slave.image.inputs.offset_bits, slave.image.inputs.bits);
         if (slave.image.mailbox_status_bit != SlaveImage::kNone) copy(slave.image.mailbox_status_bit, 1);
     }
@@ -316,7 +317,7 @@ void note_joining(const ProcessGroup& group, const Slave& slave) {
 void settle_lost_inputs(ProcessGroup& group) {
     if (group.config.lost_inputs == LostInputs::keep || !group.mapped) return;
     for (const Slave& slave : group.slaves)
-        if (slave.image.group == group.number && !slave.takes_part)
+        if (slave.image.group == group.number && (!slave.takes_part || group.marks[slave.number - 1U].was_away))
             zero_bits(group.image, slave.image.inputs.offset_bits, slave.image.inputs.bits);
 }
 

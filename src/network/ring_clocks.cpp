@@ -55,7 +55,9 @@ Task<Result<>> RingWatch::open_ring(Network& network) {
     last_ = last->number;
     last_control_ = control;
     const auto written = co_await write_clock_register(station, kLoops, control | kTemporary | closed(port));
-    if (!written) ring_.use_head_only(false);
+    if (!written) {  // perhaps only the reply was lost
+        co_await completion(close_ring(network));
+    }
     co_return written;
 }
 

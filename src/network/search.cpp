@@ -340,7 +340,14 @@ void note_lost(Network& network, Slave& slave) {
 void doubt_all(Network& network, bool away) {
     for (const Slave& slave : network.slaves())
         if (is_known(slave)) network.marks(slave).doubt(away);
-    if (away) settle_groups(network);
+    if (!away) return;
+    for (const Slave& slave : network.slaves()) {
+        if (!is_known(slave)) continue;
+        drop_work(network, slave);  // what waits, for example in a hook, would go on with another machine
+        // Mail in BOOT goes on: its firmware may be incomplete, and a device that was exchanged is not in BOOT.
+        if (network.has_mailbox(slave) && slave.al.state != AlState::boot) network.mailbox(slave).interrupt();
+    }
+    settle_groups(network);
 }
 
 Task<Result<>> readmit_if_there(Network& network, Slave& slave) {

@@ -36,7 +36,8 @@ struct SlaveMarks {
     bool finding : 1 = false;       // the slave comes back, and its process data is being found
     bool pdos_written : 1 = false;  // the application has written PDOs by SDO since the mapping
     // It, or all slaves, did not answer for a while, or nobody has looked: another slave may have its station address
-    // now. Its identity is compared before its state is changed, and before what follows a transition is executed.
+    // now. Its identity is compared before its state is changed, also where a hook before the transition took long, and
+    // before what follows a transition is executed.
     bool unproved : 1 = false;
     bool was_away : 1 = false;       // unproved because it did not answer: mail and writing to it are refused
     bool joining : 1 = false;        // no cycle behind joined_after was received yet

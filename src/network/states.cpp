@@ -38,7 +38,9 @@ Task<Result<Transition>> prepare_request(Network& network, Slave& slave, AlState
     const Error left_out = left_out_state(slave, awaited, state);
     if (left_out.code != Errc::none) co_return left_out;
     co_await required(finish_requested(network, slave, which));
+    const Time begun = network.engine.now();
     co_await required(around_transition(network, slave, which, Moment::before));
+    co_await required(prove_after_hook(network, slave, state, begun));
     co_return which;
 }
 

@@ -3,6 +3,7 @@
 #include "network/boot.hpp"
 #include "network/hooks.hpp"
 #include "network/mailbox_setup.hpp"
+#include "network/newcomer.hpp"
 #include "network/search.hpp"
 #include "network/settings.hpp"
 #include "network/startup.hpp"
@@ -150,6 +151,14 @@ bool is_unfinished(const Network& network, const Slave& slave) {
     return row != nullptr && (row->to == AlState::boot ? slave.al.state == row->to : slave.al.state >= row->to);
 }
 
+// A hook may have taken long: another device may have the station address now.
+Task<Result<>> prove_after_hook(Network& network, Slave& slave, AlState state, Time begun) {
+    const bool stale = !network.supervised && later(begun, Network::kBelieved) < network.engine.now();
+    if (stale && is_known(slave)) network.marks(slave).doubt(false);
+    if (!network.marks(slave).unproved) co_return Nothing{};
+    co_return co_await required(prove_before_request(network, slave, state));
+}
+
 Task<Result<AlStatus>> change_state(Network& network, Slave& slave, AlState state, Time until) {
     const Error refused = refusal(network, slave, state);
     if (refused.code != Errc::none) co_return refused;
@@ -175,9 +184,11 @@ Task<Result<AlStatus>> bring_to_state(Network& network, Slave& slave, AlState st
     if (network.marks(slave).requested != Transition::none) {
         co_await required(finish_requested(network, slave, which));
     }
+    const Time begun = network.engine.now();
     if (concerns(slave, which, Moment::before)) {
         co_await required(around_transition(network, slave, which, Moment::before));
     }
+    co_await required(prove_after_hook(network, slave, state, begun));
     mark_unfinished(network, slave, which);
     const Time now = network.engine.now();
     const Duration patience = until == kNever ? al_timeout(slave, state) : std::max(until - now, Duration{1});

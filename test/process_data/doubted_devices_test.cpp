@@ -143,11 +143,81 @@ TEST_F(DoubtedDevices, WhatFollowsATransitionWaitsForTheComparison) {
     expect_untouched();
 }
 
+// A hook before a transition waits for three seconds, and the devices are exchanged meanwhile.
+struct BehindAHook : DoubtedDevices {
+    Transition waits_at{};
+    void wait_in_hook_at(Transition which) {
+        waits_at = which;
+        ctx->slave(2).hooks.user = &waits_at;
+        ctx->slave(2).hooks.transition = [](HookedSlave slave, Transition now, Moment moment, void* user) -> Task<> {
+            if (now != *static_cast<Transition*>(user) || moment != Moment::before) co_return Result<>();
+            co_return co_await slave.sleep(3s);
+        };
+    }
+    // The state that the tool has now stays, or is lowered.
+    void expect_not_driven(int cycles_to_watch) {
+        const int state = state_of(tool);
+        for (int n = 0; n < cycles_to_watch; ++n) {
+            write_outputs();
+            (void)cycle();
+            ASSERT_LE(state_of(tool), state) << n;
+            ASSERT_NE(program(tool).outputs()[0], std::byte{0xA2}) << n;
+        }
+    }
+};
+TEST_F(BehindAHook, AStateRequestComparesAgain) {
+    bring_all_to_safeop();
+    wait_in_hook_at(Transition::safeop_to_op);
+    make_like_slave_2(tool, AlState::safeop);
+    StateRequest request;
+    request.slave = 2;
+    request.wanted = AlState::op;
+    request.timeout = 20s;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(100);
+    take_out(line[1]);
+    cycles(20);
+    put_in(tool);
+    for (int n = 0; n < 4000 && request.busy(); ++n) (void)cycle();
+    EXPECT_EQ(request.error().code, Errc::other_slave) << in_words(request.error());
+    EXPECT_NE(state_of(tool), 8);
+}
+TEST_F(BehindAHook, AWriteOfTheStateComparesAgain) {
+    bring_all_to_safeop();
+    wait_in_hook_at(Transition::safeop_to_op);
+    make_like_slave_2(tool, AlState::safeop);
+    WriteStateRequest request;
+    request.slave = 2;
+    request.wanted = AlState::op;
+    ASSERT_TRUE(submit(*ctx, request).ok());
+    cycles(100);
+    take_out(line[1]);
+    cycles(20);
+    put_in(tool);
+    for (int n = 0; n < 4000; ++n) (void)cycle();
+    EXPECT_EQ(request.error().code, Errc::other_slave) << in_words(request.error());
+    EXPECT_NE(state_of(tool), 8);
+}
+struct BehindAHookInASilence : BehindAHook, testing::WithParamInterface<AlState> {};
+TEST_P(BehindAHookInASilence, TheSupervisionComparesAgain) {
+    supervise_for_a_while();
+    const bool from_preop = GetParam() == AlState::preop;
+    wait_in_hook_at(from_preop ? Transition::preop_to_safeop : Transition::safeop_to_op);
+    ASSERT_TRUE(set_target(*ctx, 2, GetParam()).ok());
+    cycles(300);
+    ASSERT_TRUE(set_target(*ctx, 2, AlState::op).ok());
+    cycles(300);
+    exchange_in_a_silence(GetParam());
+    expect_not_driven(5000);
+}
+INSTANTIATE_TEST_SUITE_P(From, BehindAHookInASilence, testing::Values(AlState::preop, AlState::safeop));
+
 // Its EEPROM cannot be read. The other slaves go on; no cycle is right, and no input is taken for one of slave 2.
 struct UnreadableInPlaceOfSlave2 : DoubtedDevices {
     void watch() {
         program(tool).inputs()[0] = std::byte{0x77};
         program(tool).poke();
+        const std::byte before = ctx->slave(2).image.inputs.bytes[0];
         int right = 0;
         int fresh = 0;
         int with_outputs = 0;
@@ -157,6 +227,7 @@ struct UnreadableInPlaceOfSlave2 : DoubtedDevices {
             fresh += inputs_fresh(*ctx, 2) ? 1 : 0;
             with_outputs += program(tool).outputs()[0] == std::byte{0xA2} ? 1 : 0;
             ASSERT_FALSE(all_right(*ctx)) << n;
+            ASSERT_EQ(ctx->slave(2).image.inputs.bytes[0], before) << n;
         }
         EXPECT_EQ(right, 0);
         EXPECT_EQ(fresh, 0);
@@ -175,11 +246,9 @@ TEST_F(UnreadableInPlaceOfSlave2, AfterItWasLost) {
     segment.slave(tool).sii().fail_next(100'000'000);
     take_out(line[1]);
     cycles(1000);
-    const std::byte before = ctx->slave(2).image.inputs.bytes[0];
     make_like_slave_2(tool, AlState::op);
     put_in(tool);
     watch();
-    EXPECT_EQ(ctx->slave(2).image.inputs.bytes[0], before);
 }
 
 }  // namespace
