@@ -46,6 +46,7 @@ endif()
 
 # consumer(NAME PACKAGE TARGET PROGRAM ARGUMENT…)
 function(consumer name package target program)
+  set(name cmake_${name})
   file(WRITE ${WORK}/${name}/CMakeLists.txt "cmake_minimum_required(VERSION 3.25)
 project(consumer C)
 find_package(${package} REQUIRED)
