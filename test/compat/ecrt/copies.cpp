@@ -17,7 +17,8 @@ namespace {
 constexpr unsigned kRoom = 4096;
 using Memory = std::array<std::uint8_t, kRoom>;
 
-bool round_is_right(std::mt19937& random) {
+bool round_is_right(std::mt19937& engine) {
+    const auto random = [&engine] { return static_cast<unsigned>(engine()); };
     Memory from{};
     Memory to{};
     for (auto& octet : from) octet = static_cast<std::uint8_t>(random());
@@ -31,13 +32,13 @@ bool round_is_right(std::mt19937& random) {
     unsigned at_to = 0;
     unsigned at_from = 0;
     for (unsigned left = random() % 20; left != 0; --left) {
-        const unsigned bytes = same_size ? size : static_cast<unsigned>(random() % 70);
+        const unsigned bytes = same_size ? size : random() % 70;
         plan.push_back({&to[at_to], &from[at_from], bytes});
         std::memcpy(&wanted[at_to], &from[at_from], bytes);
-        at_to += bytes + (same_size ? gap_to : static_cast<unsigned>(random() % 4));
-        at_from += bytes + (same_size ? gap_from : static_cast<unsigned>(random() % 4));
+        at_to += bytes + (same_size ? gap_to : random() % 4);
+        at_from += bytes + (same_size ? gap_from : random() % 4);
     }
-    if (random() % 2 != 0) std::shuffle(plan.begin(), plan.end(), random);
+    if (random() % 2 != 0) std::shuffle(plan.begin(), plan.end(), engine);
     Copies copies;
     copies.set(plan);
     copies.execute();
