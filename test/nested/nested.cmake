@@ -81,6 +81,14 @@ foreach(check pkg_config component programs)
   set_tests_properties(install/moved_${check} PROPERTIES FIXTURES_REQUIRED prefix SKIP_REGULAR_EXPRESSION "SKIPPED")
 endforeach()
 
+# Programs in C for the interfaces of other masters, linked by the C compiler.
+if(TARGET margay_soem1 AND TARGET margay_ecrt)
+  add_test(NAME install/compat COMMAND ${CMAKE_COMMAND} -DPREFIX=${PROJECT_BINARY_DIR}/nested/prefix
+           -DWORK=${PROJECT_BINARY_DIR}/nested/compat -DPROGRAMS=${CMAKE_CURRENT_SOURCE_DIR}/compat -DCC=${CMAKE_C_COMPILER}
+           -P ${CMAKE_CURRENT_SOURCE_DIR}/compat/package.cmake)
+  set_tests_properties(install/compat PROPERTIES FIXTURES_REQUIRED prefix TIMEOUT 300)
+endif()
+
 # The same by add_subdirectory(). The parts that these programs link are those of build_types/gcc_Debug.
 set(gcc_Debug SOURCE ${CMAKE_CURRENT_SOURCE_DIR}/install FOLDER install_subdirectory_builds
     DEFINE MARGAY_TREE=${PROJECT_SOURCE_DIR} MARGAY_UNITY=ON MARGAY_PCH=ON MARGAY_WERROR=ON MARGAY_PCAP=ON

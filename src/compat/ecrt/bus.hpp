@@ -51,6 +51,24 @@ struct AppTime {
     std::atomic<bool> known{false};
 };
 
+// What tells threads apart at the cost of one instruction.
+[[nodiscard]] inline std::uintptr_t this_thread() {
+#if defined(__x86_64__) || defined(__aarch64__)
+    return reinterpret_cast<std::uintptr_t>(__builtin_thread_pointer());
+#else
+    return static_cast<std::uintptr_t>(pthread_self());
+#endif
+}
+
+// What a cycle needs when the start-up is over and all process data is in one domain: most programs are so.
+struct Steady {
+    std::uintptr_t thread = 0;  // the owner of the context; 0: the cycle goes the long way
+    Context* ctx = nullptr;
+    Osal* osal = nullptr;
+    Exchange* exchange = nullptr;
+    ec_domain* domain = nullptr;
+};
+
 class Bus {
   public:
     Bus(unsigned number, std::string name) : index(number), source_name(std::move(name)) {}
@@ -86,6 +104,7 @@ class Bus {
     // The slave of a configuration, as far as it is there. Any thread; before activation by address and identity.
     [[nodiscard]] bool slave_of(const ec_slave_config& config, Slave& copy);
 
+    Steady steady;  // set and used by the owner
     const unsigned index;
     const std::string source_name;
     std::vector<int> lock_sockets;

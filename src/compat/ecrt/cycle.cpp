@@ -17,6 +17,7 @@ constexpr Duration kDoNotWait{-1};
     if (!master.reserved) return false;
     Bus& bus = *master.bus;
     (void)take_ownership(*bus.ctx);
+    bus.steady.thread = 0;
     bus.owner = pthread_self();
     bus.cycling = true;
     return true;
@@ -27,11 +28,13 @@ inline bool be_owner(const ec_master_t& master) {
     return true;
 }
 
-inline void receive_group(Bus& bus, Exchange& exchange, Duration timeout) {
-    const auto counter = receive_processdata(*bus.ctx, timeout, exchange.group);
-    if (!counter && counter.error().code == Errc::invalid_argument) return;  // still on the wire
+inline void receive_group(Context& ctx, Exchange& exchange, Duration timeout) {
+    const auto counter = receive_processdata(ctx, timeout, exchange.group);
+    const bool complete = counter.ok();
+    if (!complete && counter.error().code == Errc::invalid_argument) [[unlikely]]
+        return;  // still on the wire
     exchange.on_wire = false;
-    exchange.complete = counter.ok();
+    exchange.complete = complete;
     ++exchange.answers;
 }
 
@@ -49,7 +52,7 @@ inline void carry_time(Bus& bus) {
 
 void send_group(Bus& bus, Exchange& exchange, Time now) {
     if (exchange.on_wire) [[unlikely]]
-        receive_group(bus, exchange, Duration{0});  // it comes too late
+        receive_group(*bus.ctx, exchange, Duration{0});  // it comes too late
     for (ec_domain* domain : exchange.domains) {
         if (!domain->queued) continue;
         domain->queued = false;
@@ -59,12 +62,59 @@ void send_group(Bus& bus, Exchange& exchange, Time now) {
     exchange.on_wire = send_processdata(*bus.ctx, now, exchange.group).ok();
 }
 
+// The calls of this thread may take the short way.
+void be_steady(Bus& bus) {
+    bus.steady.thread = 0;
+    if (!bus.operation->running() || bus.exchanges.size() != 1) return;
+    Exchange& exchange = *bus.exchanges.front();
+    if (!exchange.mapped || exchange.domains.size() != 1) return;
+    bus.steady = {.thread = this_thread(),
+                  .ctx = bus.ctx.get(),
+                  .osal = &bus.source->osal(),
+                  .exchange = &exchange,
+                  .domain = exchange.domains.front()};
+}
+
 [[gnu::noinline]] void step_up(Bus& bus, Time now) {
     if (!bus.operation->running())
         bus.operation->step(now);
     else
         bus.operation->check(now);
     if (bus.dirty || now >= bus.refresh_at) bus.refresh_facts(now);
+    be_steady(bus);
+}
+
+[[gnu::noinline]] int receive_all(const ec_master_t& master) {
+    Bus& bus = *master.bus;
+    if (!bus.active.load(std::memory_order_relaxed)) return 0;
+    if (!be_owner(master)) return -EPERM;
+    for (const auto& exchange : bus.exchanges)
+        if (exchange->on_wire) receive_group(*bus.ctx, *exchange, kDoNotWait);
+    const Time now = bus.source->osal().now();
+    poll(*bus.ctx, now);
+    if (!bus.operation->running() || bus.dirty.load(std::memory_order_relaxed) || now >= bus.refresh_at)
+        step_up(bus, now);
+    return 0;
+}
+
+// Before the frames of the domains are sent.
+[[gnu::noinline]] void send_for_clocks(Bus& bus, Time now) {
+    if (bus.clocks_wanted) carry_time(bus);
+    if (!bus.clocks_pending) return;
+    bus.clocks_pending = false;
+    poll(*bus.ctx, now);
+}
+
+[[gnu::noinline]] int send_all(const ec_master_t& master) {
+    Bus& bus = *master.bus;
+    if (!bus.active.load(std::memory_order_relaxed)) return 0;
+    if (!be_owner(master)) return -EPERM;
+    const Time now = bus.source->osal().now();
+    bus.clocks_pending |= !bus.operation->running();  // the requests of the start-up
+    send_for_clocks(bus, now);
+    for (const auto& exchange : bus.exchanges)
+        if (is_sent(*exchange)) send_group(bus, *exchange, now);
+    return 0;
 }
 
 }  // namespace
@@ -73,29 +123,35 @@ extern "C" {
 
 int ecrt_master_receive(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (!bus.active.load(std::memory_order_relaxed)) return 0;
-    if (!be_owner(*master)) return -EPERM;
-    for (const auto& exchange : bus.exchanges)
-        if (exchange->on_wire) receive_group(bus, *exchange, kDoNotWait);
-    const Time now = bus.source->osal().now();
-    poll(*bus.ctx, now);
-    if (!bus.operation->running() || bus.dirty.load(std::memory_order_relaxed) || now >= bus.refresh_at) [[unlikely]]
+    const Steady& steady = bus.steady;
+    if (steady.thread != this_thread()) [[unlikely]]
+        return receive_all(*master);
+    if (steady.exchange->on_wire) [[likely]]
+        receive_group(*steady.ctx, *steady.exchange, kDoNotWait);
+    const Time now = steady.osal->now();
+    poll(*steady.ctx, now);
+    if (bus.dirty.load(std::memory_order_relaxed) || now >= bus.refresh_at) [[unlikely]]
         step_up(bus, now);
     return 0;
 }
 
 int ecrt_master_send(ec_master_t* master) {
     Bus& bus = *master->bus;
-    if (!bus.active.load(std::memory_order_relaxed)) return 0;
-    if (!be_owner(*master)) return -EPERM;
-    const Time now = bus.source->osal().now();
-    if (bus.clocks_wanted) carry_time(bus);
-    if (bus.clocks_pending || !bus.operation->running()) {
-        bus.clocks_pending = false;
-        poll(*bus.ctx, now);
-    }
-    for (const auto& exchange : bus.exchanges)
-        if (is_sent(*exchange)) send_group(bus, *exchange, now);
+    const Steady& steady = bus.steady;
+    if (steady.thread != this_thread()) [[unlikely]]
+        return send_all(*master);
+    const Time now = steady.osal->now();
+    if (bus.clocks_wanted | bus.clocks_pending) [[unlikely]]
+        send_for_clocks(bus, now);
+    Exchange& exchange = *steady.exchange;
+    if (!exchange.wanted) [[unlikely]]
+        return 0;
+    if (exchange.on_wire) [[unlikely]]
+        receive_group(*steady.ctx, exchange, Duration{0});  // it comes too late
+    steady.domain->queued = false;
+    steady.domain->outputs.execute();
+    exchange.wanted = false;
+    exchange.on_wire = send_processdata(*steady.ctx, now, exchange.group).ok();
     return 0;
 }
 

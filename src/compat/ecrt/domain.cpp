@@ -30,39 +30,6 @@ std::span<std::byte> place_of(Bus& bus, const DomainPart& part) {
 
 }  // namespace
 
-Copies::Kind Copies::kind_of(std::uint32_t bytes) {
-    switch (bytes) {
-        case 1: return Kind::one;
-        case 2: return Kind::two;
-        case 4: return Kind::four;
-        case 8: return Kind::eight;
-        default: break;
-    }
-    if (bytes < 4) return Kind::up_to_4;
-    if (bytes < 8) return Kind::up_to_8;
-    return bytes <= 16 ? Kind::up_to_16 : Kind::more;
-}
-
-void Copies::set(std::vector<Copy> copies) {
-    std::ranges::sort(copies, {}, &Copy::to);
-    copies_.clear();
-    for (const Copy& copy : copies) {
-        if (copy.bytes == 0) continue;
-        Copy* last = copies_.empty() ? nullptr : &copies_.back();
-        if (last != nullptr && last->to + last->bytes == copy.to && last->from + last->bytes == copy.from)
-            last->bytes += copy.bytes;
-        else
-            copies_.push_back(copy);
-    }
-    const auto kind = [](const Copy& copy) { return kind_of(copy.bytes); };
-    std::ranges::stable_sort(copies_, {}, kind);
-    runs_.clear();
-    for (const Copy& copy : copies_) {
-        if (runs_.empty() || runs_.back().kind != kind(copy)) runs_.push_back({&copy, &copy, kind(copy)});
-        ++runs_.back().end;
-    }
-}
-
 void plan_copies(Bus& bus, ec_domain& domain) {
     std::vector<Copy> outputs;
     std::vector<Copy> inputs;

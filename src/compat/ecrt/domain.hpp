@@ -6,13 +6,14 @@
 // ecrt_domain_process() copies inputs from the image of the group, and ecrt_master_send() copies outputs into it.
 #pragma once
 
+#include "compat/ecrt/copies.hpp"
+
 #include <margay/result.hpp>
 #include <margay/time.hpp>
 
 #include <ecrt.h>
 
 #include <cstdint>
-#include <cstring>
 #include <vector>
 
 namespace margay::compat::ecrt {
@@ -28,61 +29,6 @@ struct DomainPart {
     std::uint32_t bytes = 0;
     unsigned share = 0;  // of the working counter, see plan_counters()
 };
-
-struct Copy {
-    std::uint8_t* to = nullptr;
-    const std::uint8_t* from = nullptr;
-    std::uint32_t bytes = 0;
-};
-
-// Copies, those of the same kind one after the other: most of them have few octets and are made without a call.
-class Copies {
-  public:
-    // Octets that follow each other on both sides become one copy.
-    void set(std::vector<Copy> copies);
-    void execute() const;
-
-  private:
-    enum class Kind : std::uint8_t { one, two, four, eight, up_to_4, up_to_8, up_to_16, more };
-    struct Run {
-        const Copy* begin = nullptr;
-        const Copy* end = nullptr;
-        Kind kind = Kind::more;
-    };
-    [[nodiscard]] static Kind kind_of(std::uint32_t bytes);
-    template <class Word>
-    static void exact(const Run& run) {
-        for (const Copy* copy = run.begin; copy != run.end; ++copy) std::memcpy(copy->to, copy->from, sizeof(Word));
-    }
-    // A first and a last part, which overlap.
-    template <class Word>
-    static void twice(const Run& run) {
-        for (const Copy* copy = run.begin; copy != run.end; ++copy) {
-            const std::size_t tail = copy->bytes - sizeof(Word);
-            std::memcpy(copy->to, copy->from, sizeof(Word));
-            std::memcpy(copy->to + tail, copy->from + tail, sizeof(Word));
-        }
-    }
-
-    std::vector<Copy> copies_;
-    std::vector<Run> runs_;
-};
-
-inline void Copies::execute() const {
-    for (const Run& run : runs_) switch (run.kind) {
-            case Kind::one: exact<std::uint8_t>(run); break;
-            case Kind::two: exact<std::uint16_t>(run); break;
-            case Kind::four: exact<std::uint32_t>(run); break;
-            case Kind::eight: exact<std::uint64_t>(run); break;
-            case Kind::up_to_4: twice<std::uint16_t>(run); break;
-            case Kind::up_to_8: twice<std::uint32_t>(run); break;
-            case Kind::up_to_16: twice<std::uint64_t>(run); break;
-            case Kind::more:
-                for (const Copy* copy = run.begin; copy != run.end; ++copy)
-                    std::memcpy(copy->to, copy->from, copy->bytes);
-                break;
-        }
-}
 
 // The exchange of one group of the library, with the domains that it serves.
 struct Exchange {

@@ -94,6 +94,7 @@ void end_operation(Bus& bus) {
     bus.search.watch.cancel();
     const std::lock_guard lock(bus.config_mutex);
     retire(bus);
+    bus.steady = {};
     bus.domains.clear();
     bus.exchanges.clear();
     bus.reference = nullptr;
@@ -101,6 +102,7 @@ void end_operation(Bus& bus) {
     bus.clocks_pending = false;
     bus.search.scanning = false;
     bus.search.again = true;
+    bus.scan_busy = true;  // transfers wait for this scan
     (void)expect(*bus.ctx, {});
 }
 

@@ -21,8 +21,11 @@ int errno_of(const Error& error) {
     }
 }
 
-// While the segment starts up after activation, its slaves have no numbers: a transfer waits for them.
+// While the segment is scanned, and while it starts up after activation, its slaves have no numbers or no mailboxes
+// yet: a transfer waits for them.
 void await_scan(Bus& bus) {
+    for (int n = 0; !bus.active && bus.scan_busy && n < 3000; ++n)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
     for (int n = 0; bus.active && n < (bus.cycling ? 10000 : 3000); ++n) {
         if (bus.cycling && pthread_equal(bus.owner, pthread_self()) != 0) return;  // waiting would be for ever
         if (!bus.operation->scanning() && !bus.dirty) return;

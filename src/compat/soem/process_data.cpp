@@ -4,9 +4,10 @@
 namespace margay::soem {
 namespace {
 
-Sessions::Locked lock_session(ecx_contextt& context) {
+template <class Work>
+[[gnu::always_inline]] inline int with_lock(ecx_contextt& context, int none, Work work) {
     ecx_portt& port = port_of(context);
-    return Sessions::Locked(place_of(port).load(std::memory_order_relaxed), &port);
+    return Sessions::with_lock(place_of(port).load(std::memory_order_relaxed), &port, none, work);
 }
 
 // What came back of a cycle that is not right: the sum of the working counters.
@@ -34,33 +35,27 @@ Sessions::Locked lock_session(ecx_contextt& context) {
 }  // namespace
 
 int send_group(ecx_contextt& context, std::uint8_t group) {
-    const Sessions::Locked locked = lock_session(context);
-    Session* const session = locked.get();
-    if (session == nullptr) [[unlikely]]
-        return 0;
-    return send_processdata(session->context(), group).ok() ? 1 : 0;
+    return with_lock(context, 0,
+                     [=](Session& session) { return send_processdata(session.context(), group).ok() ? 1 : 0; });
 }
 
 int receive_group(ecx_contextt& context, std::uint8_t group, int timeout) {
-    const Sessions::Locked locked = lock_session(context);
-    Session* const session = locked.get();
-    if (session == nullptr) [[unlikely]]
-        return EC_NOFRAME;
-    Context& master = session->context();
-    const auto received = receive_processdata(master, std::chrono::microseconds(timeout), group);
-    int wkc = static_cast<int>(*received);
-    if (!received) [[unlikely]] {
-        wkc = partial_counter(*session, group, received.error());
-        if (wkc < 0) return wkc;
-    }
-    const Session::GroupFacts& facts = session->facts(group);
-    if (facts.group == nullptr) [[unlikely]]
-        return wkc;  // another thread is mapping the group for the first time
-    if (facts.writing_datagrams != 0) [[unlikely]]
-        wkc += counted_twice(*session, group, facts.writing_datagrams);
-    const RegisterReading& time = facts.group->dc_time;
-    if (time.came && time.slaves != 0) dc_time(context) = static_cast<int64>(time.value);
-    return wkc;
+    return with_lock(context, EC_NOFRAME, [=, &context](Session& session) {
+        const auto received = receive_processdata(session.context(), std::chrono::microseconds(timeout), group);
+        int wkc = static_cast<int>(*received);
+        if (!received) [[unlikely]] {
+            wkc = partial_counter(session, group, received.error());
+            if (wkc < 0) return wkc;
+        }
+        const Session::GroupFacts& facts = session.facts(group);
+        if (facts.group == nullptr) [[unlikely]]
+            return wkc;  // another thread is mapping the group for the first time
+        if (facts.writing_datagrams != 0) [[unlikely]]
+            wkc += counted_twice(session, group, facts.writing_datagrams);
+        const RegisterReading& time = facts.group->dc_time;
+        if (time.came && time.slaves != 0) dc_time(context) = static_cast<int64>(time.value);
+        return wkc;
+    });
 }
 
 }  // namespace margay::soem

@@ -160,32 +160,21 @@ class Sessions {
         Session* session_ = nullptr;
     };
 
-    // The same for a call that holds the lock from its begin to its end: the lock keeps the session.
-    class Locked {
-      public:
-        Locked(int place, const void* owner) {
-            const auto index = static_cast<unsigned>(place);
-            if (index >= kMost) [[unlikely]]
-                return;
-            place_ = &places_[index];
-            thread_ = place_->lock.lock();
-            if (place_->owner.load(std::memory_order_relaxed) != owner) [[unlikely]]
-                return;
-            session_ = place_->session;
-            session_->be_owner(thread_);
+    // Calls `work` with the session, under its lock: the lock keeps the session. Returns `none` when there is no
+    // session. Neither the library nor `work` throws.
+    template <class Work>
+    [[gnu::always_inline]] static int with_lock(int place, const void* owner, int none, Work work) {
+        // Any number in a port that was never opened leads to some place, whose owner is another one.
+        Place& found = places_[static_cast<unsigned>(place) % kMost];
+        const std::uint32_t thread = found.lock.lock();
+        if (found.owner.load(std::memory_order_relaxed) == owner) [[likely]] {
+            Session& session = *found.session;
+            session.be_owner(thread);
+            none = work(session);
         }
-        ~Locked() {
-            if (place_ != nullptr) place_->lock.unlock(thread_);
-        }
-        Locked(const Locked&) = delete;
-        Locked& operator=(const Locked&) = delete;
-        [[nodiscard]] Session* get() const { return session_; }
-
-      private:
-        Place* place_ = nullptr;
-        Session* session_ = nullptr;
-        std::uint32_t thread_ = 0;
-    };
+        found.lock.unlock(thread);
+        return none;
+    }
 
     // Sleeps in the time of the open sessions: simulated segments in virtual time get it, otherwise the system.
     static int sleep(std::uint32_t microseconds);

@@ -6,8 +6,8 @@ set_target_properties(margay_soem_session PROPERTIES POSITION_INDEPENDENT_CODE O
 target_include_directories(margay_soem_session PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>)
 
 # margay_soem(NAME FOLDER): the library of one version.
-set(margay_soem_here ${here})
 function(margay_soem name folder)
+  set(margay_soem_here ${CMAKE_CURRENT_FUNCTION_LIST_DIR})
   set(shared)
   foreach(file registers frames errors open system eeprom sii states scan hooks map process_data mailbox coe dictionary files drives
                eoe clocks pdo_map)
@@ -16,6 +16,7 @@ function(margay_soem name folder)
   file(GLOB own CONFIGURE_DEPENDS ${margay_soem_here}/../${folder}/*.cpp)
   add_library(${name} STATIC ${shared} ${own})
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src/compat/${folder}/include>
+                                            $<BUILD_INTERFACE:${margay_soem_here}/include>
                                             $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/margay-${folder}>
                                      PRIVATE ${PROJECT_SOURCE_DIR}/src/compat/${folder})
   target_link_libraries(${name} PRIVATE margay_soem_session $<BUILD_INTERFACE:margay_flags>)
@@ -25,6 +26,14 @@ function(margay_soem name folder)
 endfunction()
 margay_soem(margay_soem1 soem1)
 margay_soem(margay_soem2 soem2)
+
+# The structures of SOEM 2.0 have room for this many slaves, and one less can be used. Programs must be compiled with the same number.
+set(MARGAY_SOEM2_MAXSLAVE 200 CACHE STRING "EC_MAXSLAVE of the interface SOEM 2.0")
+set(soem2_definitions)
+if(NOT MARGAY_SOEM2_MAXSLAVE EQUAL 200)
+  set(soem2_definitions MARGAY_SOEM2_MAXSLAVE=${MARGAY_SOEM2_MAXSLAVE})
+  target_compile_definitions(margay_soem2 PUBLIC ${soem2_definitions})
+endif()
 
 # Programs of SOEM 1.4 include its headers with prefixes too.
 set(forwarding ${PROJECT_BINARY_DIR}/compat/soem1)
@@ -48,7 +57,7 @@ if(MARGAY_INSTALL)
   set(soem_system pcap fmt tomlplusplus pugixml stdc++ m pthread)
   install(TARGETS margay_soem1 margay_soem2 margay_soem_session margay_source ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   foreach(v 1 2)
-    install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem${v}
+    install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include/ ${here}/include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem${v}
             FILES_MATCHING PATTERN *.h)
     set(libs -lmargay_soem${v} -lmargay_soem_session -lmargay_source)
     foreach(library IN LISTS soem_rest soem_system)
@@ -56,8 +65,10 @@ if(MARGAY_INSTALL)
     endforeach()
     list(JOIN libs " " pc_libs)
     set(pc_version 1.4)
+    set(pc_definitions)
     if(v EQUAL 2)
       set(pc_version 2.0)
+      list(TRANSFORM soem2_definitions PREPEND " -D" OUTPUT_VARIABLE pc_definitions)
     endif()
     file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/pkgconfig/margay-soem${v}.pc @ONLY CONTENT
 "prefix=\${pcfiledir}/@margay_prefix_from_pc@
@@ -67,7 +78,7 @@ libdir=\${prefix}/@margay_libdir@
 Name: margay-soem@v@
 Description: interface SOEM @pc_version@ of the EtherCAT master library Margay
 Version: @PROJECT_VERSION@
-Cflags: -I\${includedir}
+Cflags: -I\${includedir}@pc_definitions@
 Libs: -L\${libdir} @pc_libs@
 ")
     install(FILES ${PROJECT_BINARY_DIR}/pkgconfig/margay-soem${v}.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)

@@ -21,12 +21,13 @@ function(margay_ecrt_test name program segment)
   set_tests_properties(compat/ecrt/${name} PROPERTIES TIMEOUT 120 ENVIRONMENT MARGAY_MASTER0=${segment})
 endfunction()
 
-foreach(program user information dc two_domains requests later mail rules)
+foreach(program user information dc two_domains requests later mail rules masters)
   margay_ecrt_program(ecrt_${program} ${program}.c)
 endforeach()
 margay_ecrt_program(ecrt_mixed mixed.cpp)
 find_package(Threads REQUIRED)
 target_link_libraries(ecrt_requests PRIVATE Threads::Threads)
+target_link_libraries(ecrt_masters PRIVATE Threads::Threads)
 
 margay_ecrt_test(user ecrt_user sim:demo)
 margay_ecrt_test(information ecrt_information sim:demo 5 22)
@@ -37,6 +38,8 @@ margay_ecrt_test(requests ecrt_requests sim:drive,digital_in_8)
 margay_ecrt_test(later ecrt_later sim:drive,drive@4s)
 margay_ecrt_test(mail ecrt_mail sim:drive,soe_drive,voe_device)
 margay_ecrt_test(rules ecrt_rules sim:drive,drive,pulse_axis)
+margay_ecrt_test(masters ecrt_masters sim:drive,drive)
+set_property(TEST compat/ecrt/masters APPEND PROPERTY ENVIRONMENT MARGAY_MASTER1=sim:drive,digital_in_8)
 margay_ecrt_test(ring ecrt_rules sim:${folder}/../ring.toml 2)
 margay_ecrt_test(mixed ecrt_mixed sim:drive,digital_in_8,drive\#16,drive,drive\#99@3s)
 
@@ -48,6 +51,12 @@ foreach(standard 11 14 17 20 23)
   set_target_properties(ecrt_header_cpp${standard} PROPERTIES CXX_STANDARD ${standard})
   margay_ecrt_test(header_cpp${standard} ecrt_header_cpp${standard} "")
 endforeach()
+
+# The copies of process data, which the library does not export.
+add_executable(ecrt_copies ${folder}/copies.cpp ${PROJECT_SOURCE_DIR}/src/compat/ecrt/copies.cpp)
+target_include_directories(ecrt_copies PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_link_libraries(ecrt_copies PRIVATE margay_flags)
+margay_ecrt_test(copies ecrt_copies "")
 
 # Each function with its signature; the table of the README.
 margay_ecrt_program(ecrt_signatures signatures.c)

@@ -1,7 +1,7 @@
 /* What is refused: changes while the master is active, and configuration by a handle that was only opened. Octets that
  * the program writes into the memory of a domain before activation stay. The time of the clocks goes on also in cycles
  * without the first domain. In a ring both links can be asked. */
-#define _POSIX_C_SOURCE 200809L
+#include "cycle.h"
 
 #include <ecrt.h>
 
@@ -9,7 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #define CHECK(condition)                                                    \
     do {                                                                    \
@@ -25,15 +24,12 @@ static ec_domain_t* second;
 static uint32_t clock_time; /* of the reference clock; 0: not read in this cycle */
 
 static void one_cycle(int with_first) {
-    const struct timespec pause = {0, 1000000};
-    struct timespec now;
-    clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
-    clock_gettime(CLOCK_MONOTONIC, &now);
+    next_cycle();
     ecrt_master_receive(master);
     if (ecrt_master_reference_clock_time(master, &clock_time) != 0) clock_time = 0;
     ecrt_domain_process(first);
     ecrt_domain_process(second);
-    ecrt_master_application_time(master, (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec);
+    ecrt_master_application_time(master, now_ns());
     ecrt_master_sync_slave_clocks(master);
     if (with_first) ecrt_domain_queue(first);
     ecrt_domain_queue(second);

@@ -8,26 +8,7 @@
 extern "C" {
 #endif
 
-/* Objects of a dictionary */
-typedef struct {
-    uint16 Slave;
-    uint16 Entries;
-    uint16 Index[EC_MAXODLIST];
-    uint16 DataType[EC_MAXODLIST];
-    uint8 ObjectCode[EC_MAXODLIST];
-    uint8 MaxSub[EC_MAXODLIST];
-    char Name[EC_MAXODLIST][EC_MAXNAME + 1];
-} ec_ODlistt;
-
-/* Entries of one object */
-typedef struct {
-    uint16 Entries;
-    uint8 ValueInfo[EC_MAXOELIST];
-    uint16 DataType[EC_MAXOELIST];
-    uint16 BitLength[EC_MAXOELIST];
-    uint16 ObjAccess[EC_MAXOELIST];
-    char Name[EC_MAXOELIST][EC_MAXNAME + 1];
-} ec_OElistt;
+#include "margay_soem/coe.h"
 
 int ecx_SDOread(ecx_contextt *context, uint16 slave, uint16 index, uint8 subindex, boolean CA, int *psize, void *p,
     int timeout);

@@ -1,4 +1,5 @@
-/* Sizes, and timeouts in microseconds. The library is built with these values: another value needs another build */
+/* Sizes, and timeouts in microseconds. A program may have other timeouts. The sizes are those of the library. The number of slaves is
+   chosen when the library is built (the variable MARGAY_SOEM2_MAXSLAVE of CMake), and the package tells it to programs */
 #ifndef MARGAY_SOEM2_SOEM_EC_OPTIONS_H
 #define MARGAY_SOEM2_SOEM_EC_OPTIONS_H
 
@@ -23,8 +24,11 @@
 #ifndef EC_MAXNAME
 #define EC_MAXNAME 40
 #endif
+#ifndef MARGAY_SOEM2_MAXSLAVE
+#define MARGAY_SOEM2_MAXSLAVE 200
+#endif
 #ifndef EC_MAXSLAVE
-#define EC_MAXSLAVE 200
+#define EC_MAXSLAVE MARGAY_SOEM2_MAXSLAVE
 #endif
 #ifndef EC_MAXGROUP
 #define EC_MAXGROUP 2
@@ -94,6 +98,17 @@
 #endif
 #ifndef EC_SECONDARY_MAC_ARRAY
 #define EC_SECONDARY_MAC_ARRAY { 0x0404, 0x0404, 0x0404 }
+#endif
+
+/* Structures of another size than those of the library would be overwritten */
+#if EC_MAXSLAVE != MARGAY_SOEM2_MAXSLAVE
+#error "EC_MAXSLAVE is not that of the library: build the library with the CMake variable MARGAY_SOEM2_MAXSLAVE"
+#endif
+#if EC_MAXBUF != 16 || EC_MAXEEPBITMAP != 128 || EC_MAXEEPBUF != 4096 || EC_MAXELIST != 64 || EC_MAXNAME != 40 || EC_MAXGROUP != 2 || \
+    EC_MAXIOSEGMENTS != 64 || EC_MAXMBX != 1486 || EC_MBXPOOLSIZE != 32 || EC_MAXEEPDO != 0x200 || EC_MAXSM != 8 || EC_MAXFMMU != 4 || \
+    EC_MAXLEN_ADAPTERNAME != 128 || EC_MAX_MAPT != 1 || EC_MAXODLIST != 1024 || EC_MAXOELIST != 256 || EC_SOE_MAXNAME != 60 || \
+    EC_SOE_MAXMAPPING != 64 || EC_LOGGROUPOFFSET != 16
+#error "a size of structures is not that of the library"
 #endif
 
 #endif

@@ -1,0 +1,52 @@
+// Copies of process data between the memory of a domain and the image of a group, planned once and made in each cycle.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace margay::compat::ecrt {
+
+struct Copy {
+    std::uint8_t* to = nullptr;
+    const std::uint8_t* from = nullptr;
+    std::uint32_t bytes = 0;
+};
+
+// Slaves of the same kind make copies of the same size at constant distances: such a run needs no list. All others are
+// in lists, by size. Copies of up to 32 octets are made without a call.
+class Copies {
+  public:
+    Copies() { set({}); }
+    Copies(const Copies&) = delete;
+    Copies& operator=(const Copies&) = delete;
+    // Octets that follow each other on both sides become one copy.
+    void set(std::vector<Copy> copies);
+    void execute() const {
+        const Run* run = first_;
+        for (; run != last_; ++run) run->make(*run);
+        run->make(*run);
+    }
+
+  private:
+    struct Run {
+        void (*make)(const Run& run) = nullptr;
+        std::uint32_t count = 0;
+        std::uint32_t bytes = 0;
+        std::uint8_t* to = nullptr;
+        const std::uint8_t* from = nullptr;
+        std::ptrdiff_t step_to = 0;
+        std::ptrdiff_t step_from = 0;
+        const Copy* list = nullptr;
+    };
+    struct Makers;
+
+    void add_run(std::size_t begin, std::size_t count);
+
+    std::vector<Copy> copies_;
+    std::vector<Run> runs_;  // never empty
+    const Run* first_ = nullptr;
+    const Run* last_ = nullptr;
+};
+
+}  // namespace margay::compat::ecrt
