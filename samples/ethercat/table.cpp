@@ -8,7 +8,9 @@ namespace margay::ethercat {
 namespace {
 
 constexpr std::string_view kSources =
-    "interface (eth0), two interfaces at the ends of a ring (eth0+eth1), simulated segment (sim:demo, sim:FILE.toml) "
+    "interface (eth0; xdp:eth0 by AF_XDP; try-xdp:eth0 by AF_XDP, or else as eth0), two interfaces at the ends of a "
+    "ring "
+    "(eth0+eth1), simulated segment (sim:demo, sim:FILE.toml) "
     "or recording of the same call (pcap:FILE); once for each master";
 
 constexpr Option kOptions[] = {

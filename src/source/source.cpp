@@ -1,7 +1,9 @@
 #include "source/source.hpp"
 
 #include "oshw/filter_nic.hpp"
+#include "source/interface_nic.hpp"
 
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
@@ -78,20 +80,26 @@ class SourceOpener {
     // One interface, or two with '+' between their names.
     std::string open_interface(const std::string& names) {
         const auto plus = names.find('+');
-        const auto first = names.substr(0, plus);
-        const auto other = plus == std::string::npos ? std::string() : names.substr(plus + 1);
-        if (plus != std::string::npos && (first.empty() || other.empty()))
+        const bool ring = plus != std::string::npos;
+        const auto first = parse_interface(names.substr(0, plus));
+        const auto other = ring ? parse_interface(names.substr(plus + 1)) : InterfaceText();
+        if (ring && (first.name.empty() || other.name.empty()))
             return "'" + names + "': the name of an interface is missing beside '+'";
-        if (other == first && plus != std::string::npos)
-            return "'" + names + "': both interfaces are the same, a ring needs two";
+        if (ring && other.name == first.name) return "'" + names + "': both interfaces are the same, a ring needs two";
+        if (first.name.empty() && !names.empty()) return "'" + names + "': the name of the interface is missing";
         source_->osal_ = &source_->linux_osal_.emplace();
-        auto& nic = source_->packet_.emplace();
-        source_->outermost_ = &nic;
-        if (!nic.open(first)) return std::string(nic.problem());
-        if (plus == std::string::npos) return {};
-        auto& second = source_->second_packet_.emplace();
-        source_->second_outermost_ = &second;
-        return second.open(other) ? std::string() : std::string(second.problem());
+        auto problem = open_end(first, source_->interface_, source_->outermost_);
+        if (problem.empty() && ring) problem = open_end(other, source_->second_interface_, source_->second_outermost_);
+        return problem;
+    }
+
+    static std::string open_end(const InterfaceText& wanted, std::shared_ptr<Nic>& nic, Nic*& outermost) {
+        auto opened = open_interface_nic(wanted);
+        if (!opened.remark.empty())
+            std::fprintf(stderr, "%s: %s\n", program_invocation_short_name, opened.remark.c_str());
+        nic = std::move(opened.nic);
+        outermost = nic.get();
+        return opened.error;
     }
 
     std::string open_recording(const std::string& file, const std::string& record) {

@@ -2,6 +2,10 @@
 //
 //     eth0            a network interface
 //     eth0+eth1       two network interfaces at both ends of a ring
+//     xdp:eth0        the interface by AF_XDP (oshw/xdp/xdp_nic.hpp); an error when interface, kernel or permissions
+//                     refuse it, or when the program was built without libxdp and libbpf
+//     try-xdp:eth0    the same; when AF_XDP is refused, a remark on standard error and AF_PACKET as with eth0
+//     xdp:eth0+xdp:eth1   each end of a ring has a prefix of its own; xdp:eth0+eth1 uses AF_XDP for eth0 only
 //     sim:demo        a simulated segment: a ready-made one (sim:drives), a segment description (sim:FILE.toml), or
 //                     slaves in a line (sim:coupler,drive#16,drive@3s,a.bin): devices of the library and SII images;
 //                     drive#16 has the alias 16, drive@3s is switched on 3 s after the program has opened the source
@@ -17,7 +21,6 @@
 #include "osal/linux/linux_osal.hpp"
 #include "osal/virtual/virtual_osal.hpp"
 #include "oshw/filters/trace_nic.hpp"
-#include "oshw/linux/packet_nic.hpp"
 #include "oshw/pcap/recorder.hpp"
 #include "oshw/pcap/replay.hpp"
 #include "oshw/simulated/simulated_nic.hpp"
@@ -93,7 +96,7 @@ class Source {
     std::optional<VirtualOsal> virtual_osal_;
     Osal* osal_ = nullptr;
 
-    std::optional<PacketNic> packet_;
+    std::shared_ptr<Nic> interface_;
     std::optional<PcapReplayNic> replay_;
     std::unique_ptr<SimulatedSegment> simulated_;
     std::optional<SimulatedNic> simulated_nic_;
@@ -102,7 +105,7 @@ class Source {
     StandardError standard_error_;
     std::optional<TraceNic> trace_;
     Nic* outermost_ = nullptr;
-    std::optional<PacketNic> second_packet_;
+    std::shared_ptr<Nic> second_interface_;
     std::optional<SimulatedNic> second_simulated_nic_;
     std::optional<TraceNic> second_trace_;
     Nic* second_outermost_ = nullptr;

@@ -20,7 +20,8 @@ class EachProgram : public testing::TestWithParam<const char*> {
 
 INSTANTIATE_TEST_SUITE_P(Programs, EachProgram,
                          testing::Values("slaveinfo", "eepromtool", "simple_io", "segment_monitor", "virtual_segment",
-                                         "segment_fidelity", "sii_from_capture", "dc_motion", "dc_plot", "ethercat"),
+                                         "segment_fidelity", "sii_from_capture", "dc_motion", "dc_plot", "ethercat",
+                                         "nic_check"),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST_P(EachProgram, SaysItsExitCodesAndItsVersion) {
@@ -109,10 +110,10 @@ TEST(Programs, TellUsageFromWhatTheSystemLacks) {
     }
     for (const auto* system :
          {"slaveinfo no-such-if", "slaveinfo sim:nothing.toml", "slaveinfo pcap:nothing", "simple_io no-such-if",
-          "segment_monitor no-such-if", "eepromtool no-such-if 1 dump", "eepromtool file:nothing dump",
-          "virtual_segment no-such-if demo", "subdevice_check no-such-if 1", "segment_fidelity nothing demo",
-          "sii_from_capture nothing x", "slaveinfo sim:demo --record no/such/folder",
-          "slaveinfo sim:demo --record /dev/full"}) {
+          "segment_monitor no-such-if", "nic_check no-such-if", "slaveinfo xdp:no-such-if",
+          "eepromtool no-such-if 1 dump", "eepromtool file:nothing dump", "virtual_segment no-such-if demo",
+          "subdevice_check no-such-if 1", "segment_fidelity nothing demo", "sii_from_capture nothing x",
+          "slaveinfo sim:demo --record no/such/folder", "slaveinfo sim:demo --record /dev/full"}) {
         const auto ran = folder.run(kBin + system);
         EXPECT_EQ(ran.status, 3) << system << ran.err;
         EXPECT_NE(ran.err, "") << system;

@@ -3,6 +3,7 @@
 #include "compat/ecrt/log.hpp"
 #include "compat/ecrt/requests.hpp"
 #include "compat/ecrt/segment.hpp"
+#include "source/interface_nic.hpp"
 
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -54,11 +55,11 @@ void changed(const Event& event, void* user) {
 
 }  // namespace
 
-// One interface, or both of a ring ("eth0+eth1").
+// One interface, or both of a ring ("eth0+eth1"). AF_PACKET and AF_XDP on one interface disturb each other too.
 bool Bus::lock_interfaces() {
     for (std::size_t begin = 0; begin <= source_name.size();) {
         const std::size_t end = std::min(source_name.find('+', begin), source_name.size());
-        const std::string name = source_name.substr(begin, end - begin);
+        const std::string name = hosted::parse_interface(source_name.substr(begin, end - begin)).name;
         begin = end + 1;
         if (name.empty()) continue;  // open_source() says it
         const int lock = lock_interface(name);

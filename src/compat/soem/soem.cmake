@@ -55,6 +55,10 @@ if(MARGAY_INSTALL)
   # A program in C names all archives and the C++ library, because its linker is that of C.
   set(soem_rest margay_files margay margay_sim margay_subdevice margay_filters margay_linux margay_pcap margay_wire)
   set(soem_system pcap fmt tomlplusplus pugixml stdc++ m pthread)
+  if(TARGET margay_xdp)
+    list(PREPEND soem_rest margay_xdp)
+    list(PREPEND soem_system xdp bpf)
+  endif()
   install(TARGETS margay_soem1 margay_soem2 margay_soem_session margay_source ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   foreach(v 1 2)
     install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/compat/soem${v}/include/ ${here}/include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/margay-soem${v}

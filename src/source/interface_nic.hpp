@@ -1,0 +1,29 @@
+// Opens the NIC of one interface by the text of the user: eth0, xdp:eth0, try-xdp:eth0. What they mean: source.hpp.
+#pragma once
+
+#include "oshw/nic.hpp"
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace margay::hosted {
+
+// One end of a cable as the user has written it.
+struct InterfaceText {
+    enum class Socket { packet, xdp, xdp_or_packet };
+    Socket socket = Socket::packet;
+    std::string name{};  // of the interface
+};
+
+[[nodiscard]] InterfaceText parse_interface(std::string_view text);
+
+struct OpenedInterface {
+    std::shared_ptr<Nic> nic{};  // shared_ptr, because the destructor of Nic is not virtual
+    std::string error{};         // why there is no NIC; empty: there is one
+    std::string remark{};        // why the NIC is not the first choice of the user; empty: it is
+};
+
+[[nodiscard]] OpenedInterface open_interface_nic(const InterfaceText& wanted);
+
+}  // namespace margay::hosted
