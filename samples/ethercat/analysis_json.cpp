@@ -202,7 +202,8 @@ Json analysis_json(const Analysis& a) {
                                                     {"readings", r.readings},
                                                     {"first_ns", r.first_ns},
                                                     {"last_ns", r.last_ns},
-                                                    {"drift_ppm", json_of(r.drift_ppm)}};
+                                                    {"drift_ppm", json_of(r.drift_ppm)},
+                                                    {"drift_within_ppm", r.drift_within_ppm}};
     out["worst_deviation"] = json_of(a.worst_deviation);
     return out;
 }

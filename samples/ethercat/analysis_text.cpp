@@ -175,7 +175,9 @@ std::string reference_text(const Analysis& a) {
     if (r.readings != 0) {
         text += fmt::format("\nReference clock\n  {}, {} readings of the system time\n",
                             r.slave ? slave_name(a, *r.slave) : std::string("unknown slave"), r.readings);
-        if (r.drift_ppm) text += fmt::format("  drift {:+.2f} ppm against the clock of the recorder\n", *r.drift_ppm);
+        if (r.drift_ppm)
+            text += fmt::format("  drift {:+.1f} ppm against the clock of the recorder, within {:.1f} ppm\n",
+                                *r.drift_ppm, r.drift_within_ppm);
     }
     if (a.worst_deviation.count != 0)
         text += "\nDeviations of all slaves, combined\n  " + deviation_text(a.worst_deviation) + "\n";

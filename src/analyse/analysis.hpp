@@ -107,6 +107,7 @@ struct ReferenceClock {
     std::uint64_t first_ns = 0, last_ns = 0;  // system times
     Moment first{}, last{};
     std::optional<double> drift_ppm{};  // of the system time against the clock of the recorder
+    double drift_within_ppm = 0;        // uncertainty: the longest round trip in the time between first and last
 };
 
 struct MailCounts {

@@ -80,20 +80,21 @@ void ClockWatch::look_at_reference(const Exchanged& e, const SlaveTrack* slave) 
         time = reference.last_ns + static_cast<std::uint32_t>(time - reference.last_ns);
     if (reference.readings++ == 0) {
         reference.first_ns = time;
-        reference.first = e.at;
+        reference.first = e.sent_at;
     }
     reference.last_ns = time;
-    reference.last = e.at;
+    reference.last = e.sent_at;
 }
 
 void ClockWatch::finish() {
     auto& reference = analysis_.reference;
     const auto recorded = static_cast<double>((reference.last.at - reference.first.at).count());
     const auto passed = static_cast<double>(static_cast<std::int64_t>(reference.last_ns - reference.first_ns));
-    constexpr double kLeast = 0.1e9;  // a shorter time shows the jitter of the recorder only
-    constexpr double kMost = 0.01;    // beyond: the clock was set
+    constexpr double kLeast = 1e9;  // a shorter time shows the jitter of the recorder only
+    constexpr double kMost = 0.01;  // beyond: the clock was set
     if (recorded < kLeast) return;
     const double drift = passed / recorded - 1;
+    reference.drift_within_ppm = static_cast<double>(analysis_.frames.longest_trip.count()) / recorded * 1e6;
     if (std::abs(drift) < kMost) reference.drift_ppm = drift * 1e6;
 }
 

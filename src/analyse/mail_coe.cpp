@@ -41,8 +41,9 @@ void MailWatch::take_coe(const Mail& mail) {
     if (mail.data.size() < coe::kHeaderBytes + 1) return;
     switch (coe::load_header(mail.data).service) {
         case coe::Service::emergency: return take_emergency(mail);
-        case coe::Service::sdo_request: return take_sdo_request(mail);
-        case coe::Service::sdo_response: return take_sdo_response(mail);
+        // Some slaves send an abort as a request, so the direction counts.
+        case coe::Service::sdo_request:
+        case coe::Service::sdo_response: return mail.sent ? take_sdo_request(mail) : take_sdo_response(mail);
         case coe::Service::sdo_information: return take_sdo_information(mail);
         default: return;
     }
@@ -80,7 +81,6 @@ void MailWatch::take_sdo_response(const Mail& mail) {
     if (conversation == nullptr) return;
     const auto command = coe::SdoLayout::command::load(mail.data);
     const auto specifier = coe::sdo::specifier(command);
-    // Some slaves send an abort as a request, others as a response.
     if (specifier == coe::kAbortSpecifier && mail.data.size() >= coe::kSdoBytes) {
         const auto code = coe::SdoLayout::complete_size::load(mail.data);
         return end(mail, Outcome::refused, code, std::string(coe::to_text(static_cast<coe::Abort>(code))));
