@@ -48,10 +48,20 @@ TEST_P(AnalyseCapture, CountsWhatTsharkCounts) {
     if (!has_tshark()) GTEST_SKIP() << "no tshark";
     const auto a = analyse_file(file_of(GetParam()));
     ASSERT_EQ(a.problem, "");
-    EXPECT_EQ(a.frames.packets, tshark(GetParam(), "frame", "-e frame.number").size());
-    EXPECT_EQ(a.frames.ethercat, tshark(GetParam(), "ecat", "-e frame.number").size());
-    EXPECT_EQ(a.frames.requests, tshark(GetParam(), "ecat && !(eth.src[0] & 2)", "-e frame.number").size());
-    EXPECT_EQ(a.frames.replies, tshark(GetParam(), "ecat && (eth.src[0] & 2)", "-e frame.number").size());
+    const auto printed = tshark(GetParam(), "frame", "-e frame.number -e eth.src -e ecat.cmd");
+    std::uint64_t requests = 0;
+    std::uint64_t replies = 0;
+    for (const auto& line : printed) {
+        std::istringstream in(line);
+        std::string number, source, commands;
+        in >> number >> source >> commands;
+        if (commands.empty()) continue;
+        ++((std::stoul(source.substr(0, 2), nullptr, 16) & 2U) != 0 ? replies : requests);
+    }
+    EXPECT_EQ(a.frames.packets, printed.size());
+    EXPECT_EQ(a.frames.ethercat, requests + replies);
+    EXPECT_EQ(a.frames.requests, requests);
+    EXPECT_EQ(a.frames.replies, replies);
     EXPECT_EQ(a.frames.replies - a.frames.unasked + a.frames.lost + a.frames.open,
               a.directions == Directions::requests_only ? 0 : a.frames.requests);
     EXPECT_EQ(a.frames.damaged + a.frames.cut, 0u);
@@ -61,8 +71,18 @@ TEST_P(AnalyseCapture, CountsWhatTsharkCounts) {
 TEST_P(AnalyseCapture, HasTheSdosOfTshark) {
     if (!has_tshark()) GTEST_SKIP() << "no tshark";
     const auto a = analyse_file(file_of(GetParam()));
-    const auto asked = tshark(GetParam(), "ecat_mailbox.coe.type == 2 && ecat.cnt == 1",
-                              "-e frame.number -e ecat_mailbox.coe.sdoidx -e ecat_mailbox.coe.sdosub");
+    std::vector<std::string> asked;
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> values;  // frame of the response, value as a number
+    for (const auto& line : tshark(GetParam(), "ecat_mailbox.coe && ecat.cnt == 1",
+                                   "-e frame.number -e ecat_mailbox.coe.type -e ecat_mailbox.coe.sdoidx "
+                                   "-e ecat_mailbox.coe.sdosub -e ecat_mailbox.coe.sdodata")) {
+        std::istringstream in(line);
+        std::string number, type, index, subindex, value;
+        in >> number >> type >> index >> subindex >> value;
+        if (std::stoul(type, nullptr, 0) == 2) asked.push_back(number + "\t" + index + "\t" + subindex);
+        if (std::stoul(type, nullptr, 0) == 3 && !value.empty())
+            values.emplace_back(std::stoull(number), std::stoull(value, nullptr, 0));
+    }
     std::vector<std::string> ours;
     for (const auto& c : a.conversations.items) {
         if (c.action != Action::sdo_upload && c.action != Action::sdo_download) continue;
@@ -72,22 +92,17 @@ TEST_P(AnalyseCapture, HasTheSdosOfTshark) {
         ours.emplace_back(line.data());
     }
     EXPECT_EQ(ours, asked);
-    // The values, as far as tshark prints them as a number.
-    for (const auto& line :
-         tshark(GetParam(), "ecat_mailbox.coe.type == 3 && ecat.cnt == 1 && ecat_mailbox.coe.sdodata",
-                "-e frame.number -e ecat_mailbox.coe.sdodata")) {
-        unsigned long long frame = 0;
-        unsigned long long value = 0;
-        if (std::sscanf(line.c_str(), "%llu %llx", &frame, &value) != 2) continue;
+    EXPECT_EQ(values.empty(), asked.empty()) << "some responses have a value that tshark prints as a number";
+    for (const auto& [frame, value] : values) {
         const auto& all = a.conversations.items;
         const auto found = std::ranges::find(all, frame, [](const Conversation& c) { return c.end.frame; });
-        ASSERT_NE(found, all.end()) << line;
+        ASSERT_NE(found, all.end()) << frame;
         if (found->bytes > 4) continue;  // tshark prints the first octets
         std::uint64_t got = 0;
         for (std::size_t i = 0; i < found->data.size(); ++i)
             got |= std::to_integer<std::uint64_t>(found->data[i]) << (8 * i);
         const auto mask = (std::uint64_t{1} << (8 * found->data.size())) - 1;
-        EXPECT_EQ(got, value & mask) << line;
+        EXPECT_EQ(got, value & mask) << "frame " << frame;
     }
 }
 
