@@ -61,7 +61,7 @@ Answer<std::vector<Master>> masters_of(const Arguments& arguments) {
 
 int execute(const Arguments& arguments) {
     std::vector<Master> masters;
-    if (arguments.command->name != "version") {
+    if (!arguments.command->without_master) {
         auto found = masters_of(arguments);
         if (!found) {
             const int code = samples::fail(found.problem().text, found.problem().code);

@@ -6,6 +6,7 @@ namespace margay::ethercat {
 class Call;
 
 int run_alias(Call& call);
+int run_analyse(Call& call);
 int run_config(Call& call);
 int run_crc(Call& call);
 int run_cstruct(Call& call);

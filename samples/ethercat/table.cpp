@@ -296,7 +296,22 @@ std::vector<Command> segment_commands() {
                   "and counts them."},
          .options = {"interval"},
          .run = run_eoe},
-        {.name = "version", .summary = "Prints the version.", .run = run_version},
+        {.name = "analyse",
+         .summary = "Says what a recording of EtherCAT traffic shows.",
+         .forms = {"FILE"},
+         .text = {"The recording may be of any master. Nothing is asked of the segment, and no SOURCE is needed.",
+                  "Shown are the slaves with identity, names and PDOs as far as the recording has them; AL states over "
+                  "time; mailbox conversations; cycle times; lost and late frames; working counters that fell short; "
+                  "distributed clocks; and the master where the recording proves it.",
+                  "Times count from the first packet. Numbers behind # are those of packets, as in Wireshark. "
+                  "--verbose shows long lists in full."},
+         .arguments = {{"FILE", "recording: pcap or pcapng, of Ethernet, also with VLAN tags or EtherCAT over UDP",
+                        "FILE"}},
+         .least = 1,
+         .most = 1,
+         .run = run_analyse,
+         .without_master = true},
+        {.name = "version", .summary = "Prints the version.", .run = run_version, .without_master = true},
     };
 }
 

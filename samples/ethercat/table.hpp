@@ -36,6 +36,7 @@ struct Command {
     std::size_t least = 0;                    // number of arguments
     std::size_t most = 0;
     int (*run)(Call& call) = nullptr;
+    bool without_master = false;  // the command needs no source
 };
 
 [[nodiscard]] std::span<const Command> commands();

@@ -6,7 +6,7 @@
 cmake_minimum_required(VERSION 3.25)
 set(parts ${FOLDER}/margay/parts)
 set(wanted)
-foreach(root osal oshw src/util src/wire src/subdevice src/sim)
+foreach(root osal oshw src/util src/wire src/subdevice src/sim src/analyse)
   file(GLOB_RECURSE headers RELATIVE ${SOURCE} ${SOURCE}/${root}/*.hpp)
   foreach(header IN LISTS headers)
     file(READ ${SOURCE}/${header} text)

@@ -15,7 +15,7 @@ TEST_F(EthercatTexts, HasTheCommandsOfTheManual) {
     for (const auto& command : ethercat::commands()) names += std::string(command.name) + " ";
     EXPECT_EQ(
         names,
-        "alias config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos reg_read "
+        "alias analyse config crc cstruct data debug domains download eoe foe_read foe_write graph ip master pdos reg_read "
         "reg_write rescan sdos sii_read sii_write slaves soe_read soe_write states upload version xml ");
 }
 
@@ -46,7 +46,7 @@ TEST_F(EthercatTexts, ArgumentsAreRefusedInWords) {
     fails("sim:demo", "s", 2, "unknown command 's'");
     fails("sim:demo", "slaves --position", 2, "--position needs a value: LIST; see ethercat slaves --help");
     fails("sim:demo", "slaves --json=1", 2, "--json takes no value");
-    fails("sim:demo", "", 2, "the command is missing: alias, config, ");
+    fails("sim:demo", "", 2, "the command is missing: alias, analyse, config, ");
     fails("sim:demo", "slaves x", 2, "unexpected argument 'x'");
     EXPECT_EQ(out("sim:demo", "sla -p 0"), out("sim:demo", "slaves --pos 0")) << "shortened names";
     EXPECT_EQ(out("sim:demo", "-p 0 slaves"), out("sim:demo", "slaves -p0")) << "options before the command";

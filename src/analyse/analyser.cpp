@@ -1,0 +1,99 @@
+#include "analyse/analyser.hpp"
+
+#include "analyse/names.hpp"
+#include "oshw/pcap/packet_reader.hpp"
+
+namespace margay::analyse {
+
+Analyser::Analyser()
+    : slaves_(analysis_),
+      states_(analysis_, slaves_),
+      mail_(analysis_, slaves_),
+      cycles_(analysis_),
+      clocks_(analysis_, slaves_),
+      manners_(analysis_),
+      exchanges_(
+          analysis_.frames, [this](const Exchanged& e, std::size_t) { datagram(e); },
+          [this](const KeptFrame& request, bool answered, bool late) {
+              cycles_.frame(request, answered, late);
+              if (!request.bytes.empty()) manners_.frame(request.bytes);
+          }) {}
+
+void Analyser::packet(Moment when, Bytes packet, std::size_t length_on_wire) {
+    auto& counts = analysis_.frames;
+    ++counts.packets;
+    const auto frame = finder_.find(packet);
+    if (!frame) return;
+    if (wire::load_frame_header(frame->bytes.subspan(wire::kEthernetHeaderBytes)).type != wire::kFrameTypeDatagrams) {
+        ++counts.other_types;
+        return;
+    }
+    if (packet.size() < length_on_wire) {
+        ++counts.cut;
+        return;
+    }
+    wire::DatagramReader reader(frame->bytes);
+    std::size_t datagrams = 0;
+    while (reader.next()) ++datagrams;
+    // Masters announce more octets than their datagrams have; slaves and we accept them.
+    if (datagrams == 0 || (reader.fault() != wire::FrameFault::none && reader.fault() != wire::FrameFault::trailing)) {
+        ++counts.damaged;
+        return;
+    }
+    if (!any_) analysis_.begin = when.at;
+    any_ = true;
+    last_ = when;
+    ++counts.ethercat;
+    if (frame->vlan) ++counts.vlan;
+    if (frame->udp) ++counts.udp;
+    exchanges_.take(when, frame->bytes);
+}
+
+void Analyser::datagram(const Exchanged& e) {
+    auto* slave = wire::is_logical(e.header.command) ? nullptr : slaves_.find(e);
+    cycles_.datagram(e);
+    if (wire::is_logical(e.header.command)) return;
+    slaves_.look(e, slave);
+    states_.look(e, slave);
+    clocks_.look(e, slave);
+    manners_.datagram(e);
+    if (slave == nullptr) return;
+    mail_.look(e, slave);
+    if (e.answered && e.wkc == 0 && !MailWatch::is_look(e, slave)) {
+        auto& facts = slaves_.facts(*slave);
+        if (facts.unanswered++ == 0) facts.first_unanswered = e.at;
+    }
+}
+
+Analysis Analyser::finish() {
+    exchanges_.finish(last_.at);
+    analysis_.directions = exchanges_.directions();
+    analysis_.duration = last_.at - analysis_.begin;
+    mail_.finish(last_);
+    cycles_.finish();
+    clocks_.finish();
+    manners_.finish();
+    for (const auto& track : slaves_.all()) name_slave(slaves_.facts(track), track);
+    return std::move(analysis_);
+}
+
+Analysis analyse_file(const std::string& path) {
+    PacketReader reader;
+    Analyser analyser;
+    const auto opened = reader.open(path);
+    while (const auto packet = reader.next())
+        analyser.packet({packet->number, packet->at}, packet->bytes, packet->length_on_wire);
+    auto analysis = analyser.finish();
+    if (!reader.problem().empty())
+        analysis.problem = reader.problem();
+    else if (!opened.ok())
+        analysis.problem = "it cannot be read";
+    else if (analysis.frames.ethercat == 0)
+        analysis.problem = analysis.frames.cut != 0
+                               ? "every EtherCAT frame was cut by the recorder; record with full length"
+                               : "it holds no EtherCAT frame";
+    analysis.remark = reader.cut_off();
+    return analysis;
+}
+
+}  // namespace margay::analyse

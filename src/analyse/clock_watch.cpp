@@ -1,0 +1,101 @@
+#include "analyse/clock_watch.hpp"
+
+#include "wire/esc.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace margay::analyse {
+
+using wire::Command;
+namespace reg = wire::reg;
+
+namespace {
+
+// Register 0x092C: bit 31 is set where the local copy of the system time is less than the time received.
+std::int64_t deviation_of(std::uint32_t word) {
+    const auto magnitude = static_cast<std::int64_t>(word & 0x7FFF'FFFF);
+    return (word & 0x8000'0000) != 0 ? -magnitude : magnitude;
+}
+
+template <class T>
+void note(std::optional<T>& fact, const Exchanged& e, Bytes data, wire::Register at) {
+    if (const auto octets = octets_at(e, data, at.address, sizeof(T))) fact = load_le<T>(*octets);
+}
+
+}  // namespace
+
+void ClockWatch::add(Deviation& deviation, std::uint32_t word, Moment at) {
+    const auto value = deviation_of(word);
+    if (deviation.count++ == 0) {
+        deviation.first_ns = deviation.least_ns = deviation.most_ns = value;
+        deviation.largest_at = at;
+    }
+    if (std::abs(value) > std::max(std::abs(deviation.least_ns), std::abs(deviation.most_ns)))
+        deviation.largest_at = at;
+    deviation.least_ns = std::min(deviation.least_ns, value);
+    deviation.most_ns = std::max(deviation.most_ns, value);
+    deviation.last_ns = value;
+}
+
+void ClockWatch::look(const Exchanged& e, SlaveTrack* slave) {
+    const std::uint32_t ado = e.header.address.ado();
+    if (!e.answered || e.wkc == 0 || wire::is_logical(e.header.command) || ado >= 0x0A00 ||
+        ado + e.received.size() <= reg::kPortReceiveTime.address)
+        return;
+    look_at_reference(e, slave);
+    const bool reads = reads_registers(e.header.command);
+    if (slave == nullptr) {
+        if (reads)
+            if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
+                add(analysis_.worst_deviation, load_le<std::uint32_t>(*at), e.at);
+        return;
+    }
+    auto& clock = slaves_.facts(*slave).clock;
+    if (reads)
+        if (const auto at = octets_at(e, e.received, reg::kSystemTimeDifference.address, 4))
+            add(clock.deviation, load_le<std::uint32_t>(*at), e.at);
+    // A read may cover many registers, for example 0x0910 to 0x092F; only what was written is a setting.
+    if (!writes_registers(e.header.command)) return;
+    note(clock.offset_ns, e, e.sent, reg::kSystemTimeOffset);
+    if (const auto low = octets_at(e, e.sent, reg::kSystemTimeOffset.address, 4); low && e.sent.size() == 4)
+        clock.offset_ns = load_le<std::int32_t>(*low);
+    note(clock.delay_ns, e, e.sent, reg::kSystemTimeDelay);
+    note(clock.activation, e, e.sent, reg::kSyncActivation);
+    note(clock.start_ns, e, e.sent, reg::kSyncStartTime);
+    note(clock.sync0_cycle_ns, e, e.sent, reg::kSync0CycleTime);
+    note(clock.sync1_cycle_ns, e, e.sent, reg::kSync1CycleTime);
+}
+
+void ClockWatch::look_at_reference(const Exchanged& e, const SlaveTrack* slave) {
+    if (e.header.command != Command::FRMW && e.header.command != Command::ARMW) return;
+    if (e.header.address.ado() != reg::kSystemTime.address || e.received.size() < 4) return;
+    auto& reference = analysis_.reference;
+    if (slave != nullptr) reference.slave = slave->number;
+    std::uint64_t time =
+        e.received.size() >= 8 ? load_le<std::uint64_t>(e.received) : load_le<std::uint32_t>(e.received);
+    // 32 bits are extended by the time before.
+    if (e.received.size() < 8 && reference.readings != 0)
+        time = reference.last_ns + static_cast<std::uint32_t>(time - reference.last_ns);
+    if (reference.readings++ == 0) {
+        reference.first_ns = time;
+        reference.first = e.sent_at;
+    }
+    reference.last_ns = time;
+    reference.last = e.sent_at;
+}
+
+void ClockWatch::finish() {
+    auto& reference = analysis_.reference;
+    const auto recorded = static_cast<double>((reference.last.at - reference.first.at).count());
+    const auto passed = static_cast<double>(static_cast<std::int64_t>(reference.last_ns - reference.first_ns));
+    constexpr double kLeast = 1e9;  // a shorter time shows the jitter of the recorder only
+    constexpr double kMost = 0.01;  // beyond: the clock was set
+    if (recorded < kLeast) return;
+    const double drift = passed / recorded - 1;
+    reference.drift_within_ppm = static_cast<double>(analysis_.frames.longest_trip.count()) / recorded * 1e6;
+    if (std::abs(drift) < kMost) reference.drift_ppm = drift * 1e6;
+}
+
+}  // namespace margay::analyse

@@ -1,0 +1,27 @@
+// Finds the EtherCAT frame in a recorded packet: as it is, behind VLAN tags, or in UDP port 0x88A4 (ETG.1000.4,
+// "Mapping into UDP").
+#pragma once
+
+#include "util/bytes.hpp"
+
+#include <optional>
+#include <vector>
+
+namespace margay::analyse {
+
+struct EthercatFrame {
+    Bytes bytes{};  // from the destination address on, with EtherType 0x88A4 at octet 12
+    bool vlan = false;
+    bool udp = false;
+};
+
+class FrameFinder {
+  public:
+    // nullopt: the packet is no EtherCAT. The result is valid until the next call, and as long as `packet`.
+    [[nodiscard]] std::optional<EthercatFrame> find(Bytes packet);
+
+  private:
+    std::vector<std::byte> buffer_{};  // a frame without what was around it
+};
+
+}  // namespace margay::analyse

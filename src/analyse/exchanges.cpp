@@ -1,0 +1,244 @@
+#include "analyse/exchanges.hpp"
+
+#include "wire/esc.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+namespace margay::analyse {
+namespace {
+
+using wire::Command;
+using namespace std::chrono_literals;
+
+constexpr auto kPatience = 20ms;         // a reply that takes longer is lost, at the end of a recording
+constexpr std::size_t kMostTurns = 256;  // numbers of process data that are remembered
+
+bool marked(Bytes frame) { return (frame[wire::kSourceMacOffset] & wire::kPassedEscBit) != std::byte{0}; }
+
+bool writes(Command c) { return c == Command::APWR || c == Command::FPWR || c == Command::BWR || c == Command::LWR; }
+
+// Whether the frames have the same datagrams: command, index, length and address, where slaves do not change it.
+bool alike(Bytes request, Bytes reply) {
+    wire::DatagramReader asked(request);
+    wire::DatagramReader got(reply);
+    for (;;) {
+        const auto a = asked.next();
+        const auto b = got.next();
+        if (!a || !b) return !a && !b;
+        if (a->header.command != b->header.command || a->header.index != b->header.index ||
+            a->data.size() != b->data.size() || a->header.address.ado() != b->header.address.ado())
+            return false;
+        if (!wire::counts_position(a->header.command) && a->header.address != b->header.address) return false;
+        if (writes(a->header.command) && !std::ranges::equal(a->data, b->data)) return false;
+    }
+}
+
+bool same_sender(Bytes a, Bytes b) {
+    for (std::size_t i = 0; i < 6; ++i) {
+        auto differ = a[wire::kSourceMacOffset + i] ^ b[wire::kSourceMacOffset + i];
+        if (i == 0) differ &= ~wire::kPassedEscBit;
+        if (differ != std::byte{0}) return false;
+    }
+    return true;
+}
+
+bool untouched(Bytes frame) {
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next())
+        if (d->wkc != 0) return false;
+    return true;
+}
+
+}  // namespace
+
+bool is_process_data(const wire::DatagramHeader& header) {
+    if (wire::is_logical(header.command)) return true;
+    return (header.command == Command::FRMW || header.command == Command::ARMW) &&
+           header.address.ado() == wire::reg::kSystemTime.address;
+}
+
+std::uint64_t process_data_of(Bytes frame) {
+    constexpr std::uint64_t kPrime = 0x100000001B3;
+    std::uint64_t hash = 0xCBF29CE484222325;
+    bool any = false;
+    wire::DatagramReader reader(frame);
+    while (const auto d = reader.next()) {
+        if (!is_process_data(d->header)) continue;
+        any = true;
+        const auto address = wire::is_logical(d->header.command) ? d->header.address.value : 0;
+        for (const std::uint64_t part : {std::uint64_t{static_cast<std::uint8_t>(d->header.command)},
+                                         std::uint64_t{address}, std::uint64_t{d->header.length}})
+            hash = (hash ^ part) * kPrime;
+    }
+    return any ? std::max<std::uint64_t>(hash, 1) : 0;
+}
+
+void Exchanges::take(Moment when, Bytes frame) {
+    if (decided_) return place(when, frame);
+    early_.push_back({when, {frame.begin(), frame.end()}});
+    if (early_.size() >= kLook) decide();
+}
+
+void Exchanges::decide() {
+    decided_ = true;
+    const auto count =
+        static_cast<std::size_t>(std::ranges::count_if(early_, [](const Early& e) { return marked(e.bytes); }));
+    if (early_.empty())
+        directions_ = Directions::none;
+    else if (count == 0)
+        directions_ = Directions::requests_only;
+    else if (count < early_.size())
+        directions_ = Directions::marked;
+    else {
+        // Each request of a master with a locally administered address has working counters 0, and most of them are
+        // followed by the reply. In a recording of replies, a frame without an answer is not followed by another one
+        // with an answer.
+        std::size_t fresh = 0;
+        std::size_t followed = 0;
+        for (std::size_t i = 0; i < early_.size(); ++i) {
+            if (!untouched(early_[i].bytes)) continue;
+            ++fresh;
+            for (std::size_t k = i + 1; k < early_.size() && k < i + 9; ++k)
+                if (alike(early_[i].bytes, early_[k].bytes) && !untouched(early_[k].bytes)) {
+                    ++followed;
+                    break;
+                }
+        }
+        directions_ =
+            fresh * 3 >= early_.size() && followed * 2 >= fresh ? Directions::same_address : Directions::replies_only;
+    }
+    auto early = std::move(early_);
+    early_.clear();
+    for (const auto& e : early) place(e.when, e.bytes);
+}
+
+void Exchanges::place(Moment when, Bytes frame) {
+    switch (directions_) {
+        case Directions::replies_only: (void)reply(when, frame); return;
+        case Directions::same_address:
+            if (find(when, frame))
+                (void)reply(when, frame);
+            else
+                request(when, frame);
+            return;
+        default:
+            if (!marked(frame)) return request(when, frame);
+            if (directions_ == Directions::requests_only) directions_ = Directions::marked;
+            (void)reply(when, frame);
+    }
+}
+
+std::uint64_t& Exchanges::turn_of(std::uint64_t process_data) {
+    if (turns_.size() >= kMostTurns && turns_.count(process_data) == 0) turns_.clear();
+    return turns_[process_data];
+}
+
+void Exchanges::request(Moment when, Bytes frame) {
+    ++counts_.requests;
+    KeptFrame kept{.when = when, .bytes = {frame.begin(), frame.end()}, .process_data = process_data_of(frame)};
+    if (kept.process_data != 0) kept.turn = ++turn_of(kept.process_data);
+    pending_.push_back(std::move(kept));
+    if (pending_.size() > kPending) {
+        give_up(pending_.front());
+        pending_.pop_front();
+    }
+}
+
+// The youngest request with these datagrams, because a master repeats a lost request with the same index. An older one
+// where the youngest was sent so shortly before that no frame can have come back.
+std::optional<std::size_t> Exchanges::find(Moment when, Bytes frame) const {
+    std::optional<std::size_t> found;
+    for (std::size_t i = pending_.size(); i-- > 0;) {
+        const auto& kept = pending_[i];
+        if (!same_sender(kept.bytes, frame) || !alike(kept.bytes, frame)) continue;
+        if (found) return i;
+        found = i;
+        if (trips_ < 16 || when.at - kept.when.at >= counts_.shortest_trip / 2) break;
+    }
+    return found;
+}
+
+bool Exchanges::reply(Moment when, Bytes frame) {
+    ++counts_.replies;
+    const auto found = find(when, frame);
+    if (!found) {
+        if (directions_ != Directions::replies_only) ++counts_.unasked;
+        KeptFrame self{.when = when};
+        if (directions_ == Directions::replies_only) {
+            self.bytes.assign(frame.begin(), frame.end());
+            self.process_data = process_data_of(frame);
+        }
+        frame_(self, true, false);
+        spread(nullptr, when, frame);
+        return false;
+    }
+    const KeptFrame kept = std::move(pending_[*found]);
+    pending_.erase(pending_.begin() + static_cast<std::ptrdiff_t>(*found));
+    const auto trip = when.at - kept.when.at;
+    if (trips_ == 0 || trip < counts_.shortest_trip) counts_.shortest_trip = trip;
+    if (trips_ == 0 || trip > counts_.longest_trip) {
+        counts_.longest_trip = trip;
+        counts_.longest_trip_at = when;
+    }
+    ++trips_;
+    const bool late = kept.process_data != 0 && turn_of(kept.process_data) > kept.turn;
+    if (late) ++counts_.late;
+    frame_(kept, true, late);
+    spread(&kept, when, frame);
+    return true;
+}
+
+void Exchanges::give_up(const KeptFrame& request) {
+    if (directions_ != Directions::requests_only) ++counts_.lost;
+    frame_(request, false, false);
+    wire::DatagramReader reader(request.bytes);
+    for (std::size_t number = 0; const auto d = reader.next(); ++number)
+        datagram_({.header = d->header, .sent = d->data, .sent_at = request.when, .at = request.when}, number);
+}
+
+void Exchanges::finish(Duration end) {
+    if (!decided_) decide();
+    for (const auto& kept : pending_) {
+        if (directions_ != Directions::requests_only && end - kept.when.at < kPatience) {
+            ++counts_.open;
+            continue;
+        }
+        give_up(kept);
+    }
+    pending_.clear();
+}
+
+void Exchanges::spread(const KeptFrame* request, Moment when, Bytes reply) {
+    wire::DatagramReader asked(request != nullptr ? Bytes(request->bytes) : reply);
+    wire::DatagramReader got(reply);
+    for (std::size_t number = 0;; ++number) {
+        const auto a = asked.next();
+        const auto b = got.next();
+        if (!a || !b) return;
+        Exchanged e{.header = a->header,
+                    .sent = a->data,
+                    .received = b->data,
+                    .wkc = b->wkc,
+                    .answered = true,
+                    .sent_at = request != nullptr ? request->when : when,
+                    .at = when};
+        if (wire::counts_position(e.header.command)) {
+            const auto arrived = b->header.address.adp();
+            if (request != nullptr) {
+                e.passed = static_cast<std::uint16_t>(arrived - a->header.address.adp());
+                ring_ = e.passed;
+            } else {
+                // A broadcast begins with address 0, so it brings the number of slaves that it has passed.
+                const bool broadcast = e.header.command >= Command::BRD && e.header.command <= Command::BRW;
+                if (broadcast) ring_ = e.passed = arrived;
+                e.address_known = ring_.has_value();
+                e.header.address = wire::DatagramAddress(static_cast<std::uint16_t>(arrived - ring_.value_or(0)),
+                                                         e.header.address.ado());
+            }
+        }
+        datagram_(e, number);
+    }
+}
+
+}  // namespace margay::analyse

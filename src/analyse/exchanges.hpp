@@ -1,0 +1,81 @@
+// Finds the reply to each request.
+#pragma once
+
+#include "analyse/analysis.hpp"
+#include "util/bytes.hpp"
+
+#include <deque>
+#include <functional>
+
+namespace margay::analyse {
+
+// A datagram as the master has sent it, and as it came back.
+struct Exchanged {
+    wire::DatagramHeader header{};  // of the request; with replies only, the address that the request must have had
+    Bytes sent{};                   // of a reply without a request: what came back
+    Bytes received{};
+    std::uint16_t wkc = 0;
+    bool answered = false;
+    bool address_known = true;              // false: replies only, and the size of the ring is not known yet
+    std::optional<std::uint16_t> passed{};  // the slaves that it has passed, where its command counts them
+    Moment sent_at{}, at{};                 // `at`: of the reply, or of the request where there is none
+};
+
+// A frame of the recording, kept until its reply comes.
+struct KeptFrame {
+    Moment when{};
+    std::vector<std::byte> bytes{};
+    std::uint64_t process_data = 0;  // a number for the datagrams of process data; 0: it has none
+    std::uint64_t turn = 0;          // counts the frames with the same process data
+};
+
+class Exchanges {
+  public:
+    using Listener = std::function<void(const Exchanged& datagram, std::size_t number)>;
+    // Called before the datagrams of the frame. A reply without a request has no octets.
+    using FrameListener = std::function<void(const KeptFrame& request, bool answered, bool late)>;
+
+    Exchanges(FrameCounts& counts, Listener datagram, FrameListener frame)
+        : counts_(counts), datagram_(std::move(datagram)), frame_(std::move(frame)) {}
+
+    // The first frames of a recording decide about its directions: see kLook.
+    void take(Moment when, Bytes frame);
+    // Requests of the last `patience` before `end` are open, others without a reply are lost.
+    void finish(Duration end);
+    [[nodiscard]] Directions directions() const { return directions_; }
+
+    static constexpr std::size_t kLook = 512;     // frames
+    static constexpr std::size_t kPending = 256;  // a reply that comes behind this number of requests is not found
+
+  private:
+    struct Early {
+        Moment when{};
+        std::vector<std::byte> bytes{};
+    };
+    void decide();
+    void place(Moment when, Bytes frame);
+    void request(Moment when, Bytes frame);
+    [[nodiscard]] bool reply(Moment when, Bytes frame);
+    void give_up(const KeptFrame& request);
+    void spread(const KeptFrame* request, Moment when, Bytes reply);
+    [[nodiscard]] std::optional<std::size_t> find(Moment when, Bytes frame) const;
+    [[nodiscard]] std::uint64_t& turn_of(std::uint64_t process_data);
+
+    FrameCounts& counts_;
+    Listener datagram_;
+    FrameListener frame_;
+    Directions directions_ = Directions::none;
+    std::vector<Early> early_{};
+    bool decided_ = false;
+    std::deque<KeptFrame> pending_{};
+    std::map<std::uint64_t, std::uint64_t> turns_{};
+    std::uint64_t trips_ = 0;
+    std::optional<std::uint16_t> ring_{};
+};
+
+// The number for the datagrams of process data of a frame, 0 without: the same commands, logical addresses and lengths
+// give the same number. Frames that only distribute a clock count too.
+[[nodiscard]] std::uint64_t process_data_of(Bytes frame);
+[[nodiscard]] bool is_process_data(const wire::DatagramHeader& header);
+
+}  // namespace margay::analyse

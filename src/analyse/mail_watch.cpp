@@ -1,0 +1,203 @@
+#include "analyse/mail_watch.hpp"
+
+#include "wire/aoe.hpp"
+#include "wire/coe.hpp"
+#include "wire/esc.hpp"
+#include "wire/sii.hpp"
+
+#include <algorithm>
+
+namespace margay::analyse {
+
+using wire::Command;
+using wire::MailboxType;
+
+namespace {
+
+constexpr std::size_t kMostOpen = 4096;  // conversations at a time
+
+bool known_type(MailboxType type) {
+    switch (type) {
+        case MailboxType::error:
+        case MailboxType::aoe:
+        case MailboxType::eoe:
+        case MailboxType::coe:
+        case MailboxType::foe:
+        case MailboxType::soe:
+        case MailboxType::voe: return true;
+    }
+    return false;
+}
+
+// Whether octets at an unknown place are an SDO message. Other messages are not recognised without the addresses of the
+// mailboxes.
+bool looks_like_sdo(Bytes data) {
+    const auto mail = wire::load_mailbox_message(data);
+    if (!mail || mail->header.type != MailboxType::coe || mail->header.channel != 0) return false;
+    if (mail->data.size() < wire::coe::kSdoBytes) return false;
+    const auto header = wire::coe::load_header(mail->data);
+    const auto index = wire::coe::SdoLayout::index::load(mail->data);
+    return header.number == 0 && index >= 0x1000 &&
+           (header.service == wire::coe::Service::sdo_request || header.service == wire::coe::Service::sdo_response);
+}
+
+// Whether the datagram addresses the first octet of the mailbox to the slave (`sent`) or from the slave.
+bool at_mailbox(const SlaveTrack& slave, std::uint16_t address, bool sent, Bytes data) {
+    bool known = false;
+    for (const auto& [n, sm] : slave.sync_managers) {
+        if (!sm.mailbox() || sm.ecat_writes() != sent || sm.length_bytes == 0) continue;
+        known = true;
+        if (sm.physical_start == address) return true;
+    }
+    namespace word = wire::sii::word;
+    if (slave.sii_has(word::kBootMailbox * 2, wire::sii::kMailboxesBytes)) {
+        const auto boxes = wire::sii::load_mailboxes(Bytes(slave.sii).subspan(word::kBootMailbox * 2));
+        for (const auto& box : {boxes.standard, boxes.boot}) {
+            if ((sent ? box.out_bytes : box.in_bytes) == 0) continue;
+            known = true;
+            if ((sent ? box.out_start : box.in_start) == address) return true;
+        }
+    }
+    return !known && looks_like_sdo(data);
+}
+
+}  // namespace
+
+bool is_kept_object(std::uint16_t index) {
+    return index == 0x1008 || index == 0x1018 || (index >= 0x1C10 && index < 0x1C30) ||
+           (index >= 0x1600 && index < 0x1800) || (index >= 0x1A00 && index < 0x1C00);
+}
+
+std::string printable(Bytes octets) {
+    std::string text;
+    for (const auto b : octets) {
+        const auto c = std::to_integer<unsigned char>(b);
+        if (c == 0) break;
+        text += c >= 0x20 && c < 0x7F ? static_cast<char>(c) : '?';
+    }
+    return text;
+}
+
+bool MailWatch::is_look(const Exchanged& e, const SlaveTrack* slave) {
+    const auto address = e.header.address.ado();
+    if (e.header.command != Command::FPRD && e.header.command != Command::APRD) return false;
+    return slave != nullptr && address >= wire::reg::kProcessRam && at_mailbox(*slave, address, false, e.received);
+}
+
+void MailWatch::look(const Exchanged& e, SlaveTrack* slave) {
+    const auto c = e.header.command;
+    const bool sent = c == Command::FPWR || c == Command::APWR;
+    if (slave == nullptr || !e.answered || e.wkc != 1 || (!sent && c != Command::FPRD && c != Command::APRD)) return;
+    const auto address = e.header.address.ado();
+    if (address < wire::reg::kProcessRam) return;
+    const auto data = sent ? e.sent : e.received;
+    if (!at_mailbox(*slave, address, sent, data)) return;
+    const auto mail = wire::load_mailbox_message(data);
+    if (!mail || !known_type(mail->header.type)) return;
+    // A message with the counter of the one before is a repetition.
+    if (auto& last = slave->last_counter[sent ? 0 : 1]; mail->header.counter != 0) {
+        if (last == mail->header.counter) return;
+        last = mail->header.counter;
+    }
+    auto& counts = slaves_.facts(*slave).mail[mail->header.type];
+    ++(sent ? counts.sent : counts.received);
+    (sent ? counts.sent_bytes : counts.received_bytes) += mail->data.size();
+    take({e.at, *slave, sent, mail->header, mail->data, data.size() - wire::kMailboxHeaderBytes});
+}
+
+void MailWatch::take(const Mail& mail) {
+    switch (mail.header.type) {
+        case MailboxType::coe: return take_coe(mail);
+        case MailboxType::foe: return take_foe(mail);
+        case MailboxType::soe: return take_soe(mail);
+        case MailboxType::aoe: return take_aoe(mail);
+        case MailboxType::error: return take_error(mail);
+        default: return;
+    }
+}
+
+OpenConversation* MailWatch::open(const Mail& mail) {
+    const auto found = open_.find({mail.slave.number, mail.header.type});
+    return found == open_.end() ? nullptr : &found->second;
+}
+
+OpenConversation& MailWatch::begin(const Mail& mail, Action action) {
+    close(mail.slave.number, mail.header.type, mail.when, Outcome::unanswered);
+    if (open_.size() >= kMostOpen) {
+        const auto [slave, type] = open_.begin()->first;
+        close(slave, type, mail.when, Outcome::unfinished);
+    }
+    auto& conversation = open_[{mail.slave.number, mail.header.type}];
+    conversation.facts = {.begin = mail.when, .end = mail.when, .slave = mail.slave.number, .action = action};
+    return conversation;
+}
+
+void MailWatch::append(OpenConversation& conversation, Bytes data) {
+    conversation.facts.bytes += data.size();
+    const auto room = kMostObject - std::min(kMostObject, conversation.data.size());
+    const auto part = data.first(std::min(room, data.size()));
+    conversation.data.insert(conversation.data.end(), part.begin(), part.end());
+}
+
+void MailWatch::end(const Mail& mail, Outcome outcome, std::uint32_t code, std::string reason) {
+    auto* conversation = open(mail);
+    if (conversation == nullptr) return;
+    auto& facts = conversation->facts;
+    facts.code = code;
+    facts.reason = std::move(reason);
+    const bool sdo = facts.action == Action::sdo_upload || facts.action == Action::sdo_download;
+    constexpr std::size_t kMostObjects = 2048;
+    if (sdo && outcome == Outcome::done && is_kept_object(facts.index)) {
+        auto& objects = mail.slave.objects;
+        const std::uint32_t key = std::uint32_t{facts.index} << 8 | facts.subindex;
+        if (objects.size() < kMostObjects) objects[facts.complete ? key | 0x8000'0000U : key] = conversation->data;
+    }
+    close(mail.slave.number, mail.header.type, mail.when, outcome);
+}
+
+void MailWatch::close(std::size_t slave, MailboxType type, Moment when, Outcome outcome) {
+    const auto found = open_.find({slave, type});
+    if (found == open_.end()) return;
+    auto facts = std::move(found->second.facts);
+    facts.outcome = outcome;
+    if (outcome != Outcome::unanswered) facts.end = when;
+    auto& data = found->second.data;
+    data.resize(std::min(data.size(), Conversation::kKept));
+    facts.data = std::move(data);
+    open_.erase(found);
+    analysis_.conversations.add(std::move(facts), kMostConversations);
+}
+
+void MailWatch::finish(Moment end) {
+    while (!open_.empty()) {
+        const auto [slave, type] = open_.begin()->first;
+        close(slave, type, end, Outcome::unfinished);
+    }
+    std::ranges::stable_sort(analysis_.conversations.items, {}, [](const Conversation& c) { return c.begin.frame; });
+}
+
+void MailWatch::take_aoe(const Mail& mail) {
+    if (mail.sent || mail.data.size() < wire::aoe::kHeaderBytes) return;
+    if (wire::aoe::load_header(mail.data).error_code != 0) ++slaves_.facts(mail.slave).mail[MailboxType::aoe].errors;
+}
+
+// A mailbox error is the answer to the youngest conversation.
+void MailWatch::take_error(const Mail& mail) {
+    ++slaves_.facts(mail.slave).mail[MailboxType::error].errors;
+    if (mail.data.size() < wire::kMailboxErrorBytes) return;
+    OpenConversation* youngest = nullptr;
+    MailboxType type{};
+    for (auto& [key, conversation] : open_)
+        if (key.first == mail.slave.number &&
+            (youngest == nullptr || conversation.facts.begin.frame >= youngest->facts.begin.frame)) {
+            youngest = &conversation;
+            type = key.second;
+        }
+    if (youngest == nullptr) return;
+    const auto detail = wire::MailboxErrorLayout::detail::load(mail.data);
+    youngest->facts.code = static_cast<std::uint32_t>(detail);
+    youngest->facts.reason = "mailbox error: " + std::string(wire::to_text(detail));
+    close(mail.slave.number, type, mail.when, Outcome::refused);
+}
+
+}  // namespace margay::analyse

@@ -1,0 +1,30 @@
+// Who the master was, from what only one master does.
+#pragma once
+
+#include "analyse/slave_tracks.hpp"
+
+#include <set>
+
+namespace margay::analyse {
+
+class Manners {
+  public:
+    explicit Manners(Analysis& analysis) : analysis_(analysis) {}
+    void frame(Bytes request);  // a request, or a reply where there are no requests
+    void datagram(const Exchanged& e);
+    void finish();
+
+  private:
+    Analysis& analysis_;
+    std::set<std::array<std::uint8_t, 6>> addresses_{};
+    std::uint8_t greatest_index_ = 0;
+    bool zero_index_ = false;
+    std::optional<std::uint16_t> first_station_{};  // that was assigned
+    std::uint64_t link_looks_ = 0;                  // FPRD of the octet 0x0111
+    std::uint64_t status_looks_ = 0;                // FPRD of 6 octets from 0x0130
+    std::uint64_t sii_triples_ = 0;                 // FPRD of 10 octets from 0x0502
+    std::uint64_t sii_commands_ = 0;                // FPWR of 4 octets to 0x0502
+    std::uint64_t alias_offs_ = 0;                  // BWR of one octet to 0x0103
+};
+
+}  // namespace margay::analyse

@@ -1,0 +1,173 @@
+#include "analyse/slave_tracks.hpp"
+
+#include "wire/esc.hpp"
+#include "wire/sii.hpp"
+
+#include <algorithm>
+
+namespace margay::analyse {
+
+using wire::Command;
+namespace reg = wire::reg;
+
+namespace {
+
+constexpr std::size_t kMostSiiOctets = wire::sii::kMostContentBytes;
+
+}  // namespace
+
+bool reads_registers(Command c) {
+    return c == Command::APRD || c == Command::FPRD || c == Command::BRD || c == Command::APRW || c == Command::FPRW;
+}
+bool writes_registers(Command c) {
+    return c == Command::APWR || c == Command::FPWR || c == Command::BWR || c == Command::APRW || c == Command::FPRW;
+}
+
+bool SlaveTrack::sii_has(std::size_t from, std::size_t octets) const {
+    if (from + octets > sii_read.size()) return false;
+    return std::all_of(sii_read.begin() + static_cast<std::ptrdiff_t>(from),
+                       sii_read.begin() + static_cast<std::ptrdiff_t>(from + octets), [](bool read) { return read; });
+}
+
+SlaveTrack* SlaveTracks::added() {
+    if (tracks_.capacity() < kMostSlaves) tracks_.reserve(kMostSlaves);
+    if (tracks_.size() >= kMostSlaves) {
+        ++analysis_.slaves_left_out;
+        return nullptr;
+    }
+    tracks_.push_back({.number = tracks_.size()});
+    analysis_.slaves.emplace_back();
+    return &tracks_.back();
+}
+
+SlaveTrack* SlaveTracks::by_position(std::uint16_t position, bool add) {
+    if (const auto found = positions_.find(position); found != positions_.end()) return &tracks_[found->second];
+    if (!add) return nullptr;
+    auto* slave = added();
+    if (slave == nullptr) return nullptr;
+    facts(*slave).position = position;
+    positions_[position] = slave->number;
+    return slave;
+}
+
+SlaveTrack* SlaveTracks::by_station(std::uint16_t station, bool add) {
+    if (const auto found = stations_.find(station); found != stations_.end()) return &tracks_[found->second];
+    if (!add) return nullptr;
+    auto* slave = added();
+    if (slave == nullptr) return nullptr;
+    facts(*slave).station = station;
+    stations_[station] = slave->number;
+    return slave;
+}
+
+SlaveTrack* SlaveTracks::find(const Exchanged& e) {
+    const auto adp = e.header.address.adp();
+    const bool add = e.answered && e.wkc != 0;
+    switch (e.header.command) {
+        case Command::APRD:
+        case Command::APWR:
+        case Command::APRW:
+        case Command::ARMW:
+            if (!e.address_known) return nullptr;
+            return by_position(static_cast<std::uint16_t>(-adp), add);
+        case Command::FPRD:
+        case Command::FPWR:
+        case Command::FPRW:
+        case Command::FRMW: return by_station(adp, add);
+        // The answers of all slaves are combined, so they describe a slave only where there is no other.
+        case Command::BRD: return ring_ == 1 && add ? by_position(0, true) : nullptr;
+        default: return nullptr;
+    }
+}
+
+void SlaveTracks::look_at_ring(const Exchanged& e) {
+    if (!e.passed || e.passed == ring_) return;
+    ring_ = e.passed;
+    analysis_.ring_sizes.add({e.at, *e.passed}, kMostEvents);
+}
+
+void SlaveTracks::assign_station(SlaveTrack& slave, std::uint16_t station) {
+    auto& f = facts(slave);
+    if (f.station)
+        if (const auto old = stations_.find(*f.station); old != stations_.end() && old->second == slave.number)
+            stations_.erase(old);
+    f.station = station;
+    stations_[station] = slave.number;
+}
+
+void SlaveTracks::look(const Exchanged& e, SlaveTrack* slave) {
+    look_at_ring(e);
+    const bool well = e.answered && e.wkc != 0;
+    if (well && writes_registers(e.header.command)) {
+        if (const auto at = octets_at(e, e.sent, reg::kStationAddress.address, 2)) {
+            if (slave != nullptr)
+                assign_station(*slave, load_le<std::uint16_t>(*at));
+            else if (e.header.command == Command::BWR)
+                stations_.clear();
+        }
+        if (e.header.command == Command::BWR)
+            for (auto& track : tracks_) look_at_sii(e, track);
+    }
+    if (slave == nullptr || !well) return;
+    auto& f = facts(*slave);
+    if (reads_registers(e.header.command)) {
+        if (const auto at = octets_at(e, e.received, reg::kStationAlias.address, 2))
+            f.alias = load_le<std::uint16_t>(*at);
+        if (const auto at = octets_at(e, e.received, reg::kStationAddress.address, 2);
+            at && load_le<std::uint16_t>(*at) != 0 && e.header.command == Command::APRD &&
+            stations_.count(load_le<std::uint16_t>(*at)) == 0)
+            assign_station(*slave, load_le<std::uint16_t>(*at));
+    }
+    look_at_sii(e, *slave);
+    look_at_sync_managers(e, *slave);
+}
+
+void SlaveTracks::look_at_sii(const Exchanged& e, SlaveTrack& slave) {
+    if (writes_registers(e.header.command)) {
+        if (const auto at = octets_at(e, e.sent, reg::kSiiAddress.address, 4))
+            slave.sii_word = load_le<std::uint32_t>(*at);
+        if (const auto at = octets_at(e, e.sent, reg::kSiiControl.address, 2))
+            slave.sii_reading =
+                (load_le<std::uint16_t>(*at) & wire::sii_control::kCommandMask) == wire::sii_control::kCommandRead;
+    }
+    if (!reads_registers(e.header.command)) return;
+    if (const auto at = octets_at(e, e.received, reg::kSiiControl.address, 2)) {
+        const auto status = load_le<std::uint16_t>(*at);
+        slave.sii_eight = (status & wire::sii_control::kReads8Bytes) != 0;
+        if ((status & wire::sii_control::kBusy) != 0) return;
+    }
+    if (const auto at = octets_at(e, e.received, reg::kSiiAddress.address, 4))
+        slave.sii_word = load_le<std::uint32_t>(*at);
+    if (octets_at(e, e.received, reg::kSiiData.address, 4))
+        take_sii(slave, e.received.subspan(reg::kSiiData.address - e.header.address.ado()));
+}
+
+void SlaveTracks::take_sii(SlaveTrack& slave, Bytes data) {
+    if (!slave.sii_reading || !slave.sii_word || *slave.sii_word >= kMostSiiOctets / 2) return;
+    const std::size_t at = std::size_t{*slave.sii_word} * 2;
+    const auto count = std::min<std::size_t>({data.size(), slave.sii_eight ? 8U : 4U, kMostSiiOctets - at});
+    if (slave.sii.size() < at + count) {
+        slave.sii.resize(at + count, std::byte{0xFF});
+        slave.sii_read.resize(at + count);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+        slave.sii[at + i] = data[i];
+        if (!slave.sii_read[at + i]) ++facts(slave).sii_octets;
+        slave.sii_read[at + i] = true;
+    }
+}
+
+void SlaveTracks::look_at_sync_managers(const Exchanged& e, SlaveTrack& slave) {
+    constexpr unsigned kMost = 16;
+    const auto take = [&](Bytes data) {
+        for (unsigned n = 0; n < kMost; ++n)
+            if (const auto at = octets_at(e, data, reg::sync_manager(n).address, reg::kSyncManagerStride))
+                slave.sync_managers[n] = wire::load_sync_manager(*at);
+    };
+    const std::uint32_t ado = e.header.address.ado();
+    if (ado + e.sent.size() <= reg::kSyncManagerBase || ado >= reg::sync_manager(kMost).address) return;
+    if (writes_registers(e.header.command)) take(e.sent);
+    if (reads_registers(e.header.command)) take(e.received);
+}
+
+}  // namespace margay::analyse

@@ -1,0 +1,322 @@
+// Recordings made octet by octet: directions, VLAN tags, UDP, lost and late frames, working counters, mail, and octets
+// that no master sends.
+#include "analyse/analyser.hpp"
+
+#include "replay/files.hpp"
+#include "wire/coe.hpp"
+#include "wire/esc.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace margay::analyse {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::Command;
+
+struct Part {
+    Command command{};
+    wire::DatagramAddress address{};
+    std::vector<std::byte> data{};
+    std::uint16_t wkc = 0;
+};
+
+Frame frame_of(const std::vector<Part>& parts, bool reply, std::uint8_t index = 1, std::uint8_t first_octet = 0) {
+    Frame buffer(wire::kMaxFrameBytes);
+    const auto octet = static_cast<std::uint8_t>(first_octet | (reply ? 2U : 0U));
+    wire::FrameBuilder builder(buffer, {octet, 0x11, 0x22, 0x33, 0x44, 0x55});
+    for (const auto& part : parts) {
+        auto address = part.address;
+        const auto data = builder.append(part.command, index, address, part.data.size());
+        std::ranges::copy(part.data, data.begin());
+        if (reply) store_le(MutableBytes(buffer), builder.size() - 2, part.wkc);
+    }
+    buffer.resize(builder.finish().size());
+    return buffer;
+}
+
+std::vector<std::byte> octets_of(std::initializer_list<unsigned> values) {
+    std::vector<std::byte> all;
+    for (const auto value : values) all.push_back(static_cast<std::byte>(value));
+    return all;
+}
+
+struct AnalyserTest : testing::Test {
+    Analyser analyser;
+    std::uint64_t number = 0;
+
+    void packet(Duration at, const Frame& frame) { analyser.packet({++number, at}, frame, frame.size()); }
+    void exchange(Duration at, const std::vector<Part>& parts, std::uint8_t index = 1) {
+        packet(at, frame_of(parts, false, index));
+        packet(at + 30us, frame_of(parts, true, index));
+    }
+};
+
+const Part kCyclic{Command::LRW, wire::DatagramAddress(0x10000), std::vector<std::byte>(8), 3};
+
+Part cyclic(std::uint16_t wkc) {
+    auto part = kCyclic;
+    part.wkc = wkc;
+    return part;
+}
+
+TEST_F(AnalyserTest, MeasuresTheCycleAndCountsLostAndLateFrames) {
+    for (int i = 0; i < 100; ++i) {
+        const auto at = 1ms * i;
+        const auto index = static_cast<std::uint8_t>(i);
+        packet(at, frame_of({kCyclic}, false, index));
+        if (i == 51) packet(at + 10us, frame_of({kCyclic}, true, 50));  // behind the next request
+        if (i == 40 || i == 50) continue;
+        packet(at + 30us, frame_of({kCyclic}, true, index));
+    }
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::marked);
+    EXPECT_EQ(a.frames.requests, 100u);
+    EXPECT_EQ(a.frames.replies, 99u);
+    EXPECT_EQ(a.frames.lost, 1u);
+    EXPECT_EQ(a.frames.late, 1u);
+    EXPECT_EQ(a.frames.longest_trip, 1010us);
+    ASSERT_EQ(a.cyclic.size(), 1u);
+    EXPECT_EQ(a.cyclic[0].count, 100u);
+    EXPECT_EQ(a.cyclic[0].lost, 1u);
+    EXPECT_EQ(a.cyclic[0].late, 1u);
+    EXPECT_NEAR(static_cast<double>(a.cyclic[0].intervals.median.count()), 1e6, 3e4);
+    EXPECT_EQ(a.shortfalls.items.size(), 0u);
+}
+
+TEST_F(AnalyserTest, SaysWhenAWorkingCounterFellShort) {
+    for (int i = 0; i < 30; ++i) exchange(1ms * i, {cyclic(i < 5 ? 1 : i >= 10 && i < 14 ? 2 : i >= 28 ? 0 : 3)});
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.shortfalls.items.size(), 2u) << "the first cycles are no shortfall: nothing was complete before";
+    const auto& first = a.shortfalls.items[0];
+    EXPECT_EQ(first.begin.at, 10ms + 30us);
+    ASSERT_TRUE(first.end);
+    EXPECT_EQ(first.end->at, 14ms + 30us);
+    EXPECT_EQ(first.expected, 3);
+    EXPECT_EQ(first.least, 2);
+    EXPECT_EQ(first.frames, 4u);
+    EXPECT_FALSE(a.shortfalls.items[1].end);
+    EXPECT_EQ(a.shortfalls.items[1].least, 0);
+    EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs.at(3), 19u);
+}
+
+TEST_F(AnalyserTest, ReadsRepliesOnly) {
+    // The position in a reply is that of the request plus the slaves that it has passed.
+    packet(0ms, frame_of({{Command::BRD, wire::DatagramAddress(4, 0x0130), octets_of({2, 0}), 4}}, true));
+    packet(1ms, frame_of({{Command::APWR, wire::DatagramAddress(3, 0x0010), octets_of({0x02, 0x10}), 1}}, true));
+    packet(2ms,
+           frame_of({{Command::FPRD, wire::DatagramAddress(0x1002, 0x0130), octets_of({0x12, 0, 0, 0, 0x1B, 0}), 1}},
+                    true));
+    for (int i = 0; i < 10; ++i) packet(3ms + 1ms * i, frame_of({kCyclic}, true));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::replies_only);
+    EXPECT_EQ(a.frames.lost, 0u);
+    ASSERT_EQ(a.slaves.size(), 1u);
+    EXPECT_EQ(a.slaves[0].position, 1) << "4 slaves: 3 - 4 is position 1";
+    EXPECT_EQ(a.slaves[0].station, 0x1002);
+    EXPECT_EQ(a.slaves[0].state, (AlStatus{AlState::preop, true, 0x1B}));
+    ASSERT_EQ(a.cyclic.size(), 1u);
+    EXPECT_EQ(a.cyclic[0].intervals.median / 100us, 10);
+}
+
+TEST_F(AnalyserTest, ReadsAMasterWithALocalAddress) {
+    for (int i = 0; i < 20; ++i) {
+        packet(1ms * i, frame_of({kCyclic}, false, 7, 0x02));
+        packet(1ms * i + 30us, frame_of({kCyclic}, true, 7, 0x02));
+    }
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.directions, Directions::same_address);
+    EXPECT_EQ(a.frames.requests, 20u);
+    EXPECT_EQ(a.frames.replies, 20u);
+    EXPECT_EQ(a.frames.lost + a.frames.open, 0u);
+    EXPECT_EQ(a.cyclic.at(0).intervals.median / 100us, 10);
+}
+
+Frame tagged(const Frame& frame) {
+    auto out = frame;
+    const auto tag = octets_of({0x81, 0x00, 0x00, 0x05});
+    out.insert(out.begin() + 12, tag.begin(), tag.end());
+    return out;
+}
+
+Frame in_udp(const Frame& frame) {
+    Frame out(frame.begin(), frame.begin() + 12);
+    const auto payload = frame.size() - 14;
+    const auto udp = static_cast<unsigned>(payload + 8);
+    const auto ip = udp + 20;
+    const auto head =
+        octets_of({0x08, 0x00, 0x45, 0,   ip >> 8, ip & 0xFF, 0,   0,    0,    0,    64,   17,       0,          0, 10,
+                   0,    0,    1,    255, 255,     255,       255, 0x12, 0x34, 0x88, 0xA4, udp >> 8, udp & 0xFF, 0, 0});
+    out.insert(out.end(), head.begin(), head.end());
+    out.insert(out.end(), frame.begin() + 14, frame.end());
+    return out;
+}
+
+TEST_F(AnalyserTest, LooksIntoVlanTagsAndUdp) {
+    for (int i = 0; i < 4; ++i) {
+        const auto index = static_cast<std::uint8_t>(i);
+        const auto wrap = [&](const Frame& f) { return i % 2 == 0 ? tagged(f) : in_udp(f); };
+        packet(1ms * i, wrap(frame_of({kCyclic}, false, index)));
+        packet(1ms * i + 30us, wrap(frame_of({kCyclic}, true, index)));
+    }
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.frames.ethercat, 8u);
+    EXPECT_EQ(a.frames.vlan, 4u);
+    EXPECT_EQ(a.frames.udp, 4u);
+    EXPECT_EQ(a.cyclic.at(0).datagrams.at(0).wkcs.at(3), 4u);
+}
+
+std::vector<std::byte> mail(std::uint8_t counter, std::vector<std::byte> coe) {
+    std::vector<std::byte> all(wire::kMailboxHeaderBytes);
+    wire::store_mailbox_header(
+        all, {.length = static_cast<std::uint16_t>(coe.size()), .type = wire::MailboxType::coe, .counter = counter});
+    all.insert(all.end(), coe.begin(), coe.end());
+    all.resize(64);
+    return all;
+}
+
+TEST_F(AnalyserTest, PutsMailTogetherToConversations) {
+    const auto at = [](std::uint16_t ado) { return wire::DatagramAddress(0x1001, ado); };
+    exchange(0ms, {{Command::FPWR, at(0x0800),
+                    octets_of({0, 0x10, 64, 0, 0x26, 0, 1, 0, 0x40, 0x10, 64, 0, 0x22, 0, 1, 0}), 1}});
+    // Segmented upload of 9 octets: 4 in the response, 5 in a segment of 7.
+    exchange(1ms, {{Command::FPWR, at(0x1000), mail(1, octets_of({0, 0x20, 0x40, 0x08, 0x10, 0, 0, 0, 0, 0})), 1}});
+    exchange(2ms, {{Command::FPRD, at(0x1040), std::vector<std::byte>(64), 0}});  // no mail yet
+    exchange(3ms, {{Command::FPRD, at(0x1040),
+                    mail(1, octets_of({0, 0x30, 0x41, 0x08, 0x10, 0, 9, 0, 0, 0, 'D', 'r', 'i', 'v'})), 1}});
+    exchange(4ms, {{Command::FPWR, at(0x1000), mail(2, octets_of({0, 0x20, 0x60, 0, 0, 0, 0, 0, 0, 0})), 1}});
+    exchange(5ms, {{Command::FPRD, at(0x1040), mail(2, octets_of({0, 0x30, 0x05, 'e', ' ', 'o', 'n', 'e', 0, 0})), 1}});
+    // A download that the slave aborts, and an emergency between.
+    exchange(6ms, {{Command::FPWR, at(0x1000), mail(3, octets_of({0, 0x20, 0x2B, 0x40, 0x60, 0, 0x0F, 0, 0, 0})), 1}});
+    exchange(7ms, {{Command::FPRD, at(0x1040), mail(3, octets_of({0, 0x10, 0x10, 0x82, 0x11, 1, 2, 3, 4, 5})), 1}});
+    exchange(8ms, {{Command::FPRD, at(0x1040),
+                    mail(4, octets_of({0, 0x20, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});
+    exchange(9ms, {{Command::FPRD, at(0x1040),
+                    mail(4, octets_of({0, 0x30, 0x80, 0x40, 0x60, 0, 0x02, 0x00, 0x01, 0x06})), 1}});  // repeated
+    exchange(10ms, {{Command::FPWR, at(0x1000), mail(4, octets_of({0, 0x20, 0x40, 0, 0x10, 0, 0, 0, 0, 0})), 1}});
+    const auto a = analyser.finish();
+    ASSERT_EQ(a.conversations.items.size(), 3u);
+    const auto& upload = a.conversations.items[0];
+    EXPECT_EQ(upload.outcome, Outcome::done);
+    EXPECT_EQ(upload.index, 0x1008);
+    EXPECT_EQ(upload.bytes, 9u);
+    EXPECT_EQ(printable(upload.data), "Drive one");
+    EXPECT_EQ(a.slaves.at(0).name, "Drive one");
+    const auto& abort = a.conversations.items[1];
+    EXPECT_EQ(abort.action, Action::sdo_download);
+    EXPECT_EQ(abort.data, octets_of({0x0F, 0}));
+    EXPECT_EQ(abort.outcome, Outcome::refused) << "this slave sends its abort as a request";
+    EXPECT_EQ(abort.code, 0x06010002u);
+    EXPECT_FALSE(abort.reason.empty());
+    EXPECT_EQ(a.conversations.items[2].outcome, Outcome::unfinished);
+    ASSERT_EQ(a.emergencies.items.size(), 1u);
+    EXPECT_EQ(a.emergencies.items[0].code, 0x8210);
+    EXPECT_EQ(a.emergencies.items[0].error_register, 0x11);
+    EXPECT_EQ(a.slaves.at(0).mail.at(wire::MailboxType::coe).received, 4u);
+    EXPECT_EQ(a.slaves.at(0).unanswered, 0u) << "a look for mail needs no answer";
+}
+
+TEST_F(AnalyserTest, DamagedAndCutFramesAreCounted) {
+    exchange(0ms, {kCyclic});
+    auto damaged = frame_of({kCyclic}, false);
+    damaged[22] = std::byte{0xFF};  // the length of the datagram
+    packet(1ms, damaged);
+    const auto whole = frame_of({kCyclic}, false);
+    analyser.packet({++number, 2ms}, Bytes(whole).first(30), whole.size());
+    packet(3ms, Frame(5));
+    const auto a = analyser.finish();
+    EXPECT_EQ(a.frames.packets, 5u);
+    EXPECT_EQ(a.frames.ethercat, 2u);
+    EXPECT_EQ(a.frames.damaged, 1u);
+    EXPECT_EQ(a.frames.cut, 1u);
+}
+
+TEST(AnalyseFile, SaysWhatIsWrongAndReadsAFileThatEndsEarly) {
+    TemporaryFolder folder;
+    EXPECT_NE(analyse_file(folder.file("none")).problem.find("No such file"), std::string::npos);
+    EXPECT_EQ(analyse_file(folder.write("x", pcap_header())).problem, "it holds no EtherCAT frame");
+    const auto request = frame_of({kCyclic}, false);
+    const auto reply = frame_of({kCyclic}, true);
+    const auto content = pcap_header() + pcap_packet(1, 0, request) + pcap_packet(1, 30'000, reply);
+    const auto cut = analyse_file(folder.write("y", content + pcap_packet(1, 60'000, request).substr(0, 40)));
+    EXPECT_EQ(cut.problem, "");
+    EXPECT_NE(cut.remark.find("behind packet 2"), std::string::npos) << cut.remark;
+    EXPECT_EQ(cut.frames.replies, 1u);
+}
+
+// Random changes of octets in frames of all kinds. The counts stay consistent, and nothing is read beyond the frame
+// (which sanitizers see).
+TEST(AnalyseHostile, OctetsOfAnyKindAreAccepted) {
+    std::mt19937 random(20261123);
+    const auto number_to = [&](std::size_t most) {
+        return std::uniform_int_distribution<std::size_t>(0, most)(random);
+    };
+    constexpr Command kCommands[] = {Command::APRD, Command::APWR, Command::FPRD, Command::FPWR, Command::BRD,
+                                     Command::BWR,  Command::LRW,  Command::FRMW, Command::ARMW, Command::FPRW};
+    constexpr std::uint16_t kAddresses[] = {0x0010, 0x0120, 0x0130, 0x0500, 0x0502, 0x0508, 0x0800,
+                                            0x0808, 0x0910, 0x0920, 0x092C, 0x0980, 0x1000, 0x1040};
+    std::size_t conversations = 0;
+    for (int round = 0; round < 40; ++round) {
+        Analyser analyser;
+        std::uint64_t number = 0;
+        std::uint64_t frames = 0;
+        const std::vector<Part> mailboxes{{Command::FPWR, wire::DatagramAddress(0x1001, 0x0800),
+                                           octets_of({0, 0x10, 80, 0, 0x26, 0, 1, 0, 0x40, 0x10, 80, 0, 0x22, 0, 1, 0}),
+                                           1}};
+        for (const bool reply : {false, true}) {
+            const auto frame = frame_of(mailboxes, reply);
+            analyser.packet({++number, 0us}, frame, frame.size());
+            ++frames;
+        }
+        for (int i = 0; i < 600; ++i) {
+            std::vector<Part> parts;
+            for (std::size_t n = number_to(3) + 1; n > 0; --n) {
+                Part part{.command = kCommands[number_to(9)],
+                          .address = wire::DatagramAddress(static_cast<std::uint16_t>(number_to(1) == 0 ? 0 : 0x1001),
+                                                           kAddresses[number_to(13)]),
+                          .data = std::vector<std::byte>(number_to(80)),
+                          .wkc = static_cast<std::uint16_t>(number_to(3))};
+                for (auto& octet : part.data) octet = static_cast<std::byte>(number_to(2) == 0 ? number_to(255) : 0);
+                if (number_to(2) == 0 && part.data.size() >= 16) {  // a mailbox message of a likely form
+                    const bool sent = number_to(1) == 0;
+                    part.command = sent ? Command::FPWR : Command::FPRD;
+                    part.address = wire::DatagramAddress(0x1001, sent ? 0x1000 : 0x1040);
+                    part.wkc = 1;
+                    part.data[0] = static_cast<std::byte>(number_to(part.data.size()));
+                    part.data[1] = part.data[4] = std::byte{0};
+                    part.data[5] = static_cast<std::byte>(number_to(5) | number_to(7) << 4);
+                    part.data[7] = static_cast<std::byte>(number_to(8) << 4);
+                    if (number_to(1) == 0) part.data[8] = static_cast<std::byte>(number_to(4) << 5);
+                }
+                parts.push_back(std::move(part));
+            }
+            for (const bool reply : {false, true}) {
+                auto frame = frame_of(parts, reply, static_cast<std::uint8_t>(i));
+                if (number_to(3) == 0)
+                    for (std::size_t n = number_to(5); n > 0; --n)
+                        frame[number_to(frame.size() - 1)] = static_cast<std::byte>(number_to(255));
+                if (number_to(9) == 0) frame.resize(number_to(frame.size()));
+                if (number_to(9) == 0) frame = number_to(1) == 0 && frame.size() >= 14 ? in_udp(frame) : frame;
+                // A buffer of this size exactly, so that sanitizers see each octet beyond.
+                analyser.packet({++number, 1us * static_cast<int>(number_to(1'000'000))}, frame, frame.size());
+                ++frames;
+            }
+        }
+        const auto a = analyser.finish();
+        ASSERT_EQ(a.frames.packets, frames);
+        ASSERT_EQ(a.frames.requests + a.frames.replies, a.frames.ethercat);
+        ASSERT_LE(a.slaves.size(), kMostSlaves);
+        for (const auto& event : a.states.items) ASSERT_TRUE(!event.slave || *event.slave < a.slaves.size());
+        for (const auto& c : a.conversations.items) {
+            ASSERT_LT(c.slave, a.slaves.size());
+            ASSERT_LE(c.data.size(), Conversation::kKept);
+        }
+        conversations += a.conversations.items.size();
+    }
+    EXPECT_NE(conversations, 0u) << "the messages are of a likely form";
+}
+
+}  // namespace
+}  // namespace margay::analyse
