@@ -36,6 +36,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"clock", {"util"}},
         {"network", {"mailbox", "clock"}},
         {"api", {"network", "osal contract"}},
+        {"attach", {"api"}},
         {"source",
          {"files", "sim", "osal/linux", "osal/virtual", "oshw/linux", "oshw/xdp", "oshw/pcap", "oshw/filters",
           "oshw/simulated"}},
@@ -43,7 +44,7 @@ const std::map<std::string, std::vector<std::string>>& table() {
         {"subdevice", {"wire"}},
         {"sim", {"subdevice"}},
         {"files", {"wire"}},
-        {"samples", {"files", "api", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
+        {"samples", {"files", "api", "attach", "source", "osal/posix", "osal/bare", "osal/freertos", "oshw/lan9118"}},
         {"test", {"samples", "compat"}},
     };
     return rows;
@@ -85,7 +86,7 @@ std::string outside_fault(const std::string& layer, const std::string& header) {
         return layer == "oshw/xdp" || layer == "test" ? "" : "belongs to oshw/xdp/ only";
     if (begins("pugixml")) return layer == "files" ? "" : "belongs to src/files/ only";
     if (layer == "compat") return "";
-    if (leaf || layer == "files" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" ||
+    if (leaf || layer == "files" || layer == "attach" || layer == "osal/linux" || layer == "osal/posix" || layer == "oshw/linux" ||
         layer == "oshw/xdp" || layer == "oshw/pcap")
         return "";
     if (layer == "osal/freertos" && (header == "FreeRTOS.h" || header == "semphr.h" || header == "task.h")) return "";
